@@ -1,0 +1,72 @@
+"""Real and simulated event loops. Everything else asks the loop for the time; nothing else imports `time`."""
+
+from __future__ import annotations
+
+import asyncio
+import selectors
+import time
+from collections.abc import Callable, Coroutine
+from datetime import UTC, datetime
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+
+
+class _JumpingSelector(selectors.DefaultSelector):
+    """Instead of waiting for the next timer, moves the loop's time there. Real descriptors are still polled."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now = 0.0
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Poll descriptors; when none is ready, jump `timeout` seconds ahead instead of sleeping."""
+        if timeout is None:
+            return super().select(None)  # nothing scheduled: only a descriptor (a signal) can wake us
+        ready = super().select(0)
+        if not ready and timeout > 0:
+            self.now += timeout
+        return ready
+
+
+class SimulatedLoop(asyncio.SelectorEventLoop):
+    """An asyncio loop on virtual time: starts at 0 s and jumps to the next timer."""
+
+    def __init__(self) -> None:
+        self._selector_with_time = _JumpingSelector()
+        super().__init__(self._selector_with_time)
+
+    def time(self) -> float:
+        """Virtual seconds since the loop was made."""
+        return self._selector_with_time.now
+
+
+def run(main: Coroutine[Any, Any, Result], *, simulated: bool) -> Result:
+    """Run `main` to its end on virtual (`simulated`) or real time."""
+    factory: Callable[[], asyncio.AbstractEventLoop] = SimulatedLoop if simulated else asyncio.SelectorEventLoop
+    with asyncio.Runner(loop_factory=factory) as runner:
+        return runner.run(main)
+
+
+async def until(deadline: float) -> None:
+    """Wait until the running loop's time is `deadline`; returns at once if that is past."""
+    loop = asyncio.get_running_loop()
+    delay = deadline - loop.time()
+    if delay <= 0:
+        return
+    reached = loop.create_future()
+    handle = loop.call_at(deadline, reached.set_result, None)
+    try:
+        await reached
+    finally:
+        handle.cancel()
+
+
+def wall_date() -> datetime:
+    """The date and time on the wall, in UTC: for names of files and for people."""
+    return datetime.now(UTC)
+
+
+def stopwatch() -> float:
+    """Seconds on a clock that only measures durations (for statistics, never for control)."""
+    return time.perf_counter()

@@ -1,0 +1,1 @@
+"""The hardware edge: the CAN bus and the drives on it."""

@@ -1,0 +1,65 @@
+"""The error family: raised where the program cannot go on at that place.
+
+    ArtemisError
+     ├ ConfigError                       something in a file; collected, before any motion
+     │  └ PluginError                    missing, broken (cause chained) or claimed twice
+     ├ DeviceError(device)
+     │  ├ DeviceTimeout                  also TimeoutError
+     │  ├ DeviceLost                     also ConnectionError
+     │  └ ProtocolError                  a malformed or unexpected frame; also ValueError
+     │     └ SdoAbort(index, subindex, code)
+     ├ CalibrationError
+     └ RecordingError                    unreadable, or replay diverged
+
+What the robot must react to while it runs is a value instead: `artemis.values.Fault`.
+"""
+
+from __future__ import annotations
+
+
+class ArtemisError(Exception):
+    """Every error that artemis raises on purpose."""
+
+
+class ConfigError(ArtemisError):
+    """A file is wrong. `problems` holds everything found, one line each, with file:line:column and key."""
+
+    def __init__(self, problems: list[str] | str) -> None:
+        self.problems = [problems] if isinstance(problems, str) else list(problems)
+        super().__init__("\n".join(self.problems))
+
+
+class PluginError(ConfigError):
+    """A plugin is missing, broken, or two packages claim its name."""
+
+
+class DeviceError(ArtemisError):
+    """A device failed; `device` names it as the robot file does."""
+
+    def __init__(self, device: str, problem: str) -> None:
+        self.device = device
+        self.problem = problem
+        super().__init__(f"{device}: {problem}")
+
+
+class DeviceTimeout(DeviceError, TimeoutError):
+    """The device did not answer in time."""
+
+
+class DeviceLost(DeviceError, ConnectionError):
+    """The device, or the adapter in front of it, is gone."""
+
+
+class ProtocolError(DeviceError, ValueError):
+    """A frame that cannot be what it claims to be."""
+
+    def __init__(self, problem: str, device: str = "CAN") -> None:
+        super().__init__(device, problem)
+
+
+class CalibrationError(ArtemisError):
+    """A calibration cannot be trusted."""
+
+
+class RecordingError(ArtemisError):
+    """A recording is unreadable, or its replay differs."""

@@ -1,0 +1,1 @@
+"""Kinematics, odometry, limits and paths: pure."""

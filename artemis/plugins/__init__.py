@@ -1,0 +1,1 @@
+"""What others may add: input devices, followers, observers."""

@@ -1,0 +1,69 @@
+"""All that a plugin author reads: what artemis gives a plugin, and what it wants back.
+
+A plugin is a class, registered as an entry point in its group (`artemis.inputs`, `artemis.followers`). It has an
+inner pydantic model `Config` (a subclass of `artemis.config.Config`: the keys that a mission may write beside
+`plugin:`) and is made with `Plugin(config, setup)`. It runs inside the tick: it must return within 15 ms, never wait,
+and take the time only from what it is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import ClassVar, Protocol
+
+from artemis.config import Config
+from artemis.motion.path import Path
+from artemis.values import DriveCommand, OperatorInput, Snapshot, Tracking
+from artemis.vehicle import Robot
+
+CONTRACT = 1
+"""Version of these contracts. A plugin may state `contract = 1`; another number is refused by name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """What a plugin may know when it is made."""
+
+    name: str
+    """Its name in the mission (an input's key) or its plugin name."""
+    robot: Robot
+    folder: FilePath
+    """Folder of the mission file: relative paths in the plugin's config start here."""
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    """Contents of every file that the mission names, by the path as written there."""
+
+
+class InputDevice(Protocol):
+    """Turns a device's reports into wishes of an operator."""
+
+    Config: ClassVar[type[Config]]
+
+    def read(self, now: float) -> OperatorInput:
+        """The newest sample, at run time `now` [s]; its age counts from the sample's arrival. Never waits."""
+
+    def close(self) -> None:
+        """Give the device back; harmless when repeated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Following:
+    """A follower's answer to one snapshot."""
+
+    command: DriveCommand
+    tracking: Tracking
+    finished: bool = False
+    """The end of the path is reached (the command then is speed 0)."""
+
+
+class Follower(Protocol):
+    """Drives the robot along a path."""
+
+    Config: ClassVar[type[Config]]
+
+    def start(self, path: Path, snapshot: Snapshot) -> None:
+        """Begin: `path` in the frame of the odometry, the robot standing at `snapshot`."""
+
+    def step(self, snapshot: Snapshot) -> Following:
+        """Command for this tick. Called at every scheduled tick while the mode is `follow`."""

@@ -1,0 +1,1 @@
+"""One recording per run, and its replay."""

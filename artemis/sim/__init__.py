@@ -1,0 +1,1 @@
+"""The world on the other side of the wire."""

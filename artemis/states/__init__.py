@@ -1,0 +1,1 @@
+"""Robot modes: pure, one file a mode."""

@@ -1,0 +1,1 @@
+"""What is watched, and what follows from it: pure."""

@@ -1,0 +1,1 @@
+"""Public helpers and contract suites for plug-in authors."""

@@ -1,0 +1,355 @@
+"""Frozen values that cross layers. Plain SI inside: m, s, rad, m/s, A, V; left and counter-clockwise positive.
+
+One tick in the order of its values: `Sensed` (all that the edge knows) -> `Snapshot` (with odometry) -> `Verdict`
+-> `Wish` of the mode -> `SetPoints` after the gate -> `Tick` (the record of it all).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+# ---------------------------------------------------------------------------------------------- the drives
+
+
+class DriveState(Enum):
+    """Device states of a first-generation EPOS (firmware specification 2010, 8.1.1)."""
+
+    START = "start"
+    NOT_READY = "not ready to switch on"
+    SWITCH_ON_DISABLED = "switch on disabled"
+    READY = "ready to switch on"
+    SWITCHED_ON = "switched on"
+    REFRESH = "refresh"
+    MEASURE_INIT = "measure init"
+    OPERATION_ENABLE = "operation enable"
+    QUICK_STOP_ACTIVE = "quick stop active"
+    FAULT_REACTION_DISABLED = "fault reaction active (disabled)"
+    FAULT_REACTION_ENABLED = "fault reaction active (enabled)"
+    FAULT = "fault"
+    UNKNOWN = "unknown"
+
+
+class Goal(Enum):
+    """What is wanted of a drive, from whatever state it is in."""
+
+    DISABLED = "disabled"
+    ENABLED = "enabled"
+    QUICK_STOPPED = "quick-stopped"
+    FAULT_RESET = "fault reset"
+
+
+class Nmt(Enum):
+    """NMT states of a node, with the codes of its heartbeat (CiA 301)."""
+
+    INITIALISING = 0x00
+    STOPPED = 0x04
+    OPERATIONAL = 0x05
+    PRE_OPERATIONAL = 0x7F
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveFeedback:
+    """What one drive last said. Ages are seconds; None means never heard in this run."""
+
+    name: str
+    state: DriveState = DriveState.UNKNOWN
+    statusword: int = 0
+    position: float = 0.0
+    """Traction: metres rolled since power-up (unwrapped). Steering: wheel angle [rad], absolute once referenced."""
+    velocity: float = 0.0
+    """Traction: m/s; steering: rad/s; as the drive measures it (coarse with hall sensors)."""
+    current: float = 0.0
+    """Motor current [A], signed."""
+    mode: int = 0
+    """Modes of operation display (object 0x6061)."""
+    potentiometers: tuple[float, float] = (0.0, 0.0)
+    """Both analog inputs [V]; zero for a traction drive."""
+    age: float | None = None
+    """Age of the older of the feedback PDOs [s]."""
+    nmt: Nmt | None = None
+    heartbeat_age: float | None = None
+    emergencies: tuple[int, ...] = ()
+    """EMCY error codes that arrived since the last tick, oldest first."""
+    boots: int = 0
+    """Boot-up frames since the last tick."""
+
+
+# ---------------------------------------------------------------------------------------------- requests, inputs, jobs
+
+
+class Request(Enum):
+    """What an operator or an input device asks for, once."""
+
+    QUICKSTOP = "quick stop"
+    ACKNOWLEDGE = "acknowledge"
+    ARM = "arm"
+    END = "end"
+    DONE = "done"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperatorInput:
+    """The newest valid sample of one input device. Axes are levels; requests happen once."""
+
+    source: str
+    speed: float = 0.0
+    """Wished speed of the virtual front wheel [m/s], forward positive."""
+    steering: float = 0.0
+    """Wished angle of the virtual front wheel [rad], left positive."""
+    enabled: bool = False
+    """The enable button (deadman) is held."""
+    neutral: bool = True
+    """Every axis rests and the enable button is released."""
+    requests: tuple[Request, ...] = ()
+    age: float | None = None
+    """Seconds since the sample arrived; None: never."""
+    axes: tuple[float, ...] = ()
+    buttons: tuple[bool, ...] = ()
+
+
+class JobKind(Enum):
+    """What takes longer than a tick; done by the edge, beside the ticks."""
+
+    SECURE = "secure"
+    """Find the drive as it is: identity, state; stop it if it moves; disable it."""
+    CONFIGURE = "configure"
+    """Write the configuration, read it back, arm the heartbeat consumer, start the node."""
+    REFERENCE = "reference"
+    """Tell the drive its position (homing method 35): `value` is the wheel angle [rad]."""
+    CLEAR_TARGET = "clear target"
+    """Write target 0 (traction) or the actual position (steering) and read it back."""
+    READ_HISTORY = "read history"
+    """Read the drive's error history (0x1003)."""
+    DISARM = "disarm"
+    """Switch the heartbeat consumer off, read it back, enter Pre-Operational."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """One order to one drive; `id` is unique in a run."""
+
+    id: int
+    kind: JobKind
+    drive: str
+    value: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobResult:
+    """How a job ended. `detail` is for people; `values` for the logic (READ_HISTORY: error codes)."""
+
+    id: int
+    kind: JobKind
+    drive: str
+    ok: bool
+    detail: str = ""
+    values: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensed:
+    """Everything the edge knows at a tick. Recording these is enough to replay a run."""
+
+    index: int
+    time: float
+    """Seconds on the loop's clock since the run began."""
+    urgent: bool = False
+    """An extra tick, off the schedule: writes stop frames only."""
+    drives: tuple[DriveFeedback, ...] = ()
+    inputs: tuple[OperatorInput, ...] = ()
+    requests: tuple[Request, ...] = ()
+    results: tuple[JobResult, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
+
+
+# ---------------------------------------------------------------------------------------------- motion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """Where the centre of the REAR axle is: x, y [m] and heading [rad, counter-clockwise from x]."""
+
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Odometry:
+    """Pose and motion estimated from the wheels, in the frame `odom` (origin: where the run was armed)."""
+
+    pose: Pose = Pose()
+    speed: float = 0.0
+    """Speed of the virtual front wheel [m/s]."""
+    steering: float = 0.0
+    """Angle of the virtual front wheel [rad]."""
+    distance: float = 0.0
+    """Way of the rear axle centre [m], forward positive."""
+    slip: float = 0.0
+    """Disagreement of the driven wheels in the last step [m/s]: how far each is from the rigid-body fit."""
+
+
+class Action(Enum):
+    """How a command is meant. The gate passes the last two untouched."""
+
+    RUN = "run"
+    QUICKSTOP = "quick stop"
+    DISABLE = "disable"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveCommand:
+    """A wish for the vehicle: virtual front wheel speed [m/s] and angle [rad]."""
+
+    speed: float = 0.0
+    steering: float = 0.0
+    action: Action = Action.RUN
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetPoints:
+    """What leaves the gate: the virtual wheel, and each wheel's own set-point (rolling speed m/s, angle rad)."""
+
+    speed: float = 0.0
+    steering: float = 0.0
+    speed_left: float = 0.0
+    speed_right: float = 0.0
+    steering_left: float = 0.0
+    steering_right: float = 0.0
+
+
+# ---------------------------------------------------------------------------------------------- judgement
+
+
+class Severity(IntEnum):
+    """Reactions from mild to severe; the most severe active one wins."""
+
+    NONE = 0
+    WARN = 1
+    LIMIT = 2
+    CONTROLLED_STOP = 3
+    """S2: the gate ramps to zero, drives stay enabled."""
+    QUICK_STOP = 4
+    """S1: the drives' own quick stop, then off."""
+    OFF = 5
+    """S0: off at once, the robot coasts."""
+
+
+class Mode(Enum):
+    """Robot modes."""
+
+    INIT = "init"
+    READY = "ready"
+    CALIBRATE = "calibrate"
+    TELEOP = "teleop"
+    FOLLOW = "follow"
+    QUICKSTOP = "quickstop"
+    FAULT = "fault"
+    END = "end"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """Something is wrong: the catalogue's id, the device, and words for the operator."""
+
+    id: str
+    severity: Severity
+    text: str
+    device: str = ""
+    to_fault: bool = True
+    """Leads to the mode `fault` (else to `quickstop` from S2 on)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """The supervisor's judgement of one tick: every active fault, worst first."""
+
+    severity: Severity = Severity.NONE
+    faults: tuple[Fault, ...] = ()
+    to_fault: bool = False
+
+
+# ---------------------------------------------------------------------------------------------- the tick
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """What a mode sees: the sensed values, and what follows from them without judgement."""
+
+    sensed: Sensed
+    dt: float
+    """Seconds since the last scheduled tick; 0 in the first, clamped after a pause."""
+    odometry: Odometry
+    standing: bool
+    """No driven wheel moved noticeably over the last 100 ms."""
+    set_points: SetPoints
+    """What left the gate in the last tick."""
+    verdict: Verdict
+
+    @property
+    def time(self) -> float:
+        """Seconds since the run began."""
+        return self.sensed.time
+
+
+class Event(Enum):
+    """What may change the mode; the table is in `states/machine.py`."""
+
+    ALIGNED = "aligned"
+    CALIBRATE = "start calibrate"
+    TELEOP = "start teleop"
+    FOLLOW = "start follow"
+    DONE = "done"
+    STOP = "stop"
+    FAULT = "fault"
+    REARMED = "re-armed"
+    ACKNOWLEDGED = "acknowledged"
+    END = "end"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracking:
+    """How a path is being followed."""
+
+    arc_length: float
+    """Arc length of the projection [m]."""
+    length: float
+    """Length of the whole path, all laps [m]."""
+    cross_track: float
+    """Signed distance from the path by the estimated pose [m], left positive."""
+    heading_error: float = 0.0
+    """Heading minus path tangent [rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wish:
+    """What a mode wants of one tick."""
+
+    command: DriveCommand = DriveCommand()
+    traction: Goal = Goal.DISABLED
+    steering: Goal = Goal.DISABLED
+    jobs: tuple[Job, ...] = ()
+    heartbeat: bool = True
+    """False only while the watchdog is being proven, and after the ordered end."""
+    event: Event | None = None
+    fault: Fault | None = None
+    phase: str = ""
+    """A few words for the operator."""
+    tracking: Tracking | None = None
+    reset_pose: bool = False
+    """Make the present place the origin of the odometry."""
+    finished: bool = False
+    """The ordered end is complete; the run may stop ticking."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tick:
+    """The record of one tick, in the order it came about."""
+
+    snapshot: Snapshot
+    mode: Mode
+    wish: Wish
+    action: Action
+    set_points: SetPoints
