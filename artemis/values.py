@@ -35,6 +35,8 @@ class Goal(Enum):
 
     DISABLED = "disabled"
     ENABLED = "enabled"
+    HOLD = "hold"
+    """Stay enabled if enabled, off if off: for steering while the robot comes to rest."""
     QUICK_STOPPED = "quick-stopped"
     FAULT_RESET = "fault reset"
 
@@ -156,9 +158,12 @@ class Sensed:
     """Seconds on the loop's clock since the run began."""
     urgent: bool = False
     """An extra tick, off the schedule: writes stop frames only."""
+    attended: bool = False
+    """Somebody can acknowledge and arm; otherwise a fault or a quick stop ends the run."""
     drives: tuple[DriveFeedback, ...] = ()
     inputs: tuple[OperatorInput, ...] = ()
     requests: tuple[Request, ...] = ()
+    """From the operator and from every input."""
     results: tuple[JobResult, ...] = ()
     faults: tuple[Fault, ...] = ()
     """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
@@ -333,6 +338,10 @@ class Wish:
     jobs: tuple[Job, ...] = ()
     heartbeat: bool = True
     """False only while the watchdog is being proven, and after the ordered end."""
+    exchange: bool = True
+    """Set-points and SYNC go out. False while listening and configuring."""
+    supervised: bool = True
+    """The drives are watched. False in bring-up, which checks for itself, and in the ordered end."""
     event: Event | None = None
     fault: Fault | None = None
     phase: str = ""

@@ -16,6 +16,10 @@ PiGains = Annotated[tuple[Gain, Gain], Field(strict=False)]
 PidGains = Annotated[tuple[Gain, Gain, Gain], Field(strict=False)]
 
 
+OPERATING_MODES = {"traction": 3, "steering": -1}
+"""Modes of operation (object 0x6060): profile velocity for traction, position for steering."""
+
+
 class Geometry(Config):
     """Where the wheels are. Kingpins stand `track_m - 2 * scrub_radius_m` apart on the front axle."""
 

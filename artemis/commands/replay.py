@@ -1,0 +1,45 @@
+"""`artemis replay`."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from artemis.app import core_from
+from artemis.errors import RecordingError
+from artemis.mission.loading import load_mission
+from artemis.recording.mcap_reader import Recording
+from artemis.recording.replay import replay
+
+
+def replay_run(run: Path) -> int:
+    """Recompute every command of a run. Returns 0 when all are equal, 1 when one differs.
+
+    Raises:
+        RecordingError: the recording cannot be read, or holds no mission.
+    """
+    recording = Recording(run)
+    with tempfile.TemporaryDirectory() as folder:
+        result = replay(recording, core_from(load_mission(_unpack(recording, Path(folder)))))
+    if recording.missing:
+        sys.stdout.write(f"the recording is not whole: {recording.missing}\n")
+    if result.difference:
+        sys.stdout.write(result.difference + "\n")
+        return 1
+    sys.stdout.write(f"{result.ticks} ticks recomputed: every command equal, bit for bit\n")
+    return 0
+
+
+def _unpack(recording: Recording, folder: Path) -> Path:
+    """Lay the run's files out as the mission names them; the mission's path."""
+    for name, content in recording.files.items():
+        target = folder / name
+        if not target.resolve().is_relative_to(folder.resolve()):
+            raise RecordingError(f"the recording holds a file outside its folder: {name}")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
+    missions = [name for name, content in recording.files.items() if "/" not in name and b"mission:" in content]
+    if len(missions) != 1:
+        raise RecordingError("the recording does not hold its mission file")
+    return folder / missions[0]

@@ -1,0 +1,111 @@
+"""The vehicle as traction and steering nodes on one bus: feedback in, goals and set-points out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from artemis.devices.can_bus import Frame, FrameBus
+from artemis.devices.canopen import EMERGENCY, HEARTBEAT, SDO_ANSWER, SYNC_FRAME, TXPDO, heartbeat_frame
+from artemis.devices.epos import EposDrive
+from artemis.devices.epos_jobs import EposJobs
+from artemis.devices.epos_state import Command, controlword
+from artemis.errors import DeviceError, ProtocolError
+from artemis.values import DriveFeedback, Job, JobResult, Nmt, SetPoints, Tick
+from artemis.vehicle import Robot
+
+
+class Drives:
+    """All drives of a robot. The only writer on the bus, and its only reader."""
+
+    def __init__(self, robot: Robot, bus: FrameBus) -> None:
+        self._bus = bus
+        self.nodes = [EposDrive(name, robot, self._send) for name in robot.drives]
+        self._jobs = {node.name: EposJobs(node) for node in self.nodes}
+        self._heartbeat = heartbeat_frame(robot.host_node_id, Nmt.OPERATIONAL)
+        self._handlers: dict[int, Callable[[Frame], None]] = {}
+        for node in self.nodes:
+            self._handlers[TXPDO[0] + node.node_id] = node.on_status
+            self._handlers[TXPDO[1] + node.node_id] = node.on_details
+            self._handlers[EMERGENCY + node.node_id] = node.on_emergency
+            self._handlers[HEARTBEAT + node.node_id] = node.on_heartbeat
+            self._handlers[SDO_ANSWER + node.node_id] = node.sdo.receive
+        self._traffic: list[tuple[bool, Frame]] = []
+        self.malformed = 0
+        """Frames that were dropped because they cannot be what they claim."""
+
+    def listen(self, wake: Callable[[], None]) -> None:
+        """Have `wake` called when frames wait between ticks that may be urgent."""
+        self._bus.listen(wake)
+
+    def receive(self) -> bool:
+        """Hand every waiting frame to its node; whether one of them was an emergency.
+
+        Raises:
+            DeviceLost: the adapter is gone.
+        """
+        urgent = False
+        for frame in self._bus.receive():
+            self._traffic.append((False, frame))
+            handler = self._handlers.get(frame.id)
+            if handler is not None and not frame.rtr:
+                try:
+                    handler(frame)
+                except ProtocolError:
+                    self.malformed += 1
+                urgent = urgent or frame.id & 0x780 == EMERGENCY
+        return urgent
+
+    def feedback(self, now: float) -> tuple[DriveFeedback, ...]:
+        """What each drive last said, at loop time `now` [s]."""
+        return tuple(node.feedback(now) for node in self.nodes)
+
+    def write(self, tick: Tick) -> None:
+        """Goals and set-points of a tick; last of all the heartbeat that keeps the drives running.
+
+        An urgent tick sends stop frames only.
+
+        Raises:
+            DeviceLost: the adapter is gone.
+        """
+        wish, urgent = tick.wish, tick.snapshot.sensed.urgent
+        if wish.exchange:
+            for node in self.nodes:
+                goal = wish.traction if node.drive.role == "traction" else wish.steering
+                word = controlword(node.state, goal, node.last_controlword)
+                if word == Command.QUICK_STOP != node.last_controlword:
+                    self._send(node.stop_frame(word))
+                if not urgent:
+                    self._send(node.set_point_frame(word, _set_point(node, tick.set_points)))
+        if wish.exchange and not urgent:
+            self._send(SYNC_FRAME)
+        if wish.heartbeat and not urgent:
+            self._send(self._heartbeat)
+
+    def stop(self) -> None:
+        """Last resort, when the program itself fails: quick stop for every drive, at once."""
+        for node in self.nodes:
+            self._send(node.stop_frame())
+
+    def take_traffic(self) -> list[tuple[bool, Frame]]:
+        """Every frame on the bus since the last call, each with whether we sent it."""
+        traffic, self._traffic = self._traffic, []
+        return traffic
+
+    async def perform(self, job: Job) -> JobResult:
+        """Do a job beside the ticks; a device that fails is a result, not an exception."""
+        try:
+            values = await self._jobs[job.drive].perform(job.kind, job.value)
+        except DeviceError as error:
+            return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, detail=error.problem)
+        return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True, values=values)
+
+    def _send(self, frame: Frame) -> None:
+        self._bus.send(frame)
+        self._traffic.append((True, frame))
+
+
+def _set_point(node: EposDrive, points: SetPoints) -> float:
+    """Rolling speed [m/s] or wheel angle [rad] for one node."""
+    if node.drive.role == "traction":
+        return points.speed_left if node.drive.side == "left" else points.speed_right
+    return points.steering_left if node.drive.side == "left" else points.steering_right

@@ -1,0 +1,125 @@
+"""The process data of one EPOS node: SI at the wheel outside, drive units on the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from artemis.devices.can_bus import Frame
+from artemis.devices.canopen import RXPDO, PdoLayout, emergency_from_data, nmt_from_heartbeat
+from artemis.devices.epos_objects import RECEIVED, SENT, Units
+from artemis.devices.epos_state import Command, state_from_statusword
+from artemis.devices.sdo import SdoClient
+from artemis.values import DriveFeedback, DriveState, Nmt
+from artemis.vehicle import Robot
+
+
+class EposDrive:
+    """A drive as the robot file describes it, on the bus behind `send`. SI at the wheel outside, drive units inside."""
+
+    def __init__(self, name: str, robot: Robot, send: Callable[[Frame], None]) -> None:
+        self.name, self.robot, self.drive = name, robot, robot.drives[name]
+        self.node_id = self.drive.node_id
+        self.sdo = SdoClient(name, self.node_id, send)
+        self.send = send
+        self.units = Units(robot, self.drive)
+        self._received = [PdoLayout([o.type for o in pdo]) for pdo in RECEIVED[self.drive.role]]
+        self._sent = [PdoLayout([o.type for o in pdo]) for pdo in SENT[self.drive.role]]
+        self._counts: int | None = None
+        self._position = self._velocity = self._current = 0.0
+        self._statusword = self._mode = 0
+        self._state = DriveState.UNKNOWN
+        self._volts = (0.0, 0.0)
+        self._times: list[float | None] = [None, None]
+        self._nmt: Nmt | None = None
+        self._heard: float | None = None
+        self._emergencies: list[int] = []
+        self._boots = 0
+        self.last_controlword = 0
+
+    def on_status(self, frame: Frame) -> None:
+        """TxPDO 1: statusword and position."""
+        self._statusword, counts = self._sent[0].unpack(frame.data)
+        self._state = state_from_statusword(self._statusword)
+        if self._counts is not None:
+            moved = _wrap(counts - self._counts) / self.units.counts
+            self._position += moved
+            elapsed = frame.time - (self._times[0] or 0.0)
+            if self.drive.role == "steering" and elapsed > 0:
+                self._velocity = moved / elapsed
+        self._counts = counts
+        self._times[0] = frame.time
+
+    def on_details(self, frame: Frame) -> None:
+        """TxPDO 2: velocity (traction) or both analog inputs (steering), current, mode display."""
+        values = self._sent[1].unpack(frame.data)
+        if self.drive.role == "traction":
+            self._velocity = values[0] / self.units.rpm
+        else:
+            self._volts = (values[0] / 1000, values[1] / 1000)
+        self._current, self._mode = values[-2] / 1000, values[-1]
+        self._times[1] = frame.time
+
+    def on_emergency(self, frame: Frame) -> None:
+        """EMCY: kept until the next tick takes it."""
+        self._emergencies.append(emergency_from_data(frame.data).code)
+
+    def on_heartbeat(self, frame: Frame) -> None:
+        """Heartbeat or boot-up."""
+        self._nmt = nmt_from_heartbeat(frame.data)
+        self._boots += self._nmt is Nmt.INITIALISING
+        self._heard = frame.time
+
+    def feedback(self, now: float) -> DriveFeedback:
+        """What the drive last said, with its age; takes the emergencies and boot-ups with it."""
+        ages = [now - time for time in self._times if time is not None]
+        emergencies, boots = tuple(self._emergencies), self._boots
+        if emergencies:
+            self._emergencies = []
+        self._boots = 0
+        return DriveFeedback(
+            name=self.name,
+            state=self._state,
+            statusword=self._statusword,
+            position=self._position,
+            velocity=self._velocity,
+            current=self._current,
+            mode=self._mode,
+            potentiometers=self._volts,
+            age=max(ages) if len(ages) == 2 else None,
+            nmt=self._nmt,
+            heartbeat_age=None if self._heard is None else now - self._heard,
+            emergencies=emergencies,
+            boots=boots,
+        )
+
+    @property
+    def state(self) -> DriveState:
+        """Device state by the newest statusword."""
+        return self._state
+
+    def set_point_frame(self, controlword: int, value: float) -> Frame:
+        """RxPDO 1: controlword and set-point (m/s, or wheel angle in rad), taken over at SYNC."""
+        self.last_controlword = controlword
+        if self.drive.role == "traction":
+            raw = round(value * self.units.rpm)
+        else:
+            raw = _wrap((self._counts or 0) + round((value - self._position) * self.units.counts))
+        return Frame(RXPDO[0] + self.node_id, self._received[0].pack(controlword, raw))
+
+    def stop_frame(self, controlword: int = Command.QUICK_STOP) -> Frame:
+        """RxPDO 2: controlword alone, acts at once."""
+        self.last_controlword = controlword
+        return Frame(RXPDO[1] + self.node_id, self._received[1].pack(controlword))
+
+    def restart(self) -> None:
+        """The drive's counter may begin anew: go on from here, whatever it says next."""
+        self._counts, self._times = None, [None, None]
+
+    def rebase(self, position: float, counts: int) -> None:
+        """`counts` stands for `position` from now on."""
+        self._position, self._counts = position, counts
+
+
+def _wrap(counts: int) -> int:
+    """Object 0x6064 is a signed 32-bit counter that wraps."""
+    return ((counts + 0x80000000) & 0xFFFFFFFF) - 0x80000000

@@ -1,0 +1,189 @@
+"""What takes an EPOS node longer than a tick: coroutines that secure, configure and release it over SDO."""
+
+from __future__ import annotations
+
+import asyncio
+from math import radians
+
+from artemis.devices.canopen import NmtCommand, nmt_frame
+from artemis.devices.epos import EposDrive
+from artemis.devices.epos_objects import (
+    CONSUMER_HEARTBEAT,
+    CONTROLWORD,
+    ERROR_COUNT,
+    HARDWARE_VERSION,
+    LIMIT_OFF,
+    MAXON,
+    MODE_DISPLAY,
+    POSITION,
+    POSITION_MAX,
+    POSITION_MIN,
+    SERIAL_NUMBER,
+    SET_POINT,
+    SOFTWARE_VERSION,
+    STATUSWORD,
+    U32,
+    VENDOR,
+    Object,
+    Setting,
+    pdo_settings,
+    settings,
+)
+from artemis.devices.epos_state import Command, state_from_statusword
+from artemis.errors import DeviceError
+from artemis.motion.ackermann import Ackermann
+from artemis.values import DriveState, JobKind
+from artemis.vehicle import OPERATING_MODES
+
+POLL = 0.02
+"""Between two looks at the drive while waiting for it [s]."""
+STATE_TIME, STOP_TIME = 0.5, 5.0
+"""Longest waits for a device state, and for a drive found moving to stand [s]."""
+LIMIT_MARGIN = radians(3.0)
+"""The drive's own position limits lie this far beyond the largest wheel angle of the gate [rad]."""
+_MOVING = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
+
+
+class EposJobs:
+    """The jobs of one drive. Each raises DeviceError where the drive refuses, is silent, or is another one."""
+
+    def __init__(self, epos: EposDrive) -> None:
+        self._epos, self._sdo = epos, epos.sdo
+        self.name, self.drive = epos.name, epos.drive
+        self._set_point = SET_POINT[epos.drive.role]
+
+    async def perform(self, kind: JobKind, value: float) -> tuple[int, ...]:
+        """Do a job; its values, if it has any. Raises DeviceError where the drive refuses or is silent."""
+        match kind:
+            case JobKind.SECURE:
+                await self.secure()
+            case JobKind.CONFIGURE:
+                await self.configure()
+            case JobKind.REFERENCE:
+                await self.reference(value)
+            case JobKind.CLEAR_TARGET:
+                await self.check_target()
+            case JobKind.READ_HISTORY:
+                return await self.read_history()
+            case JobKind.DISARM:
+                await self.disarm()
+        return ()
+
+    async def secure(self) -> None:
+        """Check who this is; if it moves, stop it; leave it in Switch On Disabled, without a fault."""
+        self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
+        await self._check_identity()
+        await self._ensure(Setting(CONSUMER_HEARTBEAT, 0))
+        state = await self._read_state()
+        if state in _MOVING:
+            await self.write(CONTROLWORD, Command.QUICK_STOP)
+            await self._come_to_rest()
+        await self.write(CONTROLWORD, Command.DISABLE_VOLTAGE)
+        if (await self._read_state()) is DriveState.FAULT:
+            await self.write(CONTROLWORD, Command.FAULT_RESET)
+        await self._reach(DriveState.SWITCH_ON_DISABLED)
+
+    async def configure(self) -> None:
+        """Write the robot file's settings and the PDOs, read each back, and start the node."""
+        for setting in settings(self._epos.robot, self.drive):
+            await self._ensure(setting)
+        if (mode := await self.read(MODE_DISPLAY)) != OPERATING_MODES[self.drive.role]:
+            raise DeviceError(self.name, f"shows operating mode {mode}, not {OPERATING_MODES[self.drive.role]}")
+        for setting in pdo_settings(self.drive):
+            await self._write_checked(setting)
+        self._epos.restart()
+        self._epos.send(nmt_frame(NmtCommand.START, self.drive.node_id))
+
+    async def reference(self, angle: float) -> None:
+        """The wheel stands at `angle` [rad]: count from here, and let the drive refuse what is out of reach."""
+        raw = await self.read(POSITION)
+        self._epos.rebase(angle, raw)
+        car = Ackermann(self._epos.robot.geometry)
+        reach = radians(self._epos.robot.limits.steering_deg)
+        side = 0 if self.drive.side == "left" else 1
+        ends = (car.wheel_angles(-reach)[side] - LIMIT_MARGIN, car.wheel_angles(reach)[side] + LIMIT_MARGIN)
+        limits = sorted(raw + round((end - angle) * self._epos.units.counts) for end in ends)
+        for limit, value, bound in zip((POSITION_MIN, POSITION_MAX), limits, LIMIT_OFF, strict=True):
+            await self._ensure(Setting(limit, value if abs(value) < abs(bound) else bound))
+
+    async def check_target(self) -> None:
+        """The set-point in the drive is harmless to enable with: no speed, or the present position."""
+        target = await self.read(self._set_point)
+        wanted = 0 if self.drive.role == "traction" else await self.read(POSITION)
+        if abs(target - wanted) > (0 if self.drive.role == "traction" else self.drive.following_error_counts // 4):
+            await self.write(self._set_point, wanted)
+            if (kept := await self.read(self._set_point)) != wanted:
+                raise DeviceError(self.name, f"keeps the stale set-point {kept} in {self._set_point} (wanted {wanted})")
+
+    async def read_history(self) -> tuple[int, ...]:
+        """Error codes of object 0x1003, newest first."""
+        count = await self.read(ERROR_COUNT)
+        codes = [await self.read(Object(0x1003, number, U32)) for number in range(1, min(count, 5) + 1)]
+        return tuple(code & 0xFFFF for code in codes)
+
+    async def disarm(self) -> None:
+        """Off, no longer watching our heartbeat, Pre-Operational: the drive rests without a fault."""
+        await self.write(CONTROLWORD, Command.DISABLE_VOLTAGE)
+        await self._ensure(Setting(CONSUMER_HEARTBEAT, 0))
+        self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
+
+    # ------------------------------------------------------------------------------------------ objects
+
+    async def read(self, object: Object) -> int:
+        """Value of an object."""
+        return int(object.type.decode(await self._sdo.read(object.index, object.subindex)))
+
+    async def write(self, object: Object, value: int) -> None:
+        """Write an object."""
+        await self._sdo.write(object.index, object.subindex, object.type.encode(value))
+
+    async def _ensure(self, setting: Setting) -> None:
+        """Write only what differs: changing sensor data raises errors, and settings wear the memory."""
+        if await self.read(setting.object) != setting.value:
+            await self._write_checked(setting)
+
+    async def _write_checked(self, setting: Setting) -> None:
+        await self.write(setting.object, setting.value)
+        if (kept := await self.read(setting.object)) != setting.value:
+            problem = f"did not keep {setting.object}: wrote 0x{setting.value:X}, reads 0x{kept:X}"
+            raise DeviceError(self.name, problem)
+
+    async def _check_identity(self) -> None:
+        """Vendor, hardware, firmware and serial number against the robot file."""
+        vendor = await self.read(VENDOR)
+        hardware, firmware = await self.read(HARDWARE_VERSION), await self.read(SOFTWARE_VERSION)
+        if vendor != MAXON:
+            raise DeviceError(self.name, f"node {self.drive.node_id} is of vendor 0x{vendor:X}, not maxon (0xFB)")
+        if hardware & 0xFFF0 != self.drive.hardware_version & 0xFFF0:
+            expected = self.drive.hardware_version
+            raise DeviceError(
+                self.name, f"node {self.drive.node_id} is hardware 0x{hardware:04X}, expected 0x{expected:04X}"
+            )
+        if firmware < self.drive.min_firmware:
+            needed = self.drive.min_firmware
+            raise DeviceError(self.name, f"firmware 0x{firmware:04X} is older than 0x{needed:04X}: update the drive")
+        if self.drive.serial_number is not None:
+            serial = await self.read(SERIAL_NUMBER)
+            if serial != self.drive.serial_number:
+                raise DeviceError(self.name, f"serial number {serial:08X}, expected {self.drive.serial_number:08X}")
+
+    async def _read_state(self) -> DriveState:
+        return state_from_statusword(await self.read(STATUSWORD))
+
+    async def _reach(self, wanted: DriveState) -> None:
+        for _ in range(round(STATE_TIME / POLL)):
+            state = await self._read_state()
+            if state is wanted:
+                return
+            await asyncio.sleep(POLL)
+        history = ", ".join(f"0x{code:04X}" for code in await self.read_history()) or "empty"
+        raise DeviceError(self.name, f"stays in {state.value}, not {wanted.value}; error history: {history}")
+
+    async def _come_to_rest(self) -> None:
+        last = await self.read(POSITION)
+        for _ in range(round(STOP_TIME / POLL)):
+            await asyncio.sleep(POLL)
+            if (position := await self.read(POSITION)) == last:
+                return
+            last = position
+        raise DeviceError(self.name, f"was found moving and does not stop within {STOP_TIME:g} s")

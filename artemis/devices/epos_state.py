@@ -1,0 +1,84 @@
+"""Device states of the EPOS: statusword -> state, and (state, goal) -> controlword. Pure tables.
+
+Source: EPOS firmware specification, April 2010, 8.1.1 (patterns), 8.1.2 (transitions), 14.59 (controlword). The EPOS
+is not a generic CiA 402 drive: bits 8 and 14 belong to the state, Refresh and Measure Init exist, a quick stop never
+ends by itself.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from artemis.values import DriveState, Goal
+
+MASK = 0x417F
+"""Statusword bits 14, 8 and 6..0: those that tell the state (table 1 of the specification)."""
+
+PATTERNS = {
+    0x0000: DriveState.START,
+    0x0100: DriveState.NOT_READY,
+    0x0140: DriveState.SWITCH_ON_DISABLED,
+    0x0121: DriveState.READY,
+    0x0123: DriveState.SWITCHED_ON,
+    0x4123: DriveState.REFRESH,
+    0x4133: DriveState.MEASURE_INIT,
+    0x0137: DriveState.OPERATION_ENABLE,
+    0x0117: DriveState.QUICK_STOP_ACTIVE,
+    0x010F: DriveState.FAULT_REACTION_DISABLED,
+    0x011F: DriveState.FAULT_REACTION_ENABLED,
+    0x0108: DriveState.FAULT,
+}
+
+
+class Command(IntEnum):
+    """Controlwords (low byte), as the application notes of the maker use them."""
+
+    DISABLE_VOLTAGE = 0x00
+    SHUTDOWN = 0x06
+    QUICK_STOP = 0x0B
+    ENABLE_OPERATION = 0x0F
+    FAULT_RESET = 0x80
+
+
+_OFF, _READY, _STOP, _ON, _RESET = (
+    Command.DISABLE_VOLTAGE,
+    Command.SHUTDOWN,
+    Command.QUICK_STOP,
+    Command.ENABLE_OPERATION,
+    Command.FAULT_RESET,
+)
+_S, _D, _E, _H, _Q, _R = DriveState, Goal.DISABLED, Goal.ENABLED, Goal.HOLD, Goal.QUICK_STOPPED, Goal.FAULT_RESET
+
+COMMANDS: dict[DriveState, dict[Goal, Command]] = {
+    _S.START: {_D: _OFF, _E: _OFF, _H: _OFF, _Q: _OFF, _R: _OFF},
+    _S.NOT_READY: {_D: _OFF, _E: _OFF, _H: _OFF, _Q: _OFF, _R: _OFF},
+    _S.SWITCH_ON_DISABLED: {_D: _OFF, _E: _READY, _H: _OFF, _Q: _OFF, _R: _OFF},
+    _S.READY: {_D: _OFF, _E: _ON, _H: _OFF, _Q: _OFF, _R: _OFF},
+    _S.SWITCHED_ON: {_D: _OFF, _E: _ON, _H: _OFF, _Q: _OFF, _R: _OFF},
+    _S.REFRESH: {_D: _OFF, _E: _ON, _H: _ON, _Q: _STOP, _R: _OFF},
+    _S.MEASURE_INIT: {_D: _OFF, _E: _ON, _H: _ON, _Q: _STOP, _R: _OFF},
+    _S.OPERATION_ENABLE: {_D: _OFF, _E: _ON, _H: _ON, _Q: _STOP, _R: _OFF},
+    _S.QUICK_STOP_ACTIVE: {_D: _OFF, _E: _ON, _H: _STOP, _Q: _STOP, _R: _OFF},
+    _S.FAULT_REACTION_DISABLED: {_D: _OFF, _E: _OFF, _H: _OFF, _Q: _OFF, _R: _OFF},
+    _S.FAULT_REACTION_ENABLED: {_D: _OFF, _E: _STOP, _H: _STOP, _Q: _STOP, _R: _STOP},  # let the drive finish its ramp
+    _S.FAULT: {_D: _OFF, _E: _OFF, _H: _OFF, _Q: _OFF, _R: _RESET},
+    _S.UNKNOWN: {_D: _OFF, _E: _STOP, _H: _STOP, _Q: _STOP, _R: _OFF},
+}
+"""What to command in each state to come nearer to each goal. A fault is reset only where that is the goal."""
+
+
+def state_from_statusword(statusword: int) -> DriveState:
+    """The device state that a statusword (0x6041) tells; UNKNOWN for a pattern the specification does not have."""
+    return PATTERNS.get(statusword & MASK, DriveState.UNKNOWN)
+
+
+def controlword(state: DriveState, goal: Goal, last: int = 0) -> int:
+    """The controlword (0x6040) that leads from `state` towards `goal`.
+
+    A fault reset is a rising edge of bit 7: after `last` had it set, it is lowered first, so that repeated calls
+    repeat the edge.
+    """
+    command = COMMANDS[state][goal]
+    if command is Command.FAULT_RESET and last & Command.FAULT_RESET:
+        return Command.DISABLE_VOLTAGE
+    return command

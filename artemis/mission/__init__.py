@@ -1,0 +1,35 @@
+"""The mission file: its schema, and loading it with everything it names, checked before anything moves."""
+
+from artemis.mission.loading import LoadedMission, load_mission, plugin_from
+from artemis.mission.schema import (
+    Calibrate,
+    Follow,
+    Mission,
+    Operation,
+    PluginUse,
+    Step,
+    Stop,
+    Teleop,
+    Until,
+    Wait,
+    mission_schema,
+    robot_schema,
+)
+
+__all__ = [
+    "Calibrate",
+    "Follow",
+    "LoadedMission",
+    "Mission",
+    "Operation",
+    "PluginUse",
+    "Step",
+    "Stop",
+    "Teleop",
+    "Until",
+    "Wait",
+    "load_mission",
+    "mission_schema",
+    "plugin_from",
+    "robot_schema",
+]

@@ -1,0 +1,313 @@
+"""Loading a mission with the robot, plugins and files it names; everything wrong in any of them is found at once."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pydantic import ValidationError
+
+from artemis.config import Config
+from artemis.errors import ConfigError
+from artemis.mission.problems import nearest, problems_from
+from artemis.mission.schema import Follow, Mission, PluginUse, Step, Supervision, Teleop
+from artemis.vehicle import Robot
+from artemis.yaml_file import MAX_BYTES, Data, Document, KeyPath, read, survey
+
+if TYPE_CHECKING:
+    from artemis.sim.world import TrueRobot
+
+MAX_DATA_BYTES = 100_000_000
+"""Of a path or another table."""
+DETECT_AND_REACT = 0.12
+"""Longest time [s] from a cause to the drives' braking that the stopping distance allows for."""
+_MAX_CANDIDATES = 1000
+
+Model = TypeVar("Model", bound=Config)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedMission:
+    """A mission that may run: everything it names is read and fits together."""
+
+    mission: Mission
+    robot: Robot
+    robot_source: str
+    """Name of the robot file, for messages."""
+    true_robot: TrueRobot
+    """How the simulated machine differs from the robot file."""
+    documents: Mapping[str, Document]
+    """The mission and the robot file, by their names in messages."""
+    files: Mapping[str, bytes]
+    """Content of every file that the mission names, by the name as written there."""
+    folder: FilePath
+    """Where relative names start."""
+
+
+def load_mission(path: FilePath) -> LoadedMission:
+    """Read a mission and all that it names.
+
+    A plugin's option names a file if it is called `file` or ends in `_file`.
+
+    Raises:
+        ConfigError: everything that is wrong in the mission, robot and path files, in the order of their lines.
+    """
+    return _Loading(path).result()
+
+
+def plugin_from(group: str, use: PluginUse) -> tuple[Any, Config]:
+    """The class of a plugin, and its options as the class's own `Config`.
+
+    Raises:
+        PluginError: no such plugin, or a broken one.
+        ValidationError: the options are wrong.
+    """
+    from artemis.plugins.registry import load
+
+    plugin = load(group, use.plugin)
+    config: Config = plugin.Config.model_validate(use.options)
+    return plugin, config
+
+
+class _Loading:
+    """Collects problems while it goes through the mission part by part; a wrong part does not hide the others."""
+
+    def __init__(self, path: FilePath) -> None:
+        self._folder = path.parent
+        self._problems: list[str] = []
+        self._documents: dict[str, Document] = {}
+        self._files: dict[str, bytes] = {}
+        self._document = self._survey(read(path), str(path))
+        self._data = self._document.data if isinstance(self._document.data, dict) else {}
+        self._robot_source = str(path)
+
+    def result(self) -> LoadedMission:
+        mission = self._validated(Mission, self._document)
+        robot = self._robot()
+        inputs = self._inputs()
+        self._check_bus()
+        true_robot = self._true_robot()
+        self._check_steps(robot, inputs)
+        if self._problems or mission is None or robot is None or true_robot is None:
+            raise ConfigError(sorted(dict.fromkeys(self._problems), key=_by_position))
+        return LoadedMission(
+            mission=mission,
+            robot=robot,
+            robot_source=self._robot_source,
+            true_robot=true_robot,
+            documents=self._documents,
+            files=self._files,
+            folder=self._folder,
+        )
+
+    # ------------------------------------------------------------------------------------------ reading and reporting
+
+    def _survey(self, raw: bytes, source: str) -> Document:
+        document, problems = survey(raw, source)
+        self._problems += problems
+        self._documents[source] = document
+        return document
+
+    def _complain(self, path: KeyPath, text: str) -> None:
+        if path not in self._document.damaged:
+            self._problems.append(self._document.problem(path, text))
+
+    def _validated(
+        self, model: type[Model], document: Document, at: KeyPath = (), data: Data | Mapping[str, object] = None
+    ) -> Model | None:
+        """The part of a document at `at` as `model`; what is wrong is noted."""
+        try:
+            return model.model_validate(document.data if data is None else data)
+        except ValidationError as error:
+            self._problems += problems_from(error, document, model, at)
+            return None
+
+    def _part(self, model: type[Model], *path: str | int) -> Model | None:
+        """A part of the mission if it is right by itself; what is wrong with it, the whole mission's model says."""
+        part: Any = self._data
+        for key in path:
+            part = part[key]
+        try:
+            return model.model_validate(part)
+        except ValidationError:
+            return None
+
+    def _names(self, *path: str) -> list[str]:
+        """Keys of a mapping in the mission; none where it is missing or something else."""
+        part: Data = self._data
+        for key in path:
+            part = part.get(key) if isinstance(part, dict) else None
+        return list(part) if isinstance(part, dict) else []
+
+    def _file(self, path: KeyPath, name: str, max_bytes: int = MAX_DATA_BYTES) -> bytes | None:
+        """Content of a file that the mission names at `path`."""
+        if name in self._files:
+            return self._files[name]
+        root = os.path.realpath(self._folder)
+        if os.path.isabs(name) or os.path.commonpath([root, os.path.realpath(self._folder / name)]) != root:
+            self._complain(path, f"outside the mission's folder {self._folder}: {name}; copy the file there")
+            return None
+        try:
+            self._files[name] = read(self._folder / name, max_bytes)
+        except ConfigError as error:
+            reason = str(error).removeprefix(f"{self._folder / name}: ")
+            hint = nearest(name, _files_like(self._folder, name), "files of that kind") if "not found" in reason else ""
+            self._complain(path, f"{reason}: {name}{hint}")
+        return self._files.get(name)
+
+    # ------------------------------------------------------------------------------------------ the mission's parts
+
+    def _robot(self) -> Robot | None:
+        name = self._data.get("robot")
+        raw = self._file(("robot",), name, MAX_BYTES) if isinstance(name, str) and name else None
+        if raw is None:
+            return None
+        self._robot_source = str(self._folder / str(name))
+        try:
+            document = self._survey(raw, self._robot_source)
+        except ConfigError as error:
+            self._problems += error.problems
+            return None
+        return self._validated(Robot, document)
+
+    def _inputs(self) -> dict[str, Config | None]:
+        """Options of the mission's inputs by name; None where they are wrong."""
+        inputs = {name: self._plugin("artemis.inputs", "inputs", name) for name in self._names("inputs")}
+        for name in self._names("simulation", "inputs"):
+            self._plugin("artemis.inputs", "simulation", "inputs", name)
+            if name not in inputs:
+                self._complain(("simulation", "inputs", name), f"no such input{nearest(name, inputs, 'inputs')}")
+        return inputs
+
+    def _plugin(self, group: str, *path: str | int) -> Config | None:
+        """Options of the plugin that the mission uses at `path`, with the files they name."""
+        use = self._part(PluginUse, *path)
+        if use is None:
+            return None
+        from artemis.plugins.registry import load
+
+        try:
+            plugin = load(group, use.plugin)
+        except ConfigError as error:
+            for problem in error.problems:
+                self._complain((*path, "plugin"), problem)
+            return None
+        config: Config | None = self._validated(plugin.Config, self._document, path, use.options)
+        for name, value in config or ():
+            if isinstance(value, str) and (name == "file" or name.endswith("_file")):
+                self._file((*path, name), value)
+        return config
+
+    def _check_bus(self) -> None:
+        words = self._data.get("bus")
+        if isinstance(words, dict) and isinstance(words.get("interface"), str):
+            from artemis.devices.can_bus import check_bus_words
+
+            for problem in check_bus_words(words):
+                word, _, text = problem.partition(": ")
+                self._complain(("bus", word), text)
+
+    def _true_robot(self) -> TrueRobot | None:
+        from artemis.sim.world import TrueRobot
+
+        simulation = self._data.get("simulation")
+        part = simulation.get("true_robot", {}) if isinstance(simulation, dict) else {}
+        if not isinstance(part, dict):
+            return None
+        return self._validated(TrueRobot, self._document, ("simulation", "true_robot"), part)
+
+    # ------------------------------------------------------------------------------------------ the steps
+
+    def _check_steps(self, robot: Robot | None, inputs: Mapping[str, Config | None]) -> None:
+        steps = self._data.get("steps")
+        given = steps if isinstance(steps, list) else []
+        kinds = [next(iter(step), "") if isinstance(step, dict) else "" for step in given]
+        for index, kind in enumerate(kinds):
+            if kind == "follow" and "calibrate" not in kinds[:index]:
+                self._complain(("steps", index, "follow"), "calibrate first: no step before this one does (CAL-02)")
+            if kind == "stop" and index + 1 < len(kinds):
+                self._complain(("steps", index, "stop"), "ends the mission: it can only be the last step")
+            step = self._part(Step, "steps", index)
+            if step is None:
+                continue
+            if isinstance(step.action, Follow):
+                self._check_follow(("steps", index, "follow"), step.action, robot)
+            elif isinstance(step.action, Teleop):
+                self._check_teleop(("steps", index, "teleop", "input"), step.action, robot, inputs)
+
+    def _check_follow(self, at: KeyPath, follow: Follow, robot: Robot | None) -> None:
+        config = self._plugin("artemis.followers", *at, "follower")
+        speed = getattr(config, "speed_m_s", robot.limits.speed_m_s if robot else None)
+        if robot is not None and speed is not None:
+            self._check_speed((*at, "follower", "speed_m_s"), speed, robot)
+        raw = self._file((*at, "path"), follow.path)
+        if raw is None:
+            return
+        from artemis.motion.path import check_drivable, path_from_csv
+
+        try:
+            path = path_from_csv(raw.decode(), str(self._folder / follow.path))
+        except UnicodeDecodeError as error:
+            self._complain((*at, "path"), f"byte {error.start + 1} is not UTF-8: {follow.path}")
+        except ConfigError as error:
+            self._problems += error.problems
+        else:
+            if follow.laps > 1 and not path.closed:
+                self._complain((*at, "laps"), f"{follow.laps} laps need a closed path; {follow.path} is open")
+            if robot is not None and config is not None and speed is not None:
+                for problem in check_drivable(path, robot, speed):
+                    self._complain((*at, "path"), f"{follow.path}: {problem}")
+
+    def _check_teleop(
+        self, at: KeyPath, teleop: Teleop, robot: Robot | None, inputs: Mapping[str, Config | None]
+    ) -> None:
+        if teleop.input not in inputs:
+            self._complain(at, f"no such input: {teleop.input}{nearest(teleop.input, inputs, 'inputs')}")
+        elif robot is not None and (config := inputs[teleop.input]) is not None:
+            speed = getattr(config, "max_speed_m_s", None)
+            place = at if speed is None else ("inputs", teleop.input, "max_speed_m_s")
+            self._check_speed(place, robot.limits.speed_m_s if speed is None else speed, robot)
+
+    def _check_speed(self, at: KeyPath, speed: float, robot: Robot) -> None:
+        """Refuse a speed of the virtual front wheel that the machine cannot drive, or not stop from in time."""
+        from artemis.motion.limits import stopping_distance
+
+        limits = robot.limits
+        if speed > limits.speed_m_s:
+            self._complain(at, f"{speed:g} m/s is above the robot's limits.speed_m_s of {limits.speed_m_s:g}")
+        elif speed > limits.wheel_speed_m_s:
+            self._complain(
+                at, f"{speed:g} m/s is above the robot's limits.wheel_speed_m_s of {limits.wheel_speed_m_s:g}"
+            )
+        supervision = self._part(Supervision, "supervision") if "supervision" in self._data else Supervision()
+        needed = stopping_distance(speed, DETECT_AND_REACT, limits.quick_stop_deceleration_m_s2)
+        if supervision is not None and needed > supervision.stop_distance_m:
+            self._complain(
+                at,
+                f"{speed:g} m/s cannot be stopped in time: {DETECT_AND_REACT:g} s to react and "
+                f"{limits.quick_stop_deceleration_m_s2:g} m/s² of braking need {math.ceil(needed * 1000) / 1000:g} m, "
+                f"supervision.stop_distance_m is {supervision.stop_distance_m:g}",
+            )
+
+
+def _files_like(folder: FilePath, name: str) -> list[str]:
+    """Files near the mission that end like `name`, as the mission would name them."""
+    found = islice(_near(folder), _MAX_CANDIDATES)
+    suffix = FilePath(name).suffix
+    return sorted(file.relative_to(folder).as_posix() for file in found if file.suffix == suffix and file.is_file())
+
+
+def _near(folder: FilePath) -> Iterator[FilePath]:
+    yield from folder.glob("*")
+    yield from folder.glob("*/*")
+
+
+def _by_position(problem: str) -> tuple[str, int, int]:
+    place = re.match(r"(.*?):(\d+):(\d+): ", problem)
+    return (place[1], int(place[2]), int(place[3])) if place else (problem, 0, 0)

@@ -1,0 +1,148 @@
+"""What a schema found wrong, in plain words: what was expected, what was found, the nearest valid name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from artemis.yaml_file import Document, KeyPath, surprise
+
+_MAX_SHOWN = 60
+_MAX_NAMED = 12
+
+_EXPECTED = {
+    "string_type": "text",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "greater_than": "more than {gt}",
+    "greater_than_equal": "at least {ge}",
+    "less_than": "less than {lt}",
+    "less_than_equal": "at most {le}",
+    "literal_error": "{expected}",
+    "string_too_short": "text",
+    "string_pattern_mismatch": "text like {pattern}",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
+}
+_HINTED = {"int_type", "int_from_float", "float_type", "bool_type"}
+
+
+def nearest(word: str, names: Collection[str], kind: str = "names") -> str:
+    """Ending of a message about an unknown word: the most similar of the names, or which there are."""
+    similar = difflib.get_close_matches(word.lower(), [name.lower() for name in names], n=1)
+    if similar:
+        return "; did you mean " + next(name for name in names if name.lower() == similar[0]) + "?"
+    if not names:
+        return f"; there are no {kind}"
+    shown = sorted(names)[:_MAX_NAMED]
+    return f"; {kind}: " + ", ".join(shown) + (", ..." if len(names) > len(shown) else "")
+
+
+def describe(value: object) -> str:
+    """A value as its writer would name it."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return "true" if value else "false"
+        case Mapping():
+            return "a mapping"
+        case list() | tuple():
+            return f"a list of {len(value)}"
+        case str() if not value:
+            return "empty text"
+    text = repr(value)
+    return text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "..."
+
+
+def problems_from(error: ValidationError, document: Document, model: type[BaseModel], at: KeyPath = ()) -> list[str]:
+    """One line with file, position and key for each error that `model` found in the part of a document at `at`."""
+    found = [(_path(document, (*at, *detail["loc"])), detail) for detail in error.errors(include_url=False)]
+    return [
+        document.problem(path, _words(detail, model, path[len(at) :]))
+        for path, detail in found
+        if not _follows_from_damage(document, path, detail["type"])
+    ]
+
+
+def _follows_from_damage(document: Document, path: KeyPath, kind: str) -> bool:
+    """Whether reading the document found the cause already."""
+    if kind == "missing":
+        return (*path[:-1], "<<") in document.damaged
+    if kind == "value_error":  # of a whole mapping: any part of it may be the cause
+        return any(damaged[: len(path)] == path for damaged in document.damaged)
+    return path in document.damaged
+
+
+def _path(document: Document, location: KeyPath) -> KeyPath:
+    """Key path of an error location, without the parts that name branches of the schema instead of keys."""
+    path: list[str | int] = []
+    part: Any = document.data
+    for number, key in enumerate(location, start=1):
+        last = number == len(location)
+        if isinstance(part, dict) and isinstance(key, str) and key != "[key]" and (key in part or last):
+            path.append(key)
+            part = part.get(key)
+        elif isinstance(part, list) and isinstance(key, int) and (key < len(part) or last):
+            path.append(key)
+            part = part[key] if key < len(part) else None
+    return tuple(path)
+
+
+def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath) -> str:
+    kind, found, context = detail["type"], detail["input"], detail.get("ctx", {})
+    if kind == "missing":
+        return _missing(found, model, path)
+    if kind == "extra_forbidden":
+        known = [name for around in _models_around(model, path) for name in around.model_fields]
+        return f"unknown key{nearest(str(path[-1]), known, 'known keys')}"
+    if kind == "value_error":
+        return f"{context['error']}" + (f", found {describe(found)}" if isinstance(found, str) else "")
+    if kind not in _EXPECTED:
+        return f"expected {detail['msg'].removeprefix('Input should be ')}, found {describe(found)}"
+    context = {key: f"{bound:g}" if isinstance(bound, float) else bound for key, bound in context.items()}
+    text = f"expected {_EXPECTED[kind].format(**context)}, found {describe(found)}"
+    if kind == "literal_error" and isinstance(found, str):
+        names = [name.strip("'") for name in context["expected"].replace(" or ", ", ").split(", ")]
+        similar = difflib.get_close_matches(found.lower(), names, n=1)
+        return text + (f"; did you mean {similar[0]}?" if similar else "")
+    hint = surprise(found) if kind in _HINTED and isinstance(found, str) else None
+    return f"{text}: {hint}" if hint else text
+
+
+def _missing(around: object, model: type[BaseModel], path: KeyPath) -> str:
+    if isinstance(path[-1], int):
+        return "the list is too short"
+    is_open = any(found.model_config.get("extra") == "allow" for found in _models_around(model, path))
+    if is_open and isinstance(around, dict):  # a misspelt key passes for a plugin's or back end's own
+        similar = difflib.get_close_matches(path[-1], around, n=1)
+        return "this key is missing" + (f"; did you write {similar[0]} for it?" if similar else "")
+    return "this key is missing"
+
+
+def _models_around(model: type[BaseModel], path: KeyPath) -> list[type[BaseModel]]:
+    """The model (or models, in a union) of the mapping around the last key."""
+    models = [model]
+    for key in path[:-1]:  # an index, or a key of the user's own, leads no deeper
+        models = [found for m in models if key in m.model_fields for found in _models(m.model_fields[key])] or models
+    return models
+
+
+def _models(field: object) -> Iterator[type[BaseModel]]:
+    annotation = getattr(field, "annotation", field)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models(argument)

@@ -1,0 +1,230 @@
+"""What a mission file may say, each part on its own; `loading` checks how the parts fit together."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from types import ModuleType
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+
+from artemis import vehicle
+from artemis.config import Config
+
+Positive = Annotated[float, Field(gt=0)]
+FileName = Annotated[str, Field(min_length=1)]
+"""Relative to the folder of the mission file, and inside of it."""
+
+
+def _check_name(name: str) -> str:
+    if not re.fullmatch("[a-z0-9-]{1,64}", name):
+        raise ValueError("expected at most 64 small letters, digits and hyphens")
+    return name
+
+
+class PluginUse(Config):
+    """A plugin by its name; every other key belongs to the plugin."""
+
+    model_config = ConfigDict(extra="allow")
+    plugin: str
+
+    @property
+    def options(self) -> dict[str, object]:
+        """The plugin's own keys."""
+        return dict(self.model_extra or {})
+
+
+class BusWords(Config):
+    """A real CAN bus in python-can's own words; words beside `interface` are the interface's."""
+
+    model_config = ConfigDict(extra="allow")
+    interface: str
+
+    @property
+    def words(self) -> dict[str, object]:
+        """All words, `interface` among them."""
+        return {"interface": self.interface, **(self.model_extra or {})}
+
+
+def _kind_of_bus(bus: object) -> str | None:
+    if isinstance(bus, dict | BusWords):
+        return "<words>"
+    return "<simulation>" if bus == "simulation" else None
+
+
+Bus = Annotated[
+    Annotated[Literal["simulation"], Tag("<simulation>")] | Annotated[BusWords, Tag("<words>")],
+    Discriminator(
+        _kind_of_bus,
+        custom_error_type="bus",
+        custom_error_message="simulation, or python-can's words such as {interface: socketcan, channel: can0}",
+    ),
+]
+
+
+class Calibrate(Config):
+    """Align the wheels and tell the drives where they stand."""
+
+    steering: Literal["from_potentiometers"]
+
+
+class Follow(Config):
+    """Drive along a path to its end."""
+
+    path: FileName
+    """Table of x, y in metres, from where the robot stands when the run is armed."""
+    follower: PluginUse
+    laps: Annotated[int, Field(ge=1, le=10_000)] = 1
+    """More than one only on a closed path."""
+    max_cross_track_m: Annotated[float, Field(gt=0, le=0.6)] = 0.6
+    """Farther from the path than this the robot is lost and stops (fault PTH-06)."""
+
+
+class Wait(Config):
+    """Stand still."""
+
+    seconds: Positive
+
+
+class Until(Config):
+    """When driving by hand is over: either key."""
+
+    button: Literal["done"] | None = None
+    seconds: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_key(self) -> Self:
+        _check_one_key(self, "until")
+        return self
+
+
+class Teleop(Config):
+    """Drive by hand with one of the mission's inputs."""
+
+    input: str
+    until: Until
+
+
+class Stop(Config):
+    """End the mission: stand, drives off. Only as the last step."""
+
+
+Action = Calibrate | Follow | Wait | Teleop | Stop
+
+
+class Step(Config):
+    """One step of the mission: a mapping with exactly one key."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+    calibrate: Calibrate | None = None
+    follow: Follow | None = None
+    wait: Wait | None = None
+    teleop: Teleop | None = None
+    stop: Stop | None = None
+
+    @property
+    def action(self) -> Action:
+        """What the step's only key holds."""
+        (key,) = self.model_fields_set
+        action: Action = getattr(self, key)
+        return action
+
+    @model_validator(mode="after")
+    def _one_key(self) -> Self:
+        _check_one_key(self, "a step")
+        return self
+
+
+def _check_one_key(config: Config, name: str) -> None:
+    keys = sorted(config.model_fields_set)
+    if len(keys) != 1:
+        choice = ", ".join(type(config).model_fields)
+        raise ValueError(f"{name} has exactly one key of {choice}; found {', '.join(keys) or 'none'}")
+    if getattr(config, keys[0]) is None:
+        raise ValueError(f"{keys[0]} is empty; write its keys, or {{}} where it has none")
+
+
+def _check_not_empty(steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    if not steps:
+        raise ValueError("expected at least one step")
+    return steps
+
+
+class Supervision(Config):
+    """How careful the robot is."""
+
+    stop_distance_m: Annotated[float, Field(gt=0, le=10)] = 0.6
+    """A quick stop from the highest speed of the mission must need no more than this."""
+
+
+class Operation(Config):
+    """Something a simulated operator does."""
+
+    at_s: Annotated[float, Field(ge=0)]
+    """Run time."""
+    do: Literal["quickstop", "acknowledge", "arm", "end"]
+
+
+class Simulation(Config):
+    """What stands in for the world when the bus is simulated."""
+
+    seed: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] = 0
+    pace: Literal["fast", "real_time"] = "fast"
+    true_robot: dict[str, object] = Field(default_factory=dict)
+    """How the simulated machine differs from the robot file, unknown to the software."""
+    inputs: dict[str, PluginUse] = Field(default_factory=dict)
+    """Stand-ins for inputs of the mission, by the same names."""
+    operator: Annotated[tuple[Operation, ...], Field(strict=False)] = ()
+
+
+class Mission(Config):
+    """A mission: which robot does what, on which bus."""
+
+    mission: Annotated[str, AfterValidator(_check_name), Field(json_schema_extra={"pattern": "^[a-z0-9-]{1,64}$"})]
+    """Its name, also of its runs' folders."""
+    robot: FileName
+    bus: Bus
+    tick_hz: Annotated[int, Field(ge=25, le=200)] = 50
+    inputs: dict[str, PluginUse] = Field(default_factory=dict)
+    steps: Annotated[
+        tuple[Step, ...], Field(strict=False, json_schema_extra={"minItems": 1}), AfterValidator(_check_not_empty)
+    ]
+    supervision: Supervision = Supervision()
+    simulation: Simulation = Simulation()
+    record: FileName = "runs/"
+    """Folder for the runs' folders."""
+
+
+def mission_schema() -> dict[str, object]:
+    """JSON schema of a mission file, for editors."""
+    return _schema(Mission, inspect.getmodule(Mission))
+
+
+def robot_schema() -> dict[str, object]:
+    """JSON schema of a robot file, for editors."""
+    return _schema(vehicle.Robot, vehicle)
+
+
+def _schema(model: type[Config], module: ModuleType | None) -> dict[str, object]:
+    schema: dict[str, object] = {"$schema": "https://json-schema.org/draft/2020-12/schema", **model.model_json_schema()}
+    definitions = schema.get("$defs")
+    models = {**(definitions if isinstance(definitions, dict) else {}), model.__name__: schema}
+    for (name, field), description in _field_docstrings(module).items():
+        properties = models.get(name, {}).get("properties", {})
+        if field in properties:
+            properties[field]["description"] = description
+    return schema
+
+
+def _field_docstrings(module: ModuleType | None) -> dict[tuple[str, str], str]:
+    """The texts that stand below the fields of a module's classes, by class and field."""
+    found: dict[tuple[str, str], str] = {}
+    tree = ast.parse(inspect.getsource(module)) if module else ast.Module([], [])
+    for owner in (node for node in tree.body if isinstance(node, ast.ClassDef)):
+        for field, text in zip(owner.body, owner.body[1:], strict=False):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(words))):
+                    found[owner.name, name] = inspect.cleandoc(words)
+    return found

@@ -1,0 +1,131 @@
+"""Kinematics of a car with two steered front wheels, as seen by its virtual front wheel.
+
+The virtual wheel stands in the middle of the front axle; its speed v [m/s] and angle alpha [rad, left positive] are
+what artemis commands. The pose belongs to the centre of the rear axle. With L the wheelbase, B the distance of the
+kingpins and kappa = tan(alpha) / L the curvature of the rear axle's path, a kingpin's direction is
+atan2(kappa L, 1 -+ kappa B/2) (left, right). All formulas here carry the factor cos(alpha), so none is singular:
+they hold for both signs, straight ahead, in reverse, and for an inner wheel turned beyond 90 degrees. They agree with
+thesis equations 3.3 and 3.5 to 3.9 (whose 3.4 prints arctan for acot) and add what rolls when an offset kingpin turns.
+"""
+
+from __future__ import annotations
+
+from math import atan, atan2, cos, hypot, sin, sqrt, tan
+
+from artemis.vehicle import Geometry
+
+
+class Ackermann:
+    """Exact relations between the virtual front wheel and the wheels. Angles in rad, speeds in m/s.
+
+    Attributes:
+        wheelbase: Distance of the axles [m].
+        scrub_radius: How far a driven wheel rolls per radian that its kingpin turns [m]; 0 if the rear is driven.
+    """
+
+    def __init__(self, geometry: Geometry) -> None:
+        self.wheelbase = geometry.wheelbase_m
+        self._front_driven = geometry.driven_axle == "front"
+        self.scrub_radius = geometry.scrub_radius_m if self._front_driven else 0.0
+        # the following in wheelbases
+        self._kingpin = geometry.kingpin_distance_m / (2.0 * self.wheelbase)
+        self._outboard = self.scrub_radius / self.wheelbase
+        self._half_track = geometry.track_m / (2.0 * self.wheelbase)
+
+    # ------------------------------------------------------------------------------------------ angles
+
+    def curvature_from_steering(self, steering: float) -> float:
+        """Curvature of the rear axle's path [1/m], left positive (thesis eq. 3.1)."""
+        return tan(steering) / self.wheelbase
+
+    def steering_from_curvature(self, curvature: float) -> float:
+        """Angle of the virtual wheel for a curvature of the rear axle's path [1/m]."""
+        return atan(curvature * self.wheelbase)
+
+    def wheel_angles(self, steering: float) -> tuple[float, float]:
+        """Angles (left, right) at which no wheel slips sideways (thesis eq. 3.3, 3.5)."""
+        s, c = sin(steering), cos(steering)
+        offset = self._kingpin * s
+        return atan2(s, c - offset), atan2(s, c + offset)
+
+    def steering_from_left(self, angle: float) -> float:
+        """Angle of the virtual wheel that belongs to the left wheel's; rises with it."""
+        s = sin(angle)
+        return atan2(s, cos(angle) + self._kingpin * s)
+
+    def steering_from_right(self, angle: float) -> float:
+        """Angle of the virtual wheel that belongs to the right wheel's; rises with it."""
+        s = sin(angle)
+        return atan2(s, cos(angle) - self._kingpin * s)
+
+    def steering_from_wheel_angles(self, left: float, right: float) -> float:
+        """Angle of the virtual wheel from both measured wheel angles: the mean of their curvatures."""
+        return atan((tan(self.steering_from_left(left)) + tan(self.steering_from_right(right))) / 2.0)
+
+    def wheel_rates(self, steering: float, rate: float) -> tuple[float, float]:
+        """Rates (left, right) [rad/s] that keep the wheels a pair while the virtual wheel turns at `rate` [rad/s].
+
+        The derivative of `wheel_angles`, (sin(delta) / sin(alpha))^2, in a form that holds at zero; thesis eq. 3.17
+        takes the ratio of the whole changes instead, see `arrival_rates`.
+        """
+        s, c = sin(steering), cos(steering)
+        offset = self._kingpin * s
+        return rate / (s * s + (c - offset) ** 2), rate / (s * s + (c + offset) ** 2)
+
+    # ------------------------------------------------------------------------------------------ speeds
+
+    def speed_ratios(self, steering: float) -> tuple[float, float]:
+        """Rolling speed of each driven wheel (left, right) per speed of the virtual wheel, at a constant angle.
+
+        Front: arm of the kingpin about the turning point, less or more the scrub radius (thesis eq. 3.8, 3.9).
+        Rear: cos(alpha) (1 -+ kappa S/2), S the track.
+        """
+        s, c = sin(steering), cos(steering)
+        if self._front_driven:
+            offset, outboard = self._kingpin * s, self._outboard * s
+            return hypot(s, c - offset) - outboard, hypot(s, c + offset) + outboard
+        offset = self._half_track * s
+        return c - offset, c + offset
+
+    def wheel_speeds(
+        self, speed: float, steering: float, rate_left: float = 0.0, rate_right: float = 0.0
+    ) -> tuple[float, float]:
+        """Rolling speeds (left, right) of the driven wheels.
+
+        A front wheel stands outboard of its kingpin: turning it to the left at `rate` [rad/s] rolls the left one back
+        and the right one forward by scrub_radius * rate, also when the robot stands (missing in thesis eq. 3.8, 3.9).
+        """
+        left, right = self.speed_ratios(steering)
+        return speed * left - self.scrub_radius * rate_left, speed * right + self.scrub_radius * rate_right
+
+    def wheel_accelerations(self, acceleration: float, steering: float) -> tuple[float, float]:
+        """Accelerations (left, right) [m/s²] with which both driven wheels reach a speed together (thesis eq. 3.15)."""
+        left, right = self.speed_ratios(steering)
+        return acceleration * left, acceleration * right
+
+    def twist_from_wheels(
+        self, speed_left: float, speed_right: float, steering: float, rate_left: float = 0.0, rate_right: float = 0.0
+    ) -> tuple[float, float]:
+        """Inverse of `wheel_speeds`: least squares over both driven wheels; takes ways for speeds as well.
+
+        Returns:
+            Speed of the virtual wheel, and how far each wheel is from rolling with it (root mean square, >= 0).
+        """
+        left, right = self.speed_ratios(steering)
+        rolled_left = speed_left + self.scrub_radius * rate_left
+        rolled_right = speed_right - self.scrub_radius * rate_right
+        square = left * left + right * right
+        speed = (left * rolled_left + right * rolled_right) / square
+        return speed, abs(right * rolled_left - left * rolled_right) / sqrt(2.0 * square)
+
+
+def arrival_rates(change_left: float, change_right: float, rate: float) -> tuple[float, float]:
+    """Constant rates (left, right) at which both sides complete their changes at the same moment.
+
+    The side with more to do goes at `rate` (>= 0), the other in proportion. For wheel speeds [m/s] the rates are
+    accelerations (thesis eq. 3.13, 3.14), for wheel angles [rad] steering speeds (thesis eq. 3.16, 3.17).
+    """
+    most = max(abs(change_left), abs(change_right))
+    if most == 0.0:
+        return 0.0, 0.0
+    return rate * (change_left / most), rate * (change_right / most)

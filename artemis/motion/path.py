@@ -1,0 +1,340 @@
+"""Paths for the centre of the rear axle: read, smoothed, sampled at constant arc length, projected onto."""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline  # type: ignore[import-untyped]  # scipy has no types
+
+from artemis.errors import ConfigError
+from artemis.motion.angles import wrap
+from artemis.motion.spline import Array, parameter_from_arc, smoothed
+from artemis.motion.table import Table
+from artemis.vehicle import Robot
+
+SPACING = 0.02
+"""Arc length between samples [m]; the real spacing is a little less, so that they end with the path."""
+SMOOTHING = 0.3
+"""Wavelength [m] of which smoothing halves the amplitude. A drivable circle (r > 0.3 m) moves by less than 1 mm, while
+the noise of millimetres in a recording, which curvature would multiply, goes."""
+MIN_STEP = 0.001
+"""Points closer to the one before [m] are standstill or duplicates."""
+MAX_GAP = 1.0
+MAX_LENGTH = 20_000.0
+"""Longer paths [m] are a mistake of units, and would fill the memory with samples."""
+MAX_TURN = math.radians(120)
+"""A sharper turn between three points is a reversal (a cusp), not a curve."""
+WINDOW = 0.3
+
+_NAMES = {"x": "x", "y": "y", "heading": "heading", "speed": "speed"} | {
+    "x_m": "x", "y_m": "y", "heading_rad": "heading", "speed_m_s": "speed"
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathPoint:
+    """A point of a path. Heading is that of the tangent, in (-pi, pi]; curvature [1/m] is positive to the left."""
+
+    arc_length: float
+    x: float
+    y: float
+    heading: float
+    curvature: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Projection(PathPoint):
+    """The point of a path that is nearest to a robot."""
+
+    cross_track: float
+    """How far the robot is to the left of the tangent [m]."""
+
+
+class Path:
+    """A curve sampled at constant arc length; made by `path_from_csv` or `path_from_points`.
+
+    Attributes:
+        x, y: samples [m], frame of the odometry. A closed path repeats its first sample at its end.
+        heading: of the tangent [rad], continuous (not wrapped).
+        curvature: [1/m], left positive.
+        speed: recorded speed of the virtual front wheel [m/s], or None.
+        spacing: arc length between samples [m].
+        closed: the end joins the start.
+        laps: how often a closed path is driven.
+        deviation: largest distance of a given point from the curve [m].
+        dropped: given points that were left out because the robot stood still there.
+    """
+
+    def __init__(
+        self,
+        x: Array,
+        y: Array,
+        heading: Array,
+        curvature: Array,
+        *,
+        spacing: float,
+        closed: bool = False,
+        speed: Array | None = None,
+        deviation: float = 0.0,
+        dropped: int = 0,
+    ) -> None:
+        self.x, self.y, self.heading, self.curvature, self.speed = x, y, heading, curvature, speed
+        self.spacing, self.closed, self.laps = spacing, closed, 1
+        self.deviation, self.dropped = deviation, dropped
+        # Scalars are read from lists: several times faster than from arrays.
+        self._x: list[float] = x.tolist()
+        self._y: list[float] = y.tolist()
+        self._heading: list[float] = heading.tolist()
+        self._curvature: list[float] = curvature.tolist()
+        self._speed: list[float] = [] if speed is None else speed.tolist()
+        self._last = len(x) - 1
+
+    @property
+    def arc_length(self) -> Array:
+        """Arc length of the samples of one lap [m], shape (n,)."""
+        return np.linspace(0.0, self._last * self.spacing, self._last + 1)
+
+    @property
+    def length(self) -> float:
+        """Way from the start to the end of the last lap [m]."""
+        return self._last * self.spacing * self.laps
+
+    def with_laps(self, laps: int) -> Path:
+        """The same path, driven `laps` times.
+
+        Raises:
+            ConfigError: several laps of a path that is not closed, or none.
+        """
+        if laps < 1 or (laps > 1 and not self.closed):
+            raise ConfigError(f"laps: {laps} is not possible: " + ("at least 1" if laps < 1 else "the path is open"))
+        path = copy.copy(self)
+        path.laps = laps
+        return path
+
+    def at(self, arc_length: float) -> PathPoint:
+        """The point at an arc length [m]. A closed path goes on with its next lap, an open one straight."""
+        index = round(arc_length / self.spacing)
+        if not self.closed:
+            index = min(max(index, 0), self._last)
+        x, y, heading, curvature = self._near_sample(index, arc_length - index * self.spacing)
+        return PathPoint(arc_length=arc_length, x=x, y=y, heading=heading, curvature=curvature)
+
+    def speed_at(self, arc_length: float) -> float:
+        """Recorded speed [m/s] at an arc length; infinite where none was recorded."""
+        if not self._speed:
+            return math.inf
+        index = round(arc_length / self.spacing)
+        return self._speed[index % self._last if self.closed else min(max(index, 0), self._last)]
+
+    def project(self, x: float, y: float, near: float, window: float = WINDOW) -> Projection:
+        """The nearest point of the path within `window` [m] of arc length around `near`.
+
+        Costs the same for every length of path, and stays on its branch where the path crosses itself. Arc length
+        counts on over laps; before the start and after the end of an open path it goes on along the tangent.
+        """
+        spacing, last = self.spacing, self._last
+        if self.closed:
+            window, count = min(window, last * spacing / 2), last
+            first, final = round((near - window) / spacing), round((near + window) / spacing)
+        else:
+            near, count = min(max(near, 0.0), last * spacing), last + 1
+            first, final = max(round((near - window) / spacing), 0), min(round((near + window) / spacing), last)
+        xs, ys = self._x, self._y
+        nearest, index = math.inf, first
+        for candidate in range(first, final + 1):
+            dx, dy = x - xs[candidate % count], y - ys[candidate % count]
+            distance = dx * dx + dy * dy
+            if distance < nearest:
+                nearest, index = distance, candidate
+        rest = self._foot(x, y, index)
+        foot_x, foot_y, heading, curvature = self._near_sample(index, rest)
+        return Projection(
+            arc_length=index * spacing + rest,
+            x=foot_x,
+            y=foot_y,
+            heading=heading,
+            curvature=curvature,
+            cross_track=(y - foot_y) * math.cos(heading) - (x - foot_x) * math.sin(heading),
+        )
+
+    def _foot(self, x: float, y: float, index: int) -> float:
+        """Arc length from a sample to the perpendicular through (x, y), which is close to that sample."""
+        sample = index % self._last if self.closed else index
+        dx, dy, heading = x - self._x[sample], y - self._y[sample], self._heading[sample]
+        cosine, sine = math.cos(heading), math.sin(heading)
+        along = dx * cosine + dy * sine
+        if not self.closed and (along < 0 if index == 0 else index == self._last and along > 0):
+            return along
+        # One Newton step; the distance from the centre of curvature scales the way along the curve.
+        scale = 1.0 - self._curvature[sample] * (dy * cosine - dx * sine)
+        return max(-self.spacing, min(self.spacing, along / max(scale, 0.1)))
+
+    def _near_sample(self, index: int, rest: float) -> tuple[float, float, float, float]:
+        """x, y, heading and curvature `rest` metres after a sample; curvature is linear between samples."""
+        if self.closed:
+            index %= self._last
+        heading, curvature = self._heading[index], self._curvature[index]
+        following = index + 1 if rest > 0 else index - 1
+        if self.closed:
+            following %= self._last
+        if 0 <= following <= self._last:
+            end_curvature = curvature + (self._curvature[following] - curvature) * abs(rest) / self.spacing
+        elif rest == 0:
+            end_curvature = curvature
+        else:
+            curvature = end_curvature = 0.0
+        chord = heading + curvature * rest / 2
+        end_heading = wrap(heading + (curvature + end_curvature) * rest / 2)
+        x, y = self._x[index] + rest * math.cos(chord), self._y[index] + rest * math.sin(chord)
+        return x, y, end_heading, end_curvature
+
+
+def path_from_csv(text: str, source: str, *, spacing: float = SPACING, smoothing: float = SMOOTHING) -> Path:
+    """Read a path: columns x, y [m], optionally heading [rad] and speed [m/s].
+
+    Args:
+        text: the whole file: comma, semicolon or blanks between cells, header optional, `#` starts a comment.
+        source: its name, for messages.
+        spacing: arc length between samples [m].
+        smoothing: wavelength [m] of which the amplitude is halved; 0 goes exactly through the points.
+
+    Raises:
+        ConfigError: every problem found, with file:line:column (faults PTH-01, PTH-02, PTH-04).
+    """
+    table = Table(text, source, _NAMES, required=("x", "y"))
+    if not table.complete:
+        table.raise_problems()
+    x, y = np.array(table.columns["x"]), np.array(table.columns["y"])
+    kept = _moving(x, y)
+    _check_points(table, x, y, kept)
+    table.raise_problems()
+    speed = np.array(table.columns["speed"])[kept] if "speed" in table.columns else None
+    path = path_from_points(x[kept], y[kept], speed=speed, spacing=spacing, smoothing=smoothing)
+    path.dropped = len(x) - len(kept)
+    return path
+
+
+def path_from_points(
+    x: Array, y: Array, *, speed: Array | None = None, spacing: float = SPACING, smoothing: float = SMOOTHING
+) -> Path:
+    """Lay a smooth curve through points that are at least `MIN_STEP` apart, and sample it.
+
+    Args:
+        x: coordinates [m], shape (n,), n >= 2.
+        y: likewise.
+        speed: speed of the virtual front wheel at the points [m/s], or None.
+        spacing: arc length between samples [m].
+        smoothing: wavelength [m] of which the amplitude is halved; 0 goes exactly through the points.
+    """
+    points = np.column_stack([x, y])
+    closed = _is_closed(points)
+    if closed and math.dist(points[0], points[-1]) >= MIN_STEP:
+        points = np.vstack([points, points[:1]])
+        speed = None if speed is None else np.append(speed, speed[0])
+    elif closed:
+        points[-1] = points[0]
+    parameter = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    smooth = smoothed(parameter, points, smoothing, closed) if smoothing > 0 else points
+    curve = CubicSpline(parameter, smooth, bc_type="periodic" if closed else "not-a-knot")
+    sampled, arc = parameter_from_arc(curve, parameter[-1], spacing)
+    (px, py), (dx, dy), (ddx, ddy) = curve(sampled).T, curve(sampled, 1).T, curve(sampled, 2).T
+    return Path(
+        px,
+        py,
+        np.unwrap(np.arctan2(dy, dx)),
+        (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3,
+        spacing=arc / (len(sampled) - 1),
+        closed=closed,
+        speed=None if speed is None else np.interp(sampled, parameter, speed),
+        deviation=float(np.max(np.hypot(*(smooth - points).T))),
+    )
+
+
+def check_drivable(path: Path, robot: Robot, speed: float) -> list[str]:
+    """Why a robot cannot follow a path at a speed of its virtual front wheel [m/s]; empty if it can (PTH-03)."""
+    geometry, limits = robot.geometry, robot.limits
+    problems = []
+    bound = math.tan(math.radians(limits.steering_deg)) / geometry.wheelbase_m
+    worst = int(np.argmax(np.abs(path.curvature)))
+    if abs(path.curvature[worst]) > bound:
+        problems.append(
+            f"too sharp at {_place(path, worst)}: curvature {path.curvature[worst]:.2f} 1/m, possible {bound:.2f} 1/m "
+            f"({limits.steering_deg:g} deg of steering); widen the curve"
+        )
+    angle = np.arctan(geometry.wheelbase_m * path.curvature)
+    rear_speed = np.cos(angle) * np.minimum(speed, np.inf if path.speed is None else path.speed)
+    half = geometry.kingpin_distance_m / 2
+    rate = np.zeros_like(angle)
+    for side in (half, -half):  # the inner wheel turns up to 1.3 times as fast as the virtual one
+        wheel = np.arctan2(path.curvature * geometry.wheelbase_m, 1 - path.curvature * side)
+        rate = np.maximum(rate, np.abs(np.gradient(wheel, path.spacing)) * rear_speed)
+    worst, possible = int(np.argmax(rate)), limits.steering_rate_wheel_deg_s
+    needed = math.degrees(rate[worst])
+    if needed > possible:
+        speed = min(speed, path.speed_at(worst * path.spacing))
+        problems.append(
+            f"too fast at {_place(path, worst)}: a wheel would steer with {needed:.0f} deg/s, possible {possible:g} "
+            f"deg/s; drive at most {speed * possible / needed:.2f} m/s"
+        )
+    return problems
+
+
+def _place(path: Path, index: int) -> str:
+    return f"{index * path.spacing:.2f} m (x {path.x[index]:.2f} m, y {path.y[index]:.2f} m)"
+
+
+def _moving(x: Array, y: Array) -> list[int]:
+    """Indices of the points that are at least `MIN_STEP` from the last one kept."""
+    kept: list[int] = []
+    last = (math.inf, math.inf)
+    for index, point in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
+        if not math.dist(point, last) < MIN_STEP:
+            kept.append(index)
+            last = point
+    return kept
+
+
+def _check_points(table: Table, x: Array, y: Array, kept: list[int]) -> None:
+    """Report what makes readable points no path: too few, too far apart, reversing, driven backwards."""
+    if len(kept) < 2:
+        table.report_file(f"{len(kept)} distinct points; expected at least 2")
+        return
+    dx, dy = np.diff(x[kept]), np.diff(y[kept])
+    gaps, tangents = np.hypot(dx, dy), np.arctan2(dy, dx)
+    if gaps.sum() > MAX_LENGTH:
+        table.report_file(f"path of {gaps.sum():.0f} m; expected at most {MAX_LENGTH:.0f} m, coordinates in metres")
+    for index in np.flatnonzero(gaps > MAX_GAP):
+        if not table.is_torn(kept[index + 1]):
+            problem = f"{gaps[index]:.2f} m from the point before; expected at most {MAX_GAP:g} m"
+            table.report(kept[index + 1], problem)
+    turns = np.abs(_wrapped(np.diff(tangents)))
+    for index in np.flatnonzero(turns > MAX_TURN):
+        table.report(kept[index + 1], f"the path reverses here ({math.degrees(turns[index]):.0f} deg); split it")
+    if "heading" in table.columns:
+        headings = np.array(table.columns["heading"])[kept[:-1]]
+        for index in np.flatnonzero(np.cos(headings - tangents) < 0):
+            problem = f"heading {headings[index]:.2f} rad points against the path; expected it driven forward"
+            table.report(kept[index], problem, "heading")
+    if "speed" in table.columns:
+        speeds = np.array(table.columns["speed"])[kept]
+        for index in np.flatnonzero(speeds <= 0):
+            table.report(kept[index], f"speed: expected more than 0 m/s, found {speeds[index]:g}", "speed")
+
+
+def _is_closed(points: Array) -> bool:
+    """The end is within a spacing of the start, and the tangents agree."""
+    steps = np.diff(points, axis=0)
+    spacing = float(np.median(np.hypot(*steps.T)))
+    seam = points[0] - points[-1]
+    if len(points) < 4 or math.hypot(*seam) > 1.5 * spacing:
+        return False
+    directions = [steps[-1], seam, steps[0]] if math.hypot(*seam) >= MIN_STEP else [steps[-1], steps[0]]
+    headings = np.array([math.atan2(step[1], step[0]) for step in directions])
+    return bool(np.all(np.abs(_wrapped(np.diff(headings))) <= math.radians(60)))
+
+
+def _wrapped(angles: Array) -> Array:
+    return np.asarray((angles + math.pi) % math.tau - math.pi)

@@ -1,0 +1,82 @@
+"""What follows from the drives' feedback without judgement: odometry, standstill, and where the wheels are."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+from artemis.motion.ackermann import Ackermann
+from artemis.motion.odometry import Odometer
+from artemis.values import DriveFeedback, DriveState, Odometry, Sensed, SetPoints, Snapshot, Verdict
+from artemis.vehicle import Robot
+
+STANDING_TIME, STANDING_WAY = 0.1, 0.001
+"""The robot stands when no driven wheel rolled further than this [m] in this time [s]."""
+
+
+class Perception:
+    """Keeps the odometry from tick to tick. Deterministic: the same feedback gives the same snapshots."""
+
+    def __init__(self, robot: Robot, tick: float) -> None:
+        """`tick`: period of the scheduled ticks [s]; `dt` never passes two of them."""
+        self._dt_max = 2 * tick
+        self._odometer, self._odometry = Odometer(robot.geometry), Odometry()
+        self._ackermann = Ackermann(robot.geometry)
+        names = list(robot.drives)
+        places = [(role, side) for role in ("traction", "steering") for side in ("left", "right")]
+        self._places = tuple(names.index(robot.drive_at(role, side)[0]) for role, side in places)
+        self._rolled: deque[tuple[float, float, float]] = deque()
+
+    def reset(self) -> None:
+        """Make the present place the origin."""
+        self._odometer.reset()
+
+    def perceive(self, sensed: Sensed, verdict: Verdict, last: SetPoints) -> Snapshot:
+        """The snapshot of this tick. An urgent tick has dt = 0: its feedback is the last scheduled one's."""
+        dt = 0.0
+        if not sensed.urgent:
+            left, right, steer_left, steer_right = self._by_place(sensed)
+            if self._rolled:
+                before, last_left, last_right = self._rolled[-1]
+                dt = min(sensed.time - before, self._dt_max)
+                way = left.position - last_left, right.position - last_right
+                self._odometry = self._odometer.update(
+                    *way, steer_left.position, steer_right.position, sensed.time - before
+                )
+            self._rolled.append((sensed.time, left.position, right.position))
+            while len(self._rolled) > 2 and self._rolled[1][0] <= sensed.time - STANDING_TIME:
+                self._rolled.popleft()
+        return Snapshot(
+            sensed=sensed,
+            dt=dt,
+            odometry=self._odometry,
+            standing=self._stands(sensed),
+            set_points=last,
+            verdict=verdict,
+        )
+
+    def as_they_stand(self, sensed: Sensed, last: SetPoints) -> SetPoints:
+        """`last`, but with the measured angles while a steering drive is off, and no speed while traction is."""
+        left, right, steer_left, steer_right = self._by_place(sensed)
+        on = DriveState.OPERATION_ENABLE
+        if steer_left.state is not on or steer_right.state is not on:
+            angles = steer_left.position, steer_right.position
+            steering = self._ackermann.steering_from_wheel_angles(*angles)
+            last = replace(last, steering=steering, steering_left=angles[0], steering_right=angles[1])
+        if left.state is not on or right.state is not on:
+            last = replace(last, speed=0.0, speed_left=0.0, speed_right=0.0)
+        return last
+
+    def _by_place(self, sensed: Sensed) -> tuple[DriveFeedback, DriveFeedback, DriveFeedback, DriveFeedback]:
+        """Traction left, right, steering left, right."""
+        drives, (a, b, c, d) = sensed.drives, self._places
+        return drives[a], drives[b], drives[c], drives[d]
+
+    def _stands(self, sensed: Sensed) -> bool:
+        if not self._rolled:
+            return False
+        first, last = self._rolled[0], self._rolled[-1]
+        ages = [drive.age for drive in self._by_place(sensed)[:2]]
+        if last[0] - first[0] < 0.9 * STANDING_TIME or any(age is None or age > STANDING_TIME for age in ages):
+            return False
+        return abs(last[1] - first[1]) <= STANDING_WAY and abs(last[2] - first[2]) <= STANDING_WAY

@@ -1,0 +1,15 @@
+"""Poses in frames."""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+from artemis.motion.angles import difference
+from artemis.values import Pose
+
+
+def seen_from(origin: Pose, pose: Pose) -> Pose:
+    """`pose` in the frame whose origin, in `pose`'s own frame, is `origin`."""
+    dx, dy = pose.x - origin.x, pose.y - origin.y
+    c, s = cos(origin.heading), sin(origin.heading)
+    return Pose(x=c * dx + s * dy, y=c * dy - s * dx, heading=difference(pose.heading, origin.heading))

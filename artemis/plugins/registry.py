@@ -1,0 +1,130 @@
+"""Plugins that are installed: found by their entry points, imported one by one when they are asked for."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from artemis.config import Config
+from artemis.errors import PluginError
+from artemis.plugins.contracts import CONTRACT, Follower, InputDevice
+
+INPUTS = "artemis.inputs"
+FOLLOWERS = "artemis.followers"
+CONTRACTS: dict[str, type[Any]] = {INPUTS: InputDevice, FOLLOWERS: Follower}
+"""Entry-point groups, and what the classes in them must be able to do."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listed:
+    """One entry point, for people."""
+
+    name: str
+    group: str
+    distribution: str
+    """Package that brings it; empty if that is not known."""
+    version: str
+    target: str
+    """Where the class is: `module:Class`."""
+    error: str | None = None
+    """Why it cannot be used."""
+
+
+def listing(group: str, *, check: bool = False) -> tuple[Listed, ...]:
+    """Plugins of a group, by name.
+
+    Args:
+        group: one of `CONTRACTS`.
+        check: import every one of them, to know whether it works. Without it nothing is imported, and only names that
+            several packages claim count as errors.
+    """
+    found = _found(group)
+    return tuple(
+        Listed(
+            name=point.name,
+            group=group,
+            distribution=_owner(point),
+            version=point.dist.version if point.dist else "",
+            target=point.value,
+            error=_error(point, found, check=check),
+        )
+        for point in found
+    )
+
+
+def load(group: str, name: str) -> type[Any]:
+    """The class of a plugin, checked against its group's contract; a broken plugin harms nobody else.
+
+    Args:
+        group: one of `CONTRACTS`.
+        name: as the mission writes it.
+
+    Raises:
+        PluginError: no plugin has this name, several packages claim it, its import fails, or it breaks the contract.
+    """
+    found = _found(group)
+    claimants = [point for point in found if point.name == name]
+    if not claimants:
+        names = sorted({point.name for point in found})
+        nearest = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
+        hint = f"nearest is '{nearest[0]}', installed are {', '.join(names)}" if nearest else "none is installed"
+        raise PluginError(f"{group}: no plugin '{name}'; {hint}")
+    if len(claimants) > 1:
+        raise PluginError(_claimed_twice(group, claimants))
+    return _import(claimants[0])
+
+
+def _found(group: str) -> list[EntryPoint]:
+    return sorted(entry_points(group=group), key=lambda point: (point.name, _owner(point)))
+
+
+def _owner(point: EntryPoint) -> str:
+    return point.dist.name if point.dist else ""
+
+
+def _error(point: EntryPoint, found: list[EntryPoint], *, check: bool) -> str | None:
+    claimants = [other for other in found if other.name == point.name]
+    if len(claimants) > 1:
+        return _claimed_twice(point.group, claimants)
+    if check:
+        try:
+            _import(point)
+        except PluginError as error:
+            return str(error)
+    return None
+
+
+def _claimed_twice(group: str, claimants: list[EntryPoint]) -> str:
+    owners = " and ".join(f"{_owner(point)} ({point.value})" for point in claimants)
+    return f"{group}: '{claimants[0].name}' is claimed by {owners}; uninstall one"
+
+
+def _import(point: EntryPoint) -> type[Any]:
+    """Import a class and check that it is a plugin of its group."""
+    place = f"{point.group}: plugin '{point.name}' of {_owner(point)} ({point.value})"
+    try:
+        plugin = point.load()
+    except (Exception, SystemExit) as error:  # a stranger's module may raise anything; its cause is chained
+        raise PluginError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
+    problems = _breaches(plugin, CONTRACTS[point.group])
+    if problems:
+        raise PluginError([f"{place} {problem}" for problem in problems])
+    return plugin  # type: ignore[no-any-return]  # a class, as `_breaches` has seen
+
+
+def _breaches(plugin: object, contract: type[Any]) -> list[str]:
+    """What keeps an object from being a plugin of a contract."""
+    if not inspect.isclass(plugin):
+        return [f"is not a class but {plugin!r:.80}"]
+    version = getattr(plugin, "contract", CONTRACT)
+    if version != CONTRACT:
+        return [f"was written for contract {version}; this artemis has contract {CONTRACT}"]
+    methods = [name for name, value in vars(contract).items() if inspect.isfunction(value) and name[0] != "_"]
+    problems = [f"has no method {name}()" for name in methods if not callable(getattr(plugin, name, None))]
+    config = getattr(plugin, "Config", None)
+    if not (inspect.isclass(config) and issubclass(config, Config)):
+        problems.append("has no Config that is a subclass of artemis.config.Config")
+    return problems

@@ -1,0 +1,224 @@
+"""Reads a recording back, whole or damaged: as far as it is whole, and says what is missing."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cached_property
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Metadata
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from numpy.typing import NDArray
+
+from artemis.devices.can_bus import Frame
+from artemis.errors import RecordingError
+from artemis.recording import schemas
+from artemis.recording.journal import Entry, Level
+from artemis.recording.schemas import TickRecord
+from artemis.values import Pose, Sensed
+from artemis.vehicle import Robot
+
+_RECORD = struct.Struct("<BQ")
+"""Kind and length of a record (MCAP specification, "Records")."""
+_MESSAGE = struct.Struct("<HIQ8x")
+"""Channel, sequence and log time at the beginning of a message; the publishing time is the same."""
+_DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError)
+"""What a damaged file makes the mcap package raise (checksums: ValueError)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedTick:
+    """One tick of a recording."""
+
+    sensed: Sensed
+    record: TickRecord
+    raw: bytes
+    """The record as written by `schemas.tick_record`."""
+
+
+class _Message(NamedTuple):
+    topic: str
+    sequence: int
+    time_ns: int
+    data: bytes
+
+
+class Recording:
+    """A run folder, or its `recording.mcap`.
+
+    Attributes:
+        path: the file.
+        missing: what could not be read or was not recorded, in words; None if the recording is whole.
+        versions: of artemis, python and numpy.
+        start: date and time on the wall at run time 0.
+        attachments: `mission.json` and `robot.json` (resolved), and the mission's files as `files/...`.
+        outcome: how the run ended, in a few words; empty if nobody said.
+        wall_duration: how long the run took on the wall [s]; None if it was cut off.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open and check the whole file.
+
+        Raises:
+            RecordingError: it cannot be read, is no recording of artemis, or ends before the run begins.
+        """
+        self.path = path / "recording.mcap" if path.is_dir() else path
+        self.attachments: dict[str, bytes] = {}
+        self._metadata: dict[str, dict[str, str]] = {}
+        self._chunks: list[Chunk] = []
+        self._topics: dict[int, str] = {}
+        damage = self._scan()
+        if "artemis" not in self._metadata or "robot.json" not in self.attachments:
+            raise RecordingError(f"{self.path}: {damage or 'not written by artemis'}; nothing of a run can be read")
+        self.versions = self._metadata["artemis"]
+        self._start = int(self.versions["start_ns"])
+        self.start = datetime.fromisoformat(self.versions["start"])
+        end = self._metadata.get("end", {})
+        self.outcome = end.get("outcome", "")
+        self.wall_duration = float(end["wall_s"]) if "wall_s" in end else None
+        self.missing = self._missing(damage)
+
+    # ----------------------------------------------------------------------------------------------------- content
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot that drove."""
+        return Robot.model_validate_json(self.attachments["robot.json"])
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The mission's files, by the names there."""
+        prefix = "files/"
+        return {name[len(prefix) :]: data for name, data in self.attachments.items() if name.startswith(prefix)}
+
+    def ticks(self) -> Iterator[RecordedTick]:
+        """Every tick that is there with both its halves, in order."""
+        sensed = None
+        for message in self._messages("/sensed", "/tick"):
+            if message.topic == "/sensed":
+                sensed = message
+            elif sensed and sensed.sequence == message.sequence:
+                record = schemas.tick_from_record(message.data)
+                yield RecordedTick(sensed=schemas.sensed_from_record(sensed.data), record=record, raw=message.data)
+
+    def records(self) -> Iterator[TickRecord]:
+        """What artemis made of each tick, without the sensed values."""
+        for message in self._messages("/tick"):
+            yield schemas.tick_from_record(message.data)
+
+    def frame_arrays(self) -> Iterator[tuple[int, NDArray[np.void]]]:
+        """The index of each tick with frames, and these as an array of dtype `schemas.FRAME_RECORD`."""
+        for message in self._messages("/frames"):
+            packed = msgspec.json.decode(message.data, type=schemas.Frames)
+            yield packed.tick, schemas.frame_array(packed.data)
+
+    def frames(self) -> Iterator[tuple[int, list[tuple[bool, Frame]]]]:
+        """The index of each tick with frames, and these, each with "sent by us"."""
+        for index, array in self.frame_arrays():
+            yield index, schemas.unpack_frames(array.tobytes())
+
+    def entries(self) -> Iterator[Entry]:
+        """What happened: the log (the journal holds the same, with data for machines)."""
+        for message in self._messages("/log"):
+            line = msgspec.json.decode(message.data, type=schemas.Log)
+            time = (message.time_ns - self._start) / 1e9
+            yield Entry(time=time, kind=line.name, text=line.message, level=Level(line.level))
+
+    def true_poses(self) -> Iterator[tuple[float, Pose]]:
+        """Run time [s] and true pose (frame `odom`) of every tick that has one."""
+        for record in self.records():
+            if record.true_pose is not None:
+                yield record.time, record.true_pose
+
+    # --------------------------------------------------------------------------------------------------- the file
+
+    def _scan(self) -> str | None:
+        """Collect everything whole; returns what is wrong with the rest."""
+        try:
+            with self.path.open("rb") as stream:
+                size = self.path.stat().st_size
+                reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=size)
+                return self._collect(reader)
+        except FileNotFoundError:
+            raise RecordingError(f"{self.path}: no recording here; name a run folder or an MCAP file") from None
+        except OSError as error:
+            raise RecordingError(f"{self.path}: cannot read: {error.strerror}") from error
+
+    def _collect(self, reader: StreamReader) -> str | None:
+        try:
+            for record in reader.records:
+                if isinstance(record, Metadata):
+                    self._metadata[record.name] = record.metadata
+                elif isinstance(record, Attachment):
+                    self.attachments[record.name] = record.data
+                elif isinstance(record, Chunk):
+                    self._learn_topics(_content(record))
+                    self._chunks.append(record)
+                elif isinstance(record, DataEnd):
+                    return None
+        except InvalidMagic:
+            return "not an MCAP file"
+        except (EndOfFile, RecordLengthLimitExceeded, struct.error):
+            return "the file is cut off"
+        except _DAMAGE as error:
+            return f"the file is damaged ({error})"
+        return "the file is cut off"
+
+    def _learn_topics(self, content: bytes) -> None:
+        for opcode, start, end in _records(content):
+            if opcode == Opcode.CHANNEL:
+                channel = Channel.read(ReadDataStream(BytesIO(content[start:end])))
+                self._topics[channel.id] = channel.topic
+
+    def _messages(self, *topics: str) -> Iterator[_Message]:
+        """All messages of some topics, in the order written."""
+        wanted = {number: topic for number, topic in self._topics.items() if topic in topics}
+        for chunk in self._chunks:
+            content = _content(chunk)
+            for opcode, start, end in _records(content):
+                if opcode == Opcode.MESSAGE:
+                    number, sequence, time_ns = _MESSAGE.unpack_from(content, start)
+                    if number in wanted:
+                        yield _Message(wanted[number], sequence, time_ns, content[start + _MESSAGE.size : end])
+
+    def _missing(self, damage: str | None) -> str | None:
+        """Words for ticks that the recorder had to drop, and for the damage of the file."""
+        lost = 0
+        first = ""
+        last: _Message | None = None
+        for message in self._messages("/tick"):
+            if last and message.sequence > last.sequence + 1:
+                lost += message.sequence - last.sequence - 1
+                first = first or f"{last.sequence + 1} to {message.sequence - 1}"
+            last = message
+        place = f"tick {last.sequence} at {(last.time_ns - self._start) / 1e9:.2f} s" if last else "no tick"
+        parts = [f"{lost} ticks were not recorded, the first are {first}"] if lost else []
+        parts += [f"{damage}; the last whole one is {place}"] if damage else []
+        return "; ".join(parts) or None
+
+
+def _content(chunk: Chunk) -> bytes:
+    """The records of a chunk, decompressed and checked."""
+    stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+    return stream.read(length)
+
+
+def _records(content: bytes) -> Iterator[tuple[int, int, int]]:
+    """Kind, start and end of each record in a chunk."""
+    offset = 0
+    while offset < len(content):
+        opcode, length = _RECORD.unpack_from(content, offset)
+        offset += _RECORD.size
+        yield opcode, offset, offset + length
+        offset += length

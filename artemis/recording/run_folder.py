@@ -1,0 +1,84 @@
+"""The folder that a run leaves behind: `runs/<UTC>-<mission>/`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import count
+from pathlib import Path, PurePath
+
+from artemis.errors import RecordingError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunFolder:
+    """Where everything of one run lies."""
+
+    path: Path
+
+    @property
+    def recording(self) -> Path:
+        """The MCAP file."""
+        return self.path / "recording.mcap"
+
+    @property
+    def journal(self) -> Path:
+        """The journal."""
+        return self.path / "journal.jsonl"
+
+    @property
+    def report(self) -> Path:
+        """The page for people."""
+        return self.path / "report.html"
+
+    @property
+    def files(self) -> Path:
+        """Copies of the files that the mission names."""
+        return self.path / "files"
+
+
+def create_run_folder(root: Path, mission: str, start: datetime, files: Mapping[str, bytes]) -> RunFolder:
+    """Make the folder of a run that starts at `start` (UTC), with copies of the mission's `files` by their names.
+
+    Two runs of one second get different folders. A name that leads out of the mission's folder (`../`, `/`) is
+    copied under the rest of its path.
+
+    Raises:
+        RecordingError: the folder or a copy cannot be made.
+    """
+    name = re.sub(r"[^\w.-]+", "-", mission).strip("-.") or "mission"
+    try:
+        folder = RunFolder(path=_new_folder(root, f"{start:%Y%m%dT%H%M%SZ}-{name}"))
+        for file, content in files.items():
+            target = _free(folder.files.joinpath(*_inner_parts(file)))
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+    except OSError as error:
+        problem = f"{error.filename}: {error.strerror}"
+        raise RecordingError(f"cannot make the folder of the run: {problem}; see `record:` in the mission") from error
+    return folder
+
+
+def _new_folder(root: Path, name: str) -> Path:
+    root.mkdir(parents=True, exist_ok=True)
+    for number in count(1):
+        path = root / (name if number == 1 else f"{name}-{number}")
+        try:
+            path.mkdir()
+        except FileExistsError:
+            continue
+        return path
+    raise AssertionError("count() never ends")
+
+
+def _inner_parts(file: str) -> list[str]:
+    path = PurePath(file)
+    return [part for part in path.parts if part not in ("..", ".", path.anchor)]
+
+
+def _free(path: Path) -> Path:
+    """`path`, or where that is taken: with a number before the suffix."""
+    candidates = (path.with_stem(f"{path.stem}-{number}") for number in count(2))
+    return path if not path.exists() else next(candidate for candidate in candidates if not candidate.exists())

@@ -1,0 +1,317 @@
+"""What a recording's messages hold: their types, their JSON, and the JSON schemas made from the types.
+
+Foxglove opens a JSON channel only if its schema is plain (objects, arrays, numbers, strings, booleans; no references,
+no unions), so the schemas are derived here. Names of fields are shown there: an optional field counts as its type.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from enum import Enum
+from math import cos, isfinite, sin
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from artemis import values
+from artemis.devices.can_bus import Frame
+
+# ------------------------------------------------------------------------------------------------- records of artemis
+
+
+class TickRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What artemis made of one tick (topic `/tick`). A struct, not a dataclass: it is made and written every tick."""
+
+    index: int
+    time: float
+    """Run time [s]."""
+    mode: values.Mode
+    phase: str
+    action: values.Action
+    severity: values.Severity
+    to_fault: bool
+    faults: tuple[values.Fault, ...]
+    command: values.DriveCommand
+    set_points: values.SetPoints
+    traction: values.Goal
+    steering: values.Goal
+    heartbeat: bool
+    odometry: values.Odometry
+    dt: float
+    standing: bool
+    jobs: tuple[values.Job, ...]
+    reset_pose: bool
+    finished: bool
+    late_s: float
+    """How late the tick began."""
+    event: values.Event | None = None
+    fault: values.Fault | None = None
+    """What the mode itself reports."""
+    tracking: values.Tracking | None = None
+    true_pose: values.Pose | None = None
+    """Where the robot really is, in the frame `odom`; only where someone knows (simulation, ground truth)."""
+
+
+class Frames(msgspec.Struct, frozen=True):
+    """All frames of one tick (topic `/frames`), packed by `pack_frames`."""
+
+    tick: int
+    data: bytes
+
+
+# ------------------------------------------------------------------- Foxglove's types (docs.foxglove.dev, "Schemas")
+
+
+class Time(msgspec.Struct, frozen=True):
+    """A point in time since 1970: whole seconds, and the nanoseconds beyond."""
+
+    sec: int
+    nsec: int
+
+
+class Vector(msgspec.Struct, frozen=True):
+    """Metres."""
+
+    x: float
+    y: float
+    z: float = 0.0
+
+
+class Quaternion(msgspec.Struct, frozen=True):
+    """A rotation; of a robot on the floor only `z` and `w` differ from 0."""
+
+    z: float
+    w: float
+    x: float = 0.0
+    y: float = 0.0
+
+
+class SpatialPose(msgspec.Struct, frozen=True):
+    """A pose in space."""
+
+    position: Vector
+    orientation: Quaternion
+
+
+class PoseInFrame(msgspec.Struct, frozen=True):
+    """One pose."""
+
+    timestamp: Time
+    frame_id: str
+    pose: SpatialPose
+
+
+class PosesInFrame(msgspec.Struct, frozen=True):
+    """Many poses: a path."""
+
+    timestamp: Time
+    frame_id: str
+    poses: list[SpatialPose]
+
+
+class FrameTransform(msgspec.Struct, frozen=True):
+    """Where a child frame lies in its parent."""
+
+    timestamp: Time
+    parent_frame_id: str
+    child_frame_id: str
+    translation: Vector
+    rotation: Quaternion
+
+
+class FrameTransforms(msgspec.Struct, frozen=True):
+    """Some of them."""
+
+    transforms: list[FrameTransform]
+
+
+class Log(msgspec.Struct, frozen=True):
+    """One line of the log; `name` is the kind of the entry. Levels: 2 info, 3 warning, 4 error."""
+
+    timestamp: Time
+    level: int
+    message: str
+    name: str
+    file: str = ""
+    line: int = 0
+
+
+CHANNELS: dict[str, tuple[str, type]] = {
+    "/sensed": ("artemis.Sensed", values.Sensed),
+    "/tick": ("artemis.Tick", TickRecord),
+    "/frames": ("artemis.Frames", Frames),
+    "/pose/estimated": ("foxglove.PoseInFrame", PoseInFrame),
+    "/pose/true": ("foxglove.PoseInFrame", PoseInFrame),
+    "/tf": ("foxglove.FrameTransforms", FrameTransforms),
+    "/path": ("foxglove.PosesInFrame", PosesInFrame),
+    "/log": ("foxglove.Log", Log),
+}
+"""Name of the schema and type of the messages, by topic."""
+
+
+def json_schema(kind: Any) -> dict[str, Any]:  # noqa: ANN401 (any type annotation)
+    """JSON schema of a type annotation, without references and unions: `X | None` is described as X."""
+    if get_origin(kind) is UnionType:
+        kind = next(part for part in get_args(kind) if part is not type(None))
+    if get_origin(kind) in (tuple, list):
+        return {"type": "array", "items": json_schema(get_args(kind)[0])}
+    if issubclass(kind, Enum):
+        kind = type(next(iter(kind)).value)
+    plain = {bool: "boolean", int: "integer", float: "number", str: "string"}
+    if kind in plain:
+        return {"type": plain[kind]}
+    if kind is bytes:
+        return {"type": "string", "contentEncoding": "base64"}
+    properties = {name: json_schema(hint) for name, hint in get_type_hints(kind).items()}
+    # Foxglove takes an object for a time by its title
+    return {"type": "object", "title": "time" if kind is Time else kind.__name__, "properties": properties}
+
+
+# --------------------------------------------------------------------------------------------------- JSON, both ways
+
+_ENCODER = msgspec.json.Encoder()
+encode = _ENCODER.encode
+_SENSED = msgspec.json.Decoder(values.Sensed)
+_TICK = msgspec.json.Decoder(TickRecord)
+_NON_FINITE = {"float:nan": float("nan"), "float:inf": float("inf"), "float:-inf": float("-inf")}
+
+
+def sensed_record(sensed: values.Sensed) -> bytes:
+    """JSON of everything that the edge knew. Floats survive exactly, also those that JSON lacks (nan, inf)."""
+    record = encode(sensed)
+    unknown = [age for drive in sensed.drives for age in (drive.age, drive.nmt, drive.heartbeat_age)]
+    unknown += [sample.age for sample in sensed.inputs]
+    return _exact(sensed, record, unknown.count(None))
+
+
+def tick_record(tick: values.Tick, true_pose: values.Pose | None = None, late_s: float = 0.0) -> bytes:
+    """JSON of what artemis made of one tick; floats survive exactly."""
+    snapshot, wish = tick.snapshot, tick.wish
+    record = TickRecord(
+        index=snapshot.sensed.index,
+        time=snapshot.sensed.time,
+        mode=tick.mode,
+        phase=wish.phase,
+        action=tick.action,
+        severity=snapshot.verdict.severity,
+        to_fault=snapshot.verdict.to_fault,
+        faults=snapshot.verdict.faults,
+        command=wish.command,
+        set_points=tick.set_points,
+        traction=wish.traction,
+        steering=wish.steering,
+        heartbeat=wish.heartbeat,
+        odometry=snapshot.odometry,
+        dt=snapshot.dt,
+        standing=snapshot.standing,
+        jobs=wish.jobs,
+        reset_pose=wish.reset_pose,
+        finished=wish.finished,
+        late_s=late_s,
+        event=wish.event,
+        fault=wish.fault,
+        tracking=wish.tracking,
+        true_pose=true_pose,
+    )
+    return _exact(record, encode(record), 0)
+
+
+def sensed_from_record(record: bytes) -> values.Sensed:
+    """Inverse of `sensed_record`.
+
+    Raises:
+        msgspec.ValidationError: the JSON is something else.
+    """
+    try:
+        return _SENSED.decode(record)
+    except msgspec.ValidationError:
+        return msgspec.convert(_respelled(msgspec.json.decode(record)), values.Sensed)
+
+
+def tick_from_record(record: bytes) -> TickRecord:
+    """Inverse of `tick_record`.
+
+    Raises:
+        msgspec.ValidationError: the JSON is something else.
+    """
+    try:
+        return _TICK.decode(record)
+    except msgspec.ValidationError:
+        return msgspec.convert(_respelled(msgspec.json.decode(record)), TickRecord)
+
+
+def differences(recorded: TickRecord, tick: values.Tick) -> list[str]:
+    """Where a tick, made again from the recorded sensed values, differs from the record: empty if bit for bit equal.
+
+    Each line names the field and both values: `set_points.speed: recorded 0.4, now 0.41`.
+    """
+    # a round trip through JSON makes floats of integers in float fields, as the recorded sensed values were
+    again = tick_from_record(tick_record(tick, recorded.true_pose, recorded.late_s))
+    if encode(again) == encode(recorded) and again == recorded:
+        return []
+    return list(_differing("", _respelled(msgspec.to_builtins(recorded)), _respelled(msgspec.to_builtins(again))))
+
+
+def _differing(name: str, recorded: Any, again: Any) -> Iterator[str]:  # noqa: ANN401 (any JSON)
+    if isinstance(recorded, dict) and isinstance(again, dict):
+        for key in recorded | again:
+            yield from _differing(f"{name}.{key}".lstrip("."), recorded.get(key), again.get(key))
+    elif repr(recorded) != repr(again):
+        yield f"{name}: recorded {recorded!r}, now {again!r}"
+
+
+def _exact(value: object, record: bytes, nulls: int) -> bytes:
+    """`record` itself, or where it has more nulls than it should (msgspec writes nan and inf so): spelled out."""
+    return record if record.count(b"null") == nulls else encode(_respelled(msgspec.to_builtins(value)))
+
+
+def _respelled(value: Any) -> Any:  # noqa: ANN401 (any JSON)
+    """Non-finite floats as strings, and such strings as floats, in nested dicts and sequences."""
+    if isinstance(value, dict):
+        return {key: _respelled(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_respelled(part) for part in value]
+    if isinstance(value, float) and not isfinite(value):
+        return f"float:{value}"
+    return _NON_FINITE.get(value, value) if isinstance(value, str) else value
+
+
+# ----------------------------------------------------------------------------------------------------------- frames
+
+FRAME_RECORD = np.dtype([("time", "<f8"), ("flags", "u1"), ("id", "<u2"), ("length", "u1"), ("data", "u1", (8,))])
+"""One packed frame, 20 bytes: time on the bus [s, the loop's clock], flags (1 sent by us, 2 remote frame), identifier,
+number of data bytes, data padded with zeros."""
+_FRAME = struct.Struct("<dBHB8s")
+
+
+def pack_frames(frames: Sequence[tuple[bool, Frame]]) -> bytes:
+    """Frames, each with "sent by us", as consecutive `FRAME_RECORD`s."""
+    pack = _FRAME.pack
+    return b"".join(
+        [pack(time, sent | rtr << 1, identifier, len(data), data) for sent, (identifier, data, rtr, time) in frames]
+    )
+
+
+def frame_array(data: bytes) -> NDArray[np.void]:
+    """The packed frames as a structured array of dtype `FRAME_RECORD`, without copying."""
+    return np.frombuffer(data, FRAME_RECORD)
+
+
+def unpack_frames(data: bytes) -> list[tuple[bool, Frame]]:
+    """Inverse of `pack_frames`."""
+    return [
+        (bool(flags & 1), Frame(identifier, content[:length], bool(flags & 2), time))
+        for time, flags, identifier, length, content in _FRAME.iter_unpack(data)
+    ]
+
+
+# ------------------------------------------------------------------------------------------------------------- poses
+
+
+def spatial_pose(pose: values.Pose) -> SpatialPose:
+    """A pose on the floor as Foxglove draws it."""
+    return SpatialPose(Vector(pose.x, pose.y), Quaternion(z=sin(pose.heading / 2), w=cos(pose.heading / 2)))

@@ -1,0 +1,294 @@
+"""Tables from a recording: everything that the figures and the summary of a run show."""
+
+from __future__ import annotations
+
+import json
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import nan
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from artemis.motion.path import Path, path_from_csv
+from artemis.recording.journal import Entry
+from artemis.recording.mcap_reader import Recording
+from artemis.values import DriveFeedback, Mode, Pose, SetPoints, Tracking
+from artemis.vehicle import Robot
+
+Array: TypeAlias = NDArray[np.float64]
+
+BUS_BIN = 0.2
+"""Shortest time over which the bus load is averaged [s]."""
+PROJECTION_WINDOW = 0.5
+"""The true pose is looked for this far [m] around its last place on the path."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """From `begin` to `end` [s] something had one value."""
+
+    value: str
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wheel:
+    """One drive over time: speed [m/s] of a traction wheel or angle [rad] of a steered one; shape (n,)."""
+
+    role: str
+    side: str
+    set_point: Array
+    measured: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Series:
+    """A run over time. Arrays have one row a tick, NaN where there is no value."""
+
+    time: Array
+    """Run time [s], shape (n,)."""
+    estimated: Array
+    """Pose by odometry: x, y [m], heading [rad]; shape (n, 3), frame `odom`."""
+    true: Array
+    """True pose, likewise."""
+    distance: float
+    """Way of the rear axle centre, forward and back [m]."""
+    speed: Array
+    """Of the virtual front wheel [m/s], measured."""
+    wheels: dict[str, Wheel]
+    """By the name of the drive."""
+    arc_length: Array
+    """Place on the path by the estimated pose [m]."""
+    cross_track: Array
+    """Distance from the path by the estimated pose [m], left positive."""
+    true_arc_length: Array
+    true_cross_track: Array
+    """The same by the true pose."""
+    late: Array
+    """How late each tick began [s]."""
+    modes: tuple[Interval, ...]
+    steps: tuple[Interval, ...]
+    """Of the modes those that do what the mission wants."""
+    drive_states: dict[str, tuple[Interval, ...]]
+    """By the name of the drive."""
+    paths: tuple[Path, ...]
+    """Every path that was followed."""
+    entries: tuple[Entry, ...]
+    frames: int
+    bus_time: Array
+    """Middles of the bins of `bus_load` [s], shape (m,)."""
+    bus_load: Array
+    """Share of the time that the bus was busy, each frame counted with its most stuff bits."""
+    finished: bool
+    """The ordered end was reached."""
+
+
+def read_series(recording: Recording) -> Series:
+    """Read a recording once and lay its values out over time."""
+    table = _read_table(recording)
+    time, true, tracking = table.columns(0, 1)[:, 0], table.columns(5, 8), table.columns(8, 11)
+    following = np.array([mode is Mode.FOLLOW for mode in table.modes], dtype=bool) & np.isfinite(tracking[:, 0])
+    paths, projected = _follow_true_pose(_paths(recording), following, tracking, true)
+    modes = _intervals(time, [mode.value for mode in table.modes])
+    doing = {Mode.CALIBRATE.value, Mode.TELEOP.value, Mode.FOLLOW.value}
+    frames, bus_time, bus_load = _bus(recording, time, table.indices)
+    return Series(
+        time=time,
+        estimated=table.columns(2, 5),
+        true=true,
+        distance=_distance(table.columns(11, 12)[:, 0], table.resets),
+        speed=table.columns(12, 13)[:, 0],
+        wheels=_wheels(table, recording.robot),
+        arc_length=np.where(following, tracking[:, 0], np.nan),
+        cross_track=np.where(following, tracking[:, 1], np.nan),
+        true_arc_length=projected[:, 0],
+        true_cross_track=projected[:, 1],
+        late=table.columns(1, 2)[:, 0],
+        modes=modes,
+        steps=tuple(interval for interval in modes if interval.value in doing),
+        drive_states={name: _intervals(time, states) for name, states in table.states.items()},
+        paths=tuple(paths),
+        entries=tuple(recording.entries()),
+        frames=frames,
+        bus_time=bus_time,
+        bus_load=bus_load,
+        finished=table.finished,
+    )
+
+
+# --------------------------------------------------------------------------------------------------- one pass over it
+
+
+@dataclass(slots=True)
+class _Table:
+    """Numbers of every tick in one flat array (a long run has millions), and what is no number."""
+
+    width: int
+    numbers: array[float]
+    indices: list[int]
+    modes: list[Mode]
+    states: dict[str, list[str]]
+    resets: list[int]
+    finished: bool = False
+
+    def columns(self, first: int, end: int) -> Array:
+        """Some columns, shape (ticks, end - first)."""
+        return np.asarray(self.numbers, dtype=np.float64).reshape(-1, self.width)[:, first:end]
+
+
+_FIXED = 13
+"""Columns before those of the drives: time, late, estimated pose (3), true pose (3), tracking (3), distance, speed."""
+_NO_POSE = Pose(x=nan, y=nan, heading=nan)
+_NO_TRACKING = Tracking(arc_length=nan, cross_track=nan, length=nan)
+
+
+def _read_table(recording: Recording) -> _Table:
+    drives = recording.robot.drives
+    table = _Table(_FIXED + 2 * len(drives), array("d"), [], [], {name: [] for name in drives}, [])
+    for tick in recording.ticks():
+        record = tick.record
+        estimated, true = record.odometry.pose, record.true_pose or _NO_POSE
+        tracking = record.tracking or _NO_TRACKING
+        table.numbers.extend((record.time, record.late_s, estimated.x, estimated.y, estimated.heading))
+        table.numbers.extend((true.x, true.y, true.heading))
+        table.numbers.extend((tracking.arc_length, tracking.cross_track, tracking.length))
+        table.numbers.extend((record.odometry.distance, record.odometry.speed))
+        heard = {drive.name: drive for drive in tick.sensed.drives}
+        for name, drive in drives.items():
+            feedback = heard.get(name) or DriveFeedback(name=name)
+            measured = feedback.velocity if drive.role == "traction" else feedback.position
+            set_point = _set_point(record.set_points, drive.role, drive.side)
+            table.numbers.extend((set_point, nan if feedback.age is None else measured))
+            table.states[name].append(feedback.state.value)
+        if record.reset_pose:
+            table.resets.append(len(table.modes))
+        table.indices.append(record.index)
+        table.modes.append(record.mode)
+        table.finished = record.finished
+    return table
+
+
+def _set_point(set_points: SetPoints, role: str, side: str) -> float:
+    if role == "traction":
+        return set_points.speed_left if side == "left" else set_points.speed_right
+    return set_points.steering_left if side == "left" else set_points.steering_right
+
+
+def _wheels(table: _Table, robot: Robot) -> dict[str, Wheel]:
+    wheels = {}
+    for number, (name, drive) in enumerate(robot.drives.items()):
+        set_point, measured = table.columns(_FIXED + 2 * number, _FIXED + 2 * number + 2).T
+        wheels[name] = Wheel(role=drive.role, side=drive.side, set_point=set_point, measured=measured)
+    return wheels
+
+
+def _distance(way: Array, resets: list[int]) -> float:
+    """Sum of the steps of `way`, but for those behind a reset of the pose."""
+    steps = np.abs(np.diff(way))
+    steps[[index for index in resets if index < len(steps)]] = 0.0
+    return float(np.sum(steps))
+
+
+def _intervals(time: Array, values: list[str]) -> tuple[Interval, ...]:
+    """Unbroken stretches of one value; each ends where the next begins, the last with the last tick."""
+    if not values:
+        return ()
+    changes = [index for index in range(len(values)) if index == 0 or values[index] != values[index - 1]]
+    ends = [*changes[1:], len(values) - 1]
+    return tuple(
+        Interval(value=values[begin], begin=float(time[begin]), end=float(time[end]))
+        for begin, end in zip(changes, ends, strict=True)
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------- paths
+
+
+def _paths(recording: Recording) -> list[Path]:
+    """Every path that the mission names."""
+    files = recording.files
+    names = dict.fromkeys(_values_of("path", json.loads(recording.attachments["mission.json"])))
+    return [path_from_csv(files[name].decode(), name) for name in names if name in files]
+
+
+def _values_of(key: str, node: object) -> Iterator[str]:
+    """Every text under `key`, anywhere in JSON."""
+    if isinstance(node, dict):
+        if isinstance(node.get(key), str):
+            yield node[key]
+        for part in node.values():
+            yield from _values_of(key, part)
+    elif isinstance(node, list):
+        for part in node:
+            yield from _values_of(key, part)
+
+
+def _path_of_length(candidates: list[Path], length: float) -> Path | None:
+    """The path of which some laps are `length` long [m], or None: then it was none of the mission's files."""
+    for path in candidates:
+        laps = max(1, round(length / path.length))
+        if abs(laps * path.length - length) < 1e-3:
+            return path.with_laps(laps) if path.closed else path
+    return None
+
+
+def _follow_true_pose(
+    candidates: list[Path], following: NDArray[np.bool_], tracking: Array, true: Array
+) -> tuple[list[Path], Array]:
+    """The paths that were followed, and where the true pose was on them: arc length and cross-track, shape (n, 2)."""
+    followed: list[Path] = []
+    projected = np.full((len(true), 2), np.nan)
+    indices = np.flatnonzero(following)
+    for rows in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1):
+        path = _path_of_length(candidates, float(tracking[rows[0], 2])) if len(rows) else None
+        if path is not None:
+            if not any(path.x is other.x for other in followed):
+                followed.append(path)
+            projected[rows] = _project(path, true[rows], float(tracking[rows[0], 0]))
+    return followed, projected
+
+
+def _project(path: Path, poses: Array, near: float) -> Array:
+    """Arc length and cross-track of each pose, shape (n, 2), carried on from the arc length `near` [m]."""
+    rows = np.full((len(poses), 2), np.nan)
+    for index, (x, y, _) in enumerate(poses.tolist()):
+        if np.isfinite(x):
+            projection = path.project(x, y, near, PROJECTION_WINDOW)
+            near = projection.arc_length
+            rows[index] = near, projection.cross_track
+    return rows
+
+
+# ------------------------------------------------------------------------------------------------------------- bus
+
+
+def _bus(recording: Recording, time: Array, indices: list[int]) -> tuple[int, Array, Array]:
+    """Number of frames, and the load of the bus in bins of equally many ticks: their middles [s], and shares."""
+    frames = 0
+    bits = dict.fromkeys(indices, 0.0)
+    for index, packed in recording.frame_arrays():
+        frames += len(packed)
+        if index in bits:
+            bits[index] += float(np.sum(_frame_bits(packed["length"].astype(np.int64))))
+    if len(time) < 2:
+        return frames, np.empty(0), np.empty(0)
+    ticks = max(1, round(max(BUS_BIN, float(time[-1] - time[0]) / 500) / float(np.median(np.diff(time)) or BUS_BIN)))
+    edges = np.arange(0, len(time), ticks)  # whole ticks: a bin of fixed time would hold now one more, now one less
+    if len(edges) < 2:
+        edges = np.array([0, len(time) - 1])
+    totals = np.add.reduceat(np.array(list(bits.values())), edges)[:-1]
+    begin, end = time[edges[:-1]], time[edges[1:]]
+    return frames, (begin + end) / 2, totals / ((end - begin) * recording.robot.bitrate)
+
+
+def _frame_bits(length: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Most bits of a frame with an 11-bit identifier and `length` data bytes, with stuffing and the pause after it.
+
+    Davis, Burns, Bril, Lukkien: Controller Area Network (CAN) schedulability analysis, Real-Time Systems 35 (2007),
+    equation 1 with g = 34.
+    """
+    return 34 + 8 * length + 13 + (34 + 8 * length - 1) // 4

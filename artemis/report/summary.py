@@ -1,0 +1,117 @@
+"""A run in a few numbers."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from artemis.recording.mcap_reader import Recording
+from artemis.report.series import Array, Interval, Series, read_series
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """What a person wants to know first. Lengths in m, times in s, speeds in m/s, angles in rad; None: not known."""
+
+    mission: str
+    robot: str
+    start: datetime
+    result: str
+    """How the run ended, in words."""
+    missing: str | None
+    """What the recording lacks."""
+    ticks: int
+    duration: float
+    wall_duration: float | None
+    real_time_factor: float | None
+    """Run time through time on the wall."""
+    distance: float
+    """Way of the rear axle centre."""
+    max_speed: float
+    """Of the virtual front wheel."""
+    max_wheel_speed: float
+    max_steering: float
+    """Of a wheel."""
+    cross_track_rms: float | None
+    cross_track_max: float | None
+    """By the estimated pose."""
+    true_cross_track_rms: float | None
+    true_cross_track_max: float | None
+    """By the true pose."""
+    position_error_end: float | None
+    """Distance of the last estimated from the last true position."""
+    frames: int
+    bus_load_mean: float
+    bus_load_max: float
+    """Shares, each frame counted with its most stuff bits."""
+    max_late: float
+    """How late the latest tick began."""
+    steps: tuple[Interval, ...]
+    faults: tuple[str, ...]
+    """Each fault as it came."""
+
+
+def summary(recording: Recording, series: Series | None = None) -> Summary:
+    """The summary of a run; `series` saves reading the recording again."""
+    run = series or read_series(recording)
+    duration = float(run.time[-1] - run.time[0]) if len(run.time) else 0.0
+    wall = recording.wall_duration
+    rms, worst = _rms_and_max(run.cross_track)
+    true_rms, true_worst = _rms_and_max(run.true_cross_track)
+    apart = np.hypot(*(run.estimated - run.true)[:, :2].T)
+    known = apart[np.isfinite(apart)]
+    return Summary(
+        mission=_mission_name(recording),
+        robot=recording.robot.robot,
+        start=recording.start,
+        result=_result(recording, run),
+        missing=recording.missing,
+        ticks=len(run.time),
+        duration=duration,
+        wall_duration=wall,
+        real_time_factor=duration / wall if wall else None,
+        distance=run.distance,
+        max_speed=_largest(run.speed),
+        max_wheel_speed=max(_largest(wheel.measured) for wheel in run.wheels.values() if wheel.role == "traction"),
+        max_steering=max(_largest(wheel.measured) for wheel in run.wheels.values() if wheel.role == "steering"),
+        cross_track_rms=rms,
+        cross_track_max=worst,
+        true_cross_track_rms=true_rms,
+        true_cross_track_max=true_worst,
+        position_error_end=float(known[-1]) if len(known) else None,
+        frames=run.frames,
+        bus_load_mean=float(np.mean(run.bus_load)) if len(run.bus_load) else 0.0,
+        bus_load_max=_largest(run.bus_load),
+        max_late=_largest(run.late),
+        steps=run.steps,
+        faults=tuple(entry.text for entry in run.entries if entry.kind == "fault"),
+    )
+
+
+def _mission_name(recording: Recording) -> str:
+    mission = json.loads(recording.attachments["mission.json"])
+    return str(mission.get("mission", "")) if isinstance(mission, dict) else ""
+
+
+def _result(recording: Recording, run: Series) -> str:
+    if recording.outcome:
+        return recording.outcome
+    if run.finished:
+        return "ended in order"
+    mode = run.modes[-1].value if run.modes else "the beginning"
+    return f"broken off in {mode}"
+
+
+def _rms_and_max(errors: Array) -> tuple[float | None, float | None]:
+    known = errors[np.isfinite(errors)]
+    if not len(known):
+        return None, None
+    return float(np.sqrt(np.mean(known**2))), float(np.max(np.abs(known)))
+
+
+def _largest(values: Array) -> float:
+    known = np.abs(values[np.isfinite(values)])
+    return float(np.max(known)) if len(known) else 0.0

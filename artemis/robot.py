@@ -1,0 +1,214 @@
+"""The main path: sense, judge, advance, step, limit, write, observe. Nothing else moves the robot."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from math import inf
+
+from artemis.clock import until
+from artemis.devices.drive import Drives
+from artemis.errors import DeviceLost
+from artemis.motion.limits import Gate, is_sane
+from artemis.motion.perception import Perception
+from artemis.plugins.contracts import InputDevice
+from artemis.states.machine import ModeMachine
+from artemis.states.mode import Plan
+from artemis.states.modes import modes
+from artemis.supervision import catalogue
+from artemis.supervision.supervisor import Supervisor
+from artemis.values import (
+    Event,
+    Fault,
+    Job,
+    JobResult,
+    Mode,
+    OperatorInput,
+    Request,
+    Sensed,
+    SetPoints,
+    Severity,
+    Snapshot,
+    Tick,
+    Verdict,
+    Wish,
+)
+
+LIMITED_SPEED = 0.3
+"""Ceiling of the speed while a verdict says LIMIT [m/s]."""
+LATE, TOO_LATE = 0.02, 0.06
+"""Three ticks in a row this late [s], or one TOO_LATE, are a fault (SYS-01)."""
+
+
+class Core:
+    """The robot's mind, a pure function: (its state, sensed) -> (its state, tick). Replay repeats it bit for bit."""
+
+    def __init__(self, plan: Plan, period: float) -> None:
+        """`period` of the scheduled ticks [s]."""
+        self._plan = plan
+        self._perception = Perception(plan.robot, period)
+        self._supervisor = Supervisor(plan.robot, period)
+        self._machine, self._modes = ModeMachine(), modes(plan)
+        self._gate = Gate(plan.robot, dt_max=2 * period)
+        self._wish, self._points = Wish(supervised=False), SetPoints()
+
+    def decide(self, sensed: Sensed) -> Tick:
+        """One tick, from what is sensed to what is to be done."""
+        verdict = self._judge(sensed)
+        snapshot = self._perception.perceive(sensed, verdict, self._points)
+        mode = self._advance(snapshot)
+        wish = self._modes[mode].step(snapshot)
+        if not is_sane(wish.command):
+            wish = replace(wish, fault=catalogue.fault("RUN-11", mode.value, repr(wish.command)))
+        if wish.reset_pose:
+            self._perception.reset()
+        points = self._limit(wish, snapshot)
+        self._wish, self._points = wish, points
+        return Tick(snapshot=snapshot, mode=mode, wish=wish, action=wish.command.action, set_points=points)
+
+    def _judge(self, sensed: Sensed) -> Verdict:
+        verdict = self._supervisor.judge(sensed, self._wish)
+        if Request.ACKNOWLEDGE in sensed.requests and self._machine.mode in (Mode.FAULT, Mode.QUICKSTOP):
+            return self._supervisor.acknowledge()
+        return verdict
+
+    def _advance(self, snapshot: Snapshot) -> Mode:
+        """Change the mode: by the most urgent event that the present one expects."""
+        verdict, requests = snapshot.verdict, snapshot.sensed.requests
+        stop = verdict.severity >= Severity.CONTROLLED_STOP or Request.QUICKSTOP in requests
+        for event in (
+            Event.FAULT if verdict.to_fault else None,
+            Event.STOP if stop else None,
+            Event.END if Request.END in requests else None,
+            self._wish.event,
+        ):
+            if event is not None and self._machine.fire(event):
+                if event is Event.END and self._plan.current is not None:
+                    self._plan.failed = True
+                self._modes[self._machine.mode].enter(snapshot)
+                break
+        return self._machine.mode
+
+    def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
+        """The gate, starting from its last set-points, or from the wheels as they stand while drives are off."""
+        last = self._perception.as_they_stand(snapshot.sensed, self._points)
+        if last is not self._points:
+            return last
+        severity = snapshot.verdict.severity
+        ceiling = LIMITED_SPEED if severity is Severity.LIMIT else inf
+        return self._gate.limit(wish.command, last, snapshot.dt, ceiling, severity >= Severity.CONTROLLED_STOP)
+
+
+class Robot:
+    """The mind joined to drives and inputs: ticks on schedule, jobs beside the ticks."""
+
+    def __init__(
+        self,
+        core: Core,
+        drives: Drives,
+        inputs: Mapping[str, InputDevice],
+        period: float,
+        observe: Callable[[Tick], None],
+        attended: Callable[[float], bool] = lambda time: False,
+    ) -> None:
+        """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s]."""
+        self._core, self._drives, self._inputs, self._period, self._observe = core, drives, inputs, period, observe
+        self._attended = attended
+        self._requests: list[Request] = []
+        self._results: list[JobResult] = []
+        self._faults: list[Fault] = []
+        self._index = self._late = 0
+        self._start = 0.0
+        self._ticking = False
+        drives.listen(self._wake)
+
+    def tick(self, now: float, urgent: bool = False) -> Tick:
+        """One tick at loop time `now` [s]. An urgent one, off the schedule, writes stop frames only."""
+        self._ticking = True
+        sensed = self._sense(now, urgent)
+        tick = self._core.decide(sensed)
+        self._write(tick)
+        self._observe(tick)
+        self._ticking = False
+        return tick
+
+    async def run(self) -> None:
+        """Tick on schedule until the ordered end. Should the program fail, the drives are stopped first."""
+        loop = asyncio.get_running_loop()
+        self._start = deadline = loop.time()
+        try:
+            async with asyncio.TaskGroup() as self._tasks:
+                while not self.tick(loop.time()).wish.finished:
+                    deadline += self._period
+                    await until(deadline)
+                    deadline = self._keep_schedule(deadline, loop.time())
+        except BaseException:
+            self._drives.stop()
+            raise
+
+    def request(self, request: Request) -> None:
+        """What an operator asks for. A quick stop acts at once, not at the next tick."""
+        self._requests.append(request)
+        if request is Request.QUICKSTOP:
+            self._tick_now()
+
+    def _sense(self, now: float, urgent: bool) -> Sensed:
+        try:
+            self._drives.receive()
+        except DeviceLost as error:
+            self._faults.append(catalogue.fault("COM-22", detail=error.problem))
+        inputs = tuple(sample for name in self._inputs if (sample := self._ask(name, now - self._start)))
+        requests = (*self._requests, *(request for sample in inputs for request in sample.requests))
+        results, faults = tuple(self._results), tuple(self._faults)
+        self._requests, self._results, self._faults = [], [], []
+        self._index += 1
+        return Sensed(
+            index=self._index - 1,
+            time=now - self._start,
+            urgent=urgent,
+            attended=self._attended(now - self._start),
+            drives=self._drives.feedback(now),
+            inputs=inputs,
+            requests=requests,
+            results=results,
+            faults=faults,
+        )
+
+    def _ask(self, name: str, time: float) -> OperatorInput | None:
+        try:
+            return self._inputs[name].read(time)
+        except Exception as error:  # noqa: BLE001  the border to foreign code: whatever it raises is a fault
+            self._faults.append(catalogue.fault("PLG-02", name, repr(error)))
+            return None
+
+    def _write(self, tick: Tick) -> None:
+        try:
+            self._drives.write(tick)
+        except DeviceLost as error:
+            self._faults.append(catalogue.fault("COM-22", detail=error.problem))
+        for job in tick.wish.jobs:
+            self._tasks.create_task(self._perform(job))
+
+    async def _perform(self, job: Job) -> None:
+        self._results.append(await self._drives.perform(job))
+
+    def _wake(self) -> None:
+        """Frames wait between ticks: answers go to their jobs; an emergency makes an extra tick at once."""
+        try:
+            if self._drives.receive():
+                self._tick_now()
+        except DeviceLost as error:
+            self._faults.append(catalogue.fault("COM-22", detail=error.problem))
+
+    def _tick_now(self) -> None:
+        if self._index and not self._ticking:
+            self.tick(asyncio.get_running_loop().time(), urgent=True)
+
+    def _keep_schedule(self, deadline: float, now: float) -> float:
+        """Count late ticks; the next deadline's base, past ticks that were missed."""
+        late = now - deadline
+        self._late = self._late + 1 if late > LATE else 0
+        if late > TOO_LATE or self._late >= 3:
+            self._faults.append(catalogue.fault("SYS-01", detail=f"{late * 1000:.0f} ms"))
+        return deadline if late < self._period else now

@@ -1,0 +1,347 @@
+"""The simulated CAN bus: one wire, the nodes of a world on it, and the host as one more station.
+
+It has the wire's physics: a frame takes its exact length at the bit rate, the lowest identifier wins the wire, and
+everybody hears a frame when it ends. Nothing is computed until time matters: the host's `send` and `receive` first let
+everything happen that is due, strictly in the order of time. The loop is woken only while something urgent is under
+way (SDO, NMT, EMCY, boot-up), and now and then to notice what arises inside a drive.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import random
+from collections import deque
+from collections.abc import Callable, Sequence
+from heapq import heappop, heappush
+from typing import Protocol
+
+from artemis.devices.can_bus import Frame
+from artemis.errors import DeviceLost
+from artemis.sim.wire import frame_bits
+
+RESOLUTION = 1e-3
+"""The world is brought up to date where it lags more than this [s]: an EPOS regulates and samples at 1 kHz."""
+
+SYNC, FIRST_PDO, LAST_PDO, ERROR_CONTROL = 0x080, 0x180, 0x57F, 0x700
+"""Identifiers of the predefined connection set (CiA 301, 7.3.3)."""
+
+HOST = -1
+"""The host's station number; nodes count from 0, and the host stands behind the last."""
+
+Disturb = Callable[[Frame, float], tuple[Frame | None, float]]
+"""What happens to a frame that gets ready at some time [s]: what the others hear of it (None: nothing), and by how
+many seconds its sender is late."""
+
+
+class Node(Protocol):
+    """A station that is only frames in, frames out and time."""
+
+    outbox: list[tuple[float, Frame]]
+
+    @property
+    def next_due(self) -> float:
+        """Time of its next timer [s], infinite if none runs."""
+
+    def receive(self, frame: Frame, now: float) -> None:
+        """Take a frame off the wire."""
+
+    def advance(self, now: float) -> None:
+        """Do everything that is due up to `now`."""
+
+
+class Surroundings(Protocol):
+    """What the nodes are parts of, and what moves when time passes."""
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """Every simulated station."""
+
+    def advance(self, now: float) -> None:
+        """Let the world move up to `now` [s]."""
+
+
+def is_urgent(frame: Frame) -> bool:
+    """Whether a host wants to see `frame` before its next tick: NMT, EMCY, SDO, boot-up."""
+    identifier = frame.id
+    if FIRST_PDO <= identifier <= LAST_PDO:
+        return False
+    return frame.data == b"\x00" if identifier >= ERROR_CONTROL else identifier != SYNC
+
+
+def random_disturbance(seed: int, *, loss: float = 0.0, corruption: float = 0.0, delay: float = 0.0) -> Disturb:
+    """Trouble as a bad adapter or driver makes it; the same seed makes the same trouble.
+
+    Args:
+        seed: Of the sequence.
+        loss: Probability that nobody hears a frame.
+        corruption: Probability that one data bit arrives wrong.
+        delay: Each frame is late by between 0 and this [s].
+    """
+    dice = random.Random(seed)
+
+    def disturb(frame: Frame, _now: float) -> tuple[Frame | None, float]:
+        late = dice.uniform(0.0, delay)
+        if dice.uniform(0.0, 1.0) < loss:
+            return None, late
+        if frame.data and dice.uniform(0.0, 1.0) < corruption:
+            bit = 1 << dice.randrange(8 * len(frame.data))
+            wrong = (int.from_bytes(frame.data, "big") ^ bit).to_bytes(len(frame.data), "big")
+            return frame._replace(data=wrong), late
+        return frame, late
+
+    return disturb
+
+
+class SimBus:
+    """The host's end of the simulated bus: a `FrameBus` on the loop's time, virtual or real.
+
+    The host's frames leave in the order in which they were sent (the queue of an adapter); a node's in the order of
+    their identifiers (a drive has a mailbox for each).
+    """
+
+    def __init__(
+        self,
+        world: Surroundings,
+        bitrate: int,
+        loop: asyncio.AbstractEventLoop,
+        *,
+        disturb: Disturb | None = None,
+        patrol_s: float = 0.01,
+    ) -> None:
+        self.disturb = disturb
+        self.frames = 0
+        """Frames that were on the wire."""
+        self.bits = 0
+        """Bits that were on the wire, interframe spaces included."""
+        self._world = world
+        self._nodes = list(world.nodes)
+        everybody = [node.receive for node in self._nodes]
+        self._others = [everybody[:station] + everybody[station + 1 :] for station in range(len(everybody))]
+        self._others.append(everybody)  # station HOST: all nodes
+        self._loop = loop
+        self._bit_time = 1.0 / bitrate
+        self._patrol = patrol_s
+        self._wake: Callable[[], None] | None = None
+        self._handle: asyncio.TimerHandle | None = None
+        self._now = loop.time()
+        self._bus_off = False
+        self._world_time = -math.inf
+        self._order = 0
+        self._from_host: deque[tuple[float, Frame, Frame | None]] = deque()
+        self._later: list[tuple[float, int, int, Frame, Frame | None]] = []
+        self._ready: list[tuple[int, int, int, Frame, Frame | None]] = []
+        self._on_wire: tuple[int, Frame, Frame | None] | None = None
+        self._wire_free = self._now
+        self._urgent_under_way = 0
+        self._urgent_arrived = False
+        self._inbox: list[Frame] = []
+        self._timers_due = math.inf
+        self._collect(self._now)
+
+    @property
+    def busy(self) -> float:
+        """How long the wire has been busy so far [s]."""
+        return self.bits * self._bit_time
+
+    @property
+    def bus_off(self) -> bool:
+        """The host's controller is off the bus: `send` and `receive` raise, the nodes go on among themselves."""
+        return self._bus_off
+
+    @bus_off.setter
+    def bus_off(self, off: bool) -> None:
+        self._bus_off = off
+        self._urgent_under_way -= sum(is_urgent(frame) for _, frame, _ in self._from_host)
+        self._from_host.clear()
+
+    # ------------------------------------------------------------------------------------------ the host's side
+
+    def send(self, frame: Frame) -> None:
+        """Queue a frame for the wire.
+
+        Raises:
+            DeviceLost: the host's controller is bus off.
+        """
+        self._require_bus()
+        self._advance(self._loop.time())
+        heard, late = (frame, 0.0) if self.disturb is None else self.disturb(frame, self._now)
+        self._from_host.append((self._now + late, frame, heard))
+        if is_urgent(frame):
+            self._urgent_under_way += 1
+            self._advance(self._now)
+            self._schedule()
+
+    def receive(self) -> list[Frame]:
+        """Everything that has reached the host since the last call, oldest first.
+
+        Raises:
+            DeviceLost: the host's controller is bus off.
+        """
+        self._require_bus()
+        self._advance(self._loop.time())
+        frames, self._inbox = self._inbox, []
+        self._urgent_arrived = False
+        if self._urgent_under_way:
+            self._schedule()
+        return frames
+
+    def listen(self, wake: Callable[[], None]) -> None:
+        """Call `wake` on the loop when urgent frames have arrived that `receive` has not yet given out."""
+        self._wake = wake
+        self._schedule()
+
+    def close(self) -> None:
+        """Stop waking anybody."""
+        self._wake = None
+        if self._handle is not None:
+            self._handle.cancel()
+            self._handle = None
+
+    def _require_bus(self) -> None:
+        if self._bus_off:
+            raise DeviceLost("CAN", "the simulated adapter is bus off; set bus_off to False to bring it back")
+
+    # ------------------------------------------------------------------------------------------ waking the host
+
+    def _schedule(self) -> None:
+        if self._wake is None:
+            return
+        if self._urgent_arrived:
+            when = self._now
+        elif self._urgent_under_way:
+            when = min(self._next_on_wire(), self._now + self._patrol)
+        else:
+            when = max(self._world_time, self._now - self._patrol) + self._patrol
+        if self._handle is not None:
+            if self._handle.when() <= when:
+                return  # it will look again then
+            self._handle.cancel()
+        self._handle = self._loop.call_at(when, self._look, when)
+
+    def _look(self, when: float) -> None:
+        self._handle = None
+        self._advance(max(when, self._loop.time()))
+        if self._now - self._world_time >= self._patrol - 1e-9:
+            self._catch_up(self._now)
+            self._collect(self._now)
+        if self._urgent_arrived and self._wake is not None:
+            self._urgent_arrived = False
+            self._wake()
+        self._schedule()
+
+    # ------------------------------------------------------------------------------------------ time
+
+    def _advance(self, now: float) -> None:
+        """Let everything happen that is due up to `now`, in the order of time; timers before the wire."""
+        while True:
+            wire = self._next_on_wire()
+            due = self._timers_due
+            if due <= wire:
+                if due > now:
+                    break
+                self._run_timers(due)
+            elif wire > now:
+                break
+            elif self._on_wire is not None:
+                self._end_frame(wire)
+            elif self._begin_frame(wire) <= now and self._wire_free < due:
+                self._end_frame(self._wire_free)
+        if now > self._now:
+            self._now = now
+
+    def _next_on_wire(self) -> float:
+        """When the present frame ends, or the next begins."""
+        if self._on_wire is not None or self._ready:
+            return self._wire_free
+        first = self._from_host[0][0] if self._from_host else math.inf
+        if self._later and self._later[0][0] < first:
+            first = self._later[0][0]
+        return first if first > self._wire_free else self._wire_free
+
+    def _begin_frame(self, now: float) -> float:
+        """Arbitration: the lowest identifier among the frames that are ready takes the wire. Returns its end."""
+        later, ready, from_host = self._later, self._ready, self._from_host
+        while later and later[0][0] <= now:
+            _, order, station, frame, heard = heappop(later)
+            heappush(ready, (_rank(frame), order, station, frame, heard))
+        if from_host and from_host[0][0] <= now and (not ready or _rank(from_host[0][1]) <= ready[0][0]):
+            _, frame, heard = from_host.popleft()
+            station = HOST
+        else:
+            _, _, station, frame, heard = heappop(ready)
+        bits = frame_bits(frame)
+        self.frames += 1
+        self.bits += bits
+        self._on_wire = (station, frame, heard)
+        self._wire_free = end = now + bits * self._bit_time
+        return end
+
+    def _end_frame(self, now: float) -> None:
+        """Every other station hears the frame."""
+        assert self._on_wire is not None
+        station, frame, heard = self._on_wire
+        self._on_wire = None
+        if self._urgent_under_way and is_urgent(frame):
+            self._urgent_under_way -= 1
+        if heard is None:
+            return
+        process_data = FIRST_PDO <= heard.id <= LAST_PDO
+        if station == HOST:
+            if heard.id < ERROR_CONTROL:  # a heartbeat moves nothing
+                self._catch_up(now)
+        elif not self._bus_off:
+            self._inbox.append(Frame(heard.id, heard.data, heard.rtr, now))
+            if not process_data and is_urgent(heard):
+                self._urgent_arrived = True
+        for receive in self._others[station]:
+            receive(heard, now)
+        if station == HOST or not process_data or any([node.outbox for node in self._nodes]):
+            self._collect(now)  # what a drive says of itself starts no timer in another
+
+    def _run_timers(self, due: float) -> None:
+        now = max(due, self._world_time)  # what an axis step caused was due "at once", before the world moved on
+        self._catch_up(now)
+        for node in self._nodes:
+            if node.next_due <= now:
+                node.advance(now)
+        self._collect(now)
+
+    def _catch_up(self, now: float) -> None:
+        """Bring the world, and what the drives make of it, up to date."""
+        if now - self._world_time < RESOLUTION:
+            return
+        self._world_time = now
+        self._world.advance(now)
+        for node in self._nodes:
+            node.advance(now)
+
+    def _collect(self, now: float) -> None:
+        """Take over what the nodes want to send, and their next timer."""
+        timers_due = math.inf
+        for node in self._nodes:
+            if node.outbox:
+                self._take_over(node, now)
+            due = node.next_due
+            if due < timers_due:
+                timers_due = due
+        self._timers_due = timers_due
+
+    def _take_over(self, node: Node, now: float) -> None:
+        station = self._nodes.index(node)
+        for ready, frame in node.outbox:
+            heard, late = (frame, 0.0) if self.disturb is None else self.disturb(frame, ready)
+            if is_urgent(frame):
+                self._urgent_under_way += 1
+            self._order += 1
+            if ready + late <= now:
+                heappush(self._ready, (_rank(frame), self._order, station, frame, heard))
+                self._wire_free = max(self._wire_free, now)
+            else:
+                heappush(self._later, (ready + late, self._order, station, frame, heard))
+        node.outbox.clear()
+
+
+def _rank(frame: Frame) -> int:
+    """Who wins the wire: the lower identifier, and data before a remote frame of the same (ISO 11898-1, 10.4.2.2)."""
+    return frame.id << 1 | frame.rtr

@@ -1,0 +1,397 @@
+"""A simulated first-generation EPOS: a CANopen node that is only frames in, frames out, and time.
+
+What its parts do: `dictionary` and `epos_objects` hold the objects, `epos_sdo` serves them, `epos_pdo` maps them,
+`epos_power` is the device state machine, `epos_motion` the modes of operation, `epos_errors` the error memory,
+`epos_error_control` heartbeats and guarding, `epos_parameters` the non-volatile memory; `axis` is what it moves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated
+
+from pydantic import Field
+
+from artemis.config import Config
+from artemis.devices.can_bus import Frame
+from artemis.sim.axis import Axis
+from artemis.sim.dictionary import Abort, AbortCode, Dictionary, key_of
+from artemis.sim.epos_error_control import ErrorControl
+from artemis.sim.epos_errors import LIFE_GUARD, OVER_VOLTAGE, PDO_LENGTH, UNDER_VOLTAGE, ErrorMemory
+from artemis.sim.epos_motion import Motion
+from artemis.sim.epos_objects import objects
+from artemis.sim.epos_parameters import ParameterMemory, judge_motor_and_sensor
+from artemis.sim.epos_pdo import ON_REQUEST, ProcessData, ReceivePdo, TransmitPdo
+from artemis.sim.epos_power import PowerStage
+from artemis.sim.epos_sdo import SdoServer
+from artemis.values import DriveState, Nmt
+from artemis.vehicle import Drive
+
+NMT_ID = 0x000
+EMCY_ID, SDO_ANSWER_ID, SDO_REQUEST_ID, ERROR_CONTROL_ID = 0x080, 0x580, 0x600, 0x700
+START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
+REMOTE = 0x0200
+"""Statusword bit 9: the node is operational."""
+ANALOG_STEP_MV, ANALOG_STEPS = 4.88, 1023
+"""The analog inputs have 10 bit (EPOS firmware specification 2010, 10.1)."""
+
+Seconds = Annotated[float, Field(ge=0)]
+Handler = Callable[[Frame, float], None]
+
+
+class SimSettings(Config):
+    """What differs from drive to drive, or is not in its specification."""
+
+    answer_time_s: Seconds = 0.0003
+    """From the end of an SDO request to the answer being ready."""
+    boot_time_s: Seconds = 0.05
+    """From power-up or reset to the boot-up frame."""
+    refresh_s: Seconds = 0.005
+    """Time in the state Refresh."""
+    measure_s: Seconds = 0.005
+    """Time in the state Measure Init."""
+    firmware: Annotated[int, Field(ge=0x2030, le=0xFFFF)] = 0x2033
+    """Object 0x2003:1."""
+    position_limits_clip: bool = False
+    """Limits 0x607D clip the set-point (specification, figures 7 and 21) instead of raising 0xFF09 (14.74)."""
+    under_voltage_v: Seconds = 9.0
+    over_voltage_v: Seconds = 30.0
+    """The supply thresholds are assumptions: the hardware references of the 24/1 and 24/5 are not at hand."""
+
+
+class SimEpos:
+    """One simulated drive. Its owner feeds it frames and time, steps its axis, and drains its outbox."""
+
+    def __init__(self, drive: Drive, axis: Axis, *, name: str, settings: SimSettings | None = None) -> None:
+        self.name = name
+        self.node_id = drive.node_id
+        self.axis = axis
+        self.settings = SimSettings() if settings is None else settings
+        self.outbox: list[tuple[float, Frame]] = []
+        """Frames to be sent, each with the time at which it is ready; the owner empties it."""
+        self.nmt: Nmt | None = None
+        """None: no power."""
+        serial = self.node_id if drive.serial_number is None else drive.serial_number
+        self._lowest_voltage, self._highest_voltage = self.settings.under_voltage_v, self.settings.over_voltage_v
+        self._now = 0.0
+        self._next_due = math.inf
+        self._boot_end = math.inf
+        self._changes_due = math.inf
+        self._alarms: list[int] = []
+        self._handlers: dict[int, Handler] = {}
+        self._dictionary = Dictionary(
+            objects(self.node_id, drive.hardware_version, self.settings.firmware, serial),
+            power_off=lambda: self._power.power_off,
+        )
+        self._errors = ErrorMemory()
+        self._motion = Motion(self._dictionary, axis, clip_position=self.settings.position_limits_clip)
+        self._power = PowerStage(
+            self._motion,
+            self._errors,
+            refresh=self.settings.refresh_s,
+            measure=self.settings.measure_s,
+            cause_remains=lambda: self._voltage_error() != 0,
+        )
+        self._sdo = SdoServer(self._dictionary)
+        self._pdos = ProcessData(
+            self._dictionary, pre_operational=lambda: self.nmt is Nmt.PRE_OPERATIONAL, changed=self._route
+        )
+        self._control = ErrorControl(self._dictionary, clock=lambda: self._now, changed=self._route)
+        self._describe()
+        self._parameters = ParameterMemory(self._dictionary, self._pdos, self.node_id)
+        axis.after_step = self._supervise
+
+    # ------------------------------------------------------------------------------------------ for the owner
+
+    @property
+    def state(self) -> DriveState:
+        """Device state."""
+        return self._power.state
+
+    @property
+    def next_due(self) -> float:
+        """Time at which `advance` has something to do [s]; in the past: at once; inf: nothing is planned."""
+        return self._next_due
+
+    def power_on(self, now: float) -> None:
+        """Supply comes, or came back: everything not stored is lost, the boot-up frame follows after the boot time."""
+        self._errors = self._power.errors = ErrorMemory()
+        self._reset_node(now, DriveState.START)
+
+    def power_off(self) -> None:
+        """Supply goes: the node is silent and deaf, the shaft coasts."""
+        self.nmt = None
+        self._power.start(DriveState.START)
+        self._next_due = self._boot_end = math.inf
+        self._alarms.clear()
+        self._route()
+
+    def receive(self, frame: Frame, now: float) -> None:
+        """A frame was seen on the wire; all but those meant for this node are ignored."""
+        handler = self._handlers.get(frame.id)
+        if handler is None:
+            return
+        if now >= self._next_due:
+            self.advance(now)
+        self._now = now
+        handler(frame, now)
+
+    def advance(self, now: float) -> None:
+        """Do everything that is due up to `now`: timers, automatic state changes, what the last axis step caused."""
+        if now < self._next_due or self.nmt is None:
+            return
+        self._now = now
+        if self._boot_end <= now:
+            self._finish_boot()
+        if self._alarms:
+            alarms, self._alarms = self._alarms, []
+            for code in alarms:
+                self._raise_error(code)
+        self._power.finish_reaction()
+        if self._power.due <= now:
+            self._after_command(*self._power.advance(now))
+        if self._control.due <= now:
+            self._run_error_control()
+        self._send_changes()
+        self._next_due = min(self._boot_end, self._power.due, self._control.due, self._changes_due)
+
+    def emergency(self, code: int, now: float) -> None:
+        """Raise a device error with its documented reaction; codes not in the table cut the power as 0x1000 does."""
+        self._now = now
+        self._raise_error(code)
+        self._settle()
+
+    def read(self, index: int, sub: int = 0) -> int | bytes:
+        """Present value of an object, whatever its access.
+
+        Raises:
+            Abort: no such object.
+        """
+        return self._dictionary.read(index, sub)
+
+    def poke(self, index: int, sub: int, value: int) -> None:
+        """Put a number into an object, past access, range and state, and let it act.
+
+        Raises:
+            Abort: no such object.
+        """
+        self._dictionary.poke(index, sub, value)
+        self._settle()
+
+    # ------------------------------------------------------------------------------------------ objects of the node
+
+    def _describe(self) -> None:
+        """Tie the objects that belong to the node as a whole."""
+        getters, checks, written = self._dictionary.getters, self._dictionary.checks, self._dictionary.written
+        getters[key_of(0x1001, 0)] = lambda: self._errors.register
+        getters[key_of(0x1003, 0)] = lambda: len(self._errors.history)
+        for place in range(1, 6):
+            getters[key_of(0x1003, place)] = self._history_getter(place)
+        getters[key_of(0x207C, 1)] = lambda: _millivolts(self.axis.analog[0])
+        getters[key_of(0x207C, 2)] = lambda: _millivolts(self.axis.analog[1])
+        getters[key_of(0x6041, 0)] = self._statusword
+        checks[key_of(0x1003, 0)] = _judge_cleared
+        written[key_of(0x1003, 0)] = lambda _: self._errors.history.clear()
+        written[key_of(0x1005, 0)] = lambda _: self._route()
+        written[key_of(0x6040, 0)] = self._obey
+        judge_motor_and_sensor(self._dictionary)
+
+    def _history_getter(self, place: int) -> Callable[[], int]:
+        return lambda: self._errors.entry(place)
+
+    def _statusword(self) -> int:
+        status = self._power.pattern | self._motion.status_bits()
+        return status | REMOTE if self.nmt is Nmt.OPERATIONAL else status
+
+    def _obey(self, controlword: int) -> None:
+        self._after_command(*self._power.command(controlword, self._now))
+        self._wake(self._power.due)
+
+    def _after_command(self, error: int, fault_reset: bool) -> None:
+        if error:
+            self._raise_error(error)
+        if fault_reset:
+            self._send_emergency(0x0000)
+
+    # ------------------------------------------------------------------------------------------ NMT
+
+    def _reset_node(self, now: float, state: DriveState) -> None:
+        self._parameters.load()
+        self._alarms.clear()
+        self._power.start(state)
+        self._motion.start()
+        self._boot(now)
+
+    def _boot(self, now: float) -> None:
+        self.nmt = Nmt.INITIALISING
+        self._now = now
+        self._sdo.reset()
+        self._boot_end = self._next_due = now + self.settings.boot_time_s
+        self._route()
+
+    def _finish_boot(self) -> None:
+        """End of Initialising: boot-up frame, Pre-Operational; after a node reset the device states begin."""
+        self._boot_end = math.inf
+        self._send(ERROR_CONTROL_ID + self.node_id, bytes((Nmt.INITIALISING.value,)))
+        if self._power.state in (DriveState.START, DriveState.NOT_READY):
+            self._power.initialised()
+        self.nmt = Nmt.PRE_OPERATIONAL
+        self._pdos.start()
+        self._control.start()
+
+    def _command_nmt(self, frame: Frame, now: float) -> None:
+        if frame.rtr or len(frame.data) < 2 or frame.data[1] not in (0, self.node_id):
+            return
+        command = frame.data[0]
+        if command == START:
+            self._change_nmt(Nmt.OPERATIONAL)
+        elif command == STOP:
+            self._change_nmt(Nmt.STOPPED)
+        elif command == ENTER_PRE_OPERATIONAL:
+            self._change_nmt(Nmt.PRE_OPERATIONAL)
+        elif command == RESET_NODE:
+            self._errors = self._power.errors = ErrorMemory()
+            self._reset_node(now, DriveState.NOT_READY)
+        elif command == RESET_COMMUNICATION:
+            self._errors.note_bus_reset()
+            self._parameters.load_communication()
+            self._boot(now)
+
+    def _change_nmt(self, state: Nmt) -> None:
+        if self.nmt is state:
+            return
+        self.nmt = state
+        self._sdo.reset()
+        self._pdos.restart()
+        self._route()
+        self._settle()
+
+    def _route(self) -> None:
+        """Which identifiers mean something in the present NMT state."""
+        if self.nmt is None or self.nmt is Nmt.INITIALISING:
+            self._handlers = {}
+            return
+        handlers: dict[int, Handler] = {}
+        if self.nmt is Nmt.OPERATIONAL:
+            handlers.update((pdo.id, self._transmit_handler(pdo)) for pdo in self._pdos.transmitted if pdo.valid)
+            handlers.update((pdo.id, self._receive_handler(pdo)) for pdo in self._pdos.received if pdo.valid)
+            handlers[self._dictionary.number(0x1005)] = self._take_sync
+        if self.nmt is not Nmt.STOPPED:
+            handlers[SDO_REQUEST_ID + self.node_id] = self._take_sdo
+        handlers.update((ERROR_CONTROL_ID + producer, self._take_heartbeat) for producer in self._control.consumers)
+        handlers[ERROR_CONTROL_ID + self.node_id] = self._take_guard
+        handlers[NMT_ID] = self._command_nmt
+        self._handlers = handlers
+
+    # ------------------------------------------------------------------------------------------ frames in
+
+    def _take_sdo(self, frame: Frame, now: float) -> None:
+        answer = None if frame.rtr else self._sdo.answer(frame.data)
+        if answer is not None:
+            self.outbox.append((now + self.settings.answer_time_s, Frame(SDO_ANSWER_ID + self.node_id, answer)))
+        self._settle()
+
+    def _take_sync(self, frame: Frame, now: float) -> None:
+        if frame.rtr:
+            return
+        self._pdos.sync()
+        for sample in self._pdos.sync_samples():
+            self.outbox.append((now, Frame(*sample)))
+        if self._pdos.on_change:
+            self._settle()
+
+    def _receive_handler(self, pdo: ReceivePdo) -> Handler:
+        def take(frame: Frame, _: float) -> None:
+            if frame.rtr:
+                return
+            if not self._pdos.receive(pdo, frame.data):
+                self._raise_error(PDO_LENGTH)
+                self._settle()
+            elif self._pdos.on_change:
+                self._settle()
+
+        return take
+
+    def _transmit_handler(self, pdo: TransmitPdo) -> Handler:
+        def take(frame: Frame, _: float) -> None:
+            if frame.rtr and (pdo.rtr_allowed or pdo.type == ON_REQUEST):
+                self._send(pdo.id, pdo.sample())
+
+        return take
+
+    def _take_heartbeat(self, frame: Frame, now: float) -> None:
+        if not frame.rtr:
+            self._wake(self._control.hear(frame.id - ERROR_CONTROL_ID, now))
+
+    def _take_guard(self, frame: Frame, now: float) -> None:
+        if not frame.rtr or self.nmt is None:
+            return
+        answer = self._control.answer_guard(self.nmt.value, now)
+        if answer is not None:
+            self._send(frame.id, bytes((answer,)))
+            self._wake(self._control.due)
+
+    # ------------------------------------------------------------------------------------------ time and frames out
+
+    def _supervise(self, dt: float) -> None:
+        """After each step of the axis: what the device notices of it is dealt with in `advance`."""
+        if self._boot_end < math.inf or self.nmt is None:
+            return
+        error = self._motion.supervise(dt) or self._voltage_error()
+        if error and error not in self._errors.active:
+            self._alarms.append(error)
+        elif not self._pdos.on_change and self._power.state is not DriveState.FAULT_REACTION_ENABLED:
+            return
+        self._wake(self._now)
+
+    def _voltage_error(self) -> int:
+        if self._lowest_voltage <= self.axis.supply_voltage <= self._highest_voltage:
+            return 0
+        return UNDER_VOLTAGE if self.axis.supply_voltage < self._lowest_voltage else OVER_VOLTAGE
+
+    def _raise_error(self, code: int) -> None:
+        if self.nmt is not None and self._errors.add(code):
+            self._send_emergency(code)
+            self._power.fail(code, self._now)
+
+    def _run_error_control(self) -> None:
+        beat, silent = self._control.advance(self._now)
+        if beat and self.nmt is not None and self.nmt is not Nmt.INITIALISING:
+            self._send(ERROR_CONTROL_ID + self.node_id, bytes((self.nmt.value,)))
+        if silent:
+            self._raise_error(LIFE_GUARD)
+
+    def _send_changes(self) -> None:
+        self._changes_due = math.inf
+        if self.nmt is Nmt.OPERATIONAL and self._pdos.on_change:
+            samples, self._changes_due = self._pdos.change_samples(self._now)
+            for sample in samples:
+                self._send(*sample)
+
+    def _send_emergency(self, code: int) -> None:
+        if self.nmt in (Nmt.PRE_OPERATIONAL, Nmt.OPERATIONAL):
+            self._send(EMCY_ID + self.node_id, code.to_bytes(2, "little") + bytes((self._errors.register,)) + bytes(5))
+
+    def _send(self, identifier: int, data: bytes) -> None:
+        self.outbox.append((self._now, Frame(identifier, data)))
+
+    def _settle(self) -> None:
+        """After something that may have moved timers or mapped values."""
+        self._send_changes()
+        self._wake(min(self._power.due, self._control.due, self._changes_due))
+
+    def _wake(self, due: float) -> None:
+        if due < self._next_due:
+            self._next_due = due
+
+
+def _millivolts(voltage: float) -> int:
+    """A voltage [V] as object 0x207C shows it [mV]: 0 to 5 V in 1024 steps."""
+    steps = max(0, min(ANALOG_STEPS, round(voltage * 1000.0 / ANALOG_STEP_MV)))
+    return round(steps * ANALOG_STEP_MV)
+
+
+def _judge_cleared(number: int) -> None:
+    if number:
+        raise Abort(AbortCode.RANGE)

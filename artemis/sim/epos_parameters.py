@@ -1,0 +1,84 @@
+"""Parameters of a simulated EPOS that outlast its power: store (0x1010), restore (0x1011), load at start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from artemis.sim.dictionary import Abort, AbortCode, Dictionary, key_of
+from artemis.sim.epos_objects import VOLATILE
+from artemis.sim.epos_pdo import ProcessData
+
+SAVE = 0x65766173
+LOAD = 0x64616F6C
+COMMUNICATION = range(0x1400, 0x1B00)
+"""PDO parameters and mappings: what a communication reset loads again."""
+SENSOR_HALL, MOTOR_BLOCK = 3, 11
+
+
+class ParameterMemory:
+    """The non-volatile memory of one drive."""
+
+    def __init__(self, dictionary: Dictionary, pdos: ProcessData, node_id: int) -> None:
+        self._dictionary = dictionary
+        self._keys = [
+            entry.key for entry in dictionary.entries.values() if entry.access == "rw" and entry.index not in VOLATILE
+        ]
+        self._defaults = dict(dictionary.values)
+        self._stored: dict[int, int] = {}
+        checks, written = dictionary.checks, dictionary.written
+        checks[key_of(0x1010, 1)] = _judge_signature(SAVE)
+        written[key_of(0x1010, 1)] = lambda _: self._store()
+        for sub in (1, 5):
+            checks[key_of(0x1011, sub)] = _judge_signature(LOAD)
+        written[key_of(0x1011, 1)] = lambda _: self._restore()
+        written[key_of(0x1011, 5)] = lambda _: self._restore_identifiers(pdos, node_id)
+
+    def load(self) -> None:
+        """Power-up or node reset: everything as it was stored last, what is not stored as from the factory."""
+        self._dictionary.values.update(self._defaults)
+        self._dictionary.values.update(self._stored)
+
+    def load_communication(self) -> None:
+        """Communication reset: PDO parameters and mappings as they were stored last."""
+        for key, default in self._defaults.items():
+            if key >> 8 in COMMUNICATION:
+                self._dictionary.values[key] = self._stored.get(key, default)
+
+    def _store(self) -> None:
+        self._dictionary.values[key_of(0x1010, 1)] = self._defaults[key_of(0x1010, 1)]  # the signature is no value
+        self._stored = {key: self._dictionary.values[key] for key in self._keys}
+
+    def _restore(self) -> None:
+        """Defaults take effect at once; they outlast the power only when stored."""
+        for key in self._keys:
+            default = self._defaults[key]
+            if self._dictionary.values[key] != default:
+                self._dictionary.poke(key >> 8, key & 0xFF, default)
+        self._dictionary.values[key_of(0x1011, 1)] = self._defaults[key_of(0x1011, 1)]
+
+    def _restore_identifiers(self, pdos: ProcessData, node_id: int) -> None:
+        pdos.restore_identifiers(node_id)
+        self._dictionary.values[key_of(0x1011, 5)] = self._defaults[key_of(0x1011, 5)]
+
+
+def _judge_signature(signature: int) -> Callable[[int], None]:
+    def judge(value: int) -> None:
+        if value != signature:
+            raise Abort(AbortCode.CANNOT_STORE)
+
+    return judge
+
+
+def judge_motor_and_sensor(dictionary: Dictionary) -> None:
+    """Tie motor type and sensor type: halls only (3) need a block-commutated motor (11), and keep it one."""
+
+    def judge_sensor(sensor: int) -> None:
+        if sensor == SENSOR_HALL and dictionary.number(0x6402) != MOTOR_BLOCK:
+            raise Abort(AbortCode.INCOMPATIBLE)
+
+    def judge_motor(motor: int) -> None:
+        if motor != MOTOR_BLOCK and dictionary.number(0x2210, 2) == SENSOR_HALL:
+            raise Abort(AbortCode.INCOMPATIBLE)
+
+    dictionary.checks[key_of(0x2210, 2)] = judge_sensor
+    dictionary.checks[key_of(0x6402, 0)] = judge_motor

@@ -1,0 +1,245 @@
+"""Process data of a simulated EPOS: four PDOs each way.
+
+Sources: CiA 301 7.2.2; EPOS firmware specification 2010, 14.12 to 14.31.
+Mappings are turned into packers when they change, so that a frame costs no search.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from typing import NamedTuple
+
+from artemis.sim.dictionary import FORMATS, SIZES, Abort, AbortCode, Dictionary, key_of
+from artemis.sim.epos_objects import MAPPING_PLACES, TPDO_COB_IDS
+
+COUNT = 4
+INVALID, NO_RTR = 1 << 31, 1 << 30
+LOWEST_ID, HIGHEST_ID = 0x181, 0x57F
+SYNCHRONOUS, ON_REQUEST, ON_CHANGE = 1, 253, 255
+INHIBIT_UNIT = 1e-4
+"""Object 0x1800:3 counts in this [s]."""
+LONGEST_BITS = 64
+CONTROLWORD = key_of(0x6040, 0)
+
+
+class ReceivePdo:
+    """A PDO that the drive receives."""
+
+    def __init__(self, dictionary: Dictionary, number: int) -> None:
+        cob_id = dictionary.number(0x1400 + number, 1)
+        self.id = cob_id & 0x7FF
+        self.synchronous = dictionary.number(0x1400 + number, 2) == SYNCHRONOUS
+        self.waiting: tuple[int, ...] | None = None
+        """Values that take effect at the next SYNC."""
+        self._packer, keys = _packer(dictionary, 0x1600 + number)
+        self.valid = not cob_id & INVALID and bool(keys)
+        self._writers = [(at, dictionary.setter(key)) for at, key in enumerate(keys) if key != CONTROLWORD]
+        self._commands = [(at, dictionary.setter(key)) for at, key in enumerate(keys) if key == CONTROLWORD]
+
+    def values(self, data: bytes) -> tuple[int, ...] | None:
+        """The values of a frame in the order of the mapping; None when it is shorter than the mapping."""
+        return None if len(data) < self._packer.size else self._packer.unpack_from(data)
+
+    def write(self, values: tuple[int, ...]) -> None:
+        """Write everything but the controlword."""
+        for at, write in self._writers:
+            write(values[at])
+
+    def command(self, values: tuple[int, ...]) -> None:
+        """Write the controlword, last: what it starts is what came with it."""
+        for at, write in self._commands:
+            write(values[at])
+
+
+class TransmitPdo:
+    """A PDO that the drive sends."""
+
+    def __init__(self, dictionary: Dictionary, number: int) -> None:
+        cob_id = dictionary.number(0x1800 + number, 1)
+        self.id = cob_id & 0x7FF
+        self.type = dictionary.number(0x1800 + number, 2)
+        self.inhibit = dictionary.number(0x1800 + number, 3) * INHIBIT_UNIT
+        packer, keys = _packer(dictionary, 0x1A00 + number)
+        self.valid = not cob_id & INVALID and bool(keys)
+        self.rtr_allowed = not cob_id & NO_RTR
+        self.sent: bytes | None = None
+        """What went out last; None: nothing since the node became operational."""
+        self.inhibited_until = -math.inf
+        self._pack = packer.pack
+        self._getters = tuple(dictionary.getter(key) for key in keys)
+
+    def sample(self) -> bytes:
+        """The mapped objects as they are now."""
+        return self._pack(*[get() for get in self._getters])
+
+
+class Sample(NamedTuple):
+    """Process data to be sent."""
+
+    id: int
+    data: bytes
+
+
+class ProcessData:
+    """All PDOs of one drive. `changed` is told when an identifier, a type or a mapping is another."""
+
+    def __init__(
+        self, dictionary: Dictionary, *, pre_operational: Callable[[], bool], changed: Callable[[], None]
+    ) -> None:
+        self._dictionary = dictionary
+        self._pre_operational = pre_operational
+        self._changed = changed
+        self.received: list[ReceivePdo] = []
+        self.transmitted: list[TransmitPdo] = []
+        self._on_sync: list[TransmitPdo] = []
+        self.on_change: list[TransmitPdo] = []
+        self._waiting: list[ReceivePdo] = []
+        self._watch_objects()
+
+    def start(self) -> None:
+        """Build everything from the dictionary."""
+        self.received = [ReceivePdo(self._dictionary, number) for number in range(COUNT)]
+        self.transmitted = [TransmitPdo(self._dictionary, number) for number in range(COUNT)]
+        self._sort()
+
+    def restart(self) -> None:
+        """The node becomes operational: event-driven PDOs are sent anew, nothing waits for a SYNC."""
+        self._drop_waiting()
+        for pdo in self.transmitted:
+            pdo.sent, pdo.inhibited_until = None, -math.inf
+
+    def receive(self, pdo: ReceivePdo, data: bytes) -> bool:
+        """Take a frame; False when it is shorter than its mapping."""
+        values = pdo.values(data)
+        if values is None:
+            return False
+        if pdo.synchronous:
+            if pdo.waiting is None:
+                self._waiting.append(pdo)
+            pdo.waiting = values
+        else:
+            pdo.write(values)
+            pdo.command(values)
+        return True
+
+    def sync(self) -> None:
+        """What came for this SYNC takes effect: all set-points first, then the controlwords."""
+        for pdo in self._waiting:
+            if pdo.waiting is not None:
+                pdo.write(pdo.waiting)
+        for pdo in self._waiting:
+            if pdo.waiting is not None:
+                pdo.command(pdo.waiting)
+        self._drop_waiting()
+
+    def sync_samples(self) -> list[Sample]:
+        """What is sent after a SYNC."""
+        return [Sample(pdo.id, pdo.sample()) for pdo in self._on_sync]
+
+    def change_samples(self, now: float) -> tuple[list[Sample], float]:
+        """Event-driven PDOs whose content changed, and when those that are inhibited may follow (inf: none waits)."""
+        samples, due = [], math.inf
+        for pdo in self.on_change:
+            data = pdo.sample()
+            if data == pdo.sent:
+                continue
+            if now < pdo.inhibited_until:
+                due = min(due, pdo.inhibited_until)
+                continue
+            pdo.sent, pdo.inhibited_until = data, now + pdo.inhibit
+            samples.append(Sample(pdo.id, data))
+        return samples, due
+
+    def restore_identifiers(self, node_id: int) -> None:
+        """Object 0x1011:5: default COB-IDs into the dictionary, without effect before store and restart."""
+        for number in range(COUNT):
+            self._dictionary.values[key_of(0x1400 + number, 1)] = 0x200 + 0x100 * number + node_id
+            self._dictionary.values[key_of(0x1800 + number, 1)] = TPDO_COB_IDS[number] + node_id
+
+    def _drop_waiting(self) -> None:
+        for pdo in self._waiting:
+            pdo.waiting = None
+        self._waiting.clear()
+
+    def _sort(self) -> None:
+        valid = [pdo for pdo in self.transmitted if pdo.valid]
+        self._on_sync = [pdo for pdo in valid if pdo.type == SYNCHRONOUS]
+        self.on_change = [pdo for pdo in valid if pdo.type == ON_CHANGE]
+        self._drop_waiting()
+        self._changed()
+
+    # ------------------------------------------------------------------------------------------ rules of the objects
+
+    def _watch_objects(self) -> None:
+        checks, written = self._dictionary.checks, self._dictionary.written
+        for number in range(COUNT):
+            for parameters, mapping, count in ((0x1400, 0x1600, 2), (0x1800, 0x1A00, 3)):
+                checks[key_of(parameters + number, 1)] = _judge_identifier
+                for sub in range(1, count + 1):
+                    written[key_of(parameters + number, sub)] = self._rebuilder(parameters, number)
+                for sub in range(MAPPING_PLACES + 1):
+                    key = key_of(mapping + number, sub)
+                    checks[key] = (
+                        self._judge_length(mapping + number) if sub == 0 else self._judge_place(mapping + number)
+                    )
+                    written[key] = self._rebuilder(parameters, number)
+
+    def _rebuilder(self, parameters: int, number: int) -> Callable[[int], None]:
+        def rebuild(_: int) -> None:
+            if parameters == 0x1400:
+                self.received[number] = ReceivePdo(self._dictionary, number)
+            else:
+                self.transmitted[number] = TransmitPdo(self._dictionary, number)
+            self._sort()
+
+        return rebuild
+
+    def _judge_place(self, index: int) -> Callable[[int], None]:
+        """A place is written in Pre-Operational, while sub 0 is 0, with an object that exists and fits."""
+
+        def judge(mapped: int) -> None:
+            self._judge_nmt()
+            if self._dictionary.number(index, 0):
+                raise Abort(AbortCode.UNSUPPORTED_ACCESS)
+            if mapped:
+                self._judge_mapped(mapped, receive=index < 0x1A00)
+
+        return judge
+
+    def _judge_length(self, index: int) -> Callable[[int], None]:
+        def judge(count: int) -> None:
+            self._judge_nmt()
+            places = [self._dictionary.number(index, sub) for sub in range(1, count + 1)]
+            for mapped in places:
+                self._judge_mapped(mapped, receive=index < 0x1A00)
+            if sum(mapped & 0xFF for mapped in places) > LONGEST_BITS:
+                raise Abort(AbortCode.PDO_TOO_LONG)
+
+        return judge
+
+    def _judge_nmt(self) -> None:
+        if not self._pre_operational():
+            raise Abort(AbortCode.NMT_STATE)
+
+    def _judge_mapped(self, mapped: int, *, receive: bool) -> None:
+        entry = self._dictionary.entries.get(mapped >> 8)
+        if entry is None or not (entry.receive if receive else entry.transmit):
+            raise Abort(AbortCode.NOT_MAPPABLE)
+        if mapped & 0xFF != 8 * SIZES[entry.type]:
+            raise Abort(AbortCode.NOT_MAPPABLE)
+
+
+def _judge_identifier(cob_id: int) -> None:
+    """Bits 10 to 0 are 0x181 to 0x57F, or 0 in a PDO that is not valid; bits 29 to 11 are 0."""
+    allowed = LOWEST_ID <= cob_id & 0x7FF <= HIGHEST_ID or (cob_id & INVALID and not cob_id & 0x7FF)
+    if cob_id & 0x3FFFF800 or not allowed:
+        raise Abort(AbortCode.RANGE)
+
+
+def _packer(dictionary: Dictionary, index: int) -> tuple[struct.Struct, list[int]]:
+    """Layout of a mapping and the keys of its objects."""
+    mapped = [dictionary.number(index, sub) for sub in range(1, dictionary.number(index, 0) + 1)]
+    keys = [place >> 8 for place in mapped]
+    return struct.Struct("<" + "".join(FORMATS[dictionary.entries[key].type] for key in keys)), keys

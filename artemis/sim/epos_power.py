@@ -1,0 +1,207 @@
+"""The device state machine of a simulated EPOS, which is not that of a generic CiA 402 drive.
+
+Source: EPOS firmware specification 2010, 8.1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import Enum
+
+from artemis.sim.epos_errors import ERRORS, GENERIC, ErrorMemory, Reaction
+from artemis.sim.epos_motion import Motion
+from artemis.values import DriveState
+
+CYCLE = 0.001
+"""The device works its states off once per millisecond: a disabled fault reaction lasts that long [s]."""
+FAULT_RESET = 0x0080
+
+PATTERNS = {
+    DriveState.START: 0x0000,
+    DriveState.NOT_READY: 0x0100,
+    DriveState.SWITCH_ON_DISABLED: 0x0140,
+    DriveState.READY: 0x0121,
+    DriveState.SWITCHED_ON: 0x0123,
+    DriveState.REFRESH: 0x4123,
+    DriveState.MEASURE_INIT: 0x4133,
+    DriveState.OPERATION_ENABLE: 0x0137,
+    DriveState.QUICK_STOP_ACTIVE: 0x0117,
+    DriveState.FAULT_REACTION_DISABLED: 0x010F,
+    DriveState.FAULT_REACTION_ENABLED: 0x011F,
+    DriveState.FAULT: 0x0108,
+}
+"""The statusword's bits 14, 8 and 6 to 0 in each state (firmware specification, table 1)."""
+
+POWER_OFF = {
+    DriveState.START,
+    DriveState.NOT_READY,
+    DriveState.SWITCH_ON_DISABLED,
+    DriveState.READY,
+    DriveState.SWITCHED_ON,
+    DriveState.FAULT,
+}
+"""States in which objects that need a disabled power stage may be written."""
+
+
+class Command(Enum):
+    """Device control commands (firmware specification, 14.59)."""
+
+    SHUTDOWN = "shutdown"
+    SWITCH_ON = "switch on, or disable operation"
+    ENABLE = "switch on and enable operation"
+    DISABLE_VOLTAGE = "disable voltage"
+    QUICK_STOP = "quick stop"
+
+
+TRANSITIONS = {
+    (DriveState.SWITCH_ON_DISABLED, Command.SHUTDOWN): DriveState.READY,
+    (DriveState.READY, Command.SWITCH_ON): DriveState.SWITCHED_ON,
+    (DriveState.READY, Command.ENABLE): DriveState.REFRESH,  # through Switched On
+    (DriveState.READY, Command.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.READY, Command.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.SWITCHED_ON, Command.ENABLE): DriveState.REFRESH,
+    (DriveState.SWITCHED_ON, Command.SHUTDOWN): DriveState.READY,
+    (DriveState.SWITCHED_ON, Command.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.SWITCHED_ON, Command.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.OPERATION_ENABLE, Command.SWITCH_ON): DriveState.SWITCHED_ON,
+    (DriveState.OPERATION_ENABLE, Command.SHUTDOWN): DriveState.READY,
+    (DriveState.OPERATION_ENABLE, Command.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.OPERATION_ENABLE, Command.QUICK_STOP): DriveState.QUICK_STOP_ACTIVE,
+    (DriveState.QUICK_STOP_ACTIVE, Command.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.QUICK_STOP_ACTIVE, Command.ENABLE): DriveState.OPERATION_ENABLE,
+}
+"""Transitions 2 to 12 and 16 (firmware specification, 8.1.2); the automatic ones and faults are in `PowerStage`."""
+
+
+def command_of(controlword: int) -> Command | None:
+    """Which command a controlword gives; None when its low byte has none of the patterns (bit 7 set)."""
+    if controlword & 0x80:
+        return None
+    if not controlword & 0x02:
+        return Command.DISABLE_VOLTAGE
+    if not controlword & 0x04:
+        return Command.QUICK_STOP
+    if not controlword & 0x01:
+        return Command.SHUTDOWN
+    return Command.ENABLE if controlword & 0x08 else Command.SWITCH_ON
+
+
+class PowerStage:
+    """Device state of one drive; switches the drive function on and off."""
+
+    def __init__(
+        self, motion: Motion, errors: ErrorMemory, *, refresh: float, measure: float, cause_remains: Callable[[], bool]
+    ) -> None:
+        self.state = DriveState.START
+        self.due = math.inf
+        """Time at which an automatic transition ends the present state [s]."""
+        self._motion = motion
+        self.errors = errors
+        self._refresh = refresh
+        self._measure = measure
+        self._cause_remains = cause_remains
+        self._controlword = 0
+        self._waiting: int | None = None
+        self._idle: int | None = None
+        """A controlword that asks for no transition in the present state: found once, met in every cycle."""
+        self.pattern = PATTERNS[self.state]
+        """Statusword bits of the present state."""
+
+    @property
+    def power_off(self) -> bool:
+        """The power stage is disabled."""
+        return self.state in POWER_OFF
+
+    def start(self, state: DriveState) -> None:
+        """Power-up (`START`) or node reset (`NOT_READY`)."""
+        self._controlword, self._waiting = 0, None
+        self._enter(state)
+
+    def initialised(self) -> None:
+        """End of the initialisation: transition 1."""
+        self._enter(DriveState.SWITCH_ON_DISABLED)
+
+    def command(self, controlword: int, now: float) -> tuple[int, bool]:
+        """Obey a controlword.
+
+        Args:
+            controlword: Object 0x6040.
+            now: Time [s].
+
+        Returns:
+            The device error that it causes (0: none), and whether it was a fault reset that was taken.
+        """
+        if controlword == self._idle:
+            return self._motion.command(controlword), False
+        if self.due < math.inf:  # a command is completed before the next is handled
+            self._waiting = controlword
+            return 0, False
+        rising = controlword & ~self._controlword & FAULT_RESET
+        self._controlword = controlword
+        if self.state is DriveState.FAULT:
+            self._motion.note(controlword)
+            return 0, bool(rising) and self._reset_fault()
+        command = command_of(controlword)
+        following = None if command is None else TRANSITIONS.get((self.state, command))
+        if following is None:
+            self._idle = controlword
+            return self._motion.command(controlword), False
+        self._motion.note(controlword)
+        self._enter(following)
+        if following is DriveState.REFRESH:
+            self.due = now + self._refresh
+        return 0, False
+
+    def fail(self, code: int, now: float) -> None:
+        """React to a device error."""
+        reaction = ERRORS.get(code, GENERIC).reaction
+        if reaction is Reaction.NONE or self.state in (DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED):
+            return
+        if reaction is Reaction.QUICK_STOP:
+            if self.state is DriveState.FAULT_REACTION_ENABLED:
+                return
+            if self.state in (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE):
+                self._enter(DriveState.FAULT_REACTION_ENABLED)
+                return
+        self._enter(DriveState.FAULT_REACTION_DISABLED)
+        self.due = now + CYCLE
+
+    def advance(self, now: float) -> tuple[int, bool]:
+        """Do the automatic transitions that are due; returns like `command` for a controlword that had to wait."""
+        while self.due <= now:
+            if self.state is DriveState.REFRESH:
+                self._enter(DriveState.MEASURE_INIT, self.due + self._measure)
+            elif self.state is DriveState.MEASURE_INIT:
+                self._enter(DriveState.OPERATION_ENABLE)
+            else:
+                self._enter(DriveState.FAULT)
+        if self._waiting is None or self.due < math.inf:
+            return 0, False
+        waiting, self._waiting = self._waiting, None
+        return self.command(waiting, now)
+
+    def finish_reaction(self) -> None:
+        """Transition 18, when the ramp of the enabled fault reaction has ended."""
+        if self.state is DriveState.FAULT_REACTION_ENABLED and self._motion.axis.demand_velocity == 0.0:
+            self._enter(DriveState.FAULT)
+
+    def _reset_fault(self) -> bool:
+        if self._cause_remains() or not self.errors.may_clear():
+            return False
+        self.errors.clear()
+        self._motion.forgive()
+        self._enter(DriveState.SWITCH_ON_DISABLED)
+        return True
+
+    def _enter(self, state: DriveState, due: float = math.inf) -> None:
+        self.state, self.due = state, due
+        self.pattern, self._idle = PATTERNS[state], None
+        if state is DriveState.OPERATION_ENABLE:
+            self._motion.engage()
+        elif state is DriveState.QUICK_STOP_ACTIVE:
+            self._motion.quick_stop()
+        elif state is DriveState.FAULT_REACTION_ENABLED:
+            self._motion.fault_stop()
+        else:
+            self._motion.release()

@@ -1,0 +1,33 @@
+"""Mode end: the ordered end of every run. Stop, stand, disable, disarm, Pre-Operational, last heartbeat."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from artemis.states.mode import STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs
+from artemis.values import DriveState, Goal, JobKind, Snapshot, Wish
+
+OFF_TIME = 0.5
+"""Longest time for the drives to report that they are off [s]."""
+IDLE = Wish(traction=Goal.DISABLED, steering=Goal.DISABLED, supervised=False, phase="ending")
+_OFF_STATES = (DriveState.SWITCH_ON_DISABLED, DriveState.FAULT, DriveState.NOT_READY, DriveState.START)
+
+
+class EndMode(RoutineMode):
+    """Leaves the drives without a fault: they no longer expect our heartbeat when it stops."""
+
+    def routine(self, snapshot: Snapshot) -> Routine:
+        """From whatever state the run is in to drives that rest and a process that may exit."""
+        plan = self.plan
+        if plan.connected:
+            snapshot = yield from come_to_rest(replace(STOPPING, supervised=False), snapshot)
+            latest = snapshot.time + OFF_TIME
+            while snapshot.time < latest:
+                snapshot = yield IDLE
+                if all(drive.state in _OFF_STATES for drive in snapshot.sensed.drives):
+                    break
+        idle = replace(IDLE, exchange=plan.connected, heartbeat=plan.connected)
+        yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives()))
+        yield replace(idle, exchange=False)  # the last heartbeat
+        while True:
+            yield replace(idle, exchange=False, heartbeat=False, finished=True, phase="ended")

@@ -1,0 +1,88 @@
+"""Mode init: find the drives, configure them, prove that they watch us, wait for arm, align the wheels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from artemis.states.alignment import align
+from artemis.states.mode import OFF, ON, Routine, RoutineMode, fail, finish_jobs
+from artemis.supervision import catalogue
+from artemis.values import DriveFeedback, DriveState, Event, Goal, JobKind, Nmt, Request, Snapshot, Wish
+
+LISTEN = 0.3
+"""Seconds of listening before the first frame of ours."""
+ANSWER_TIME = 1.5
+"""Longest time for a state to be reached that needs no motion [s]."""
+HEARTBEATS = 5
+"""Ticks with our heartbeat before it is withheld: a drive begins to watch with the first it hears."""
+LOST_HEARTBEAT = 0x8130
+"""EMCY code of a drive that misses our heartbeat (CiA 301)."""
+
+SILENT = Wish(heartbeat=False, exchange=False, supervised=False)
+WAKING = Wish(supervised=False, phase="first contact")
+WITHHOLDING = Wish(heartbeat=False, supervised=False, phase="proving the watchdog")
+RESETTING = Wish(traction=Goal.FAULT_RESET, steering=Goal.FAULT_RESET, supervised=False, phase="proving the watchdog")
+
+
+class InitMode(RoutineMode):
+    """Brings the drives from whatever state they are in to enabled, watching, aligned."""
+
+    def routine(self, snapshot: Snapshot) -> Routine:
+        """Listen, secure, configure, prove, wait for arm, align."""
+        plan = self.plan
+        first, plan.connected, plan.aligned = plan.index == 0 and plan.armed, False, False
+        until = snapshot.time + LISTEN
+        while snapshot.time < until:
+            snapshot = yield replace(SILENT, phase="listening")
+        for kind, role in ((JobKind.SECURE, "traction"), (JobKind.SECURE, "steering"), (JobKind.CONFIGURE, None)):
+            wish = replace(SILENT, phase=kind.value)
+            results, snapshot = yield from finish_jobs(wish, plan.jobs(kind, plan.drives(role)))
+            for result in results:
+                if not result.ok:
+                    return (yield from fail(SILENT, catalogue.fault("COM-08", result.drive, result.detail)))
+        plan.connected = True
+        snapshot = yield from self._prove_watchdog(snapshot)
+        while not plan.armed and Request.ARM not in snapshot.sensed.requests:
+            snapshot = yield replace(OFF, phase="waiting for arm")
+        plan.armed = False
+        yield from align(plan, snapshot)
+        plan.aligned = True
+        yield replace(ON, event=Event.ALIGNED, reset_pose=first)
+        while True:
+            yield ON
+
+    def _prove_watchdog(self, snapshot: Snapshot) -> Routine:
+        """Withhold our heartbeat once, with no torque on: every drive must report it, then reset."""
+        snapshot = yield from self._until(_off, WAKING, "COM-08", "no process data after configuration", snapshot)
+        for _ in range(HEARTBEATS):
+            snapshot = yield WAKING
+        missed: set[str] = set()
+
+        def reports_loss(drive: DriveFeedback) -> bool:
+            if LOST_HEARTBEAT in drive.emergencies:
+                missed.add(drive.name)
+            return drive.name in missed and drive.state is DriveState.FAULT
+
+        snapshot = yield from self._until(reports_loss, WITHHOLDING, "COM-30", "no EMCY 0x8130", snapshot)
+        return (yield from self._until(_off, RESETTING, "COM-08", "fault reset refused", snapshot))
+
+    def _until(
+        self, done: Callable[[DriveFeedback], bool], wish: Wish, id: str, problem: str, snapshot: Snapshot
+    ) -> Routine:
+        """Yield `wish` until every drive is `done`; those that are not in time are the fault `id`."""
+        latest = snapshot.time + ANSWER_TIME
+        while True:
+            snapshot = yield wish
+            waiting = [drive for drive in snapshot.sensed.drives if not done(drive)]
+            if not waiting:
+                return snapshot
+            if snapshot.time > latest:
+                seen = f"{problem}; state {waiting[0].state.value}"
+                return (yield from fail(SILENT, catalogue.fault(id, waiting[0].name, seen)))
+
+
+def _off(drive: DriveFeedback) -> bool:
+    """The drive exchanges process data and waits in Switch On Disabled."""
+    heard = drive.age is not None and drive.nmt is Nmt.OPERATIONAL
+    return heard and drive.state is DriveState.SWITCH_ON_DISABLED

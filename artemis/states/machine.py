@@ -1,0 +1,69 @@
+"""Robot modes and what changes them: the table, and the machine that runs it. Only file importing transitions."""
+
+from __future__ import annotations
+
+from transitions import Machine
+
+from artemis.values import Event, Mode
+
+_RUNNING = (Mode.CALIBRATE, Mode.TELEOP, Mode.FOLLOW)
+
+TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
+    (Mode.INIT, Event.ALIGNED): Mode.READY,
+    (Mode.READY, Event.CALIBRATE): Mode.CALIBRATE,
+    (Mode.READY, Event.TELEOP): Mode.TELEOP,
+    (Mode.READY, Event.FOLLOW): Mode.FOLLOW,
+    **{(mode, Event.DONE): Mode.READY for mode in _RUNNING},
+    **{(mode, Event.STOP): Mode.QUICKSTOP for mode in (Mode.INIT, Mode.READY, *_RUNNING)},
+    **{(mode, Event.FAULT): Mode.FAULT for mode in (Mode.INIT, Mode.READY, Mode.QUICKSTOP, *_RUNNING)},
+    (Mode.QUICKSTOP, Event.REARMED): Mode.READY,
+    (Mode.QUICKSTOP, Event.ACKNOWLEDGED): Mode.INIT,  # stopped before the wheels were aligned: bring up again
+    (Mode.FAULT, Event.ACKNOWLEDGED): Mode.INIT,
+    **{(mode, Event.END): Mode.END for mode in Mode if mode is not Mode.END},
+}
+"""(mode, event) -> next mode. A pair that is not here is refused: the mode stays."""
+
+
+class _Model:
+    """Carries the state for `transitions`, which writes `state` and the triggers into it."""
+
+    state: Mode
+
+
+class ModeMachine:
+    """The robot's mode. Changes only by `fire`, only along the table."""
+
+    def __init__(self) -> None:
+        self._model = _Model()
+        self._machine = Machine(
+            model=self._model,
+            states=Mode,
+            initial=Mode.INIT,
+            transitions=[
+                {"trigger": event.name.lower(), "source": mode, "dest": target}
+                for (mode, event), target in TRANSITIONS.items()
+            ],
+            auto_transitions=False,
+            ignore_invalid_triggers=True,
+        )
+
+    @property
+    def mode(self) -> Mode:
+        """The present mode."""
+        return self._model.state
+
+    def fire(self, event: Event) -> bool:
+        """Change the mode as the table says; False where the present mode does not expect `event`."""
+        return bool(self._machine.dispatch(event.name.lower()))
+
+
+def mermaid() -> str:
+    """The table as a Mermaid state diagram."""
+    lines = ["stateDiagram-v2", "    [*] --> init"]
+    arrows: dict[tuple[Mode, Mode], list[str]] = {}
+    for (source, event), target in TRANSITIONS.items():
+        arrows.setdefault((source, target), []).append(event.value)
+    lines += [
+        f"    {source.value} --> {target.value}: {', '.join(events)}" for (source, target), events in arrows.items()
+    ]
+    return "\n".join([*lines, "    end --> [*]"]).replace(" end --> ", " end_ --> ").replace("--> end:", "--> end_:")

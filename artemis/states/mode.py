@@ -1,0 +1,175 @@
+"""What every robot mode is, and what modes share: the plan, routines, and waiting for jobs."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+from artemis.motion.path import Path
+from artemis.plugins.contracts import Follower
+from artemis.values import Action, DriveCommand, Fault, Goal, Job, JobKind, JobResult, Snapshot, Wish
+from artemis.vehicle import Robot
+
+STOP_TIME = 3.0
+"""Longest time that is given to a quick stop before the drives are switched off all the same [s]."""
+
+
+class ModeLogic(Protocol):
+    """One mode: pure logic, asked at every tick while it lasts."""
+
+    def enter(self, snapshot: Snapshot) -> None:
+        """The mode begins with `snapshot`, which `step` will see too."""
+
+    def step(self, snapshot: Snapshot) -> Wish:
+        """What the mode wants of this tick."""
+
+
+# ---------------------------------------------------------------------------------------------- the mission's steps
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrateStep:
+    """Align the wheels from the potentiometers again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowStep:
+    """Follow a path to its end; `max_cross_track` [m] is where the robot counts as lost."""
+
+    path: Path
+    follower: Follower
+    max_cross_track: float = 0.6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TeleopStep:
+    """Drive by hand until the input says done or the time is over (`seconds` None: no limit)."""
+
+    input: str
+    seconds: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WaitStep:
+    """Stand still."""
+
+    seconds: float
+
+
+Step = CalibrateStep | FollowStep | TeleopStep | WaitStep
+
+
+@dataclass(slots=True, kw_only=True)
+class Plan:
+    """The mission's steps and how far they are done; part of the core's state, shared by the modes."""
+
+    robot: Robot
+    steps: tuple[Step, ...]
+    armed: bool = True
+    """The next bring-up may go on to enable the drives: starting the run is the first arm, then each takes its own."""
+    connected: bool = False
+    """The drives have our configuration: process data may be exchanged."""
+    aligned: bool = False
+    """The wheels were aligned since the drives were last brought up."""
+    failed: bool = False
+    """A fault or a stop ended the run before its last step."""
+    index: int = 0
+    _ids: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
+
+    @property
+    def current(self) -> Step | None:
+        """The step to do now; None after the last."""
+        return self.steps[self.index] if self.index < len(self.steps) else None
+
+    def advance(self) -> None:
+        """The current step is done."""
+        self.index += 1
+
+    def drives(self, role: str | None = None) -> list[str]:
+        """Names of all drives, or of those with `role`."""
+        return [name for name, drive in self.robot.drives.items() if role in (None, drive.role)]
+
+    def jobs(self, kind: JobKind, drives: Iterable[str], values: Iterable[float] | None = None) -> tuple[Job, ...]:
+        """New jobs of one kind for several drives, each with its value."""
+        names = list(drives)
+        given = list(values) if values is not None else [0.0] * len(names)
+        return tuple(
+            Job(id=next(self._ids), kind=kind, drive=drive, value=value)
+            for drive, value in zip(names, given, strict=True)
+        )
+
+
+# ---------------------------------------------------------------------------------------------- routines
+
+Routine = Generator[Wish, Snapshot, Snapshot]
+"""A motion that takes many ticks: yields a wish, receives the next snapshot; returns the last one it saw."""
+
+
+class RoutineMode:
+    """A mode whose logic is a routine. Entering it begins the routine anew; leaving it drops the rest."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self._routine: Routine | None = None
+        self._begun = False
+
+    def routine(self, snapshot: Snapshot) -> Routine:
+        """The mode's logic from its first snapshot on; must not end by itself."""
+        raise TypeError(f"{type(self).__name__} has no routine")
+
+    def enter(self, snapshot: Snapshot) -> None:
+        """Begin anew."""
+        self._routine = self.routine(snapshot)
+        self._begun = False
+
+    def step(self, snapshot: Snapshot) -> Wish:
+        """Go on to the next wish."""
+        if self._routine is None:
+            self.enter(snapshot)
+        routine = self._routine
+        assert routine is not None
+        if self._begun:
+            return routine.send(snapshot)
+        self._begun = True
+        return next(routine)
+
+
+Finished = Generator[Wish, Snapshot, tuple[tuple[JobResult, ...], Snapshot]]
+
+
+def finish_jobs(wish: Wish, jobs: tuple[Job, ...]) -> Finished:
+    """Wish `jobs` once, then `wish` until each has ended. Returns the results in the order of the jobs."""
+    results: dict[int, JobResult] = {}
+    snapshot = yield replace(wish, jobs=jobs)
+    while True:
+        results.update({result.id: result for result in snapshot.sensed.results})
+        if all(job.id in results for job in jobs):
+            return tuple(results[job.id] for job in jobs), snapshot
+        snapshot = yield wish
+
+
+def fail(wish: Wish, fault: Fault) -> Routine:
+    """Report a fault, and stand by with `wish` until the mode changes."""
+    yield replace(wish, fault=fault)
+    while True:
+        yield wish
+
+
+def come_to_rest(wish: Wish, snapshot: Snapshot) -> Routine:
+    """Yield `wish` until the robot stands, but no longer than `STOP_TIME`."""
+    latest = snapshot.time + STOP_TIME
+    while not snapshot.standing and snapshot.time < latest:
+        snapshot = yield wish
+    return snapshot
+
+
+STOPPING = Wish(
+    command=DriveCommand(action=Action.QUICKSTOP), traction=Goal.QUICK_STOPPED, steering=Goal.HOLD, phase="stopping"
+)
+"""The drives' own quick stop for traction; steering holds its angle."""
+OFF = Wish(traction=Goal.DISABLED, steering=Goal.DISABLED)
+"""All drives off, watched and exchanging."""
+ON = Wish(traction=Goal.ENABLED, steering=Goal.ENABLED)
+"""All drives enabled, standing, wheels straight."""

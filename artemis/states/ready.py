@@ -1,0 +1,40 @@
+"""Mode ready: enabled and standing; where each step of the mission begins and ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from artemis.states.mode import ON, CalibrateStep, FollowStep, Plan, TeleopStep, WaitStep
+from artemis.values import Event, Snapshot, Wish
+
+
+class ReadyMode:
+    """Starts the next step of the plan, or the ordered end after the last."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._since = 0.0
+
+    def enter(self, snapshot: Snapshot) -> None:
+        """A step has ended, or the bring-up."""
+        self._since = snapshot.time
+
+    def step(self, snapshot: Snapshot) -> Wish:
+        """Stand, and ask for the mode of the plan's current step."""
+        stand = replace(ON, command=replace(ON.command, steering=snapshot.set_points.steering))
+        match self._plan.current:
+            case None:
+                return replace(stand, event=Event.END)
+            case CalibrateStep():
+                return replace(stand, event=Event.CALIBRATE)
+            case FollowStep():
+                return replace(stand, event=Event.FOLLOW)
+            case TeleopStep(input=name):
+                if not all(sample.neutral for sample in snapshot.sensed.inputs if sample.source == name):
+                    return replace(stand, phase="release the controls")
+                return replace(stand, event=Event.TELEOP)
+            case WaitStep(seconds=seconds):
+                if snapshot.time - self._since >= seconds:
+                    self._plan.advance()
+                    self._since = snapshot.time
+                return replace(stand, phase="waiting")

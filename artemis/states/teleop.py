@@ -1,0 +1,49 @@
+"""Mode teleop: an operator's input becomes the vehicle's command."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from artemis.states.mode import ON, Plan, TeleopStep
+from artemis.supervision import catalogue
+from artemis.values import DriveCommand, Event, OperatorInput, Request, Snapshot, Wish
+
+STALE = 0.15
+"""A sample older than this [s] stops the robot: the device is frozen or gone (INP-03)."""
+
+
+class TeleopMode:
+    """Drives as the input of the present step says, while its enable button is held."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._since = 0.0
+
+    def enter(self, snapshot: Snapshot) -> None:
+        """The controls were neutral when the step began."""
+        self._since = snapshot.time
+
+    def step(self, snapshot: Snapshot) -> Wish:
+        """The operator's wish; standing still when the enable button is up; done when asked and at rest."""
+        step = self._plan.current
+        if not isinstance(step, TeleopStep):
+            return replace(ON, event=Event.DONE)
+        sample = next((i for i in snapshot.sensed.inputs if i.source == step.input), OperatorInput(source=step.input))
+        stand = DriveCommand(steering=snapshot.set_points.steering)
+        over = step.seconds is not None and snapshot.time - self._since >= step.seconds
+        if over or Request.DONE in sample.requests or self._ending:
+            return self._end(snapshot, stand)
+        if sample.age is None or sample.age > STALE:
+            return replace(ON, command=stand, fault=catalogue.fault("INP-03", step.input))
+        command = DriveCommand(speed=sample.speed, steering=sample.steering) if sample.enabled else stand
+        return replace(ON, command=command, phase="driving" if sample.enabled else "hold the enable button to drive")
+
+    _ending = False
+
+    def _end(self, snapshot: Snapshot, stand: DriveCommand) -> Wish:
+        """Come to rest, then hand back to ready."""
+        self._ending = not snapshot.standing
+        if self._ending:
+            return replace(ON, command=stand, phase="stopping")
+        self._plan.advance()
+        return replace(ON, command=stand, event=Event.DONE)

@@ -1,0 +1,80 @@
+"""Paths under any shape, place and start."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from artemis.errors import ConfigError
+from artemis.motion.path import Path, path_from_csv, path_from_points
+
+
+def wave(amplitude: float, length: float, turned: float) -> Path:
+    """A sine of the given amplitude and wavelength over 6 m, turned about its start."""
+    x = np.linspace(0.0, 6.0, 121)
+    y = amplitude * np.sin(math.tau * x / length)
+    cosine, sine = math.cos(turned), math.sin(turned)
+    return path_from_points(cosine * x - sine * y, sine * x + cosine * y)
+
+
+waves = st.builds(wave, st.floats(0.0, 0.4), st.floats(3.0, 9.0), st.floats(-math.pi, math.pi))
+
+
+@settings(max_examples=60, deadline=None)
+@given(path=waves, share=st.floats(0.05, 0.95), offset=st.floats(-0.3, 0.3), guess=st.floats(-0.1, 0.1))
+def test_projection_inverts_an_offset_from_the_path(path: Path, share: float, offset: float, guess: float) -> None:
+    point = path.at(share * path.length)
+    x, y = point.x - offset * math.sin(point.heading), point.y + offset * math.cos(point.heading)
+    found = path.project(x, y, near=point.arc_length + guess)
+    assert abs(found.arc_length - point.arc_length) < 2e-3
+    assert abs(found.cross_track - offset) < 1e-4
+
+
+@settings(max_examples=60, deadline=None)
+@given(path=waves, x=st.floats(-9, 9), y=st.floats(-9, 9), share=st.floats(0, 1), window=st.floats(0.05, 1))
+def test_projection_never_leaves_its_window(path: Path, x: float, y: float, share: float, window: float) -> None:
+    near = share * path.length
+    found = path.project(x, y, near=near, window=window)
+    if 0 <= found.arc_length <= path.length:
+        assert abs(found.arc_length - near) <= window + 2 * path.spacing
+
+
+@settings(max_examples=40, deadline=None)
+@given(path=waves, share=st.floats(0, 1))
+def test_path_is_smooth_between_its_samples(path: Path, share: float) -> None:
+    arc_length = share * (path.length - 0.01)
+    here, there = path.at(arc_length), path.at(arc_length + 0.01)
+    assert abs(math.dist((here.x, here.y), (there.x, there.y)) - 0.01) < 1e-5
+    assert abs(math.remainder(there.heading - here.heading, math.tau) - here.curvature * 0.01) < 1e-3
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.one_of(st.text(max_size=80), st.text(alphabet="0123456789.,; -\n#xyeinf", max_size=80)))
+def test_any_text_is_a_path_or_refused_with_its_places(text: str) -> None:
+    problems: list[str] | None = None
+    try:
+        path = path_from_csv(text, "p.csv")
+    except ConfigError as error:
+        problems = error.problems
+    if problems is None:
+        assert np.isfinite(path.x).all()
+        assert np.isfinite(path.curvature).all()
+        assert path.length > 0
+    else:
+        assert problems
+        assert all(problem.startswith("p.csv:") for problem in problems)
+
+
+@settings(max_examples=40, deadline=None)
+@given(radius=st.floats(0.33, 20), count=st.integers(40, 200), left=st.booleans(), share=st.floats(-1, 3))
+def test_circles_are_circles(radius: float, count: int, left: bool, share: float) -> None:
+    count = max(count, math.ceil(math.tau * radius))
+    angle = np.linspace(0, math.tau, count + 1) * (1 if left else -1)
+    path = path_from_points(radius * np.cos(angle), radius * np.sin(angle))
+    point = path.at(share * path.length)
+    assert path.closed
+    assert abs(math.hypot(point.x, point.y) - radius) < 0.001
+    assert abs(point.curvature * radius - (1 if left else -1)) < 0.02

@@ -1,0 +1,250 @@
+"""Codecs against frames from the EPOS manuals and CiA 301, byte for byte."""
+
+from __future__ import annotations
+
+import pytest
+
+from artemis.devices import canopen
+from artemis.devices.can_bus import Frame
+from artemis.devices.canopen import (
+    Abort,
+    Accepted,
+    Answer,
+    Emergency,
+    Expedited,
+    MappedObject,
+    NextSegment,
+    NmtCommand,
+    ObjectType,
+    PdoLayout,
+    Request,
+    SdoAbort,
+    Segment,
+    SegmentAccepted,
+    Segmented,
+    Upload,
+)
+from artemis.errors import ProtocolError
+from artemis.values import Nmt
+
+REQUESTS: list[tuple[str, Request]] = [
+    ("40 41 60 00 00 00 00 00", Upload(index=0x6041, subindex=0)),
+    ("2B 40 60 00 0F 00 00 00", Expedited(index=0x6040, subindex=0, data=b"\x0f\x00")),
+    ("2F 60 60 00 FD 00 00 00", Expedited(index=0x6060, subindex=0, data=b"\xfd")),
+    ("27 00 20 01 01 02 03 00", Expedited(index=0x2000, subindex=1, data=b"\x01\x02\x03")),
+    ("23 10 10 01 73 61 76 65", Expedited(index=0x1010, subindex=1, data=b"save")),
+    ("22 40 60 00 0F 00 00 00", Expedited(index=0x6040, subindex=0, data=b"\x0f\x00\x00\x00", sized=False)),
+    ("21 04 20 00 08 00 00 00", Segmented(index=0x2004, subindex=0, size=8)),
+    ("20 04 20 00 00 00 00 00", Segmented(index=0x2004, subindex=0, size=None)),
+    ("60 00 00 00 00 00 00 00", NextSegment(toggle=False)),
+    ("70 00 00 00 00 00 00 00", NextSegment(toggle=True)),
+    ("00 01 02 03 04 05 06 07", Segment(toggle=False, data=b"\x01\x02\x03\x04\x05\x06\x07", last=False)),
+    ("1D 08 00 00 00 00 00 00", Segment(toggle=True, data=b"\x08", last=True)),
+    ("80 41 60 00 00 00 04 05", Abort(index=0x6041, subindex=0, code=0x05040000)),
+]
+ANSWERS: list[tuple[str, Answer]] = [
+    ("4B 41 60 00 40 01 00 00", Expedited(index=0x6041, subindex=0, data=b"\x40\x01")),
+    ("4F 01 10 00 05 00 00 00", Expedited(index=0x1001, subindex=0, data=b"\x05")),
+    ("43 08 10 00 45 50 4F 53", Expedited(index=0x1008, subindex=0, data=b"EPOS")),
+    ("42 41 60 00 40 01 00 00", Expedited(index=0x6041, subindex=0, data=b"\x40\x01\x00\x00", sized=False)),
+    ("41 04 20 00 08 00 00 00", Segmented(index=0x2004, subindex=0, size=8)),
+    ("40 04 20 00 00 00 00 00", Segmented(index=0x2004, subindex=0, size=None)),
+    ("00 01 02 03 04 05 06 07", Segment(toggle=False, data=b"\x01\x02\x03\x04\x05\x06\x07", last=False)),
+    ("1D 08 00 00 00 00 00 00", Segment(toggle=True, data=b"\x08", last=True)),
+    ("60 40 60 00 00 00 00 00", Accepted(index=0x6040, subindex=0)),
+    ("20 00 00 00 00 00 00 00", SegmentAccepted(toggle=False)),
+    ("30 00 00 00 00 00 00 00", SegmentAccepted(toggle=True)),
+    ("80 00 30 00 00 00 02 06", Abort(index=0x3000, subindex=0, code=0x06020000)),
+]
+
+
+@pytest.mark.parametrize(("wire", "request_"), REQUESTS)
+def test_sdo_request_is_these_bytes(wire: str, request_: Request) -> None:
+    assert canopen.encode_request(request_) == bytes.fromhex(wire)
+    assert canopen.decode_request(bytes.fromhex(wire)) == request_
+
+
+@pytest.mark.parametrize(("wire", "answer"), ANSWERS)
+def test_sdo_answer_is_these_bytes(wire: str, answer: Answer) -> None:
+    assert canopen.encode_answer(answer) == bytes.fromhex(wire)
+    assert canopen.decode_answer(bytes.fromhex(wire)) == answer
+
+
+@pytest.mark.parametrize("specifier", [0xA0, 0xC0, 0xE0])
+def test_unknown_command_specifier_is_refused(specifier: int) -> None:
+    data = bytes((specifier, 0, 0, 0, 0, 0, 0, 0))
+    with pytest.raises(ProtocolError, match="command specifier"):
+        canopen.decode_request(data)
+    with pytest.raises(ProtocolError, match="command specifier"):
+        canopen.decode_answer(data)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        Expedited(index=0x2000, subindex=0, data=b""),
+        Expedited(index=0x2000, subindex=0, data=b"12345"),
+        Expedited(index=0x2000, subindex=0, data=b"12", sized=False),
+        Segment(toggle=False, data=b"12345678", last=False),
+        Segmented(index=0x2000, subindex=0, size=2**32),
+        Upload(index=0x10000, subindex=0),
+        Upload(index=0x1000, subindex=256),
+        Abort(index=0x1000, subindex=0, code=-1),
+    ],
+)
+def test_request_that_does_not_fit_its_frame_is_refused(request_: Request) -> None:
+    with pytest.raises(ProtocolError):
+        canopen.encode_request(request_)
+
+
+def test_abort_names_device_object_and_reason() -> None:
+    abort = SdoAbort(0x2010, 0, 0x06020000, device="steer-left")
+    assert str(abort) == "steer-left: SDO abort 0x06020000 at 0x2010:0: object does not exist"
+    assert (abort.index, abort.subindex, abort.code, abort.text) == (0x2010, 0, 0x06020000, "object does not exist")
+
+
+def test_unknown_abort_code_is_still_shown() -> None:
+    assert "0x12345678" in str(SdoAbort(0x2010, 3, 0x12345678))
+
+
+def test_nmt_commands_as_in_the_communication_guide() -> None:
+    assert canopen.nmt_frame(NmtCommand.START, 2) == Frame(0x000, b"\x01\x02")
+    assert canopen.nmt_frame(NmtCommand.RESET_NODE) == Frame(0x000, b"\x81\x00")
+    assert canopen.nmt_from_data(b"\x80\x05") == (NmtCommand.ENTER_PRE_OPERATIONAL, 5)
+
+
+@pytest.mark.parametrize("data", [b"", b"\x01", b"\x01\x02\x03", b"\x03\x00"])
+def test_wrong_nmt_command_is_refused(data: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        canopen.nmt_from_data(data)
+
+
+@pytest.mark.parametrize(
+    ("byte", "state"),
+    [
+        (0x00, Nmt.INITIALISING),
+        (0x04, Nmt.STOPPED),
+        (0x05, Nmt.OPERATIONAL),
+        (0x7F, Nmt.PRE_OPERATIONAL),
+        (0x85, Nmt.OPERATIONAL),
+        (0xFF, Nmt.PRE_OPERATIONAL),
+    ],
+)
+def test_heartbeat_tells_the_state_whatever_its_toggle(byte: int, state: Nmt) -> None:
+    assert canopen.nmt_from_heartbeat(bytes((byte,))) is state
+
+
+@pytest.mark.parametrize("data", [b"", b"\x01", b"\x05\x00"])
+def test_wrong_heartbeat_is_refused(data: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        canopen.nmt_from_heartbeat(data)
+
+
+def test_host_heartbeat() -> None:
+    assert canopen.heartbeat_frame(127, Nmt.OPERATIONAL) == Frame(0x77F, b"\x05")
+
+
+def test_sync_is_empty() -> None:
+    assert Frame(0x80) == canopen.SYNC_FRAME
+
+
+def test_emergency_code_comes_low_byte_first() -> None:
+    frame = Emergency(code=0x8611, register=0x20).frame(3)
+    assert frame == Frame(0x83, bytes.fromhex("11 86 20 00 00 00 00 00"))
+    assert canopen.emergency_from_data(frame.data) == Emergency(code=0x8611, register=0x20)
+
+
+def test_emergency_of_wrong_length_is_refused() -> None:
+    with pytest.raises(ProtocolError):
+        canopen.emergency_from_data(bytes(7))
+    with pytest.raises(ProtocolError):
+        Emergency(code=0x8611, register=0x20, data=bytes(6)).frame(3)
+
+
+def test_mapping_entry() -> None:
+    statusword = MappedObject(index=0x6041, subindex=0, bits=16)
+    assert statusword.entry == 0x60410010
+    assert canopen.mapped_from_entry(0x60410010) == statusword
+    with pytest.raises(ProtocolError):
+        canopen.mapped_from_entry(2**32)
+
+
+def test_pdo_fields_are_little_endian_and_signed_by_type() -> None:
+    layout = PdoLayout([ObjectType.U16, ObjectType.I32])
+    assert layout.length == 6
+    assert layout.pack(0x0140, -2) == bytes.fromhex("40 01 FE FF FF FF")
+    assert layout.unpack(bytes.fromhex("40 01 FE FF FF FF")) == (0x0140, -2)
+
+
+def test_pdo_longer_than_its_mapping_is_read_and_a_shorter_one_refused() -> None:
+    layout = PdoLayout([ObjectType.U16, ObjectType.I8])
+    assert layout.unpack(bytes.fromhex("40 01 FE 99")) == (0x0140, -2)
+    with pytest.raises(ProtocolError, match="its mapping needs 3"):
+        layout.unpack(b"\x40\x01")
+
+
+@pytest.mark.parametrize("values", [(1,), (1, 2, 3), (0x10000, 0), (0, 128)])
+def test_values_that_do_not_fit_the_pdo_are_refused(values: tuple[int, ...]) -> None:
+    with pytest.raises(ProtocolError):
+        PdoLayout([ObjectType.U16, ObjectType.I8]).pack(*values)
+
+
+@pytest.mark.parametrize("types", [[ObjectType.I64, ObjectType.U8], [ObjectType.STR]])
+def test_mapping_that_no_pdo_can_hold_is_refused(types: list[ObjectType]) -> None:
+    with pytest.raises(ProtocolError):
+        PdoLayout(types)
+
+
+@pytest.mark.parametrize(
+    ("type_", "value", "wire"),
+    [
+        (ObjectType.U8, 255, "FF"),
+        (ObjectType.I8, -3, "FD"),
+        (ObjectType.U16, 0x0140, "40 01"),
+        (ObjectType.I16, -2, "FE FF"),
+        (ObjectType.U32, 0x65766173, "73 61 76 65"),
+        (ObjectType.I32, -2147483648, "00 00 00 80"),
+        (ObjectType.U64, 0x0102030405060708, "08 07 06 05 04 03 02 01"),
+        (ObjectType.I64, -1, "FF FF FF FF FF FF FF FF"),
+        (ObjectType.STR, "EPOS", "45 50 4F 53"),
+    ],
+)
+def test_typed_value_on_the_wire(type_: ObjectType, value: int | str, wire: str) -> None:
+    assert type_.encode(value) == bytes.fromhex(wire)
+    assert type_.decode(bytes.fromhex(wire)) == value
+
+
+@pytest.mark.parametrize(
+    ("type_", "value"),
+    [
+        (ObjectType.U8, 256),
+        (ObjectType.U8, -1),
+        (ObjectType.I16, 32768),
+        (ObjectType.I32, 2**31),
+        (ObjectType.U64, 2**64),
+        (ObjectType.U16, "1"),
+        (ObjectType.STR, 1),
+        (ObjectType.STR, "Ω"),
+    ],
+)
+def test_value_outside_its_type_is_refused(type_: ObjectType, value: int | str) -> None:
+    with pytest.raises(ProtocolError):
+        type_.encode(value)
+
+
+@pytest.mark.parametrize(
+    ("type_", "data"), [(ObjectType.U16, b"\x01"), (ObjectType.U16, b"\x01\x02\x03\x04"), (ObjectType.STR, b"\xff")]
+)
+def test_bytes_that_are_not_of_the_type_are_refused(type_: ObjectType, data: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        type_.decode(data)
+
+
+def test_string_loses_its_padding() -> None:
+    assert ObjectType.STR.decode(b"EPOS\0\0") == "EPOS"
+
+
+def test_every_abort_code_of_the_firmware_specification_has_a_text() -> None:
+    assert len(canopen.ABORT_TEXTS) == 30
+    assert all(canopen.ABORT_TEXTS.values())
+    assert len(set(canopen.ABORT_TEXTS.values())) == 30

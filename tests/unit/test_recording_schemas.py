@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import synthetic_run
+from hypothesis import given
+from hypothesis import strategies as st
+
+from artemis.devices.can_bus import Frame
+from artemis.recording.schemas import (
+    CHANNELS,
+    frame_array,
+    json_schema,
+    pack_frames,
+    sensed_from_record,
+    sensed_record,
+    tick_from_record,
+    tick_record,
+    unpack_frames,
+)
+from artemis.values import DriveFeedback, DriveState, Fault, Nmt, OperatorInput, Request, Sensed, Severity
+
+floats = st.floats(allow_nan=False)  # nan is equal to nothing: it has its own test
+ages = st.none() | floats
+drives = st.builds(
+    DriveFeedback,
+    name=st.text(st.characters(codec="utf-8")),
+    state=st.sampled_from(DriveState),
+    statusword=st.integers(0, 0xFFFF),
+    position=floats,
+    velocity=floats,
+    current=floats,
+    potentiometers=st.tuples(floats, floats),
+    age=ages,
+    nmt=st.none() | st.sampled_from(Nmt),
+    heartbeat_age=ages,
+    emergencies=st.lists(st.integers(0, 0xFFFF)).map(tuple),
+)
+inputs = st.builds(
+    OperatorInput,
+    source=st.sampled_from(["stick", "null"]),
+    speed=floats,
+    steering=floats,
+    requests=st.lists(st.sampled_from(Request)).map(tuple),
+    age=ages,
+    axes=st.lists(floats).map(tuple),
+    buttons=st.lists(st.booleans()).map(tuple),
+)
+faults = st.builds(Fault, id=st.just("DRV-25"), severity=st.sampled_from(Severity), text=st.text("null é"))
+sensed_values = st.builds(
+    Sensed,
+    index=st.integers(0, 2**31),
+    time=floats,
+    drives=st.lists(drives, max_size=4).map(tuple),
+    inputs=st.lists(inputs, max_size=2).map(tuple),
+    faults=st.lists(faults, max_size=2).map(tuple),
+)
+
+
+@given(sensed_values)
+def test_sensed_values_survive_exactly(sensed: Sensed) -> None:
+    assert sensed_from_record(sensed_record(sensed)) == sensed
+
+
+def test_nan_survives() -> None:
+    sample = OperatorInput(source="stick", speed=math.nan, steering=-math.inf, age=None, axes=(math.nan, 1.0))
+    back = sensed_from_record(sensed_record(Sensed(index=1, time=0.02, inputs=(sample,)))).inputs[0]
+
+    assert math.isnan(back.speed)
+    assert back.steering == -math.inf
+    assert math.isnan(back.axes[0])
+    assert back.axes[1] == 1.0
+    assert back.age is None
+
+
+def test_a_tick_with_nan_survives() -> None:
+    tick = next(synthetic_run.run()).tick
+    back = tick_from_record(tick_record(replace(tick, set_points=replace(tick.set_points, speed=math.nan))))
+
+    assert math.isnan(back.set_points.speed)
+    assert back.set_points.steering == tick.set_points.steering
+
+
+def test_ticks_that_differ_in_the_last_bit_have_different_records() -> None:
+    tick = next(synthetic_run.run()).tick
+    speed = math.nextafter(tick.set_points.speed, 1.0)
+
+    assert tick_record(replace(tick, set_points=replace(tick.set_points, speed=speed))) != tick_record(tick)
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.booleans(),
+            st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), st.booleans(), floats),
+        )
+    )
+)
+def test_frames_survive_packing(frames: list[tuple[bool, Frame]]) -> None:
+    packed = pack_frames(frames)
+
+    assert unpack_frames(packed) == frames
+    assert frame_array(packed)["id"].tolist() == [frame.id for _, frame in frames]
+    assert frame_array(packed)["length"].tolist() == [len(frame.data) for _, frame in frames]
+
+
+@pytest.mark.parametrize("topic", CHANNELS)
+def test_schemas_are_plain(topic: str) -> None:
+    def check(schema: dict[str, object]) -> None:
+        assert schema["type"] in {"object", "array", "string", "number", "integer", "boolean"}
+        assert not {"$ref", "anyOf", "oneOf"} & set(schema)
+        properties = schema.get("properties", {})
+        assert isinstance(properties, dict)
+        for part in (*properties.values(), *([schema["items"]] if "items" in schema else [])):
+            assert isinstance(part, dict)
+            check(part)
+
+    schema = json_schema(CHANNELS[topic][1])
+    assert schema["type"] == "object"
+    check(schema)
+
+
+def test_foxglove_finds_its_time_by_the_title() -> None:
+    timestamp = json_schema(CHANNELS["/log"][1])["properties"]["timestamp"]
+
+    assert timestamp["title"] == "time"
+    assert set(timestamp["properties"]) == {"sec", "nsec"}

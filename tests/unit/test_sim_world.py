@@ -1,0 +1,216 @@
+from __future__ import annotations
+
+import asyncio
+import math
+from pathlib import Path
+
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from artemis.clock import run
+from artemis.devices.can_bus import Frame
+from artemis.sim.axis import Axis, Regulation
+from artemis.sim.bus import SimBus
+from artemis.sim.epos import SimSettings
+from artemis.sim.world import Supply, TrueRobot, World
+from artemis.vehicle import Robot
+
+ROBOT_FILE = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
+LEFT, RIGHT = "left", "right"
+STRAIGHT = TrueRobot(start_steering_left_deg=0.0, start_steering_right_deg=0.0)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.model_validate(yaml.safe_load(ROBOT_FILE.read_text()))
+
+
+def straight(**options: object) -> TrueRobot:
+    return TrueRobot.model_validate({**STRAIGHT.model_dump(), **options})
+
+
+def axis_at(world: World, robot: Robot, role: str, side: str) -> Axis:
+    name, _ = robot.drive_at(role, side)
+    return next(node.axis for node in world.nodes if node.name == name)
+
+
+def roll(world: World, robot: Robot, rpm_left: float, rpm_right: float) -> None:
+    """Give the driven wheels a speed in their own drives' sense."""
+    for side, rpm in ((LEFT, rpm_left), (RIGHT, rpm_right)):
+        axis = axis_at(world, robot, "traction", side)
+        axis.output_current, axis.acceleration, axis.deceleration = 10000.0, 5000.0, 5000.0
+        axis.regulate(Regulation.VELOCITY, rpm)
+
+
+def steer(world: World, robot: Robot, counts_left: float, counts_right: float) -> None:
+    for side, counts in ((LEFT, counts_left), (RIGHT, counts_right)):
+        axis = axis_at(world, robot, "steering", side)
+        axis.output_current, axis.profile_velocity = 2000.0, 5000.0
+        axis.regulate(Regulation.PROFILE, counts)
+
+
+def test_mirrored_drives_turning_oppositely_drive_straight_ahead(robot: Robot) -> None:
+    world = World(robot, STRAIGHT)
+    roll(world, robot, 1500.0, -1500.0)
+    world.advance(3.0)
+    counts = axis_at(world, robot, "traction", LEFT).position
+    assert world.pose.x == pytest.approx(counts * robot.metres_per_count(LEFT))
+    assert world.pose.x > 1.0
+    assert (world.pose.y, world.pose.heading) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert world.speed == pytest.approx(1500 / 60 * 72 * robot.metres_per_count(LEFT), rel=1e-3)
+
+
+def test_wheel_scale_bends_what_the_software_takes_for_straight(robot: Robot) -> None:
+    world = World(robot, straight(wheel_scale_left=1.02, wheel_scale_right=1.0))
+    roll(world, robot, 1500.0, -1500.0)
+    world.advance(3.0)
+    counts = axis_at(world, robot, "traction", LEFT).position
+    # Wheels held straight resist: least squares of rolling and grip, here sum and difference of the two ways.
+    assert world.pose.x == pytest.approx(1.01 * counts * robot.metres_per_count(LEFT), rel=1e-3)
+    assert world.pose.heading < 0.0
+
+
+def test_positive_counts_steer_left_unless_mirrored(robot: Robot) -> None:
+    world = World(robot, STRAIGHT)
+    steer(world, robot, 52556.0, -52556.0)  # 10 degrees at 5255.6 counts per degree
+    world.advance(3.0)
+    assert [math.degrees(angle) for angle in world.wheel_angles] == pytest.approx([10.0, 10.0], abs=1e-3)
+
+
+def test_counts_start_at_zero_whatever_the_wheels_angle(robot: Robot) -> None:
+    world = World(robot)
+    assert [node.axis.position for node in world.nodes] == [0.0] * 4
+    assert [math.degrees(angle) for angle in world.wheel_angles] == pytest.approx([7.0, -4.0])
+
+
+def test_potentiometers_follow_the_true_wheel_angle_through_the_calibration(robot: Robot) -> None:
+    world = World(robot, TrueRobot(steering_zero_left_deg=0.8))
+    for side, shown in ((LEFT, 7.0 - 0.8), (RIGHT, -4.0)):
+        calibration = robot.potentiometers(side)
+        voltages = axis_at(world, robot, "steering", side).analog
+        angles = [
+            slope * (voltage - zero)
+            for slope, voltage, zero in zip(calibration.slope_deg_per_v, voltages, calibration.zero_v, strict=True)
+        ]
+        assert angles == pytest.approx([shown, shown])
+    steer(world, robot, 52556.0, 0.0)
+    world.advance(3.0)
+    first, _ = axis_at(world, robot, "steering", LEFT).analog
+    assert first == pytest.approx(2.51 + (17.0 - 0.8) / 72.0, abs=1e-5)
+
+
+def test_potentiometer_noise_repeats_with_its_seed(robot: Robot) -> None:
+    def voltages(seed: int) -> list[float]:
+        world = World(robot, TrueRobot(potentiometer_noise_v=0.01), seed=seed)
+        axis = axis_at(world, robot, "steering", LEFT)
+        seen = []
+        for step in range(1, 200):
+            world.advance(step * 0.005)
+            seen.append(axis.analog[0] - (2.51 + 7.0 / 72.0))
+        return seen
+
+    noise = voltages(1)
+    assert noise == voltages(1)
+    assert noise != voltages(2)
+    assert math.sqrt(sum(v * v for v in noise) / len(noise)) == pytest.approx(0.01, rel=0.2)
+
+
+def test_start_pose_is_the_true_rear_axle(robot: Robot) -> None:
+    world = World(robot, straight(x_m=1.0, y_m=-2.0, heading_deg=90.0))
+    roll(world, robot, 1500.0, -1500.0)
+    world.advance(2.0)
+    assert world.pose.x == pytest.approx(1.0)
+    assert world.pose.y > -1.5
+    assert world.pose.heading == pytest.approx(math.pi / 2)
+
+
+def test_true_measures_replace_the_robot_files(robot: Robot) -> None:
+    world = World(robot, TrueRobot(wheelbase_m=0.57, scrub_radius_m=0.0))
+    assert (world.chassis.wheelbase, world.chassis.track, world.chassis.scrub_radius) == (0.57, 0.436, 0.0)
+
+
+def test_rear_driven_robot_rolls_on_its_rear_wheels(robot: Robot) -> None:
+    described = robot.model_dump()
+    described["geometry"]["driven_axle"] = "rear"
+    rear = Robot.model_validate(described)
+    world = World(rear, STRAIGHT)
+    roll(world, rear, 1500.0, -1500.0)
+    world.advance(2.0)
+    assert world.pose.x > 0.5
+
+
+def test_one_long_advance_ends_where_many_short_ones_do(robot: Robot) -> None:
+    def final_x(step: float) -> float:
+        world = World(robot, STRAIGHT)
+        roll(world, robot, 1500.0, -1500.0)
+        for index in range(round(2.0 / step)):
+            world.advance((index + 1) * step)
+        return world.pose.x
+
+    assert final_x(2.0) == pytest.approx(final_x(0.02))
+    assert final_x(2.0) == pytest.approx(final_x(0.001), abs=2e-3)
+
+
+def test_time_does_not_run_backwards(robot: Robot) -> None:
+    world = World(robot, STRAIGHT, start=10.0)
+    roll(world, robot, 1500.0, -1500.0)
+    world.advance(11.0)
+    before = world.pose
+    world.advance(10.5)
+    assert world.time == 11.0
+    assert world.pose == before
+
+
+def test_supply_sags_when_accelerating_and_rises_when_braking(robot: Robot) -> None:
+    world = World(robot, STRAIGHT)
+    assert world.supply_voltage == 25.0
+    roll(world, robot, 2500.0, -2500.0)
+    world.advance(0.4)
+    assert 23.0 < world.supply_voltage < 24.95
+    world.advance(3.0)
+    roll(world, robot, 0.0, 0.0)
+    world.advance(3.1)
+    braking = world.supply_voltage
+    assert 25.5 < braking < 30.0  # a planned stop does not trip the drives
+    assert all(node.axis.supply_voltage == braking for node in world.nodes)
+    world.advance(6.0)
+    assert world.supply_voltage == pytest.approx(25.0)
+
+
+def test_battery_that_takes_nothing_back_lets_braking_trip_the_drives(robot: Robot) -> None:
+    world = World(robot, straight(supply=Supply(back_feed_resistance_ohm=3.0).model_dump()))
+    roll(world, robot, 2500.0, -2500.0)
+    world.advance(3.0)
+    roll(world, robot, 0.0, 0.0)
+    world.advance(3.1)
+    assert world.supply_voltage > 31.0
+
+
+def test_wrong_truth_is_refused() -> None:
+    with pytest.raises(ValidationError):
+        TrueRobot.model_validate({"steering_zero_deg": 1.0})
+    with pytest.raises(ValidationError):
+        TrueRobot(slip=-0.1)
+
+
+def test_drives_boot_and_answer_on_the_simulated_bus(robot: Robot) -> None:
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        bus = SimBus(World(robot, settings=SimSettings(answer_time_s=0.0)), robot.bitrate, loop)
+        woken = asyncio.Event()
+        bus.listen(woken.set)
+        await asyncio.wait_for(woken.wait(), 1.0)
+        assert {frame.id for frame in bus.receive()} <= {0x701, 0x702, 0x703, 0x704}
+        await asyncio.sleep(0.1)
+        bus.receive()
+        woken.clear()
+        sent = loop.time()
+        bus.send(Frame(0x603, bytes.fromhex("40 7C 20 01 00 00 00 00")))  # analog input 1 of the left steering drive
+        await asyncio.wait_for(woken.wait(), 1.0)
+        (answer,) = bus.receive()
+        assert answer.id == 0x583
+        assert int.from_bytes(answer.data[4:6], "little") == pytest.approx(2510 + 7000 / 72, abs=5)
+        assert 0.23e-3 < answer.time - sent < 0.27e-3  # two frames and nothing else
+
+    run(main(), simulated=True)
