@@ -191,7 +191,8 @@ class Robot:
             self._tasks.create_task(self._perform(job))
 
     async def _perform(self, job: Job) -> None:
-        self._results.append(await self._drives.perform(job))
+        result = await self._drives.perform(job)
+        self._results.append(result)  # not in one line: `_results` is replaced at each tick
 
     def _wake(self) -> None:
         """Frames wait between ticks: answers go to their jobs; an emergency makes an extra tick at once."""

@@ -9,7 +9,7 @@ from datetime import datetime
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -20,6 +20,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Metadata
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
@@ -93,8 +94,27 @@ class Recording:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot that drove."""
-        return Robot.model_validate_json(self.attachments["robot.json"])
+        """The robot that drove.
+
+        Raises:
+            RecordingError: its description is damaged.
+        """
+        try:
+            return Robot.model_validate_json(self.attachments["robot.json"])
+        except ValidationError as error:
+            raise RecordingError(f"{self.path}: robot.json in it is damaged: {error}") from error
+
+    @cached_property
+    def mission(self) -> dict[str, Any]:
+        """The resolved mission.
+
+        Raises:
+            RecordingError: it is damaged.
+        """
+        try:
+            return msgspec.json.decode(self.attachments["mission.json"], type=dict[str, Any])
+        except msgspec.DecodeError as error:
+            raise RecordingError(f"{self.path}: mission.json in it is damaged: {error}") from error
 
     @property
     def files(self) -> dict[str, bytes]:
@@ -103,19 +123,17 @@ class Recording:
         return {name[len(prefix) :]: data for name, data in self.attachments.items() if name.startswith(prefix)}
 
     def ticks(self) -> Iterator[RecordedTick]:
-        """Every tick that is there with both its halves, in order."""
+        """Every tick that is there with both its halves, in order.
+
+        Raises:
+            RecordingError: a tick holds other values than this version of artemis knows.
+        """
         sensed = None
         for message in self._messages("/sensed", "/tick"):
             if message.topic == "/sensed":
                 sensed = message
             elif sensed and sensed.sequence == message.sequence:
-                record = schemas.tick_from_record(message.data)
-                yield RecordedTick(sensed=schemas.sensed_from_record(sensed.data), record=record, raw=message.data)
-
-    def records(self) -> Iterator[TickRecord]:
-        """What artemis made of each tick, without the sensed values."""
-        for message in self._messages("/tick"):
-            yield schemas.tick_from_record(message.data)
+                yield self._decoded(sensed, message)
 
     def frame_arrays(self) -> Iterator[tuple[int, NDArray[np.void]]]:
         """The index of each tick with frames, and these as an array of dtype `schemas.FRAME_RECORD`."""
@@ -137,9 +155,21 @@ class Recording:
 
     def true_poses(self) -> Iterator[tuple[float, Pose]]:
         """Run time [s] and true pose (frame `odom`) of every tick that has one."""
-        for record in self.records():
-            if record.true_pose is not None:
-                yield record.time, record.true_pose
+        for tick in self.ticks():
+            if tick.record.true_pose is not None:
+                yield tick.record.time, tick.record.true_pose
+
+    def _decoded(self, sensed: _Message, tick: _Message) -> RecordedTick:
+        try:
+            return RecordedTick(
+                sensed=schemas.sensed_from_record(sensed.data),
+                record=schemas.tick_from_record(tick.data),
+                raw=tick.data,
+            )
+        except msgspec.ValidationError as error:
+            version = self.versions.get("artemis", "?")
+            problem = f"tick {tick.sequence} is not understood ({error}); it was written by artemis {version}"
+            raise RecordingError(f"{self.path}: {problem}") from error
 
     # --------------------------------------------------------------------------------------------------- the file
 

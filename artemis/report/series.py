@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from artemis.errors import ConfigError
 from artemis.motion.path import Path, path_from_csv
 from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
@@ -209,10 +209,15 @@ def _intervals(time: Array, values: list[str]) -> tuple[Interval, ...]:
 
 
 def _paths(recording: Recording) -> list[Path]:
-    """Every path that the mission names."""
+    """Every path that the mission names and that can be read."""
+    paths = []
     files = recording.files
-    names = dict.fromkeys(_values_of("path", json.loads(recording.attachments["mission.json"])))
-    return [path_from_csv(files[name].decode(), name) for name in names if name in files]
+    for name in dict.fromkeys(_values_of("path", recording.mission)):
+        try:
+            paths.append(path_from_csv(files[name].decode(), name))
+        except (KeyError, UnicodeDecodeError, ConfigError):
+            continue  # no file, or damaged in the recording: then there is no path to compare with
+    return paths
 
 
 def _values_of(key: str, node: object) -> Iterator[str]:

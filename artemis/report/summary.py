@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -64,7 +63,7 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
     apart = np.hypot(*(run.estimated - run.true)[:, :2].T)
     known = apart[np.isfinite(apart)]
     return Summary(
-        mission=_mission_name(recording),
+        mission=str(recording.mission.get("mission", "")),
         robot=recording.robot.robot,
         start=recording.start,
         result=_result(recording, run),
@@ -89,11 +88,6 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         steps=run.steps,
         faults=tuple(entry.text for entry in run.entries if entry.kind == "fault"),
     )
-
-
-def _mission_name(recording: Recording) -> str:
-    mission = json.loads(recording.attachments["mission.json"])
-    return str(mission.get("mission", "")) if isinstance(mission, dict) else ""
 
 
 def _result(recording: Recording, run: Series) -> str:

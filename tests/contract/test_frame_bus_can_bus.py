@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
+import threading
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -24,9 +25,11 @@ class StandIn(can.BusABC):
     script: list[can.Message | Exception]
     send_error: Exception | None = None
     closed = 0
+    opened: StandIn
 
     def __init__(self, channel: str, bitrate: int = 500000, **kwargs: object) -> None:
         self.fetched = kwargs.get("fetched", 0)
+        type(self).opened = self
         super().__init__(channel)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -47,12 +50,15 @@ class StandIn(can.BusABC):
 
 
 class WithDescriptor(StandIn):
-    """The same behind a descriptor that is readable from the start."""
+    """The same behind a descriptor, `readable` from the start."""
+
+    readable = True
 
     def __init__(self, channel: str, **kwargs: object) -> None:
         super().__init__(channel)
         self.near, self.far = socket.socketpair()
-        self.far.send(b"x")
+        if self.readable:
+            self.far.send(b"x")
 
     def fileno(self) -> int:
         return self.near.fileno()
@@ -124,6 +130,8 @@ def test_reader_that_fails_is_reported_by_both_calls_and_wakes(install: Install,
         assert await lost(bus) == f"CAN {interface} 0: cannot be read: CanOperationError: cable pulled"
         with pytest.raises(DeviceLost, match="cable pulled"):
             bus.send(Frame(0x80))
+        if backend is WithDescriptor:
+            assert not asyncio.get_running_loop().remove_reader(globals()["installed"].opened.fileno())
         bus.close()
 
     in_real_time(main())
@@ -219,12 +227,53 @@ def test_closed_bus_is_given_back_once_and_says_so(install: Install, interface: 
         bus.close()
         bus.close()
         assert globals()["installed"].closed == 1
+        assert bus.name not in {thread.name for thread in threading.enumerate()}
         with pytest.raises(DeviceLost, match="is closed"):
             bus.receive()
         with pytest.raises(DeviceLost, match="is closed"):
             bus.send(Frame(0x80))
 
     in_real_time(main())
+
+
+def test_adapter_that_cannot_be_closed_is_logged(install: Install, caplog: pytest.LogCaptureFixture) -> None:
+    def shutdown(backend: can.BusABC) -> None:
+        can.BusABC.shutdown(backend)
+        raise can.CanOperationError("already gone")
+
+    async def main() -> None:
+        CanBus(install("plain", StandIn, shutdown=shutdown)).close()
+        assert "CAN plain 0 did not close: already gone" in caplog.text
+
+    in_real_time(main())
+
+
+def test_equal_frames_of_other_nodes_pass_between_own_ones_on_a_bus_that_echoes(install: Install) -> None:
+    first, second = Frame(0x601, b"\1"), Frame(0x602, b"\2")
+
+    async def main() -> None:
+        bus = CanBus(install("udp_multicast", WithDescriptor, readable=False))
+        bus.send(first)
+        bus.send(second)
+        for identifier, data in ((0x602, b"\2"), (0x601, b"\1"), (0x602, b"\2")):
+            globals()["installed"].script.append(message(identifier, data))
+        assert bare(bus.receive()) == [second]
+        bus.close()
+
+    run(main(), simulated=True)
+
+
+def test_own_frame_that_got_lost_does_not_swallow_an_equal_one_later(install: Install) -> None:
+    async def main() -> None:
+        bus = CanBus(install("udp_multicast", WithDescriptor, readable=False))
+        bus.send(Frame(0x601, b"\1"))
+        bus.send(Frame(0x602, b"\2"))
+        await asyncio.sleep(1.1)
+        globals()["installed"].script.append(message(0x601, b"\1"))
+        assert bare(bus.receive()) == [Frame(0x601, b"\1")]
+        bus.close()
+
+    run(main(), simulated=True)
 
 
 def test_flood_lets_the_loop_go_on(install: Install) -> None:

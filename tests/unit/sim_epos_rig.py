@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import struct
-from typing import Any
 
 from artemis.devices.can_bus import Frame
 from artemis.sim.axis import Axis
 from artemis.sim.epos import SimEpos, SimSettings
+from artemis.values import DriveState
 from artemis.vehicle import Drive, Motor, Sensor
 
 STEP = 0.001
@@ -58,9 +58,9 @@ class Aborted(Exception):
 
 
 class Rig:
-    def __init__(self, drive: Drive = TRACTION, *, boot: bool = True, **settings: Any) -> None:
+    def __init__(self, drive: Drive = TRACTION, *, boot: bool = True, settings: SimSettings | None = None) -> None:
         self.axis = Axis(drive)
-        self.node = SimEpos(drive, self.axis, name="rig", settings=SimSettings(**settings))
+        self.node = SimEpos(drive, self.axis, name="rig", settings=settings)
         self.id = drive.node_id
         self.now = 0.0
         self.heard: list[tuple[float, Frame]] = []
@@ -129,6 +129,9 @@ class Rig:
 
     def control(self, word: int) -> None:
         self.write(0x6040, 0, "H", word)
+
+    def state(self) -> DriveState:
+        return self.node.state
 
     @property
     def status(self) -> int:

@@ -138,7 +138,7 @@ def test_accelerations_stand_in_the_ratio_of_the_speeds() -> None:
     assert times == pytest.approx([0.5, 0.5], abs=1e-12)
 
 
-@pytest.mark.parametrize(("left", "right"), [(0.8, 0.4), (-0.4, 0.9), (0.0, -0.2), (-0.3, -0.3)])
+@pytest.mark.parametrize(("left", "right"), [(0.8, 0.4), (-0.4, 0.9), (-0.9, 0.4), (0.0, -0.2), (-0.3, -0.3)])
 def test_both_sides_arrive_together_and_none_faster_than_allowed(left: float, right: float) -> None:
     rates = arrival_rates(left, right, 0.5)
     time = max(abs(left), abs(right)) / 0.5

@@ -84,7 +84,7 @@ def test_what_the_run_was_made_from_comes_back(tmp_path: Path) -> None:
     recording = Recording(synthetic_run.record(tmp_path / "recording.mcap", iter(first(2)), outcome="done, 2 ticks"))
 
     assert recording.robot == synthetic_run.robot()
-    assert json.loads(recording.attachments["mission.json"]) == synthetic_run.MISSION
+    assert recording.mission == synthetic_run.MISSION
     assert recording.files == {"paths/circle.csv": synthetic_run.CIRCLE.encode()}
     assert recording.start == synthetic_run.START
     assert set(recording.versions) >= {"artemis", "python", "numpy"}
@@ -322,6 +322,25 @@ def test_a_flipped_bit_in_a_file_of_the_mission_is_noticed(small: Path) -> None:
     missing = Recording(small).missing
     assert missing is not None
     assert "damaged" in missing
+
+
+def test_a_damaged_description_is_said(tmp_path: Path) -> None:
+    provenance = replace(synthetic_run.provenance(), robot=b'{"robot": "x"}', mission=b"[1]")
+    Recorder(tmp_path / "recording.mcap", provenance, threaded=False).close()
+    recording = Recording(tmp_path)
+
+    with pytest.raises(RecordingError, match=r"robot\.json in it is damaged"):
+        _ = recording.robot
+    with pytest.raises(RecordingError, match=r"mission\.json in it is damaged"):
+        _ = recording.mission
+
+
+def test_values_that_this_version_does_not_know_are_said(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mcap_writer, "tick_record", lambda *_: b'{"index":0,"mode":"dancing"}')
+    synthetic_run.record(small, iter(first(2)))
+
+    with pytest.raises(RecordingError, match=r"tick 0 is not understood .* written by artemis"):
+        list(Recording(small).ticks())
 
 
 @pytest.mark.parametrize(

@@ -151,6 +151,19 @@ def test_a_run_without_a_tick_has_a_summary(tmp_path: Path) -> None:
     assert facts.result == "broken off in the beginning"
 
 
+def test_a_damaged_path_costs_only_the_projection(tmp_path: Path) -> None:
+    path = tmp_path / "recording.mcap"
+    provenance = replace(synthetic_run.provenance(), files={"paths/circle.csv": b"x,y\n0,\xff"})
+    recorder = Recorder(path, provenance, threaded=False)
+    for each in islice(synthetic_run.run(), 150):
+        recorder.observe(each.tick, each.frames, each.true_pose)
+    recorder.close()
+    facts = summary(Recording(path))
+
+    assert facts.cross_track_rms is not None
+    assert facts.true_cross_track_rms is None
+
+
 def test_a_path_that_is_no_file_of_the_mission_has_no_projection(tmp_path: Path) -> None:
     def observed() -> Iterator[Observed]:
         for each in islice(synthetic_run.run(), 150):

@@ -3,8 +3,9 @@ from __future__ import annotations
 import math
 
 import pytest
-from artemis.sim.axis import LOADS, POSITION_GAIN, Axis, Load, Regulation
 from sim_epos_rig import STEERING, TRACTION
+
+from artemis.sim.axis import LOADS, POSITION_GAIN, Axis, Load, Regulation
 
 
 def traction() -> Axis:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pytest
+
 from artemis.sim.dictionary import SIZES, Abort, AbortCode, Dictionary, Entry, Type, key_of
 from artemis.sim.epos_objects import objects
 

@@ -3,9 +3,11 @@ from __future__ import annotations
 import math
 
 import pytest
-from artemis.devices.can_bus import Frame
-from artemis.values import DriveState, Nmt
 from sim_epos_rig import STEERING, TRACTION, Rig
+
+from artemis.devices.can_bus import Frame
+from artemis.sim.epos import SimSettings
+from artemis.values import DriveState, Nmt
 
 START, STOP, PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
 
@@ -17,13 +19,15 @@ def silent(rig: Rig) -> bool:
 
 
 def test_a_node_boots_up_into_pre_operational() -> None:
-    rig = Rig(boot=False, boot_time_s=0.05)
+    rig = Rig(boot=False, settings=SimSettings(boot_time_s=0.05))
     assert rig.node.next_due == 0.05
     rig.run(0.049)
     assert rig.heard == []
     assert silent(rig)
     rig.run(0.002)
-    assert [(time, frame) for time, frame in rig.heard] == [(pytest.approx(0.05, abs=0.001), Frame(0x702, b"\0"))]
+    ((time, frame),) = rig.heard
+    assert time == pytest.approx(0.05, abs=0.001)
+    assert frame == Frame(0x702, b"\0")
     assert rig.node.nmt is Nmt.PRE_OPERATIONAL
     assert rig.status == 0x0140
 
@@ -66,7 +70,7 @@ def test_a_stopped_node_answers_no_sdo_and_sends_no_emergency_but_beats() -> Non
     rig.run(0.02)
     assert rig.emergencies() == []
     assert rig.take(0x702) == [b"\x04", b"\x04"]
-    assert rig.node.state is DriveState.FAULT
+    assert rig.state() is DriveState.FAULT
 
 
 def test_the_power_state_machine_runs_in_pre_operational_too() -> None:
@@ -128,7 +132,7 @@ def test_reset_communication_keeps_the_drive_running_and_reloads_the_pdos() -> N
     assert rig.node.nmt is Nmt.PRE_OPERATIONAL
     assert rig.read(0x1800, 2, "B") == 255
     assert rig.read(0x6085, 0, "I") == 777
-    assert rig.node.state is DriveState.OPERATION_ENABLE
+    assert rig.state() is DriveState.OPERATION_ENABLE
 
 
 def test_restore_brings_the_factory_back_only_while_disabled() -> None:
@@ -150,15 +154,15 @@ def test_restored_identifiers_wait_for_store_and_restart() -> None:
     assert rig.read(0x1400, 1, "I") == 0x202
     rig.nmt(START)
     rig.send(0x333, b"\x06\0")
-    assert rig.node.state is DriveState.READY
+    assert rig.state() is DriveState.READY
     rig.write(0x1010, 1, "I", 0x65766173)
     rig.nmt(RESET_NODE)
     rig.run(0.06)
     rig.nmt(START)
     rig.send(0x333, b"\x06\0")
-    assert rig.node.state is DriveState.SWITCH_ON_DISABLED
+    assert rig.state() is DriveState.SWITCH_ON_DISABLED
     rig.send(0x202, b"\x06\0")
-    assert rig.node.state is DriveState.READY
+    assert rig.state() is DriveState.READY
 
 
 @pytest.mark.parametrize(("index", "sub"), [(0x1010, 1), (0x1011, 1), (0x1011, 5)])
@@ -187,7 +191,7 @@ def test_the_consumer_waits_for_the_first_heartbeat() -> None:
     rig = Rig()
     rig.write(0x1016, 1, "I", 127 << 16 | 200)
     rig.run(1.0)
-    assert rig.node.state is DriveState.SWITCH_ON_DISABLED
+    assert rig.state() is DriveState.SWITCH_ON_DISABLED
 
 
 @pytest.mark.parametrize("sub", [1, 2])
@@ -204,7 +208,7 @@ def test_silence_of_a_producer_is_an_error(sub: int) -> None:
     assert rig.emergencies() == [0x8130]
     rig.run(0.5)
     assert rig.emergencies() == []
-    assert rig.node.state is DriveState.FAULT
+    assert rig.state() is DriveState.FAULT
 
 
 def test_a_moving_drive_ramps_down_when_the_host_falls_silent() -> None:
@@ -218,10 +222,10 @@ def test_a_moving_drive_ramps_down_when_the_host_falls_silent() -> None:
     rig.run(0.185)
     assert rig.axis.velocity == pytest.approx(1000.0, rel=0.01)
     rig.run(0.1)
-    assert rig.node.state is DriveState.FAULT_REACTION_ENABLED
+    assert rig.state() is DriveState.FAULT_REACTION_ENABLED
     assert 400.0 < rig.axis.velocity < 700.0
     rig.run(0.2)
-    assert rig.node.state is DriveState.FAULT
+    assert rig.state() is DriveState.FAULT
     assert abs(rig.axis.velocity) < 50.0
 
 
@@ -317,7 +321,7 @@ def test_foreign_frames_do_nothing() -> None:
     for identifier in (0x081, 0x181, 0x281, 0x203, 0x303, 0x583, 0x603, 0x701, 0x77F, 0x7FF):
         rig.send(identifier, bytes(8))
     assert rig.heard == []
-    assert rig.node.state is DriveState.SWITCH_ON_DISABLED
+    assert rig.state() is DriveState.SWITCH_ON_DISABLED
 
 
 def test_a_short_or_remote_nmt_frame_is_ignored() -> None:

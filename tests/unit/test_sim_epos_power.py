@@ -3,10 +3,12 @@ from __future__ import annotations
 import itertools
 
 import pytest
+from sim_epos_rig import STEERING, Rig
+
+from artemis.sim.epos import SimSettings
 from artemis.sim.epos_errors import ERRORS, HISTORY_LENGTH, Reaction
 from artemis.sim.epos_power import PATTERNS, TRANSITIONS, Command, command_of
 from artemis.values import DriveState
-from sim_epos_rig import STEERING, Rig
 
 SHUTDOWN, SWITCH_ON, ENABLE, QUICK_STOP, DISABLE = 0x0006, 0x0007, 0x000F, 0x000B, 0x0000
 MASK = 0x417F
@@ -64,11 +66,11 @@ EXPECTED = {
 @pytest.mark.parametrize("column", range(5))
 def test_every_command_in_every_state(state: DriveState, column: int) -> None:
     rig = in_state(state)
-    assert rig.node.state is state
+    assert rig.state() is state
     rig.control((SHUTDOWN, SWITCH_ON, ENABLE, QUICK_STOP, DISABLE)[column])
     rig.run(0.02)
-    assert rig.node.state is EXPECTED[state][column]
-    assert rig.status & MASK == PATTERNS[rig.node.state]
+    assert rig.state() is EXPECTED[state][column]
+    assert rig.status & MASK == PATTERNS[rig.state()]
 
 
 def test_controlwords_are_told_apart_by_their_low_byte() -> None:
@@ -94,7 +96,7 @@ def test_each_state_has_its_own_pattern() -> None:
 
 
 def test_enabling_passes_refresh_and_measure_init() -> None:
-    rig = Rig(refresh_s=0.004, measure_s=0.006)
+    rig = Rig(settings=SimSettings(refresh_s=0.004, measure_s=0.006))
     rig.control(SHUTDOWN)
     rig.control(ENABLE)
     seen = []
@@ -124,7 +126,7 @@ def test_a_late_owner_still_gets_through_enabling_at_once() -> None:
     rig.control(SHUTDOWN)
     rig.control(ENABLE)
     rig.node.advance(rig.now + 1.0)
-    assert rig.node.state is DriveState.OPERATION_ENABLE
+    assert rig.state() is DriveState.OPERATION_ENABLE
 
 
 def test_a_retained_target_spins_the_motor_at_enable() -> None:
