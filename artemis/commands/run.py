@@ -11,7 +11,7 @@ from artemis.commands.terminal import listen_to_keys
 from artemis.mission.loading import load_mission
 from artemis.recording.mcap_reader import Recording
 from artemis.report.page import write_report
-from artemis.report.series import Summary, summary
+from artemis.report.summary import Summary, summary
 
 
 def run_and_report(source: Path, simulate: bool) -> int:
@@ -53,4 +53,14 @@ def _result(outcome: Outcome) -> str:
 
 
 def _numbers(found: Summary) -> list[str]:
-    return []
+    lines = [f"distance      {found.distance:.2f} m, up to {found.max_speed:.2f} m/s; bus load {found.bus_load_mean:.1%}"]
+    for name, rms, worst in (
+        ("estimated", found.cross_track_rms, found.cross_track_max),
+        ("true", found.true_cross_track_rms, found.true_cross_track_max),
+    ):
+        if rms is not None and worst is not None:
+            against = f"by the {name} pose".ljust(21)
+            lines.append(f"cross-track   {against} {rms * 1000:6.1f} mm RMS, {worst * 1000:6.1f} mm at most")
+    if found.position_error_end is not None:
+        lines.append(f"odometry      ended {found.position_error_end * 1000:.1f} mm from the true position")
+    return [*lines, *(f"fault         {text}" for text in found.faults)]

@@ -22,12 +22,15 @@ class Odometer:
         self.reset()
 
     def reset(self, pose: Pose | None = None) -> None:
-        """Begin anew at `pose` (default: the origin), at rest.
-
-        The wheel angles are taken from the next update: what they changed by until then (a drive was told its
-        position, say) is not counted as steering.
-        """
+        """Begin anew at `pose` (default: the origin), at rest."""
         self.odometry = Odometry(pose=pose or Pose())
+        self.forget_angles()
+
+    def forget_angles(self) -> None:
+        """Take the wheel angles from the next update: what they change by until then is not steering.
+
+        For drives that were told their position.
+        """
         self._angles: tuple[float, float] | None = None
         self._change = 0.0
 

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline  # type: ignore[import-untyped]  # scipy has no types
+from scipy.interpolate import CubicSpline  # scipy has no types
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap

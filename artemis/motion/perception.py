@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.odometry import Odometer
-from artemis.values import DriveFeedback, DriveState, Odometry, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import DriveFeedback, DriveState, JobKind, Odometry, Sensed, SetPoints, Snapshot, Verdict
 from artemis.vehicle import Robot
 
 STANDING_TIME, STANDING_WAY = 0.1, 0.001
@@ -36,6 +36,8 @@ class Perception:
         dt = 0.0
         if not sensed.urgent:
             left, right, steer_left, steer_right = self._by_place(sensed)
+            if any(result.kind is JobKind.REFERENCE for result in sensed.results):
+                self._odometer.forget_angles()
             if self._rolled:
                 before, last_left, last_right = self._rolled[-1]
                 dt = min(sensed.time - before, self._dt_max)

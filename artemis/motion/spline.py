@@ -7,8 +7,8 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicHermiteSpline, CubicSpline  # type: ignore[import-untyped]  # scipy has no types
-from scipy.linalg import solveh_banded  # type: ignore[import-untyped]
+from scipy.interpolate import CubicHermiteSpline, CubicSpline  # scipy has no types
+from scipy.linalg import solveh_banded
 
 Array: TypeAlias = npt.NDArray[np.float64]
 """Numbers for each point of a curve, shape (n,), or coordinates x, y [m], shape (n, 2)."""

@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
-from artemis.report.series import Array, Interval, Series
+from artemis.report.series import Interval, Series
 from artemis.values import DriveState, Mode
 
 INK = "#0a0b0c"
@@ -308,7 +309,7 @@ def _patches(
             title=title,
             loc=place,
             bbox_to_anchor=(x, 0.0),
-            ncols=4,
+            ncols=6,
             handlelength=1.0,
             columnspacing=1.2,
             borderaxespad=0.0,

@@ -3,27 +3,19 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import nan
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from artemis.errors import ConfigError
-from artemis.motion.path import Path, path_from_csv
+from artemis.motion.path import Path
+from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
+from artemis.report.bus_load import measure_bus_load
+from artemis.report.cross_track import follow_true_pose, paths_of
 from artemis.values import DriveFeedback, Mode, Pose, SetPoints, Tracking
 from artemis.vehicle import Robot
-
-Array: TypeAlias = NDArray[np.float64]
-
-BUS_BIN = 0.2
-"""Shortest time over which the bus load is averaged [s]."""
-PROJECTION_WINDOW = 0.5
-"""The true pose is looked for this far [m] around its last place on the path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,10 +84,10 @@ def read_series(recording: Recording) -> Series:
     table = _read_table(recording)
     time, true, tracking = table.columns(0, 1)[:, 0], table.columns(5, 8), table.columns(8, 11)
     following = np.array([mode is Mode.FOLLOW for mode in table.modes], dtype=bool) & np.isfinite(tracking[:, 0])
-    paths, projected = _follow_true_pose(_paths(recording), following, tracking, true)
+    paths, projected = follow_true_pose(paths_of(recording), following, tracking, true)
     modes = _intervals(time, [mode.value for mode in table.modes])
     doing = {Mode.CALIBRATE.value, Mode.TELEOP.value, Mode.FOLLOW.value}
-    frames, bus_time, bus_load = _bus(recording, time, table.indices)
+    frames, bus_time, bus_load = measure_bus_load(recording, time, table.indices)
     return Series(
         time=time,
         estimated=table.columns(2, 5),
@@ -203,97 +195,3 @@ def _intervals(time: Array, values: list[str]) -> tuple[Interval, ...]:
         Interval(value=values[begin], begin=float(time[begin]), end=float(time[end]))
         for begin, end in zip(changes, ends, strict=True)
     )
-
-
-# ----------------------------------------------------------------------------------------------------------- paths
-
-
-def _paths(recording: Recording) -> list[Path]:
-    """Every path that the mission names and that can be read."""
-    paths = []
-    files = recording.files
-    for name in dict.fromkeys(_values_of("path", recording.mission)):
-        try:
-            paths.append(path_from_csv(files[name].decode(), name))
-        except (KeyError, UnicodeDecodeError, ConfigError):
-            continue  # no file, or damaged in the recording: then there is no path to compare with
-    return paths
-
-
-def _values_of(key: str, node: object) -> Iterator[str]:
-    """Every text under `key`, anywhere in JSON."""
-    if isinstance(node, dict):
-        if isinstance(node.get(key), str):
-            yield node[key]
-        for part in node.values():
-            yield from _values_of(key, part)
-    elif isinstance(node, list):
-        for part in node:
-            yield from _values_of(key, part)
-
-
-def _path_of_length(candidates: list[Path], length: float) -> Path | None:
-    """The path of which some laps are `length` long [m], or None: then it was none of the mission's files."""
-    for path in candidates:
-        laps = max(1, round(length / path.length))
-        if abs(laps * path.length - length) < 1e-3:
-            return path.with_laps(laps) if path.closed else path
-    return None
-
-
-def _follow_true_pose(
-    candidates: list[Path], following: NDArray[np.bool_], tracking: Array, true: Array
-) -> tuple[list[Path], Array]:
-    """The paths that were followed, and where the true pose was on them: arc length and cross-track, shape (n, 2)."""
-    followed: list[Path] = []
-    projected = np.full((len(true), 2), np.nan)
-    indices = np.flatnonzero(following)
-    for rows in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1):
-        path = _path_of_length(candidates, float(tracking[rows[0], 2])) if len(rows) else None
-        if path is not None:
-            if not any(path.x is other.x for other in followed):
-                followed.append(path)
-            projected[rows] = _project(path, true[rows], float(tracking[rows[0], 0]))
-    return followed, projected
-
-
-def _project(path: Path, poses: Array, near: float) -> Array:
-    """Arc length and cross-track of each pose, shape (n, 2), carried on from the arc length `near` [m]."""
-    rows = np.full((len(poses), 2), np.nan)
-    for index, (x, y, _) in enumerate(poses.tolist()):
-        if np.isfinite(x):
-            projection = path.project(x, y, near, PROJECTION_WINDOW)
-            near = projection.arc_length
-            rows[index] = near, projection.cross_track
-    return rows
-
-
-# ------------------------------------------------------------------------------------------------------------- bus
-
-
-def _bus(recording: Recording, time: Array, indices: list[int]) -> tuple[int, Array, Array]:
-    """Number of frames, and the load of the bus in bins of equally many ticks: their middles [s], and shares."""
-    frames = 0
-    bits = dict.fromkeys(indices, 0.0)
-    for index, packed in recording.frame_arrays():
-        frames += len(packed)
-        if index in bits:
-            bits[index] += float(np.sum(_frame_bits(packed["length"].astype(np.int64))))
-    if len(time) < 2:
-        return frames, np.empty(0), np.empty(0)
-    ticks = max(1, round(max(BUS_BIN, float(time[-1] - time[0]) / 500) / float(np.median(np.diff(time)) or BUS_BIN)))
-    edges = np.arange(0, len(time), ticks)  # whole ticks: a bin of fixed time would hold now one more, now one less
-    if len(edges) < 2:
-        edges = np.array([0, len(time) - 1])
-    totals = np.add.reduceat(np.array(list(bits.values())), edges)[:-1]
-    begin, end = time[edges[:-1]], time[edges[1:]]
-    return frames, (begin + end) / 2, totals / ((end - begin) * recording.robot.bitrate)
-
-
-def _frame_bits(length: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Most bits of a frame with an 11-bit identifier and `length` data bytes, with stuffing and the pause after it.
-
-    Davis, Burns, Bril, Lukkien: Controller Area Network (CAN) schedulability analysis, Real-Time Systems 35 (2007),
-    equation 1 with g = 34.
-    """
-    return 34 + 8 * length + 13 + (34 + 8 * length - 1) // 4

@@ -7,8 +7,9 @@ from datetime import datetime
 
 import numpy as np
 
+from artemis.motion.spline import Array
 from artemis.recording.mcap_reader import Recording
-from artemis.report.series import Array, Interval, Series, read_series
+from artemis.report.series import Interval, Series, read_series
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

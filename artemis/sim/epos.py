@@ -16,7 +16,7 @@ from pydantic import Field
 from artemis.config import Config
 from artemis.devices.can_bus import Frame
 from artemis.sim.axis import Axis
-from artemis.sim.dictionary import Abort, AbortCode, Dictionary, key_of
+from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos_error_control import ErrorControl
 from artemis.sim.epos_errors import LIFE_GUARD, OVER_VOLTAGE, PDO_LENGTH, UNDER_VOLTAGE, ErrorMemory
 from artemis.sim.epos_motion import Motion
@@ -84,7 +84,7 @@ class SimEpos:
             objects(self.node_id, drive.hardware_version, self.settings.firmware, serial),
             power_off=lambda: self._power.power_off,
         )
-        self._errors = ErrorMemory()
+        self._errors = ErrorMemory(self._dictionary)
         self._motion = Motion(self._dictionary, axis, clip_position=self.settings.position_limits_clip)
         self._power = PowerStage(
             self._motion,
@@ -116,7 +116,6 @@ class SimEpos:
 
     def power_on(self, now: float) -> None:
         """Supply comes, or came back: everything not stored is lost, the boot-up frame follows after the boot time."""
-        self._errors = self._power.errors = ErrorMemory()
         self._reset_node(now, DriveState.START)
 
     def power_off(self) -> None:
@@ -157,7 +156,10 @@ class SimEpos:
         self._next_due = min(self._boot_end, self._power.due, self._control.due, self._changes_due)
 
     def emergency(self, code: int, now: float) -> None:
-        """Raise a device error with its documented reaction; codes not in the table cut the power as 0x1000 does."""
+        """Raise a device error with its documented reaction; codes not in the table cut the power as 0x1000 does.
+
+        A node without power, or one that is still initialising, has no errors.
+        """
         self._now = now
         self._raise_error(code)
         self._settle()
@@ -171,7 +173,7 @@ class SimEpos:
         return self._dictionary.read(index, sub)
 
     def poke(self, index: int, sub: int, value: int) -> None:
-        """Put a number into an object, past access, range and state, and let it act.
+        """Put a number into an object, past access, range and state, and let it act; measured objects stay as they are.
 
         Raises:
             Abort: no such object.
@@ -183,22 +185,13 @@ class SimEpos:
 
     def _describe(self) -> None:
         """Tie the objects that belong to the node as a whole."""
-        getters, checks, written = self._dictionary.getters, self._dictionary.checks, self._dictionary.written
-        getters[key_of(0x1001, 0)] = lambda: self._errors.register
-        getters[key_of(0x1003, 0)] = lambda: len(self._errors.history)
-        for place in range(1, 6):
-            getters[key_of(0x1003, place)] = self._history_getter(place)
+        getters, written = self._dictionary.getters, self._dictionary.written
         getters[key_of(0x207C, 1)] = lambda: _millivolts(self.axis.analog[0])
         getters[key_of(0x207C, 2)] = lambda: _millivolts(self.axis.analog[1])
         getters[key_of(0x6041, 0)] = self._statusword
-        checks[key_of(0x1003, 0)] = _judge_cleared
-        written[key_of(0x1003, 0)] = lambda _: self._errors.history.clear()
         written[key_of(0x1005, 0)] = lambda _: self._route()
         written[key_of(0x6040, 0)] = self._obey
         judge_motor_and_sensor(self._dictionary)
-
-    def _history_getter(self, place: int) -> Callable[[], int]:
-        return lambda: self._errors.entry(place)
 
     def _statusword(self) -> int:
         status = self._power.pattern | self._motion.status_bits()
@@ -218,6 +211,7 @@ class SimEpos:
 
     def _reset_node(self, now: float, state: DriveState) -> None:
         self._parameters.load()
+        self._errors.reset()
         self._alarms.clear()
         self._power.start(state)
         self._motion.start()
@@ -227,6 +221,7 @@ class SimEpos:
         self.nmt = Nmt.INITIALISING
         self._now = now
         self._sdo.reset()
+        self._control.stop()
         self._boot_end = self._next_due = now + self.settings.boot_time_s
         self._route()
 
@@ -251,7 +246,6 @@ class SimEpos:
         elif command == ENTER_PRE_OPERATIONAL:
             self._change_nmt(Nmt.PRE_OPERATIONAL)
         elif command == RESET_NODE:
-            self._errors = self._power.errors = ErrorMemory()
             self._reset_node(now, DriveState.NOT_READY)
         elif command == RESET_COMMUNICATION:
             self._errors.note_bus_reset()
@@ -351,13 +345,13 @@ class SimEpos:
         return UNDER_VOLTAGE if self.axis.supply_voltage < self._lowest_voltage else OVER_VOLTAGE
 
     def _raise_error(self, code: int) -> None:
-        if self.nmt is not None and self._errors.add(code):
+        if self.nmt is not None and self.nmt is not Nmt.INITIALISING and self._errors.add(code):
             self._send_emergency(code)
             self._power.fail(code, self._now)
 
     def _run_error_control(self) -> None:
         beat, silent = self._control.advance(self._now)
-        if beat and self.nmt is not None and self.nmt is not Nmt.INITIALISING:
+        if beat and self.nmt is not None:
             self._send(ERROR_CONTROL_ID + self.node_id, bytes((self.nmt.value,)))
         if silent:
             self._raise_error(LIFE_GUARD)
@@ -390,8 +384,3 @@ def _millivolts(voltage: float) -> int:
     """A voltage [V] as object 0x207C shows it [mV]: 0 to 5 V in 1024 steps."""
     steps = max(0, min(ANALOG_STEPS, round(voltage * 1000.0 / ANALOG_STEP_MV)))
     return round(steps * ANALOG_STEP_MV)
-
-
-def _judge_cleared(number: int) -> None:
-    if number:
-        raise Abort(AbortCode.RANGE)

@@ -50,11 +50,15 @@ class ErrorControl:
         dictionary.written[key_of(0x1017, 0)] = lambda _: self._read_producer()
 
     def start(self) -> None:
-        """The node enters Pre-Operational: all watching begins anew."""
-        self._toggle, self._life_deadline = 0, math.inf
-        self.consumers.clear()
+        """The node leaves Initialising: all watching begins anew."""
+        self._toggle = 0
         self._read_consumers()
         self._read_producer()
+
+    def stop(self) -> None:
+        """The node is initialising: nobody is watched, nothing is sent."""
+        self._heartbeat_due = self._life_deadline = math.inf
+        self.consumers.clear()
 
     @property
     def due(self) -> float:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from enum import Enum
+from functools import partial
 from typing import NamedTuple
+
+from artemis.sim.dictionary import Abort, AbortCode, Dictionary, key_of
 
 HISTORY_LENGTH = 5
 
@@ -66,13 +69,25 @@ ERRORS = {
 class ErrorMemory:
     """Which errors are active, and the last five that came."""
 
-    def __init__(self) -> None:
+    def __init__(self, dictionary: Dictionary) -> None:
         self.active: set[int] = set()
         self.register = 0
         """Object 0x1001."""
         self.history: list[int] = []
         """Newest first."""
         self._bus_was_reset = False
+        getters = dictionary.getters
+        getters[key_of(0x1001, 0)] = lambda: self.register
+        getters[key_of(0x1003, 0)] = lambda: len(self.history)
+        for place in range(HISTORY_LENGTH):
+            getters[key_of(0x1003, place + 1)] = partial(self._entry, place)
+        dictionary.checks[key_of(0x1003, 0)] = _judge_cleared
+        dictionary.written[key_of(0x1003, 0)] = lambda _: self.history.clear()
+
+    def reset(self) -> None:
+        """Power-up or node reset: nothing ever happened."""
+        self.clear()
+        self.history.clear()
 
     def add(self, code: int) -> bool:
         """Note an error; False when it is active already and so is no new event."""
@@ -98,6 +113,11 @@ class ErrorMemory:
         self.active.clear()
         self.register = 0
 
-    def entry(self, place: int) -> int:
-        """Object 0x1003, sub `place`: 0 where nothing happened yet."""
-        return self.history[place - 1] if place <= len(self.history) else 0
+    def _entry(self, place: int) -> int:
+        return self.history[place] if place < len(self.history) else 0
+
+
+def _judge_cleared(number: int) -> None:
+    """Object 0x1003:0 takes no number but 0."""
+    if number:
+        raise Abort(AbortCode.RANGE)

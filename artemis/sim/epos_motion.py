@@ -154,7 +154,7 @@ class Motion:
     def start(self) -> None:
         """Power-up or node reset: the counter is 0 where the shaft is."""
         self._zero = self._power_up = math.floor(self.axis.position + 0.5)
-        self.referenced = False
+        self.referenced = self._followed_badly = False
         self._controlword = 0
         self.release()
         self._leave_mode()

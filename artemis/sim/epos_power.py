@@ -97,7 +97,7 @@ class PowerStage:
         self.due = math.inf
         """Time at which an automatic transition ends the present state [s]."""
         self._motion = motion
-        self.errors = errors
+        self._errors = errors
         self._refresh = refresh
         self._measure = measure
         self._cause_remains = cause_remains
@@ -133,15 +133,16 @@ class PowerStage:
             The device error that it causes (0: none), and whether it was a fault reset that was taken.
         """
         if controlword == self._idle:
+            self._controlword = controlword
             return self._motion.command(controlword), False
         if self.due < math.inf:  # a command is completed before the next is handled
             self._waiting = controlword
             return 0, False
         rising = controlword & ~self._controlword & FAULT_RESET
         self._controlword = controlword
-        if self.state is DriveState.FAULT:
+        if rising and self.state is not DriveState.FAULT_REACTION_ENABLED:
             self._motion.note(controlword)
-            return 0, bool(rising) and self._reset_fault()
+            return 0, self._reset_fault()
         command = command_of(controlword)
         following = None if command is None else TRANSITIONS.get((self.state, command))
         if following is None:
@@ -187,11 +188,13 @@ class PowerStage:
             self._enter(DriveState.FAULT)
 
     def _reset_fault(self) -> bool:
-        if self._cause_remains() or not self.errors.may_clear():
+        """Transition 15; an error without reaction (0x8150) is reset in every state, and changes none."""
+        if not self._errors.active or self._cause_remains() or not self._errors.may_clear():
             return False
-        self.errors.clear()
+        self._errors.clear()
         self._motion.forgive()
-        self._enter(DriveState.SWITCH_ON_DISABLED)
+        if self.state is DriveState.FAULT:
+            self._enter(DriveState.SWITCH_ON_DISABLED)
         return True
 
     def _enter(self, state: DriveState, due: float = math.inf) -> None:

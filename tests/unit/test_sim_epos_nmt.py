@@ -170,6 +170,31 @@ def test_a_wrong_signature_is_refused(index: int, sub: int) -> None:
     assert Rig().refusal(index, sub, "I", 1) == 0x08000020
 
 
+def test_a_reset_forgets_the_watch_of_before() -> None:
+    rig = Rig()
+    rig.write(0x1016, 1, "I", 127 << 16 | 60)
+    rig.write(0x100C, 0, "H", 60)
+    rig.write(0x100D, 0, "B", 1)
+    rig.send(0x77F, b"\x05")
+    rig.send(0x702, rtr=True)
+    rig.run(0.03)
+    rig.nmt(RESET_NODE)
+    rig.run(0.2)
+    assert rig.emergencies() == []
+    assert rig.status == 0x0140
+
+
+def test_a_node_that_initialises_has_no_errors() -> None:
+    rig = Rig(boot=False)
+    rig.node.emergency(0x1000, 0.0)
+    rig.axis.supply_voltage = 0.0
+    rig.run(0.01)
+    rig.axis.supply_voltage = 24.0
+    rig.run(0.05)
+    assert rig.emergencies() == []
+    assert rig.status == 0x0140
+
+
 # ---------------------------------------------------------------------------------------------- heartbeats, guarding
 
 

@@ -281,6 +281,15 @@ def test_a_fault_reset_is_a_rising_edge_of_bit_7() -> None:
     assert rig.status & MASK == 0x0140
 
 
+def test_every_edge_of_bit_7_counts_however_often_it_came_for_nothing() -> None:
+    rig = moving()
+    for word in (0x008F, ENABLE, ENABLE, 0x008F, ENABLE):
+        rig.control(word)
+    rig.node.emergency(0x8150, rig.now)
+    rig.control(0x008F)
+    assert rig.emergencies() == [0x8150, 0x0000]
+
+
 def test_a_fault_reset_is_refused_while_the_cause_remains() -> None:
     rig = Rig()
     rig.axis.supply_voltage = 35.0
@@ -326,6 +335,34 @@ def test_a_missing_hall_sensor_asks_for_a_node_reset() -> None:
     rig.nmt(0x81)
     rig.run(0.06)
     assert rig.status & MASK == 0x0140
+
+
+def test_an_error_without_reaction_is_reset_in_passing() -> None:
+    rig = moving()
+    rig.node.emergency(0x8150, rig.now)
+    rig.control(0x008F)
+    rig.control(ENABLE)
+    assert rig.emergencies() == [0x8150, 0x0000]
+    assert rig.status & MASK == 0x0137
+    assert rig.axis.velocity == pytest.approx(1000.0, rel=0.01)
+
+
+def test_a_fault_reset_during_the_reaction_changes_nothing() -> None:
+    rig = moving()
+    rig.node.emergency(0x8611, rig.now)
+    rig.control(0x0080)
+    rig.run(0.01)
+    assert rig.status & MASK == 0x011F
+    rig.run(0.2)
+    assert rig.status & MASK == 0x0108
+
+
+def test_a_new_error_in_fault_is_told_and_noted() -> None:
+    rig = in_state(DriveState.FAULT)
+    rig.node.emergency(0x2310, rig.now)
+    assert rig.emergencies() == [0x1000, 0x2310]
+    assert rig.read(0x1003, 1, "I") == 0x2310
+    assert rig.status & MASK == 0x0108
 
 
 def test_the_history_keeps_the_newest_first_and_is_cleared_by_0() -> None:
