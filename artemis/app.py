@@ -1,4 +1,4 @@
-"""The composition root: a loaded mission becomes parts, and parts a run. The only place that picks real or simulated."""
+"""The composition root: a loaded mission becomes parts, and parts a run. Only here real or simulated is picked."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def plan_from(loaded: LoadedMission) -> Plan:
                 path = path_from_csv(text, action.path).with_laps(action.laps)
                 plugin, config = plugin_from("artemis.followers", action.follower)
                 follower = plugin(config, _setup(loaded, action.follower.plugin))
-                steps.append(FollowStep(path=path, follower=follower))
+                steps.append(FollowStep(path=path, follower=follower, max_cross_track=action.max_cross_track_m))
     return Plan(robot=loaded.robot, steps=tuple(steps))
 
 

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import inf
+from typing import Any
 
 from artemis.clock import until
 from artemis.devices.drive import Drives
@@ -121,6 +122,7 @@ class Robot:
         self._index = self._late = 0
         self._start = 0.0
         self._ticking = False
+        self._failure: BaseException | None = None
         drives.listen(self._wake)
 
     def tick(self, now: float, urgent: bool = False) -> Tick:
@@ -136,12 +138,15 @@ class Robot:
     async def run(self) -> None:
         """Tick on schedule until the ordered end. Should the program fail, the drives are stopped first."""
         loop = asyncio.get_running_loop()
+        loop.set_exception_handler(self._fail)
         self._start = deadline = loop.time()
         try:
             async with asyncio.TaskGroup() as self._tasks:
                 while not self.tick(loop.time()).wish.finished:
                     deadline += self._period
                     await until(deadline)
+                    if self._failure is not None:
+                        raise self._failure
                     deadline = self._keep_schedule(deadline, loop.time())
         except BaseException:
             self._drives.stop()
@@ -205,6 +210,11 @@ class Robot:
     def _tick_now(self) -> None:
         if self._index and not self._ticking:
             self.tick(asyncio.get_running_loop().time(), urgent=True)
+
+    def _fail(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """A callback beside the ticks failed: stop the drives now, and end the run with its error."""
+        self._failure = context.get("exception") or RuntimeError(context["message"])
+        self._drives.stop()
 
     def _keep_schedule(self, deadline: float, now: float) -> float:
         """Count late ticks; the next deadline's base, past ticks that were missed."""

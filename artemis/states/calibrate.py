@@ -16,6 +16,6 @@ class CalibrateMode(RoutineMode):
         """Align, then done."""
         yield from align(self.plan, snapshot)
         self.plan.advance()
-        yield replace(ON, event=Event.DONE)
+        yield replace(ON, event=Event.DONE, phase="aligned")
         while True:
             yield ON

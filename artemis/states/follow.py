@@ -8,7 +8,12 @@ from dataclasses import replace
 from artemis.plugins.contracts import Following
 from artemis.states.mode import ON, FollowStep, Plan
 from artemis.supervision import catalogue
-from artemis.values import DriveCommand, Event, Fault, Snapshot, Wish
+from artemis.values import DriveCommand, Event, Fault, Snapshot, Tracking, Wish
+
+START_DISTANCE, START_ANGLE = 1.0, math.radians(60)
+"""A path is not begun from further away or more askew than this [m, rad] (PTH-05)."""
+ARMING_WAY, CONVERGENCE_WAY = 1.0, 5.0
+"""The limit of the cross-track error counts once it was kept for the first way [m], at the latest after the second."""
 
 
 class FollowMode:
@@ -18,6 +23,9 @@ class FollowMode:
         self._plan = plan
         self._begun: FollowStep | None = None
         self._fault: Fault | None = None
+        self._origin: float | None = None
+        self._outside = 0.0
+        self._armed = False
 
     def enter(self, snapshot: Snapshot) -> None:
         """Start the follower, unless it is on its way already."""
@@ -29,7 +37,7 @@ class FollowMode:
             except Exception as error:  # noqa: BLE001  the border to foreign code: whatever it raises is a fault
                 self._fault = catalogue.fault("PLG-02", "follower", f"start: {error!r}")
             else:
-                self._begun = step
+                self._begun, self._origin, self._armed = step, None, False
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
@@ -40,15 +48,29 @@ class FollowMode:
         following = self._ask(step, snapshot) if self._fault is None else self._fault
         if isinstance(following, Fault):
             return replace(stand, fault=following)
-        wish = replace(ON, command=following.command, tracking=following.tracking, phase="following")
-        lost = abs(following.tracking.cross_track) > step.max_cross_track
-        if lost:
-            seen = f"{following.tracking.cross_track:.2f} m at {following.tracking.arc_length:.2f} m"
-            return replace(wish, fault=catalogue.fault("PTH-06", "", seen))
+        tracking = following.tracking
+        wish = replace(ON, command=following.command, tracking=tracking, phase="following")
+        if fault := self._off_path(tracking, step.max_cross_track):
+            return replace(wish, command=stand.command, fault=fault)
         if following.finished and snapshot.standing:
             self._plan.advance()
             return replace(wish, event=Event.DONE)
         return wish
+
+    def _off_path(self, tracking: Tracking, limit: float) -> Fault | None:
+        """Too far away to begin (PTH-05), or lost on the way (PTH-06)."""
+        away = abs(tracking.cross_track)
+        seen = f"{tracking.cross_track:+.2f} m, {math.degrees(tracking.heading_error):+.0f} degrees"
+        seen += f" at {tracking.arc_length:.2f} m"
+        if self._origin is None:
+            self._origin = self._outside = tracking.arc_length
+            if away > START_DISTANCE or abs(tracking.heading_error) > START_ANGLE:
+                return catalogue.fault("PTH-05", "", seen)
+        if away > limit:
+            self._outside = tracking.arc_length
+        within, way = tracking.arc_length - self._outside, tracking.arc_length - self._origin
+        self._armed = self._armed or within >= ARMING_WAY or way >= CONVERGENCE_WAY
+        return catalogue.fault("PTH-06", "", seen) if self._armed and away > limit else None
 
     def _ask(self, step: FollowStep, snapshot: Snapshot) -> Following | Fault:
         try:

@@ -48,7 +48,7 @@ class InitMode(RoutineMode):
         plan.armed = False
         yield from align(plan, snapshot)
         plan.aligned = True
-        yield replace(ON, event=Event.ALIGNED, reset_pose=first)
+        yield replace(ON, event=Event.ALIGNED, reset_pose=first, phase="aligned")
         while True:
             yield ON
 

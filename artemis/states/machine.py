@@ -59,11 +59,15 @@ class ModeMachine:
 
 def mermaid() -> str:
     """The table as a Mermaid state diagram."""
-    lines = ["stateDiagram-v2", "    [*] --> init"]
     arrows: dict[tuple[Mode, Mode], list[str]] = {}
     for (source, event), target in TRANSITIONS.items():
         arrows.setdefault((source, target), []).append(event.value)
-    lines += [
-        f"    {source.value} --> {target.value}: {', '.join(events)}" for (source, target), events in arrows.items()
-    ]
-    return "\n".join([*lines, "    end --> [*]"]).replace(" end --> ", " end_ --> ").replace("--> end:", "--> end_:")
+    return "\n".join(
+        [
+            "stateDiagram-v2",
+            *(f'    state "{mode.value}" as {mode.name}' for mode in Mode),  # `end` is a word of Mermaid's own
+            "    [*] --> INIT",
+            *(f"    {source.name} --> {target.name}: {', '.join(names)}" for (source, target), names in arrows.items()),
+            "    END --> [*]",
+        ]
+    )

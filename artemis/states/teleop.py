@@ -18,10 +18,11 @@ class TeleopMode:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._since = 0.0
+        self._ending = False
 
     def enter(self, snapshot: Snapshot) -> None:
         """The controls were neutral when the step began."""
-        self._since = snapshot.time
+        self._since, self._ending = snapshot.time, False
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The operator's wish; standing still when the enable button is up; done when asked and at rest."""
@@ -31,19 +32,14 @@ class TeleopMode:
         sample = next((i for i in snapshot.sensed.inputs if i.source == step.input), OperatorInput(source=step.input))
         stand = DriveCommand(steering=snapshot.set_points.steering)
         over = step.seconds is not None and snapshot.time - self._since >= step.seconds
-        if over or Request.DONE in sample.requests or self._ending:
-            return self._end(snapshot, stand)
-        if sample.age is None or sample.age > STALE:
-            return replace(ON, command=stand, fault=catalogue.fault("INP-03", step.input))
-        command = DriveCommand(speed=sample.speed, steering=sample.steering) if sample.enabled else stand
-        return replace(ON, command=command, phase="driving" if sample.enabled else "hold the enable button to drive")
-
-    _ending = False
-
-    def _end(self, snapshot: Snapshot, stand: DriveCommand) -> Wish:
-        """Come to rest, then hand back to ready."""
-        self._ending = not snapshot.standing
+        self._ending = self._ending or over or Request.DONE in sample.requests
+        if self._ending and snapshot.standing:
+            self._plan.advance()
+            return replace(ON, command=stand, event=Event.DONE)
         if self._ending:
             return replace(ON, command=stand, phase="stopping")
-        self._plan.advance()
-        return replace(ON, command=stand, event=Event.DONE)
+        if sample.age is None or sample.age > STALE:
+            return replace(ON, command=stand, fault=catalogue.fault("INP-03", step.input))
+        if not sample.enabled:
+            return replace(ON, command=stand, phase="hold the enable button to drive")
+        return replace(ON, command=DriveCommand(speed=sample.speed, steering=sample.steering), phase="driving")

@@ -1,1 +1,0 @@
-"""Public helpers and contract suites for plug-in authors."""
