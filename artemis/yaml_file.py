@@ -159,6 +159,22 @@ def survey(raw: bytes, source: str) -> tuple[Document, list[str]]:
     return Document(source=source, raw=raw, data=data, positions=positions, damaged=damaged), composer.problems
 
 
+def scalar(text: str) -> Scalar:
+    """One value as it would stand in a file: `hop_limit: 0` and `--option hop_limit=0` mean the same.
+
+    Raises:
+        ConfigError: not a value, or one that a file would refuse.
+    """
+    if not text:
+        return None
+    document, problems = survey(text.encode(errors="surrogateescape"), repr(text))
+    if problems:
+        raise ConfigError(problems)
+    if isinstance(document.data, list | dict):
+        raise ConfigError(f"{text!r}: expected one value, not a list or a mapping")
+    return document.data
+
+
 def _line(source: str, position: Position, path: KeyPath, text: str) -> str:
     key = f"{dotted(path)}: " if path else ""
     words = text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)

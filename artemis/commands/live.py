@@ -1,72 +1,147 @@
-"""The live view of a run in the terminal: one line that changes, or plain lines where there is no terminal."""
+"""The live view of a run: what happens, line by line; in a terminal also where the robot is, in a line that changes."""
 
 from __future__ import annotations
 
+import os
+import shutil
 import sys
+from collections.abc import Callable
 from math import degrees
+from queue import Empty, SimpleQueue
+from threading import Thread
 from types import TracebackType
 from typing import Self
 
-from artemis.clock import stopwatch
-from artemis.values import Fault, Mode, Tick
+from artemis.values import Fault, Mode, Severity, Tick, Verdict
 
 REFRESH = 0.1
 """Seconds on the wall between two refreshes of the changing line."""
+LONGEST_BAR = 30
+"""Characters."""
+
+_RED, _YELLOW, _GREEN, _DIM, _BOLD = "31", "33", "32", "2", "1"  # SGR parameters (ECMA-48, 8.3.117)
+_MODE_COLOURS = {Mode.FAULT: _RED, Mode.QUICKSTOP: _YELLOW}
+_WIPE = "\r\x1b[2K"
 
 
 class LiveView:
-    """Shows each change of mode and each fault as a line of its own, and where the robot is as a changing line."""
+    """Sees every tick and tells people what changed.
 
-    def __init__(self, mission: str) -> None:
-        self._mission = mission
-        self._terminal = sys.stdout.isatty()
-        self._mode: Mode | None = None
-        self._phase = ""
-        self._faults: set[Fault] = set()
-        self._refreshed = 0.0
+    A thread writes, so that a slow terminal, or one stopped with Ctrl-S, never delays a tick. Nobody may read any
+    more (`| head`, a closed window): then `on_lost` is called once, and what is still to be said goes nowhere.
+    """
+
+    def __init__(self, title: str, hint: str, on_lost: Callable[[], None]) -> None:
+        """`hint` names the keys that work; it is shown once. `on_lost` is called in a tick."""
+        self._terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+        self._coloured = self._terminal and not os.environ.get("NO_COLOR")
+        self._on_lost = on_lost
+        self._lost = False
+        self._lines: SimpleQueue[str | None] = SimpleQueue()
+        self._tick: Tick | None = None
+        self._shown: tuple[Mode | None, str] = (None, "")
+        self._verdict = Verdict()
+        self._lines.put(self._styled(title, _BOLD))
+        if hint:
+            self._lines.put(self._styled(hint, _DIM))
+        self._thread = Thread(target=self._work, name="live view", daemon=True)
+
+    @property
+    def begun(self) -> bool:
+        """Whether there was a tick: the robot may have moved."""
+        return self._tick is not None
 
     def __enter__(self) -> Self:
-        self._say(f"mission {self._mission}")
+        self._thread.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._wipe()
+        self._lines.put(None)
+        self._thread.join()
 
     def show(self, tick: Tick) -> None:
-        """Show a tick."""
-        time = tick.snapshot.time
-        if tick.mode is not self._mode or tick.wish.phase != self._phase:
-            self._mode, self._phase = tick.mode, tick.wish.phase
-            self._say(f"{time:8.2f} s  {tick.mode.value:9}  {tick.wish.phase}")
-        new = set(tick.snapshot.verdict.faults) - self._faults
-        for fault in sorted(new, key=lambda fault: -fault.severity):
-            self._say(f"{time:8.2f} s  FAULT      {fault.id} {fault.text}")
-        self._faults |= new
-        for result in tick.snapshot.sensed.results:
+        """Show a tick. Costs about a microsecond where nothing happens: it runs in the tick."""
+        self._tick = tick
+        if self._lost:
+            self._lost = False
+            self._on_lost()
+        sensed = tick.snapshot.sensed
+        if tick.wish.phase and (tick.mode, tick.wish.phase) != self._shown:
+            self._shown = tick.mode, tick.wish.phase
+            self._say(sensed.time, tick.mode.value, tick.wish.phase, _MODE_COLOURS.get(tick.mode))
+        if tick.snapshot.verdict is not self._verdict:
+            self._compare(sensed.time, tick.snapshot.verdict)
+        for request in sensed.requests:
+            self._say(sensed.time, "request", request.value)
+        for result in sensed.results:
             if result.values:
                 codes = ", ".join(f"0x{code:04X}" for code in result.values)
-                self._say(f"{time:8.2f} s  history    {result.drive}: {codes}")
-        if self._terminal and stopwatch() - self._refreshed > REFRESH:
-            self._refreshed = stopwatch()
-            self._wipe()
-            sys.stdout.write(_line(tick))
-            sys.stdout.flush()
+                self._say(sensed.time, "history", f"{result.drive}: {codes}", _YELLOW)
 
-    def _say(self, line: str) -> None:
-        self._wipe()
-        sys.stdout.write(line + "\n")
-        sys.stdout.flush()
+    def _compare(self, time: float, verdict: Verdict) -> None:
+        before, self._verdict = self._verdict, verdict
+        old, new = _by_key(before), _by_key(verdict)
+        for key, fault in new.items():
+            if key not in old:
+                colour = _RED if fault.severity >= Severity.CONTROLLED_STOP else _YELLOW
+                self._say(time, "FAULT", f"{fault.id} {fault.text}", colour)
+        for key, fault in old.items():
+            if key not in new:
+                self._say(time, "cleared", f"{fault.id} {fault.device}", _GREEN)
 
-    def _wipe(self) -> None:
+    def _say(self, time: float, kind: str, text: str, colour: str | None = None) -> None:
+        self._lines.put(self._styled(f"{time:8.2f} s  {kind:9}  {text}", colour))
+
+    def _styled(self, text: str, colour: str | None) -> str:
+        return f"\x1b[{colour}m{text}\x1b[0m" if colour and self._coloured else text
+
+    # ----------------------------------------------------------------------------------------------- in the thread
+
+    def _work(self) -> None:
+        try:
+            while self._write_next():
+                pass
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, sys.stdout.fileno())
+            os.close(nowhere)
+            self._lost = True
+
+    def _write_next(self) -> bool:
+        """Write the next line, if one comes before it is time to refresh; False: there is none any more."""
+        line: str | None = ""
+        try:
+            line = self._lines.get(timeout=REFRESH if self._terminal else None)
+        except Empty:
+            pass
+        text = f"{line}\n" if line else ""
         if self._terminal:
-            sys.stdout.write("\r\x1b[2K")
+            text = _WIPE + text + (self._status() if line is not None else "")
+        sys.stdout.write(text)
+        sys.stdout.flush()
+        return line is not None
+
+    def _status(self) -> str:
+        """The changing line, no longer than the terminal is wide."""
+        if self._tick is None:
+            return ""
+        width = shutil.get_terminal_size().columns - 1
+        return self._styled(status(self._tick, width), _MODE_COLOURS.get(self._tick.mode))
 
 
-def _line(tick: Tick) -> str:
+def status(tick: Tick, width: int) -> str:
+    """Where the robot is, in at most `width` characters: the way along the path, or what it does."""
     odometry, tracking = tick.snapshot.odometry, tick.wish.tracking
     line = f"{tick.snapshot.time:8.2f} s  {tick.mode.value:9}  {odometry.speed:+.2f} m/s  {degrees(odometry.steering):+5.1f}°"
     if tracking is None:
-        return line
-    done = tracking.arc_length / tracking.length if tracking.length else 1.0
-    bar = "█" * round(20 * done)
-    return f"{line}  {bar:░<20} {tracking.arc_length:5.1f} of {tracking.length:.1f} m  off {tracking.cross_track * 1000:+4.0f} mm"
+        return f"{line}  {tick.wish.phase}"[:width]
+    line += f"  cross-track {tracking.cross_track * 1000:+4.0f} mm  {tracking.arc_length:5.1f} of {tracking.length:.1f} m"
+    bar = min(LONGEST_BAR, width - len(line) - 2)
+    if bar > 0:
+        done = min(max(tracking.arc_length / tracking.length, 0.0), 1.0) if tracking.length else 1.0
+        line += "  " + ("█" * round(bar * done)).ljust(bar, "░")
+    return line[:width]
+
+
+def _by_key(verdict: Verdict) -> dict[tuple[str, str], Fault]:
+    return {(fault.id, fault.device): fault for fault in verdict.faults}

@@ -7,10 +7,11 @@ import tempfile
 from pathlib import Path
 
 from artemis.app import core_from
-from artemis.errors import RecordingError
+from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import load_mission
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.replay import replay
+from artemis.yaml_file import MAX_BYTES, survey
 
 
 def replay_run(run: Path) -> int:
@@ -18,6 +19,7 @@ def replay_run(run: Path) -> int:
 
     Raises:
         RecordingError: the recording cannot be read, or holds no mission.
+        ConfigError: this version of artemis refuses the mission, or misses a plugin of it.
     """
     recording = Recording(run)
     with tempfile.TemporaryDirectory() as folder:
@@ -39,7 +41,18 @@ def _unpack(recording: Recording, folder: Path) -> Path:
             raise RecordingError(f"the recording holds a file outside its folder: {name}")
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)
-    missions = [name for name, content in recording.files.items() if "/" not in name and b"mission:" in content]
+    missions = [name for name, content in recording.files.items() if _is_mission(name, content)]
     if len(missions) != 1:
         raise RecordingError("the recording does not hold its mission file")
     return folder / missions[0]
+
+
+def _is_mission(name: str, content: bytes) -> bool:
+    """Whether a recorded file is the mission itself: no other file may have a key `mission` at its top."""
+    if "/" in name or b"mission" not in content or len(content) > MAX_BYTES:
+        return False
+    try:
+        document, _ = survey(content, name)
+    except ConfigError:  # no YAML: a path or another table
+        return False
+    return isinstance(document.data, dict) and "mission" in document.data

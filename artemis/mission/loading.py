@@ -61,6 +61,23 @@ def load_mission(path: FilePath) -> LoadedMission:
     return _Loading(path).result()
 
 
+def load_model(path: FilePath, model: type[Model]) -> Model:
+    """Read one file that stands for itself: a robot, or what is true of a simulated one.
+
+    Raises:
+        ConfigError: everything that is wrong in it, in the order of its lines.
+    """
+    document, problems = survey(read(path), str(path))
+    found: Model | None = None
+    try:
+        found = model.model_validate(document.data)
+    except ValidationError as error:
+        problems = problems + problems_from(error, document, model)
+    if problems or found is None:
+        raise ConfigError(sorted(problems, key=_by_position))
+    return found
+
+
 def plugin_from(group: str, use: PluginUse) -> tuple[Any, Config]:
     """The class of a plugin, and its options as the class's own `Config`.
 

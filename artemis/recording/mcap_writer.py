@@ -16,13 +16,13 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from mcap.writer import Writer
 
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
 from artemis.recording import schemas
 from artemis.recording.journal import Entry, Journal, Level, entries_between
+from artemis.recording.mcap_file import McapFile
 from artemis.recording.schemas import encode, pack_frames, sensed_record, spatial_pose, tick_record
 from artemis.values import Pose, Tick
 
@@ -79,7 +79,7 @@ class Recorder:
         self._thread = Thread(target=self._work, name="recorder", daemon=True) if threaded else None
         try:
             self._file = path.open("wb")
-            self._writer = Writer(self._file, chunk_size=CHUNK_SIZE, enable_data_crcs=True)
+            self._writer = McapFile(self._file, f"artemis {version('artemis-robot')}", CHUNK_SIZE)
             self._channels = self._begin(provenance)
             self._file.flush()
         except OSError as error:
@@ -174,7 +174,6 @@ class Recorder:
 
     def _begin(self, provenance: Provenance) -> dict[str, int]:
         """Write what the run is made from; returns the ids of the channels."""
-        self._writer.start(profile="", library=f"artemis {version('artemis-robot')}")
         versions = {
             "start_ns": str(self._start),
             "start": provenance.start.isoformat(),
@@ -193,13 +192,13 @@ class Recorder:
         for topic, (name, kind) in schemas.CHANNELS.items():
             if name not in ids:
                 schema = msgspec.json.encode(schemas.json_schema(kind))
-                ids[name] = self._writer.register_schema(name, "jsonschema", schema)
-            channels[topic] = self._writer.register_channel(topic, "json", ids[name])
+                ids[name] = self._writer.add_schema(name, "jsonschema", schema)
+            channels[topic] = self._writer.add_channel(topic, "json", ids[name])
         return channels
 
     def _attach(self, name: str, content: bytes) -> None:
         media_type = guess_type(name)[0] or "application/octet-stream"
-        self._writer.add_attachment(self._start, self._start, name, media_type, content)
+        self._writer.add_attachment(self._start, name, media_type, content)
 
     def _write_tick(
         self, tick: Tick, frames: Sequence[tuple[bool, Frame]], true_pose: Pose | None, late_s: float
@@ -207,10 +206,10 @@ class Recorder:
         sensed = tick.snapshot.sensed
         index, at = sensed.index, self._start + round(sensed.time * 1e9)
         add, channels = self._writer.add_message, self._channels
-        add(channels["/sensed"], at, sensed_record(sensed), at, index)
-        add(channels["/tick"], at, tick_record(tick, true_pose, late_s), at, index)
+        add(channels["/sensed"], at, sensed_record(sensed), index)
+        add(channels["/tick"], at, tick_record(tick, true_pose, late_s), index)
         if frames:
-            add(channels["/frames"], at, encode(schemas.Frames(index, pack_frames(frames))), at, index)
+            add(channels["/frames"], at, encode(schemas.Frames(index, pack_frames(frames))), index)
         if (slot := int(sensed.time / POSE_PERIOD + 1e-6)) != self._pose_slot:
             self._pose_slot = slot
             self._write_poses(at, tick.snapshot.odometry.pose, true_pose)
@@ -219,7 +218,7 @@ class Recorder:
         self._previous = tick
         if self._threaded and sensed.time >= self._next_flush:
             self._next_flush = sensed.time + FLUSH_PERIOD
-            self._writer.flush()  # type: ignore[no-untyped-call]  # mcap leaves out the annotation
+            self._writer.flush()
 
     def _write_poses(self, at: int, estimated: Pose, true_pose: Pose | None) -> None:
         pose = spatial_pose(estimated)
@@ -240,7 +239,7 @@ class Recorder:
             self._journal.write(entry)
 
     def _add(self, topic: str, at: int, message: msgspec.Struct) -> None:
-        self._writer.add_message(self._channels[topic], at, encode(message), at)
+        self._writer.add_message(self._channels[topic], at, encode(message))
 
     def _end(self, outcome: str) -> None:
         if self.dropped and self._previous:
@@ -248,7 +247,7 @@ class Recorder:
             self._write_entry(Entry(time=self._previous.snapshot.time, kind="gap", text=text, level=Level.WARNING))
         facts = {"outcome": outcome, "wall_s": f"{stopwatch() - self._begun:.3f}", "dropped": str(self.dropped)}
         self._writer.add_metadata("end", facts)
-        self._writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves out the annotation
+        self._writer.finish()
         self._file.flush()
 
 

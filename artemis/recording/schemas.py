@@ -183,6 +183,8 @@ _NON_FINITE = {"float:nan": float("nan"), "float:inf": float("inf"), "float:-inf
 def sensed_record(sensed: values.Sensed) -> bytes:
     """JSON of everything that the edge knew. Floats survive exactly, also those that JSON lacks (nan, inf)."""
     record = encode(sensed)
+    if b"null" not in record:
+        return record
     unknown = [age for drive in sensed.drives for age in (drive.age, drive.nmt, drive.heartbeat_age)]
     unknown += [sample.age for sample in sensed.inputs]
     return _exact(sensed, record, unknown.count(None))

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from artemis.states.mode import OFF, ON, Plan, Routine, fail, finish_jobs
 from artemis.supervision import catalogue
-from artemis.values import DriveState, Fault, JobKind, Snapshot, Wish
+from artemis.values import DriveCommand, DriveFeedback, DriveState, Fault, Job, JobKind, Snapshot, Wish
 from artemis.vehicle import Potentiometers
 
 READINGS = 100
@@ -17,9 +17,17 @@ RAIL = 0.02
 """Within this part of the 0..5 V range from a rail a potentiometer counts as open or shorted."""
 SUPPLY_V = 5.0
 STRAIGHT = math.radians(0.5)
-"""A wheel this close to straight ahead is aligned [rad]."""
+"""A wheel this close to its angle has reached it [rad]."""
+SWEEP = math.radians(5.0)
+"""The wheels turn this far to both sides [rad]: an analog input steps by 0.35 degrees, and only in motion does the mean
+of many readings tell more than one."""
+LARGEST_CORRECTION = math.radians(1.0)
+"""The sweep may correct the first reading by this much [rad]; more means that encoder and potentiometers disagree."""
 STEER_TIME = 12.0
-"""Longest time for steering straight [s]: from lock to straight takes 2.3 s at 33 degrees a second."""
+"""Longest time for one of the turns [s]: from lock to straight takes 2.3 s at 33 degrees a second."""
+
+Readings = dict[str, tuple[float, float]]
+"""Mean voltages of both potentiometers [V], by steering drive."""
 
 
 def wheel_angles(volts: tuple[float, float], calibration: Potentiometers) -> tuple[float, float]:
@@ -31,24 +39,38 @@ def wheel_angles(volts: tuple[float, float], calibration: Potentiometers) -> tup
     return first, second
 
 
-Readings = dict[str, tuple[float, float]]
-"""Mean voltages of both potentiometers [V], by steering drive."""
-
-
 def align(plan: Plan, snapshot: Snapshot) -> Routine:
-    """At rest: read the potentiometers, tell the drives their angle, enable all drives, steer straight ahead."""
+    """At rest: read the potentiometers, tell the drives their angle, enable them; then sweep for the fine angle."""
     volts, snapshot = yield from _read_potentiometers(plan, snapshot)
     names = plan.drives("steering")
     fault = next((f for name in names for f in _implausible(plan, name, volts[name])), None)
     if fault is not None:
         return (yield from fail(OFF, fault))
-    angles = [sum(_angles(plan, name, volts[name])) / 2 for name in names]
-    for kind, drives, values in ((JobKind.REFERENCE, names, angles), (JobKind.CLEAR_TARGET, plan.drives(), None)):
-        results, snapshot = yield from finish_jobs(replace(OFF, phase=kind.value), plan.jobs(kind, drives, values))
-        for result in results:
-            if not result.ok:
-                return (yield from fail(OFF, catalogue.fault("COM-08", result.drive, result.detail)))
-    return (yield from _steer_straight(snapshot))
+    angles = [_angle(plan, name, volts[name]) for name in names]
+    snapshot = yield from _do(OFF, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
+    snapshot = yield from _do(OFF, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()), snapshot)
+    snapshot = yield from enable(snapshot)
+    errors: dict[str, list[float]] = {name: [] for name in names}
+    for target in (SWEEP, -SWEEP, 0.0):
+        snapshot = yield from _steer(plan, target, snapshot, errors)
+    corrections = {name: sum(found) / len(found) for name, found in errors.items()}
+    for name, correction in corrections.items():
+        if abs(correction) > LARGEST_CORRECTION:
+            seen = f"by {math.degrees(correction):.1f} degrees"
+            return (yield from fail(ON, catalogue.fault("STE-05", name, seen)))
+    positions = {drive.name: drive.position for drive in snapshot.sensed.drives}
+    angles = [positions[name] + correction for name, correction in corrections.items()]
+    snapshot = yield from _do(ON, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
+    return (yield from _steer(plan, 0.0, snapshot, {}))
+
+
+def _do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
+    """Have jobs of one kind done; one that fails is a fault."""
+    results, snapshot = yield from finish_jobs(replace(wish, phase=jobs[0].kind.value), jobs)
+    for result in results:
+        if not result.ok:
+            return (yield from fail(wish, catalogue.fault("COM-08", result.drive, result.detail)))
+    return snapshot
 
 
 def enable(snapshot: Snapshot) -> Routine:
@@ -59,19 +81,30 @@ def enable(snapshot: Snapshot) -> Routine:
     return snapshot
 
 
-def _steer_straight(snapshot: Snapshot) -> Routine:
-    snapshot = yield from enable(snapshot)
+def _steer(plan: Plan, target: float, snapshot: Snapshot, errors: dict[str, list[float]]) -> Routine:
+    """Turn the wheels to the virtual angle `target`; add each tick's potentiometers minus encoder to `errors`."""
     latest = snapshot.time + STEER_TIME
-    wish = replace(ON, phase="steering straight")
+    wish = replace(ON, command=DriveCommand(steering=target), phase="aligning")
     while True:
-        crooked = [d for d in snapshot.sensed.drives if d.mode < 0 and abs(d.position) > STRAIGHT]
-        if not crooked and snapshot.standing:
+        snapshot = yield wish
+        for drive in snapshot.sensed.drives:
+            if drive.name in errors:
+                errors[drive.name].append(_angle(plan, drive.name, drive.potentiometers) - drive.position)
+        away = [d for d in snapshot.sensed.drives if abs(_way_to_go(plan, d, snapshot)) > STRAIGHT]
+        if snapshot.set_points.steering == target and snapshot.standing and not away:
             return snapshot
         if snapshot.time > latest:
-            seen = f"{math.degrees(crooked[0].position):.1f} degrees" if crooked else "the robot does not stand"
-            name = crooked[0].name if crooked else ""
+            name = away[0].name if away else ""
+            seen = f"{math.degrees(_way_to_go(plan, away[0], snapshot)):.1f} degrees away" if away else "does not stand"
             return (yield from fail(ON, catalogue.fault("STE-01", name, seen)))
-        snapshot = yield wish
+
+
+def _way_to_go(plan: Plan, drive: DriveFeedback, snapshot: Snapshot) -> float:
+    """Set-point minus measured angle of a steered wheel [rad]; 0 for a traction drive."""
+    described, points = plan.robot.drives[drive.name], snapshot.set_points
+    if described.role != "steering":
+        return 0.0
+    return (points.steering_left if described.side == "left" else points.steering_right) - drive.position
 
 
 def _read_potentiometers(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snapshot, tuple[Readings, Snapshot]]:
@@ -87,6 +120,10 @@ def _read_potentiometers(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snap
         for name, pairs in readings.items()
     }
     return means, snapshot
+
+
+def _angle(plan: Plan, name: str, volts: tuple[float, float]) -> float:
+    return sum(_angles(plan, name, volts)) / 2
 
 
 def _angles(plan: Plan, name: str, volts: tuple[float, float]) -> tuple[float, float]:

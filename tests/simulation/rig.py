@@ -1,0 +1,480 @@
+"""The test rig of whole runs: a mission runs in process on virtual time through the composition root, under watch.
+
+World and bus are those of `artemis.app`, replaced by subclasses that write down what truly happens; a test may act on
+them while the run goes on (`at`, `when`), and put another follower, input device or world in.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from pathlib import Path as FilePath
+from typing import Any
+from unittest.mock import patch
+
+from artemis import app, clock
+from artemis.devices.can_bus import Frame
+from artemis.devices.epos_objects import Units
+from artemis.mission.loading import load_mission
+from artemis.plugins.contracts import Follower, InputDevice
+from artemis.recording.replay import Replayed, replay
+from artemis.robot import Robot
+from artemis.sim.bus import Disturb, SimBus
+from artemis.sim.epos import SimEpos, SimSettings
+from artemis.sim.world import TrueRobot, World
+from artemis.states.mode import FollowStep, Plan
+from artemis.values import DriveState, Fault, Mode, Pose, Request, Tick
+
+MISSIONS = FilePath(__file__).parents[2] / "missions"
+TRACTION, STEERING = ("traction-left", "traction-right"), ("steer-left", "steer-right")
+DRIVES = TRACTION + STEERING
+NODE = {name: number for number, name in enumerate(DRIVES, 1)}
+BRAKING = 1.5
+"""Deceleration of a quick stop in the robot file [m/s²]."""
+TICK = 0.02
+SYNC, EMERGENCY, SDO_ANSWER, SDO_REQUEST, HEARTBEAT = 0x080, 0x080, 0x580, 0x600, 0x700
+SET_POINTS, STOP_FRAMES = 0x200, 0x300
+"""Identifiers of RxPDO 1 and 2, less the node."""
+
+Steps = Sequence[Mapping[str, Any]]
+
+
+# ---------------------------------------------------------------------------------------------- missions
+
+
+def straight(length: float) -> str:
+    """A straight path of `length` [m] as a file's text."""
+    points = [index / 10 for index in range(round(length * 10) + 1)]
+    return "x,y\n" + "".join(f"{x:.2f},0.0\n" for x in points)
+
+
+def follow(speed: float = 0.2, path: str = "line.csv") -> dict[str, Any]:
+    """A step of a mission."""
+    return {"follow": {"path": path, "follower": {"plugin": "indiveri", "speed_m_s": speed}}}
+
+
+CALIBRATE = {"calibrate": {"steering": "from_potentiometers"}}
+TELEOP = {"teleop": {"input": "stick", "until": {"button": "done"}}}
+STICK = {"stick": {"plugin": "scripted", "file": "stick.csv"}}
+
+
+def stick(*rows: tuple[float, float, float, int]) -> str:
+    """A scripted stick: rows of time [s], x, y and the enable button."""
+    return "time_s,x,y,enable\n" + "".join(f"{time},{x},{y},{enable}\n" for time, x, y, enable in rows)
+
+
+def write_mission(
+    folder: FilePath, steps: Steps, files: Mapping[str, str] | None = None, **keys: object
+) -> FilePath:
+    """A mission with its robot and tables in `folder`; its path. A follow step's `line.csv` is 1.2 m straight."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copy(MISSIONS / "robots" / "artemis.yaml", folder / "artemis.yaml")
+    for name, text in {"line.csv": straight(1.2), **(files or {})}.items():
+        (folder / name).write_text(text)
+    mission = {"mission": "rig", "robot": "artemis.yaml", "bus": "simulation", "steps": list(steps), **keys}
+    path = folder / "mission.yaml"
+    path.write_text(json.dumps(mission, indent=1))
+    return path
+
+
+# ---------------------------------------------------------------------------------------------- what is written down
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """The machine at one instant."""
+
+    time: float
+    pose: Pose
+    speed: float
+    """True speed of the virtual front wheel [m/s]."""
+    wheel_speeds: tuple[float, float]
+    """Rolling speed of the driven wheels [m/s], forward positive."""
+    wheel_angles: tuple[float, float]
+    """Of the steered wheels [rad]."""
+    states: tuple[DriveState, ...]
+    """In the order of `DRIVES`."""
+
+
+class WatchedWorld(World):
+    """Writes down its truth at every step."""
+
+    def __init__(self, *args: Any, **keys: Any) -> None:
+        self.history: list[Truth] = []
+        super().__init__(*args, **keys)
+        robot = args[0]
+        axes = {node.name: node.axis for node in self.nodes}
+        self._wheels = [(axes[name], 1 / Units(robot, robot.drives[name]).rpm) for name in TRACTION]
+        self._place_in_order = [self.drive(name) for name in DRIVES]
+
+    def drive(self, name: str) -> SimEpos:
+        """A simulated drive by its name in the robot file."""
+        return next(node for node in self.nodes if node.name == name)
+
+    @property
+    def truth(self) -> Truth:
+        """Now."""
+        left, right = (axis.velocity * scale for axis, scale in self._wheels)
+        return Truth(
+            time=self.time,
+            pose=self.pose,
+            speed=self.speed,
+            wheel_speeds=(left, right),
+            wheel_angles=self.wheel_angles,
+            states=tuple([node.state for node in self._place_in_order]),
+        )
+
+    def advance(self, now: float) -> None:
+        """Let time pass, and look."""
+        super().advance(now)
+        self.history.append(self.truth)
+
+
+class WatchedBus(SimBus):
+    """Writes down when the host sends and what it receives; may go deaf and dumb as after the host's death."""
+
+    dead = False
+
+    def __init__(self, *args: Any, **keys: Any) -> None:
+        self.sent: list[tuple[float, Frame]] = []
+        self.heard: list[Frame] = []
+        super().__init__(*args, **keys)
+
+    def send(self, frame: Frame) -> None:
+        """Unless the host is dead."""
+        if not self.dead:
+            self.sent.append((self._loop.time(), frame))
+            super().send(frame)
+
+    def receive(self) -> list[Frame]:
+        """Nothing if the host is dead."""
+        frames = super().receive()
+        if self.dead:
+            return []
+        self.heard += frames
+        return frames
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """One tick, and what left the host since the one before."""
+
+    tick: Tick
+    now: float
+    """On the loop's clock; the run's own time starts at 0."""
+    sent: list[Frame]
+    pose: Pose
+    """True."""
+    standing: bool
+    """No driven wheel truly turns."""
+
+    @property
+    def mode(self) -> Mode:
+        return self.tick.mode
+
+    @property
+    def time(self) -> float:
+        return self.tick.snapshot.time
+
+    @property
+    def phase(self) -> str:
+        return self.tick.wish.phase
+
+
+@dataclass(slots=True, kw_only=True)
+class Run:
+    """What became of a run."""
+
+    mission: FilePath
+    seen: list[Seen]
+    world: WatchedWorld
+    bus: WatchedBus
+    plan: Plan
+    outcome: app.Outcome | None = None
+    acts: dict[str, float] = field(default_factory=dict)
+    """When the test's own acts took place, by their names."""
+
+    @property
+    def ticks(self) -> list[Tick]:
+        return [seen.tick for seen in self.seen]
+
+    @property
+    def status(self) -> int | None:
+        """Exit status."""
+        return None if self.outcome is None else self.outcome.exit_status
+
+    @property
+    def modes(self) -> list[Mode]:
+        """Modes in their order, each once."""
+        return [mode for mode, _ in itertools.groupby(seen.mode for seen in self.seen)]
+
+    @property
+    def faults(self) -> list[Fault]:
+        """Every fault that was in a verdict or reported by a mode, in the order of appearance."""
+        found = [fault for tick in self.ticks for fault in tick.snapshot.verdict.faults]
+        return list(dict.fromkeys(found))
+
+    @property
+    def fault_ids(self) -> list[str]:
+        return [fault.id for fault in self.faults]
+
+    def first(self, condition: Callable[[Seen], bool]) -> Seen:
+        """The first tick that fulfils it."""
+        return next(seen for seen in self.seen if condition(seen))
+
+    def in_mode(self, *modes: Mode) -> list[Seen]:
+        return [seen for seen in self.seen if seen.mode in modes]
+
+    def truth_from(self, time: float) -> list[Truth]:
+        return [truth for truth in self.world.history if truth.time >= time]
+
+    def stands_from(self) -> float:
+        """Time since when no driven wheel truly turned any more."""
+        return next((t.time for t in reversed(self.world.history) if not standing(t)), 0.0)
+
+    def cross_track(self, mode: Mode = Mode.FOLLOW) -> float:
+        """The largest cross-track error by the estimate [m]."""
+        return max(abs(s.tick.wish.tracking.cross_track) for s in self.in_mode(mode) if s.tick.wish.tracking)
+
+    def recompute(self) -> Replayed:
+        """Replay the recording."""
+        from artemis.recording.mcap_reader import Recording
+
+        assert self.outcome is not None
+        return replay(Recording(self.outcome.run.path), app.core_from(load_mission(self.mission)))
+
+
+def standing(truth: Truth) -> bool:
+    """No driven wheel turns (less than 0.2 mm/s)."""
+    return max(abs(speed) for speed in truth.wheel_speeds) < 2e-4
+
+
+# ---------------------------------------------------------------------------------------------- the rig
+
+
+class RunTooLong(AssertionError):
+    """The run did not end in the time that the test gives it."""
+
+
+class Rig:
+    """One run of one mission. Times are the run's own [s] unless said otherwise."""
+
+    def __init__(
+        self,
+        mission: FilePath,
+        *,
+        follower: Follower | None = None,
+        input: InputDevice | None = None,
+        true_robot: TrueRobot | None = None,
+        settings: SimSettings | None = None,
+        disturb: Disturb | None = None,
+        world: WatchedWorld | None = None,
+        start: float = 0.0,
+        longest: float = 60.0,
+        simulate: bool = True,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            mission: Its file.
+            follower: Takes the place of every follow step's follower.
+            input: Takes the place of every input device.
+            true_robot: Takes the place of the mission's.
+            settings: How the simulated drives behave.
+            disturb: Disturbs the bus from the beginning.
+            world: Where another run left it; else a new one is powered on.
+            start: The loop's time when the run begins.
+            longest: A run that takes longer fails the test.
+            simulate: As in `artemis run --simulate`.
+        """
+        self.mission, self.world = mission, world
+        self._loaded = load_mission(mission)
+        if true_robot is not None:
+            self._loaded = replace(self._loaded, true_robot=true_robot)
+        self._follower, self._input, self._settings, self._disturb = follower, input, settings, disturb
+        self._start, self._longest, self._simulate = start, longest, simulate
+        self._acts: list[tuple[float, str, Callable[[], None]]] = []
+        self._conditions: list[tuple[Callable[[Seen], bool], float, str, Callable[[], None]]] = []
+        self._seen: list[Seen] = []
+        self._done: dict[str, float] = {}
+        self._plan: Plan | None = None
+        self._taken = 0
+
+    # ------------------------------------------------------------------------------------------ what happens meanwhile
+
+    def at(self, time: float, act: Callable[[], None], name: str = "act") -> Rig:
+        """Do something at a run time."""
+        self._acts.append((time, name, act))
+        return self
+
+    def when(
+        self, condition: Callable[[Seen], bool], act: Callable[[], None], *, after: float = 0.0, name: str = "act"
+    ) -> Rig:
+        """Do something once, `after` [s] the end of the first tick that fulfils the condition."""
+        self._conditions.append((condition, after, name, act))
+        return self
+
+    def while_following(self, act: Callable[[], None], distance: float = 0.4, name: str = "act") -> Rig:
+        """Do something between two ticks when so much of a path [m] is driven."""
+        return self.when(lambda seen: driven(seen) >= distance, act, after=0.007, name=name)
+
+    def request(self, request: Request) -> Callable[[], None]:
+        """An act: somebody at a terminal asks for something."""
+        return lambda: self.robot.request(request)
+
+    def emergency(self, name: str, code: int) -> Callable[[], None]:
+        """An act: a device error in a drive."""
+        return lambda: self.drive(name).emergency(code, self.bus._loop.time())
+
+    def drive(self, name: str) -> SimEpos:
+        """A simulated drive."""
+        assert self.world is not None
+        return self.world.drive(name)
+
+    # ------------------------------------------------------------------------------------------ the run
+
+    def run(self) -> Run:
+        """To the end."""
+        run = None
+        with ExitStack() as stack:
+            for target, substitute in self._substitutes():
+                stack.enter_context(patch(target, substitute))
+            try:
+                outcome = app.run_mission(
+                    self._loaded, self.mission, simulate=self._simulate, watch=self._watch, operator=None
+                )
+            finally:
+                run = self._result()
+        run.outcome = outcome
+        return run
+
+    def run_until_killed(self) -> Run:
+        """To the moment at which an act calls `kill`: the process is gone, the world stays as it is."""
+        try:
+            self.run()
+        except Killed:
+            return self._result()
+        raise AssertionError("nobody killed the host")
+
+    def kill(self) -> None:
+        """Nothing of the host reaches the bus any more, and it stops ticking."""
+        self.bus.dead = True
+        raise Killed
+
+    def _result(self) -> Run:
+        assert self.world is not None
+        assert self._plan is not None
+        return Run(
+            mission=self.mission, seen=self._seen, world=self.world, bus=self.bus, plan=self._plan, acts=self._done
+        )
+
+    def _substitutes(self) -> Iterator[tuple[str, Callable[..., Any]]]:
+        yield "artemis.sim.world.World", self._make_world
+        yield "artemis.sim.bus.SimBus", self._make_bus
+        yield "artemis.app.Robot", self._make_robot
+        yield "artemis.app.plan_from", self._make_plan
+        yield "artemis.clock.SimulatedLoop", self._make_loop
+
+    def _make_loop(self) -> clock.SimulatedLoop:
+        loop = _LOOP()
+        loop._selector_with_time.now = self._start
+        return loop
+
+    def _make_world(self, *args: Any, **keys: Any) -> WatchedWorld:
+        if self.world is None:
+            self.world = WatchedWorld(*args, settings=self._settings, **keys)
+        return self.world
+
+    def _make_bus(self, *args: Any, **keys: Any) -> WatchedBus:
+        self.bus = WatchedBus(*args, disturb=self._disturb, **keys)
+        for time, name, act in self._acts:
+            self._later(time, name, act)
+        self.bus._loop.call_later(self._longest, self._give_up)
+        return self.bus
+
+    def _make_robot(self, core: Any, drives: Any, inputs: dict[str, InputDevice], *args: Any) -> Robot:
+        if self._input is not None:
+            inputs.update(dict.fromkeys(inputs, self._input))
+        self.robot = Robot(core, drives, inputs, *args)
+        return self.robot
+
+    def _make_plan(self, loaded: Any) -> Plan:
+        self._plan = plan = _PLAN_FROM(loaded)
+        if self._follower is not None:
+            plan.steps = tuple(
+                replace(step, follower=self._follower) if isinstance(step, FollowStep) else step for step in plan.steps
+            )
+        return plan
+
+    def _watch(self, tick: Tick) -> None:
+        assert self.world is not None
+        now = self.bus._loop.time()
+        sent = [frame for _, frame in self.bus.sent[self._taken :]]
+        self._taken = len(self.bus.sent)
+        truth = self.world.truth
+        seen = Seen(tick=tick, now=now, sent=sent, pose=truth.pose, standing=standing(truth))
+        self._seen.append(seen)
+        for entry in [entry for entry in self._conditions if entry[0](seen)]:
+            self._conditions.remove(entry)
+            _, after, name, act = entry
+            self._later(after, name, act)
+
+    def _later(self, delay: float, name: str, act: Callable[[], None]) -> None:
+        def do() -> None:
+            self._done[name] = self.bus._loop.time()
+            act()
+
+        self.bus._loop.call_later(delay, do)
+
+    def _give_up(self) -> None:
+        last = self._seen[-1]
+        raise RunTooLong(f"still running after {self._longest:g} s: {last.mode.value}, {last.phase}; {last.tick}")
+
+
+class Killed(Exception):
+    """The host process is gone."""
+
+
+_LOOP, _PLAN_FROM = clock.SimulatedLoop, app.plan_from
+
+
+def run(mission: FilePath, **keys: Any) -> Run:
+    """Run a mission under watch; keywords as of `Rig`."""
+    return Rig(mission, **keys).run()
+
+
+# ---------------------------------------------------------------------------------------------- reading what happened
+
+
+def driven(seen: Seen) -> float:
+    """How much of its path the robot has driven [m]; -1 if it follows none."""
+    tracking = seen.tick.wish.tracking
+    return -1.0 if tracking is None or seen.mode is not Mode.FOLLOW else tracking.arc_length
+
+
+def target_velocity(frame: Frame) -> int | None:
+    """Target velocity [rpm] that a frame carries to a traction drive; None if it carries none."""
+    if frame.id in (SET_POINTS + NODE[name] for name in TRACTION):
+        return int.from_bytes(frame.data[2:6], "little", signed=True)
+    if frame.id in (SDO_REQUEST + NODE[name] for name in TRACTION) and frame.data[1:4] == b"\xff\x60\x00":
+        return int.from_bytes(frame.data[4:8], "little", signed=True) if frame.data[0] >> 5 == 1 else None
+    return None
+
+
+def controlword(frame: Frame) -> int | None:
+    """The controlword that a frame carries, by PDO or SDO."""
+    if frame.id - SET_POINTS in NODE.values() or frame.id - STOP_FRAMES in NODE.values():
+        return int.from_bytes(frame.data[:2], "little")
+    if frame.id - SDO_REQUEST in NODE.values() and frame.data[0] >> 5 == 1 and frame.data[1:4] == b"\x40\x60\x00":
+        return int.from_bytes(frame.data[4:6], "little")
+    return None
+
+
+def degrees(angles: tuple[float, float]) -> tuple[float, float]:
+    left, right = angles
+    return math.degrees(left), math.degrees(right)
