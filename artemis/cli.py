@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import logging
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +13,7 @@ import typer
 
 from artemis.errors import ArtemisError, ConfigError, RecordingError
 
-REFUSED, OWN_BUG = 2, 70
+FAILED, REFUSED, OWN_BUG = 1, 2, 70
 
 app = typer.Typer(
     name="artemis",
@@ -37,11 +40,11 @@ def run(
 
 
 @app.command()
-def check(missions: Annotated[list[Path], typer.Argument(metavar="MISSION...")]) -> None:
+def check(missions: Annotated[list[Path], typer.Argument(metavar="MISSION...", help="Mission files (YAML).")]) -> None:
     """Say everything that `run` would refuse, without moving."""
     from artemis.mission.loading import load_mission
 
-    problems = []
+    problems: list[str] = []
     for mission in missions:
         try:
             load_mission(mission)
@@ -49,7 +52,7 @@ def check(missions: Annotated[list[Path], typer.Argument(metavar="MISSION...")])
         except ConfigError as error:
             problems += error.problems
     if problems:
-        raise ConfigError(problems)
+        raise ConfigError(list(dict.fromkeys(problems)))  # two missions may name one broken robot
 
 
 @app.command()
@@ -94,16 +97,18 @@ def graph() -> None:
 @app.command()
 def plugins() -> None:
     """List installed plugins with their origin; for a broken one, why."""
-    from artemis.plugins.registry import listing
+    from artemis.plugins.registry import CONTRACTS, listing
 
-    for group in ("artemis.inputs", "artemis.followers"):
+    for group in CONTRACTS:
         for found in listing(group, check=True):
-            state = f"BROKEN: {found.error}" if found.error else "ok"
-            typer.echo(f"{group:20} {found.name:14} {found.origin} {found.version}  {state}")
+            origin = f"{found.distribution or 'unknown package'} {found.version}".rstrip()
+            typer.echo(f"{group:18}  {found.name:14}  {origin:22}  {found.target}")
+            if found.error:
+                typer.echo(f"    BROKEN: {found.error}")
 
 
 @app.command()
-def schema(kind: Annotated[str, typer.Argument(metavar="mission|robot")] = "mission") -> None:
+def schema(kind: Annotated[str, typer.Argument(metavar="mission|robot", help="Of which file.")] = "mission") -> None:
     """Print the JSON schema of a mission or robot file, for editors."""
     import json
 
@@ -116,21 +121,43 @@ def schema(kind: Annotated[str, typer.Argument(metavar="mission|robot")] = "miss
 
 def main() -> None:
     """Entry point. What artemis raises on purpose becomes its message; anything else is our own bug: status 70."""
+    _prepare_output()
     try:
         app()
-    except ConfigError as error:
-        for problem in error.problems:
-            print(problem, file=sys.stderr)
-        sys.exit(REFUSED)
-    except RecordingError as error:
-        print(f"artemis: {error}", file=sys.stderr)
-        sys.exit(REFUSED)
-    except ArtemisError as error:
-        print(f"artemis: {error}", file=sys.stderr)
-        sys.exit(1)
-    except Exception:
-        import traceback
+    except Exception as error:  # noqa: BLE001  the last border: beyond it is only the shell
+        sys.exit(_explain(error))
 
-        traceback.print_exc()
-        print("artemis: this is a bug of artemis; the drives were told to stop", file=sys.stderr)
-        sys.exit(OWN_BUG)
+
+def _prepare_output() -> None:
+    """Words that a terminal cannot show, and a missing standard output, must not stop a robot.
+
+    What python-can logs it also raises, and then it is said once, in our words.
+    """
+    logging.getLogger("can").addHandler(logging.NullHandler())
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w")
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+
+
+def _explain(error: Exception) -> int:
+    """Print what went wrong; the exit status."""
+    match error:
+        case ConfigError(problems=problems):
+            print(*problems, sep="\n", file=sys.stderr)
+            return REFUSED
+        case RecordingError():
+            print(f"artemis: {error}", file=sys.stderr)
+            return REFUSED
+        case ArtemisError():
+            print(f"artemis: {error}", file=sys.stderr)
+            return FAILED
+        case ExceptionGroup() if error.split(ArtemisError)[1] is None:  # out of the tasks of a run that was under way
+            for part in error.exceptions:
+                _explain(part)
+            return FAILED
+    import traceback
+
+    traceback.print_exception(error)
+    print("artemis: this is a bug of artemis itself; a robot that was running has been told to stop", file=sys.stderr)
+    return OWN_BUG

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import inf
-from typing import Any
+from typing import Any, TypeVar
 
 from artemis.clock import until
 from artemis.devices.drive import Drives
@@ -14,17 +14,14 @@ from artemis.errors import DeviceLost
 from artemis.motion.limits import Gate, is_sane
 from artemis.motion.perception import Perception
 from artemis.plugins.contracts import InputDevice
-from artemis.states.machine import ModeMachine
 from artemis.states.mode import Plan
-from artemis.states.modes import modes
+from artemis.states.modes import Modes
 from artemis.supervision import catalogue
 from artemis.supervision.supervisor import Supervisor
 from artemis.values import (
-    Event,
     Fault,
     Job,
     JobResult,
-    Mode,
     OperatorInput,
     Request,
     Sensed,
@@ -32,14 +29,12 @@ from artemis.values import (
     Severity,
     Snapshot,
     Tick,
-    Verdict,
     Wish,
 )
 
+Item = TypeVar("Item")
 LIMITED_SPEED = 0.3
 """Ceiling of the speed while a verdict says LIMIT [m/s]."""
-LATE, TOO_LATE = 0.02, 0.06
-"""Three ticks in a row this late [s], or one TOO_LATE, are a fault (SYS-01)."""
 
 
 class Core:
@@ -47,19 +42,18 @@ class Core:
 
     def __init__(self, plan: Plan, period: float) -> None:
         """`period` of the scheduled ticks [s]."""
-        self._plan = plan
         self._perception = Perception(plan.robot, period)
         self._supervisor = Supervisor(plan.robot, period)
-        self._machine, self._modes = ModeMachine(), modes(plan)
+        self._modes = Modes(plan)
         self._gate = Gate(plan.robot, dt_max=2 * period)
         self._wish, self._points = Wish(supervised=False), SetPoints()
 
     def decide(self, sensed: Sensed) -> Tick:
         """One tick, from what is sensed to what is to be done."""
-        verdict = self._judge(sensed)
+        verdict = self._supervisor.judge(sensed, self._wish, self._modes.mode)
         snapshot = self._perception.perceive(sensed, verdict, self._points)
-        mode = self._advance(snapshot)
-        wish = self._modes[mode].step(snapshot)
+        mode = self._modes.advance(snapshot, self._wish.event)
+        wish = self._modes.step(snapshot)
         if not is_sane(wish.command):
             wish = replace(wish, fault=catalogue.fault("RUN-11", mode.value, repr(wish.command)))
         if wish.reset_pose:
@@ -67,29 +61,6 @@ class Core:
         points = self._limit(wish, snapshot)
         self._wish, self._points = wish, points
         return Tick(snapshot=snapshot, mode=mode, wish=wish, action=wish.command.action, set_points=points)
-
-    def _judge(self, sensed: Sensed) -> Verdict:
-        verdict = self._supervisor.judge(sensed, self._wish)
-        if Request.ACKNOWLEDGE in sensed.requests and self._machine.mode in (Mode.FAULT, Mode.QUICKSTOP):
-            return self._supervisor.acknowledge()
-        return verdict
-
-    def _advance(self, snapshot: Snapshot) -> Mode:
-        """Change the mode: by the most urgent event that the present one expects."""
-        verdict, requests = snapshot.verdict, snapshot.sensed.requests
-        stop = verdict.severity >= Severity.CONTROLLED_STOP or Request.QUICKSTOP in requests
-        for event in (
-            Event.FAULT if verdict.to_fault else None,
-            Event.STOP if stop else None,
-            Event.END if Request.END in requests else None,
-            self._wish.event,
-        ):
-            if event is not None and self._machine.fire(event):
-                if event is Event.END and self._plan.current is not None:
-                    self._plan.failed = True
-                self._modes[self._machine.mode].enter(snapshot)
-                break
-        return self._machine.mode
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
         """The gate, starting from its last set-points, or from the wheels as they stand while drives are off."""
@@ -119,8 +90,7 @@ class Robot:
         self._requests: list[Request] = []
         self._results: list[JobResult] = []
         self._faults: list[Fault] = []
-        self._index = self._late = 0
-        self._start = 0.0
+        self._index, self._start, self._late = 0, 0.0, 0.0
         self._ticking = False
         self._failure: BaseException | None = None
         drives.listen(self._wake)
@@ -147,7 +117,8 @@ class Robot:
                     await until(deadline)
                     if self._failure is not None:
                         raise self._failure
-                    deadline = self._keep_schedule(deadline, loop.time())
+                    self._late = loop.time() - deadline
+                    deadline += self._late if self._late > self._period else 0.0  # ticks that were missed stay missed
         except BaseException:
             self._drives.stop()
             raise
@@ -162,23 +133,25 @@ class Robot:
         try:
             self._drives.receive()
         except DeviceLost as error:
-            self._faults.append(catalogue.fault("COM-22", detail=error.problem))
+            self._lose(error)
         inputs = tuple(sample for name in self._inputs if (sample := self._ask(name, now - self._start)))
-        requests = (*self._requests, *(request for sample in inputs for request in sample.requests))
-        results, faults = tuple(self._results), tuple(self._faults)
-        self._requests, self._results, self._faults = [], [], []
+        self._requests += (request for sample in inputs for request in sample.requests)
         self._index += 1
         return Sensed(
             index=self._index - 1,
             time=now - self._start,
+            late=0.0 if urgent else self._late,
             urgent=urgent,
             attended=self._attended(now - self._start),
             drives=self._drives.feedback(now),
             inputs=inputs,
-            requests=requests,
-            results=results,
-            faults=faults,
+            requests=_take(self._requests),
+            results=_take(self._results),
+            faults=_take(self._faults),
         )
+
+    def _lose(self, error: DeviceLost) -> None:
+        self._faults.append(catalogue.fault("COM-22", detail=error.problem))
 
     def _ask(self, name: str, time: float) -> OperatorInput | None:
         try:
@@ -191,13 +164,12 @@ class Robot:
         try:
             self._drives.write(tick)
         except DeviceLost as error:
-            self._faults.append(catalogue.fault("COM-22", detail=error.problem))
+            self._lose(error)
         for job in tick.wish.jobs:
             self._tasks.create_task(self._perform(job))
 
     async def _perform(self, job: Job) -> None:
-        result = await self._drives.perform(job)
-        self._results.append(result)  # not in one line: `_results` is replaced at each tick
+        self._results.append(await self._drives.perform(job))
 
     def _wake(self) -> None:
         """Frames wait between ticks: answers go to their jobs; an emergency makes an extra tick at once."""
@@ -205,7 +177,7 @@ class Robot:
             if self._drives.receive():
                 self._tick_now()
         except DeviceLost as error:
-            self._faults.append(catalogue.fault("COM-22", detail=error.problem))
+            self._lose(error)
 
     def _tick_now(self) -> None:
         if self._index and not self._ticking:
@@ -216,10 +188,9 @@ class Robot:
         self._failure = context.get("exception") or RuntimeError(context["message"])
         self._drives.stop()
 
-    def _keep_schedule(self, deadline: float, now: float) -> float:
-        """Count late ticks; the next deadline's base, past ticks that were missed."""
-        late = now - deadline
-        self._late = self._late + 1 if late > LATE else 0
-        if late > TOO_LATE or self._late >= 3:
-            self._faults.append(catalogue.fault("SYS-01", detail=f"{late * 1000:.0f} ms"))
-        return deadline if late < self._period else now
+
+def _take(items: list[Item]) -> tuple[Item, ...]:
+    """Empty a list; what was in it."""
+    taken = tuple(items)
+    items.clear()
+    return taken

@@ -156,6 +156,8 @@ class Sensed:
     index: int
     time: float
     """Seconds on the loop's clock since the run began."""
+    late: float = 0.0
+    """How long after its time on the schedule the tick began [s]."""
     urgent: bool = False
     """An extra tick, off the schedule: writes stop frames only."""
     attended: bool = False

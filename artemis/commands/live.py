@@ -55,7 +55,9 @@ class LiveView:
         self._thread.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._lines.put(None)
         self._thread.join()
 
@@ -66,17 +68,17 @@ class LiveView:
             self._lost = False
             self._on_lost()
         sensed = tick.snapshot.sensed
-        if tick.wish.phase and (tick.mode, tick.wish.phase) != self._shown:
-            self._shown = tick.mode, tick.wish.phase
-            self._say(sensed.time, tick.mode.value, tick.wish.phase, _MODE_COLOURS.get(tick.mode))
-        if tick.snapshot.verdict is not self._verdict:
-            self._compare(sensed.time, tick.snapshot.verdict)
         for request in sensed.requests:
             self._say(sensed.time, "request", request.value)
+        if tick.snapshot.verdict is not self._verdict:
+            self._compare(sensed.time, tick.snapshot.verdict)
         for result in sensed.results:
             if result.values:
                 codes = ", ".join(f"0x{code:04X}" for code in result.values)
                 self._say(sensed.time, "history", f"{result.drive}: {codes}", _YELLOW)
+        if tick.wish.phase and (tick.mode, tick.wish.phase) != self._shown:
+            self._shown = tick.mode, tick.wish.phase
+            self._say(sensed.time, tick.mode.value, tick.wish.phase, _MODE_COLOURS.get(tick.mode))
 
     def _compare(self, time: float, verdict: Verdict) -> None:
         before, self._verdict = self._verdict, verdict
@@ -132,10 +134,13 @@ class LiveView:
 def status(tick: Tick, width: int) -> str:
     """Where the robot is, in at most `width` characters: the way along the path, or what it does."""
     odometry, tracking = tick.snapshot.odometry, tick.wish.tracking
-    line = f"{tick.snapshot.time:8.2f} s  {tick.mode.value:9}  {odometry.speed:+.2f} m/s  {degrees(odometry.steering):+5.1f}°"
+    line = f"{tick.snapshot.time:8.2f} s  {tick.mode.value:9}"
+    line += f"  {odometry.speed:+.2f} m/s  {degrees(odometry.steering):+5.1f}°"
     if tracking is None:
         return f"{line}  {tick.wish.phase}"[:width]
-    line += f"  cross-track {tracking.cross_track * 1000:+4.0f} mm  {tracking.arc_length:5.1f} of {tracking.length:.1f} m"
+    line += (
+        f"  cross-track {tracking.cross_track * 1000:+4.0f} mm  {tracking.arc_length:5.1f} of {tracking.length:.1f} m"
+    )
     bar = min(LONGEST_BAR, width - len(line) - 2)
     if bar > 0:
         done = min(max(tracking.arc_length / tracking.length, 0.0), 1.0) if tracking.length else 1.0

@@ -18,12 +18,14 @@ def replay_run(run: Path) -> int:
     """Recompute every command of a run. Returns 0 when all are equal, 1 when one differs.
 
     Raises:
-        RecordingError: the recording cannot be read, or holds no mission.
+        RecordingError: the recording cannot be read, or holds no mission or no tick.
         ConfigError: this version of artemis refuses the mission, or misses a plugin of it.
     """
     recording = Recording(run)
     with tempfile.TemporaryDirectory() as folder:
         result = replay(recording, core_from(load_mission(_unpack(recording, Path(folder)))))
+    if not result.ticks:
+        raise RecordingError(f"{recording.path}: holds no tick; {recording.missing or 'nothing to recompute'}")
     if recording.missing:
         sys.stdout.write(f"the recording is not whole: {recording.missing}\n")
     if result.difference:

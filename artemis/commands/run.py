@@ -65,6 +65,7 @@ def _title(loaded: LoadedMission, simulated: bool) -> str:
 def _conclude(outcome: Outcome) -> None:
     """Print the summary, then write the page: drawing its figures takes longer than many a run."""
     recording = Recording(outcome.run.path)
+    sys.stdout.write("\n")
     _print("result", _result(outcome))
     for label, text in _numbers(summary(recording)):
         _print(label, text)

@@ -70,7 +70,7 @@ class Drives:
         wish, urgent = tick.wish, tick.snapshot.sensed.urgent
         if wish.exchange:
             for node in self.nodes:
-                goal = wish.traction if node.drive.role == "traction" else wish.steering
+                goal = wish.traction if node.is_traction else wish.steering
                 word = controlword(node.state, goal, node.last_controlword)
                 if word == Command.QUICK_STOP != node.last_controlword:
                     self._send(node.stop_frame(word))
@@ -106,6 +106,6 @@ class Drives:
 
 def _set_point(node: EposDrive, points: SetPoints) -> float:
     """Rolling speed [m/s] or wheel angle [rad] for one node."""
-    if node.drive.role == "traction":
-        return points.speed_left if node.drive.side == "left" else points.speed_right
-    return points.steering_left if node.drive.side == "left" else points.steering_right
+    if node.is_traction:
+        return points.speed_left if node.is_left else points.speed_right
+    return points.steering_left if node.is_left else points.steering_right

@@ -19,6 +19,7 @@ class EposDrive:
     def __init__(self, name: str, robot: Robot, send: Callable[[Frame], None]) -> None:
         self.name, self.robot, self.drive = name, robot, robot.drives[name]
         self.node_id = self.drive.node_id
+        self.is_traction, self.is_left = self.drive.role == "traction", self.drive.side == "left"
         self.sdo = SdoClient(name, self.node_id, send)
         self.send = send
         self.units = Units(robot, self.drive)
@@ -29,7 +30,8 @@ class EposDrive:
         self._statusword = self._mode = 0
         self._state = DriveState.UNKNOWN
         self._volts = (0.0, 0.0)
-        self._times: list[float | None] = [None, None]
+        self._status_time: float | None = None
+        self._details_time: float | None = None
         self._nmt: Nmt | None = None
         self._heard: float | None = None
         self._emergencies: list[int] = []
@@ -43,21 +45,21 @@ class EposDrive:
         if self._counts is not None:
             moved = _wrap(counts - self._counts) / self.units.counts
             self._position += moved
-            elapsed = frame.time - (self._times[0] or 0.0)
-            if self.drive.role == "steering" and elapsed > 0:
+            elapsed = frame.time - (self._status_time or 0.0)
+            if elapsed > 0 and not self.is_traction:
                 self._velocity = moved / elapsed
         self._counts = counts
-        self._times[0] = frame.time
+        self._status_time = frame.time
 
     def on_details(self, frame: Frame) -> None:
         """TxPDO 2: velocity (traction) or both analog inputs (steering), current, mode display."""
         values = self._sent[1].unpack(frame.data)
-        if self.drive.role == "traction":
+        if self.is_traction:
             self._velocity = values[0] / self.units.rpm
         else:
             self._volts = (values[0] / 1000, values[1] / 1000)
         self._current, self._mode = values[-2] / 1000, values[-1]
-        self._times[1] = frame.time
+        self._details_time = frame.time
 
     def on_emergency(self, frame: Frame) -> None:
         """EMCY: kept until the next tick takes it."""
@@ -71,7 +73,7 @@ class EposDrive:
 
     def feedback(self, now: float) -> DriveFeedback:
         """What the drive last said, with its age; takes the emergencies and boot-ups with it."""
-        ages = [now - time for time in self._times if time is not None]
+        status, details = self._status_time, self._details_time
         emergencies, boots = tuple(self._emergencies), self._boots
         if emergencies:
             self._emergencies = []
@@ -85,7 +87,7 @@ class EposDrive:
             current=self._current,
             mode=self._mode,
             potentiometers=self._volts,
-            age=max(ages) if len(ages) == 2 else None,
+            age=None if status is None or details is None else now - min(status, details),
             nmt=self._nmt,
             heartbeat_age=None if self._heard is None else now - self._heard,
             emergencies=emergencies,
@@ -100,7 +102,7 @@ class EposDrive:
     def set_point_frame(self, controlword: int, value: float) -> Frame:
         """RxPDO 1: controlword and set-point (m/s, or wheel angle in rad), taken over at SYNC."""
         self.last_controlword = controlword
-        if self.drive.role == "traction":
+        if self.is_traction:
             raw = round(value * self.units.rpm)
         else:
             raw = _wrap((self._counts or 0) + round((value - self._position) * self.units.counts))
@@ -113,7 +115,7 @@ class EposDrive:
 
     def restart(self) -> None:
         """The drive's counter may begin anew: go on from here, whatever it says next."""
-        self._counts, self._times = None, [None, None]
+        self._counts = self._status_time = self._details_time = None
 
     def rebase(self, position: float, counts: int) -> None:
         """`counts` stands for `position` from now on."""

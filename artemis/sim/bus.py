@@ -235,7 +235,7 @@ class SimBus:
     def _advance(self, now: float) -> None:
         """Let everything happen that is due up to `now`, in the order of time; timers before the wire."""
         while True:
-            wire = self._next_on_wire()
+            wire = self._wire_free if self._on_wire is not None or self._ready else self._next_on_wire()
             due = self._timers_due
             if due <= wire:
                 if due > now:
@@ -286,18 +286,24 @@ class SimBus:
             self._urgent_under_way -= 1
         if heard is None:
             return
-        process_data = FIRST_PDO <= heard.id <= LAST_PDO
+        identifier = heard.id
+        process_data = FIRST_PDO <= identifier <= LAST_PDO
         if station == HOST:
-            if heard.id < ERROR_CONTROL:  # a heartbeat moves nothing
+            if identifier < ERROR_CONTROL:  # a heartbeat moves nothing
                 self._catch_up(now)
         elif not self._bus_off:
-            self._inbox.append(Frame(heard.id, heard.data, heard.rtr, now))
+            self._inbox.append(Frame(identifier, heard.data, heard.rtr, now))
             if not process_data and is_urgent(heard):
                 self._urgent_arrived = True
         for receive in self._others[station]:
             receive(heard, now)
-        if station == HOST or not process_data or any([node.outbox for node in self._nodes]):
-            self._collect(now)  # what a drive says of itself starts no timer in another
+        if station == HOST or not process_data:
+            self._collect(now)
+            return
+        for node in self._nodes:  # what a drive says of itself starts no timer in another
+            if node.outbox:
+                self._collect(now)
+                return
 
     def _run_timers(self, due: float) -> None:
         now = max(due, self._world_time)  # what an axis step caused was due "at once", before the world moved on

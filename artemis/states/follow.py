@@ -8,7 +8,7 @@ from dataclasses import replace
 from artemis.plugins.contracts import Following
 from artemis.states.mode import ON, FollowStep, Plan
 from artemis.supervision import catalogue
-from artemis.values import DriveCommand, Event, Fault, Snapshot, Tracking, Wish
+from artemis.values import DriveCommand, Event, Fault, Goal, Snapshot, Tracking, Wish
 
 START_DISTANCE, START_ANGLE = 1.0, math.radians(60)
 """A path is not begun from further away or more askew than this [m, rad] (PTH-05)."""
@@ -42,35 +42,38 @@ class FollowMode:
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
         step = self._plan.current
-        stand = replace(ON, command=DriveCommand(steering=snapshot.set_points.steering))
         if not isinstance(step, FollowStep):
-            return replace(stand, event=Event.DONE)
+            return _stand(snapshot, event=Event.DONE)
         following = self._ask(step, snapshot) if self._fault is None else self._fault
         if isinstance(following, Fault):
-            return replace(stand, fault=following)
+            return _stand(snapshot, fault=following)
         tracking = following.tracking
-        wish = replace(ON, command=following.command, tracking=tracking, phase="following")
         if fault := self._off_path(tracking, step.max_cross_track):
-            return replace(wish, command=stand.command, fault=fault)
-        if following.finished and snapshot.standing:
+            return _stand(snapshot, fault=fault, tracking=tracking)
+        done = following.finished and snapshot.standing
+        if done:
             self._plan.advance()
-            return replace(wish, event=Event.DONE)
-        return wish
+        return Wish(
+            command=following.command,
+            traction=Goal.ENABLED,
+            steering=Goal.ENABLED,
+            tracking=tracking,
+            phase="following",
+            event=Event.DONE if done else None,
+        )
 
     def _off_path(self, tracking: Tracking, limit: float) -> Fault | None:
         """Too far away to begin (PTH-05), or lost on the way (PTH-06)."""
         away = abs(tracking.cross_track)
-        seen = f"{tracking.cross_track:+.2f} m, {math.degrees(tracking.heading_error):+.0f} degrees"
-        seen += f" at {tracking.arc_length:.2f} m"
         if self._origin is None:
             self._origin = self._outside = tracking.arc_length
             if away > START_DISTANCE or abs(tracking.heading_error) > START_ANGLE:
-                return catalogue.fault("PTH-05", "", seen)
+                return catalogue.fault("PTH-05", "", _seen(tracking))
         if away > limit:
             self._outside = tracking.arc_length
         within, way = tracking.arc_length - self._outside, tracking.arc_length - self._origin
         self._armed = self._armed or within >= ARMING_WAY or way >= CONVERGENCE_WAY
-        return catalogue.fault("PTH-06", "", seen) if self._armed and away > limit else None
+        return catalogue.fault("PTH-06", "", _seen(tracking)) if self._armed and away > limit else None
 
     def _ask(self, step: FollowStep, snapshot: Snapshot) -> Following | Fault:
         try:
@@ -82,3 +85,16 @@ class FollowMode:
         if not math.isfinite(following.tracking.cross_track):
             return catalogue.fault("PLG-06", "follower", "cross-track error is not a number")
         return following
+
+
+def _stand(
+    snapshot: Snapshot, *, event: Event | None = None, fault: Fault | None = None, tracking: Tracking | None = None
+) -> Wish:
+    """Stand with the wheels where they are."""
+    command = DriveCommand(steering=snapshot.set_points.steering)
+    return replace(ON, command=command, event=event, fault=fault, tracking=tracking)
+
+
+def _seen(tracking: Tracking) -> str:
+    askew = math.degrees(tracking.heading_error)
+    return f"{tracking.cross_track:+.2f} m, {askew:+.0f} degrees at {tracking.arc_length:.2f} m"

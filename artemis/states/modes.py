@@ -1,4 +1,4 @@
-"""All robot modes by name: the one place to add a mode, beside the table in `machine.py`."""
+"""All robot modes by name, and how the robot goes from one to the next. The place to add a mode, with `machine.py`."""
 
 from __future__ import annotations
 
@@ -7,22 +7,53 @@ from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
 from artemis.states.follow import FollowMode
 from artemis.states.init import InitMode
+from artemis.states.machine import ModeMachine
 from artemis.states.mode import ModeLogic, Plan
 from artemis.states.quickstop import QuickstopMode
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
-from artemis.values import Mode
+from artemis.values import Event, Mode, Request, Severity, Snapshot, Wish
 
 
-def modes(plan: Plan) -> dict[Mode, ModeLogic]:
-    """The logic of every mode, sharing `plan`."""
-    return {
-        Mode.INIT: InitMode(plan),
-        Mode.READY: ReadyMode(plan),
-        Mode.CALIBRATE: CalibrateMode(plan),
-        Mode.TELEOP: TeleopMode(plan),
-        Mode.FOLLOW: FollowMode(plan),
-        Mode.QUICKSTOP: QuickstopMode(plan),
-        Mode.FAULT: FaultMode(plan),
-        Mode.END: EndMode(plan),
-    }
+class Modes:
+    """The present mode and the logic of each; all share the plan."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._machine = ModeMachine()
+        self._logic: dict[Mode, ModeLogic] = {
+            Mode.INIT: InitMode(plan),
+            Mode.READY: ReadyMode(plan),
+            Mode.CALIBRATE: CalibrateMode(plan),
+            Mode.TELEOP: TeleopMode(plan),
+            Mode.FOLLOW: FollowMode(plan),
+            Mode.QUICKSTOP: QuickstopMode(plan),
+            Mode.FAULT: FaultMode(plan),
+            Mode.END: EndMode(plan),
+        }
+
+    @property
+    def mode(self) -> Mode:
+        """The present mode."""
+        return self._machine.mode
+
+    def advance(self, snapshot: Snapshot, wished: Event | None) -> Mode:
+        """Change the mode by the most urgent event that the present one expects; `wished`: what the mode asked for."""
+        verdict, requests = snapshot.verdict, snapshot.sensed.requests
+        stop = verdict.severity >= Severity.CONTROLLED_STOP or Request.QUICKSTOP in requests
+        for event in (
+            Event.FAULT if verdict.to_fault else None,
+            Event.STOP if stop else None,
+            Event.END if Request.END in requests else None,
+            wished,
+        ):
+            if event is not None and self._machine.fire(event):
+                if event is Event.END and self._plan.current is not None:
+                    self._plan.failed = True
+                self._logic[self.mode].enter(snapshot)
+                break
+        return self.mode
+
+    def step(self, snapshot: Snapshot) -> Wish:
+        """What the present mode wants of this tick."""
+        return self._logic[self.mode].step(snapshot)

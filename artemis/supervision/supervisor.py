@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from artemis.supervision import catalogue
-from artemis.values import DriveFeedback, DriveState, Fault, Goal, Nmt, Sensed, Verdict, Wish
+from artemis.values import DriveFeedback, DriveState, Fault, Goal, Mode, Nmt, Request, Sensed, Severity, Verdict, Wish
 from artemis.vehicle import OPERATING_MODES, Robot
 
+LATE, TOO_LATE = 0.02, 0.06
+"""Three ticks in a row that began this late [s], or one TOO_LATE, are a fault (SYS-01)."""
 HEARTBEAT_LOST = 0.25
 """A node's heartbeat, produced every 100 ms, is lost after this age [s]."""
 ENABLE_TIME = 1.0
@@ -29,10 +31,11 @@ class Supervisor:
         self._enabled: set[str] = set()
         self._enabling_since: dict[str, float] = {}
         self._verdict = Verdict()
+        self._late = 0
 
-    def judge(self, sensed: Sensed, last: Wish) -> Verdict:
-        """The verdict on this tick, knowing what the mode wanted in the last one."""
-        found = list(sensed.faults)
+    def judge(self, sensed: Sensed, last: Wish, mode: Mode) -> Verdict:
+        """The verdict on this tick, knowing the mode and what it wanted in the last one."""
+        found = [*sensed.faults, *self._check_schedule(sensed)]
         if last.fault is not None:
             found.append(last.fault)
         for drive in sensed.drives:
@@ -40,27 +43,30 @@ class Supervisor:
                 found += self._check_drive(drive, sensed.time, last)
             else:
                 self._forget(drive.name)
-        if not found and not self._active:
-            return self._verdict
+        acknowledged = Request.ACKNOWLEDGE in sensed.requests and mode in (Mode.FAULT, Mode.QUICKSTOP)
+        if found or self._active or acknowledged:
+            self._latch(found, acknowledged)
+        return self._verdict
+
+    def _check_schedule(self, sensed: Sensed) -> Iterator[Fault]:
+        if not sensed.urgent:
+            self._late = self._late + 1 if sensed.late > LATE else 0
+            if sensed.late > TOO_LATE or self._late >= 3:
+                yield catalogue.fault("SYS-01", detail=f"{sensed.late * 1000:.0f} ms")
+
+    def _latch(self, found: list[Fault], acknowledged: bool) -> None:
+        """Keep what was found; an acknowledgment forgets each fault whose cause is gone."""
         self._active = {(fault.id, fault.device) for fault in found}
         for fault in found:
             self._latched.setdefault((fault.id, fault.device), fault)
-        return self._summarise()
-
-    def acknowledge(self) -> Verdict:
-        """Forget every fault whose cause is gone; what is left stays in the verdict."""
-        self._latched = {key: fault for key, fault in self._latched.items() if key in self._active}
-        return self._summarise()
-
-    def _summarise(self) -> Verdict:
+        if acknowledged:
+            self._latched = {key: fault for key, fault in self._latched.items() if key in self._active}
         faults = tuple(sorted(self._latched.values(), key=lambda fault: -fault.severity))
-        if faults:
-            self._verdict = Verdict(
-                severity=faults[0].severity, faults=faults, to_fault=any(fault.to_fault for fault in faults)
-            )
-        else:
-            self._verdict = Verdict()
-        return self._verdict
+        self._verdict = Verdict(
+            severity=faults[0].severity if faults else Severity.NONE,
+            faults=faults,
+            to_fault=any(fault.to_fault for fault in faults),
+        )
 
     def _forget(self, name: str) -> None:
         self._enabled.discard(name)
