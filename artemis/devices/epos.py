@@ -28,7 +28,8 @@ class EposDrive:
         self._counts: int | None = None
         self._position = self._velocity = self._current = 0.0
         self._statusword = self._mode = 0
-        self._state = DriveState.UNKNOWN
+        self.state = DriveState.UNKNOWN
+        """By the newest statusword."""
         self._volts = (0.0, 0.0)
         self._status_time: float | None = None
         self._details_time: float | None = None
@@ -41,7 +42,7 @@ class EposDrive:
     def on_status(self, frame: Frame) -> None:
         """TxPDO 1: statusword and position."""
         self._statusword, counts = self._sent[0].unpack(frame.data)
-        self._state = state_from_statusword(self._statusword)
+        self.state = state_from_statusword(self._statusword)
         if self._counts is not None:
             moved = _wrap(counts - self._counts) / self.units.counts
             self._position += moved
@@ -80,7 +81,7 @@ class EposDrive:
         self._boots = 0
         return DriveFeedback(
             name=self.name,
-            state=self._state,
+            state=self.state,
             statusword=self._statusword,
             position=self._position,
             velocity=self._velocity,
@@ -93,11 +94,6 @@ class EposDrive:
             emergencies=emergencies,
             boots=boots,
         )
-
-    @property
-    def state(self) -> DriveState:
-        """Device state by the newest statusword."""
-        return self._state
 
     def set_point_frame(self, controlword: int, value: float) -> Frame:
         """RxPDO 1: controlword and set-point (m/s, or wheel angle in rad), taken over at SYNC."""

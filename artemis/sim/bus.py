@@ -235,7 +235,7 @@ class SimBus:
     def _advance(self, now: float) -> None:
         """Let everything happen that is due up to `now`, in the order of time; timers before the wire."""
         while True:
-            wire = self._wire_free if self._on_wire is not None or self._ready else self._next_on_wire()
+            wire = self._next_on_wire()
             due = self._timers_due
             if due <= wire:
                 if due > now:
