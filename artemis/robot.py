@@ -63,13 +63,12 @@ class Core:
         return Tick(snapshot=snapshot, mode=mode, wish=wish, action=wish.command.action, set_points=points)
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
-        """The gate, starting from its last set-points, or from the wheels as they stand while drives are off."""
-        last = self._perception.as_they_stand(snapshot.sensed, self._points)
-        if last is not self._points:
-            return last
+        """The gate, from its last set-points on; wheels whose drives are off are where they are."""
         severity = snapshot.verdict.severity
         ceiling = LIMITED_SPEED if severity is Severity.LIMIT else inf
-        return self._gate.limit(wish.command, last, snapshot.dt, ceiling, severity >= Severity.CONTROLLED_STOP)
+        last = self._perception.as_they_stand(snapshot.sensed, self._points)
+        points = self._gate.limit(wish.command, last, snapshot.dt, ceiling, severity >= Severity.CONTROLLED_STOP)
+        return self._perception.as_they_stand(snapshot.sensed, points)
 
 
 class Robot:

@@ -124,6 +124,8 @@ class EposJobs:
     async def disarm(self) -> None:
         """Off, no longer watching our heartbeat, Pre-Operational: the drive rests without a fault."""
         await self.write(CONTROLWORD, Command.DISABLE_VOLTAGE)
+        if (await self._read_state()) is DriveState.FAULT:
+            await self.write(CONTROLWORD, Command.FAULT_RESET)  # the drive refuses while the cause remains
         await self._ensure(Setting(CONSUMER_HEARTBEAT, 0))
         self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 from artemis.states.mode import OFF, ON, Plan, Routine, fail, finish_jobs
 from artemis.supervision import catalogue
-from artemis.values import DriveCommand, DriveFeedback, DriveState, Fault, Job, JobKind, Snapshot, Wish
-from artemis.vehicle import Potentiometers
+from artemis.values import DriveCommand, DriveFeedback, DriveState, Fault, Goal, Job, JobKind, Snapshot, Wish
+from artemis.vehicle import OPERATING_MODES, Potentiometers
 
 READINGS = 100
 """Readings of each potentiometer that are averaged (thesis 4.3.1)."""
@@ -18,6 +18,8 @@ RAIL = 0.02
 SUPPLY_V = 5.0
 STRAIGHT = math.radians(0.5)
 """A wheel this close to its angle has reached it [rad]."""
+REST = math.radians(0.2)
+"""A wheel that turns no faster than this [rad/s] rests."""
 SWEEP = math.radians(5.0)
 """The wheels turn this far to both sides [rad]: an analog input steps by 0.35 degrees, and only in motion does the mean
 of many readings tell more than one."""
@@ -26,6 +28,7 @@ LARGEST_CORRECTION = math.radians(1.0)
 STEER_TIME = 12.0
 """Longest time for one of the turns [s]: from lock to straight takes 2.3 s at 33 degrees a second."""
 
+STEERING_ON = Wish(traction=Goal.DISABLED, steering=Goal.ENABLED)
 Readings = dict[str, tuple[float, float]]
 """Mean voltages of both potentiometers [V], by steering drive."""
 
@@ -40,7 +43,10 @@ def wheel_angles(volts: tuple[float, float], calibration: Potentiometers) -> tup
 
 
 def align(plan: Plan, snapshot: Snapshot) -> Routine:
-    """At rest: read the potentiometers, tell the drives their angle, enable them; then sweep for the fine angle."""
+    """At rest: read the potentiometers, tell the drives their angle, sweep for the fine angle; then enable traction.
+
+    Traction stays off while the wheels turn: before they are aligned, nothing can drive the robot.
+    """
     volts, snapshot = yield from _read_potentiometers(plan, snapshot)
     names = plan.drives("steering")
     fault = next((f for name in names for f in _implausible(plan, name, volts[name])), None)
@@ -49,7 +55,7 @@ def align(plan: Plan, snapshot: Snapshot) -> Routine:
     angles = [_angle(plan, name, volts[name]) for name in names]
     snapshot = yield from _do(OFF, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
     snapshot = yield from _do(OFF, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()), snapshot)
-    snapshot = yield from enable(snapshot)
+    snapshot = yield from enable(STEERING_ON, snapshot)
     errors: dict[str, list[float]] = {name: [] for name in names}
     for target in (SWEEP, -SWEEP, 0.0):
         snapshot = yield from _steer(plan, target, snapshot, errors)
@@ -57,11 +63,12 @@ def align(plan: Plan, snapshot: Snapshot) -> Routine:
     for name, correction in corrections.items():
         if abs(correction) > LARGEST_CORRECTION:
             seen = f"by {math.degrees(correction):.1f} degrees"
-            return (yield from fail(ON, catalogue.fault("STE-05", name, seen)))
+            return (yield from fail(STEERING_ON, catalogue.fault("STE-05", name, seen)))
     positions = {drive.name: drive.position for drive in snapshot.sensed.drives}
     angles = [positions[name] + correction for name, correction in corrections.items()]
-    snapshot = yield from _do(ON, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
-    return (yield from _steer(plan, 0.0, snapshot, {}))
+    snapshot = yield from _do(STEERING_ON, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
+    snapshot = yield from _steer(plan, 0.0, snapshot, {})
+    return (yield from enable(ON, snapshot))
 
 
 def _do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
@@ -73,30 +80,43 @@ def _do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
     return snapshot
 
 
-def enable(snapshot: Snapshot) -> Routine:
-    """Enable all drives; the supervisor judges one that takes too long."""
-    wish = replace(ON, phase="enabling")
-    while any(drive.state is not DriveState.OPERATION_ENABLE for drive in snapshot.sensed.drives):
-        snapshot = yield replace(wish, command=replace(ON.command, steering=snapshot.set_points.steering))
+def enable(wish: Wish, snapshot: Snapshot) -> Routine:
+    """Enable the drives that `wish` wants enabled, wheels held; the supervisor judges one that takes too long."""
+    while any(_goal(wish, drive) is Goal.ENABLED and not _is_on(drive) for drive in snapshot.sensed.drives):
+        command = DriveCommand(steering=snapshot.set_points.steering)
+        snapshot = yield replace(wish, command=command, phase="enabling")
     return snapshot
+
+
+def _goal(wish: Wish, drive: DriveFeedback) -> Goal:
+    return wish.steering if _is_steering(drive) else wish.traction
+
+
+def _is_steering(drive: DriveFeedback) -> bool:
+    return drive.mode == OPERATING_MODES["steering"]
+
+
+def _is_on(drive: DriveFeedback) -> bool:
+    return drive.state is DriveState.OPERATION_ENABLE
 
 
 def _steer(plan: Plan, target: float, snapshot: Snapshot, errors: dict[str, list[float]]) -> Routine:
     """Turn the wheels to the virtual angle `target`; add each tick's potentiometers minus encoder to `errors`."""
     latest = snapshot.time + STEER_TIME
-    wish = replace(ON, command=DriveCommand(steering=target), phase="aligning")
+    wish = replace(STEERING_ON, command=DriveCommand(steering=target), phase="aligning")
     while True:
         snapshot = yield wish
         for drive in snapshot.sensed.drives:
             if drive.name in errors:
                 errors[drive.name].append(_angle(plan, drive.name, drive.potentiometers) - drive.position)
         away = [d for d in snapshot.sensed.drives if abs(_way_to_go(plan, d, snapshot)) > STRAIGHT]
-        if snapshot.set_points.steering == target and snapshot.standing and not away:
+        turning = any(_is_steering(drive) and abs(drive.velocity) > REST for drive in snapshot.sensed.drives)
+        if snapshot.set_points.steering == target and not away and not turning:
             return snapshot
         if snapshot.time > latest:
             name = away[0].name if away else ""
-            seen = f"{math.degrees(_way_to_go(plan, away[0], snapshot)):.1f} degrees away" if away else "does not stand"
-            return (yield from fail(ON, catalogue.fault("STE-01", name, seen)))
+            seen = f"{math.degrees(_way_to_go(plan, away[0], snapshot)):.1f} degrees away" if away else "keeps turning"
+            return (yield from fail(STEERING_ON, catalogue.fault("STE-01", name, seen)))
 
 
 def _way_to_go(plan: Plan, drive: DriveFeedback, snapshot: Snapshot) -> float:

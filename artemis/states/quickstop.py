@@ -36,7 +36,7 @@ class QuickstopMode(RoutineMode):
         for result in results:
             if not result.ok:
                 return (yield from fail(OFF, catalogue.fault("COM-08", result.drive, result.detail)))
-        snapshot = yield from enable(snapshot)
+        snapshot = yield from enable(ON, snapshot)
         yield replace(_ramp(snapshot), event=Event.REARMED)
         while True:
             snapshot = yield _ramp(snapshot)
