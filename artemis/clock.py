@@ -61,11 +61,16 @@ async def until(deadline: float) -> None:
     if delay <= 0:
         return
     reached = loop.create_future()
-    handle = loop.call_at(deadline, reached.set_result, None)
+    handle = loop.call_at(deadline, _finish, reached)
     try:
         await reached
     finally:
         handle.cancel()
+
+
+def _finish(future: asyncio.Future[None]) -> None:
+    if not future.done():  # cancelled in the very turn in which its time came
+        future.set_result(None)
 
 
 def wall_date() -> datetime:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import sys
 import termios
 import tty
@@ -29,8 +30,8 @@ def somebody_is_there() -> bool:
 def listen_to_keys(request: Callable[[Request], None]) -> Callable[[], None]:
     """Read keys from standard input on the running loop; returns how to stop and give the terminal back.
 
-    A closed terminal counts as a quick stop and the end: the person who could have stopped the robot is gone. Ctrl-Z
-    does nothing while a mission runs: a suspended process stops its heartbeat, and so every drive with a fault.
+    A closed terminal (SIGHUP) counts as a quick stop and the end: the person who could have stopped the robot is
+    gone. Ctrl-Z does nothing while a mission runs: with a suspended process the heartbeat stops, and every drive faults.
     """
     loop, descriptor = asyncio.get_running_loop(), sys.stdin.fileno()
     before = termios.tcgetattr(descriptor)
@@ -41,8 +42,14 @@ def listen_to_keys(request: Callable[[Request], None]) -> Callable[[], None]:
 
     def stop() -> None:
         loop.remove_reader(descriptor)
+        loop.remove_signal_handler(signal.SIGHUP)
         with suppress(termios.error):  # the terminal is gone
             termios.tcsetattr(descriptor, termios.TCSANOW, before)
+
+    def hang_up() -> None:
+        loop.remove_reader(descriptor)
+        request(Request.QUICKSTOP)
+        request(Request.END)
 
     def read() -> None:
         try:
@@ -50,13 +57,12 @@ def listen_to_keys(request: Callable[[Request], None]) -> Callable[[], None]:
         except OSError:
             typed = b""
         if not typed:
-            loop.remove_reader(descriptor)
-            request(Request.QUICKSTOP)
-            request(Request.END)
+            hang_up()
         for key in typed:
             wanted = KEYS.get(bytes((key,)))
             if wanted is not None:
                 request(wanted)
 
     loop.add_reader(descriptor, read)
+    loop.add_signal_handler(signal.SIGHUP, hang_up)
     return stop

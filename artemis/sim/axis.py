@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 
 from artemis.vehicle import Drive
 
@@ -75,6 +76,7 @@ class Axis:
         """Counts per second at 1 rpm."""
         self.load = LOADS[drive.role] if load is None else load
         self.no_load_rpm = float(drive.motor.max_speed_rpm)
+        self._rpm_per_volt = self.no_load_rpm * OUTPUT_SHARE / NOMINAL_VOLTAGE
 
         self.position = 0.0
         """Counts since the axis was made, with their fraction; not changed by homing or a power cycle."""
@@ -114,6 +116,7 @@ class Axis:
         self.after_step: Callable[[float], None] | None = None
         """Called with `dt` at the end of each step: the drive's supervision."""
         self._tuned_for = 0.0
+        self._speed_blend = self._velocity_blend = self._current_blend = 0.0
 
     def regulate(self, regulation: Regulation, target: float) -> None:
         """Change what the regulators do; demands start from where the shaft is and how fast it turns."""
@@ -149,60 +152,50 @@ class Axis:
         if dt <= 0.0:
             return
         if dt != self._tuned_for:
-            self._tune(dt)
-        before = self.velocity
-        regulation = self.regulation
-        if regulation is _VELOCITY or regulation is _PROFILE or regulation is _POSITION:
-            current, after = self._regulated(before, dt)
-        elif regulation is _OFF:
-            current, after = 0.0, self._rolled(before, 0.0, dt) if before or self.load_current else 0.0
+            self._tuned_for = dt
+            self._speed_blend, self._velocity_blend, self._current_blend = _blends(dt)
+        before, regulation = self.velocity, self.regulation
+        if regulation is _VELOCITY:
+            wanted = self.demand_velocity
+            if wanted != self.target:
+                wanted = self.demand_velocity = self._ramped(wanted, self.target, dt)
+            current, after = self._regulated(before, wanted, dt)
+        elif regulation is _POSITION or regulation is _PROFILE:
+            if regulation is _PROFILE:
+                self._advance_profile(dt)
+            else:
+                self.demand_position, self.demand_velocity = self.target, 0.0
+            error = self.demand_position - self.position
+            wanted = self.demand_velocity + POSITION_GAIN * error / self.counts_per_rpm_s
+            current, after = self._regulated(before, wanted, dt)
         else:
-            current = self._within_limit(self.target)
-            after = self._rolled(before, current, dt)
-            top = min(self.current_mode_rpm, self._top_rpm())
-            after = max(-top, min(top, after))
-        if self.blocked:
-            after = 0.0
-        self.velocity, self.current = after, current
+            current, after = self._unregulated(before, dt)
         if before or after:
             self.position += (before + after) * 0.5 * dt * self.counts_per_rpm_s
-        if regulation is not _PROFILE and regulation is not _POSITION:
+        if regulation is not _POSITION and regulation is not _PROFILE:
             self.demand_position = self.position
+        self.velocity, self.current = after, current
         self.heat += (current * current - self.heat) * dt / self.thermal_time
         self.velocity_averaged += (after - self.velocity_averaged) * self._velocity_blend
         self.current_averaged += (current - self.current_averaged) * self._current_blend
         if self.after_step is not None:
             self.after_step(dt)
 
-    def _tune(self, dt: float) -> None:
-        self._tuned_for = dt
-        self._speed_blend = 1.0 - math.exp(-dt / SPEED_LAG)
-        self._velocity_blend = 1.0 - math.exp(-dt * math.tau * VELOCITY_FILTER_HZ)
-        self._current_blend = 1.0 - math.exp(-dt * math.tau * CURRENT_FILTER_HZ)
-
-    def _top_rpm(self) -> float:
-        return self.no_load_rpm * OUTPUT_SHARE * self.supply_voltage / NOMINAL_VOLTAGE
-
-    def _within_limit(self, current: float) -> float:
-        """`current` as far as the I²t model and the output limit let it be."""
-        limit = min(self.output_current, self.continuous_current) if self.limiting else self.output_current
-        return max(-limit, min(limit, current))
-
-    def _regulated(self, before: float, dt: float) -> tuple[float, float]:
-        """Current and velocity after `dt` of speed or position regulation."""
-        if self.regulation is _VELOCITY:
-            wanted = self.demand_velocity
-            if wanted != self.target:
-                wanted = self.demand_velocity = self._ramped(wanted, self.target, dt)
+    def _unregulated(self, before: float, dt: float) -> tuple[float, float]:
+        """Current and velocity after `dt` of coasting or of a given current."""
+        if self.regulation is _OFF:
+            current, after = 0.0, self._rolled(before, 0.0, dt) if before or self.load_current else 0.0
         else:
-            if self.regulation is _PROFILE:
-                self._advance_profile(dt)
-            else:
-                self.demand_position, self.demand_velocity = self.target, 0.0
-            error = self.demand_position - self.position
-            wanted = self.demand_velocity + POSITION_GAIN * error / self.counts_per_rpm_s
-        top = self.no_load_rpm * OUTPUT_SHARE * self.supply_voltage / NOMINAL_VOLTAGE
-        if wanted > top or wanted < -top:
+            current = self._within_limit(self.target)
+            after = self._rolled(before, current, dt)
+            top = min(self.current_mode_rpm, self._rpm_per_volt * self.supply_voltage)
+            after = max(-top, min(top, after))
+        return current, 0.0 if self.blocked else after
+
+    def _regulated(self, before: float, wanted: float, dt: float) -> tuple[float, float]:
+        """Current and velocity after `dt` of a speed loop that asks for the velocity `wanted`."""
+        top = self._rpm_per_volt * self.supply_voltage
+        if not -top <= wanted <= top:
             wanted = math.copysign(top, wanted)
         after = before + (wanted - before) * self._speed_blend
         if -STILL_RPM < after < STILL_RPM and -STILL_RPM < wanted < STILL_RPM and self.demand_velocity == 0.0:
@@ -215,10 +208,16 @@ class Axis:
             current += load.viscous * after + load.friction
         elif after < 0.0:
             current += load.viscous * after - load.friction
-        if abs(current) <= self.continuous_current and abs(current) <= self.output_current:
+        size = current if current >= 0.0 else -current
+        if size <= self.continuous_current and size <= self.output_current:
             return current, after
         limited = self._within_limit(current)
         return limited, after if limited == current else self._rolled(before, limited, dt)
+
+    def _within_limit(self, current: float) -> float:
+        """`current` as far as the I²t model and the output limit let it be."""
+        limit = min(self.output_current, self.continuous_current) if self.limiting else self.output_current
+        return max(-limit, min(limit, current))
 
     def _rolled(self, before: float, current: float, dt: float) -> float:
         """Velocity after `dt` with this motor current against load and friction."""
@@ -238,10 +237,13 @@ class Axis:
         """`velocity` moved towards `target`; a change of sign brakes to 0 first."""
         if velocity == target:
             return target
-        slowing = velocity * target < 0.0 or abs(target) < abs(velocity)
-        goal = 0.0 if velocity * target < 0.0 else target
+        turning = velocity * target < 0.0
+        slowing = turning or abs(target) < abs(velocity)
+        goal = 0.0 if turning else target
         change = (self.deceleration if slowing else self.acceleration) * dt
-        return min(goal, velocity + change) if goal > velocity else max(goal, velocity - change)
+        if goal > velocity:
+            return velocity + change if velocity + change < goal else goal
+        return velocity - change if velocity - change > goal else goal
 
     def _advance_profile(self, dt: float) -> None:
         """One step of the trajectory generator: as fast as still lets it stop at the target."""
@@ -261,3 +263,13 @@ class Axis:
             after = self._ramped(before, math.copysign(min(self.profile_velocity, stoppable), remaining), dt)
         self.demand_position += (before + after) * 0.5 * dt * self.counts_per_rpm_s
         self.demand_velocity = after
+
+
+@lru_cache(maxsize=8)
+def _blends(dt: float) -> tuple[float, float, float]:
+    """How much of the way a low pass goes in `dt`: speed loop, averaged velocity, averaged current."""
+    return (
+        1.0 - math.exp(-dt / SPEED_LAG),
+        1.0 - math.exp(-dt * math.tau * VELOCITY_FILTER_HZ),
+        1.0 - math.exp(-dt * math.tau * CURRENT_FILTER_HZ),
+    )

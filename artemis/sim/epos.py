@@ -35,9 +35,14 @@ REMOTE = 0x0200
 """Statusword bit 9: the node is operational."""
 ANALOG_STEP_MV, ANALOG_STEPS = 4.88, 1023
 """The analog inputs have 10 bit (EPOS firmware specification 2010, 10.1)."""
+_STEPS_PER_VOLT = 1000.0 / ANALOG_STEP_MV
+_MILLIVOLTS = [round(step * ANALOG_STEP_MV) for step in range(ANALOG_STEPS + 1)]
 
 Seconds = Annotated[float, Field(ge=0)]
 Handler = Callable[[Frame, float], None]
+
+# Looking a member up in its class is slow.
+_OPERATIONAL, _RAMP_OF_FAULT = Nmt.OPERATIONAL, DriveState.FAULT_REACTION_ENABLED
 
 
 class SimSettings(Config):
@@ -75,7 +80,8 @@ class SimEpos:
         serial = self.node_id if drive.serial_number is None else drive.serial_number
         self._lowest_voltage, self._highest_voltage = self.settings.under_voltage_v, self.settings.over_voltage_v
         self._now = 0.0
-        self._next_due = math.inf
+        self.next_due = math.inf
+        """Time at which `advance` has something to do [s]; in the past: at once; inf: nothing is planned."""
         self._boot_end = math.inf
         self._changes_due = math.inf
         self._alarms: list[int] = []
@@ -100,7 +106,6 @@ class SimEpos:
         self._control = ErrorControl(self._dictionary, clock=lambda: self._now, changed=self._route)
         self._describe()
         self._parameters = ParameterMemory(self._dictionary, self._pdos, self.node_id)
-        axis.after_step = self._supervise
 
     # ------------------------------------------------------------------------------------------ for the owner
 
@@ -109,20 +114,15 @@ class SimEpos:
         """Device state."""
         return self._power.state
 
-    @property
-    def next_due(self) -> float:
-        """Time at which `advance` has something to do [s]; in the past: at once; inf: nothing is planned."""
-        return self._next_due
-
     def power_on(self, now: float) -> None:
         """Supply comes, or came back: everything not stored is lost, the boot-up frame follows after the boot time."""
         self._reset_node(now, DriveState.START)
 
     def power_off(self) -> None:
         """Supply goes: the node is silent and deaf, the shaft coasts."""
-        self.nmt = None
+        self.nmt = self.axis.after_step = None
         self._power.start(DriveState.START)
-        self._next_due = self._boot_end = math.inf
+        self.next_due = self._boot_end = math.inf
         self._alarms.clear()
         self._route()
 
@@ -131,14 +131,14 @@ class SimEpos:
         handler = self._handlers.get(frame.id)
         if handler is None:
             return
-        if now >= self._next_due:
+        if now >= self.next_due:
             self.advance(now)
         self._now = now
         handler(frame, now)
 
     def advance(self, now: float) -> None:
         """Do everything that is due up to `now`: timers, automatic state changes, what the last axis step caused."""
-        if now < self._next_due or self.nmt is None:
+        if now < self.next_due or self.nmt is None:
             return
         self._now = now
         if self._boot_end <= now:
@@ -153,7 +153,7 @@ class SimEpos:
         if self._control.due <= now:
             self._run_error_control()
         self._send_changes()
-        self._next_due = min(self._boot_end, self._power.due, self._control.due, self._changes_due)
+        self.next_due = min(self._boot_end, self._power.due, self._control.due, self._changes_due)
 
     def emergency(self, code: int, now: float) -> None:
         """Raise a device error with its documented reaction; codes not in the table cut the power as 0x1000 does.
@@ -195,11 +195,14 @@ class SimEpos:
 
     def _statusword(self) -> int:
         status = self._power.pattern | self._motion.status_bits()
-        return status | REMOTE if self.nmt is Nmt.OPERATIONAL else status
+        return status | REMOTE if self.nmt is _OPERATIONAL else status
 
     def _obey(self, controlword: int) -> None:
-        self._after_command(*self._power.command(controlword, self._now))
-        self._wake(self._power.due)
+        power = self._power
+        error, fault_reset = power.command(controlword, self._now)
+        if error or fault_reset:
+            self._after_command(error, fault_reset)
+        self._wake(power.due)
 
     def _after_command(self, error: int, fault_reset: bool) -> None:
         if error:
@@ -218,11 +221,11 @@ class SimEpos:
         self._boot(now)
 
     def _boot(self, now: float) -> None:
-        self.nmt = Nmt.INITIALISING
+        self.nmt, self.axis.after_step = Nmt.INITIALISING, None
         self._now = now
         self._sdo.reset()
         self._control.stop()
-        self._boot_end = self._next_due = now + self.settings.boot_time_s
+        self._boot_end = self.next_due = now + self.settings.boot_time_s
         self._route()
 
     def _finish_boot(self) -> None:
@@ -234,6 +237,7 @@ class SimEpos:
         self.nmt = Nmt.PRE_OPERATIONAL
         self._pdos.start()
         self._control.start()
+        self.axis.after_step = self._supervise
 
     def _command_nmt(self, frame: Frame, now: float) -> None:
         if frame.rtr or len(frame.data) < 2 or frame.data[1] not in (0, self.node_id):
@@ -289,10 +293,11 @@ class SimEpos:
     def _take_sync(self, frame: Frame, now: float) -> None:
         if frame.rtr:
             return
-        self._pdos.sync()
-        for sample in self._pdos.sync_samples():
-            self.outbox.append((now, Frame(*sample)))
-        if self._pdos.on_change:
+        pdos, outbox = self._pdos, self.outbox
+        pdos.sync()
+        for pdo in pdos.on_sync:
+            outbox.append((now, pdo.sample()))
+        if pdos.on_change:
             self._settle()
 
     def _receive_handler(self, pdo: ReceivePdo) -> Handler:
@@ -308,9 +313,9 @@ class SimEpos:
         return take
 
     def _transmit_handler(self, pdo: TransmitPdo) -> Handler:
-        def take(frame: Frame, _: float) -> None:
+        def take(frame: Frame, now: float) -> None:
             if frame.rtr and (pdo.rtr_allowed or pdo.type == ON_REQUEST):
-                self._send(pdo.id, pdo.sample())
+                self.outbox.append((now, pdo.sample()))
 
         return take
 
@@ -330,12 +335,12 @@ class SimEpos:
 
     def _supervise(self, dt: float) -> None:
         """After each step of the axis: what the device notices of it is dealt with in `advance`."""
-        if self._boot_end < math.inf or self.nmt is None:
-            return
-        error = self._motion.supervise(dt) or self._voltage_error()
+        error = self._motion.supervise(dt)
+        if not (error or self._lowest_voltage <= self.axis.supply_voltage <= self._highest_voltage):
+            error = self._voltage_error()
         if error and error not in self._errors.active:
             self._alarms.append(error)
-        elif not self._pdos.on_change and self._power.state is not DriveState.FAULT_REACTION_ENABLED:
+        elif not self._pdos.on_change and self._power.state is not _RAMP_OF_FAULT:
             return
         self._wake(self._now)
 
@@ -359,9 +364,8 @@ class SimEpos:
     def _send_changes(self) -> None:
         self._changes_due = math.inf
         if self.nmt is Nmt.OPERATIONAL and self._pdos.on_change:
-            samples, self._changes_due = self._pdos.change_samples(self._now)
-            for sample in samples:
-                self._send(*sample)
+            frames, self._changes_due = self._pdos.change_samples(self._now)
+            self.outbox += [(self._now, frame) for frame in frames]
 
     def _send_emergency(self, code: int) -> None:
         if self.nmt in (Nmt.PRE_OPERATIONAL, Nmt.OPERATIONAL):
@@ -376,11 +380,10 @@ class SimEpos:
         self._wake(min(self._power.due, self._control.due, self._changes_due))
 
     def _wake(self, due: float) -> None:
-        if due < self._next_due:
-            self._next_due = due
+        if due < self.next_due:
+            self.next_due = due
 
 
 def _millivolts(voltage: float) -> int:
     """A voltage [V] as object 0x207C shows it [mV]: 0 to 5 V in 1024 steps."""
-    steps = max(0, min(ANALOG_STEPS, round(voltage * 1000.0 / ANALOG_STEP_MV)))
-    return round(steps * ANALOG_STEP_MV)
+    return _MILLIVOLTS[max(0, min(ANALOG_STEPS, round(voltage * _STEPS_PER_VOLT)))]

@@ -63,9 +63,11 @@ class ErrorControl:
     @property
     def due(self) -> float:
         """Time of the next heartbeat or time-out [s]."""
-        return min(
-            self._heartbeat_due, self._life_deadline, *(consumer.deadline for consumer in self.consumers.values())
-        )
+        due = min(self._heartbeat_due, self._life_deadline)
+        for consumer in self.consumers.values():
+            if consumer.deadline < due:
+                due = consumer.deadline
+        return due
 
     def hear(self, producer: int, now: float) -> float:
         """A watched node sent its heartbeat; returns its new deadline [s]."""

@@ -6,6 +6,7 @@ Sources: EPOS firmware specification 2010, chapter 9 and 14.59 to 14.93; applica
 from __future__ import annotations
 
 import math
+from math import floor
 
 from artemis.sim.axis import STILL_RPM, Axis, Regulation
 from artemis.sim.dictionary import Dictionary, key_of
@@ -27,9 +28,10 @@ SPEED_WINDOW_RPM = 10.0
 FINE_VELOCITY = 0x0008
 """0x2008 bit 3: velocity from the time between encoder pulses."""
 
+# What is needed after every step and every SYNC, found once.
+_PROFILE, _HOLDING, _RAMPING = Regulation.PROFILE, Regulation.POSITION, Regulation.VELOCITY
 _MISCELLANEOUS = key_of(0x2008, 0)
-_FOLLOWING_LIMIT = key_of(0x6065, 0)
-_WINDOW = key_of(0x6067, 0)
+_POSITION_SETTING = key_of(0x2062, 0)
 _TARGET_VELOCITY = key_of(0x60FF, 0)
 _TOP_VELOCITY = key_of(0x607F, 0)
 _ACCELERATION = key_of(0x6083, 0)
@@ -55,40 +57,39 @@ class Motion:
         self._acknowledged = False
         self._homed = self._homing_failed = self._followed_badly = False
         self._limits: tuple[float, float] | None = None
+        self._following_limit = math.inf
+        self._window: float | None = None
         self._inside = 0.0
+        # The same as the axis counts it, for what is looked at after every step: from the first to below the second.
+        self._counter_range = self._allowed_range = (-math.inf, math.inf)
         self._describe()
 
     # ------------------------------------------------------------------------------------------ what can be read
 
-    @property
     def position(self) -> int:
         """Position actual value (0x6064) [counts]."""
-        return math.floor(self.axis.position + 0.5) - self._zero
+        return floor(self.axis.position + 0.5) - self._zero
 
-    @property
     def encoder_counter(self) -> int:
         """The raw 16-bit counter (0x2020), untouched by homing."""
-        return (math.floor(self.axis.position + 0.5) - self._power_up) & 0xFFFF
+        return (floor(self.axis.position + 0.5) - self._power_up) & 0xFFFF
 
-    @property
     def position_demand(self) -> int:
         """Output of the trajectory generator (0x6062) [counts]."""
-        demand = math.floor(self.axis.demand_position + 0.5) - self._zero
+        demand = floor(self.axis.demand_position + 0.5) - self._zero
         return max(LOWEST, min(HIGHEST, demand))
 
-    @property
     def counts_per_ms(self) -> int:
         """Counts in the last millisecond: all that the drive knows of a speed at short notice."""
         axis = self.axis
         place = axis.position + 0.5
-        return math.floor(place) - math.floor(place - axis.velocity * axis.counts_per_rpm_s * 0.001)
+        return floor(place) - floor(place - axis.velocity * axis.counts_per_rpm_s * 0.001)
 
-    @property
     def velocity(self) -> int:
         """Velocity actual value (0x606C) [rpm], in steps of 1 count/ms unless 0x2008 bit 3 asks for finer ones."""
         if self._values[_MISCELLANEOUS] & FINE_VELOCITY:
             return round(self.axis.velocity)
-        return round(self.counts_per_ms * 60000 / self.axis.counts_per_turn)
+        return round(self.counts_per_ms() * 60000 / self.axis.counts_per_turn)
 
     def status_bits(self) -> int:
         """The statusword's bits 10, 12 and 13 of the present mode, 11 and 15."""
@@ -100,10 +101,10 @@ class Motion:
         if mode == PROFILE_VELOCITY:
             if -STILL_RPM < axis.velocity < STILL_RPM:
                 bits |= BIT_12
-            if axis.regulation is Regulation.VELOCITY and abs(axis.velocity - axis.target) < SPEED_WINDOW_RPM:
+            if axis.regulation is _RAMPING and abs(axis.velocity - axis.target) < SPEED_WINDOW_RPM:
                 bits |= BIT_10
         elif mode == PROFILE_POSITION:
-            if axis.regulation is Regulation.PROFILE and self._reached():
+            if axis.regulation is _PROFILE and self._reached():
                 bits |= BIT_10
             if self._acknowledged:
                 bits |= BIT_12
@@ -120,32 +121,32 @@ class Motion:
         axis = self.axis
         if axis.halted:
             return axis.velocity == 0.0
-        if self._values[_WINDOW] == OFF:
+        if self._window is None:
             return axis.arrived and self._queued is None
-        return self._inside * 1000.0 >= self._dictionary.number(0x6068) and self._in_window()
+        return self._inside * 1000.0 >= self._dictionary.number(0x6068) and self._in_window(self._window)
 
-    def _in_window(self) -> bool:
-        return abs(self.axis.target - self.axis.position) <= self._values[_WINDOW]
+    def _in_window(self, window: float) -> bool:
+        return abs(self.axis.target - self.axis.position) <= window
 
     def _describe(self) -> None:
         """Tie the objects of motion to this object."""
         axis, getters, written = self.axis, self._dictionary.getters, self._dictionary.written
-        getters[key_of(0x2020, 0)] = lambda: self.encoder_counter
+        getters[key_of(0x2020, 0)] = self.encoder_counter
         getters[key_of(0x2027, 0)] = lambda: _int16(axis.current_averaged)
         getters[key_of(0x2028, 0)] = lambda: round(axis.velocity_averaged)
         getters[key_of(0x20F4, 0)] = lambda: _int16(axis.lag)
         getters[key_of(0x6061, 0)] = lambda: self.mode
-        getters[key_of(0x6062, 0)] = lambda: self.position_demand
-        getters[key_of(0x6064, 0)] = lambda: self.position
-        getters[key_of(0x6069, 0)] = lambda: self.counts_per_ms * 1000
+        getters[key_of(0x6062, 0)] = self.position_demand
+        getters[key_of(0x6064, 0)] = self.position
+        getters[key_of(0x6069, 0)] = lambda: self.counts_per_ms() * 1000
         getters[key_of(0x606B, 0)] = lambda: round(axis.demand_velocity)
-        getters[key_of(0x606C, 0)] = lambda: self.velocity
+        getters[key_of(0x606C, 0)] = self.velocity
         getters[key_of(0x6078, 0)] = lambda: _int16(axis.current)
         written[key_of(0x6060, 0)] = self._change_mode
         written[key_of(0x2062, 0)] = lambda _: self._set_direct(POSITION)
         written[key_of(0x206B, 0)] = lambda _: self._set_direct(VELOCITY)
         written[key_of(0x2030, 0)] = lambda _: self._set_direct(CURRENT)
-        for index, subs in ((0x607D, (1, 2)), (0x6410, (1, 2, 4, 5))):
+        for index, subs in ((0x6065, (0,)), (0x6067, (0,)), (0x607D, (1, 2)), (0x6410, (1, 2, 4, 5))):
             for sub in subs:
                 written[key_of(index, sub)] = lambda _: self.configure()
 
@@ -153,7 +154,7 @@ class Motion:
 
     def start(self) -> None:
         """Power-up or node reset: the counter is 0 where the shaft is."""
-        self._zero = self._power_up = math.floor(self.axis.position + 0.5)
+        self._zero = self._power_up = floor(self.axis.position + 0.5)
         self.referenced = self._followed_badly = False
         self._controlword = 0
         self.release()
@@ -171,6 +172,17 @@ class Motion:
         low, high = number(0x607D, 1), number(0x607D, 2)
         limits = (-math.inf if low == LOWEST else low, math.inf if high == HIGHEST else high)
         self._limits = None if limits == (-math.inf, math.inf) else limits
+        following, window = number(0x6065), number(0x6067)
+        self._following_limit = math.inf if following == OFF else float(following)
+        self._window = None if window == OFF else float(window)
+        self._count_from(self._zero)
+
+    def _count_from(self, zero: int) -> None:
+        """Make `zero`, as the axis counts, the place at which the position actual value is 0."""
+        self._zero = zero
+        self._counter_range = zero + LOWEST - 0.5, zero + HIGHEST + 0.5
+        low, high = (-math.inf, math.inf) if self._limits is None or self._clip_position else self._limits
+        self._allowed_range = zero + low - 0.5, zero + high + 0.5
 
     def engage(self) -> None:
         """Operation Enable begins: modes 3, -1 and -2 obey at once what their set-point object still holds."""
@@ -228,7 +240,7 @@ class Motion:
         axis.deceleration = values[_DECELERATION]
         top = values[_TOP_VELOCITY]
         target = 0 if self._controlword & HALT else values[_TARGET_VELOCITY]
-        axis.regulate(Regulation.VELOCITY, float(max(-top, min(top, target))))
+        axis.regulate(_RAMPING, float(target if -top <= target <= top else top if target > 0 else -top))
 
     def _handshake(self, rising: bool) -> int:
         """Set-point handshake of the profile position mode; a set-point with no place to wait overloads the device."""
@@ -255,7 +267,7 @@ class Motion:
         axis.profile_velocity = float(min(number(0x6081), number(0x607F)))
         axis.acceleration, axis.deceleration = float(number(0x6083)), float(number(0x6084))
         if relative:
-            target += self.position_demand
+            target += self.position_demand()
         self._inside = 0.0
         axis.regulate(Regulation.PROFILE, self._clipped(target) + self._zero)
 
@@ -269,8 +281,8 @@ class Motion:
         if not self.commanded or self.mode != mode:
             return
         if mode == POSITION:
-            target = self._clipped(self._dictionary.number(0x2062)) + self._zero
-            self.axis.regulate(Regulation.POSITION, target)
+            target = float(self._clipped(self._values[_POSITION_SETTING]) + self._zero)
+            self.axis.regulate(_HOLDING, target)
             self.axis.demand_position = target
         elif mode == VELOCITY:
             self.axis.acceleration = self.axis.deceleration = math.inf
@@ -284,7 +296,7 @@ class Motion:
         self._homed = method in (PRESENT_PLACE, NO_HOMING)
         self._homing_failed = not self._homed
         if method == PRESENT_PLACE:
-            self._zero = math.floor(self.axis.position + 0.5) - self._dictionary.number(0x2081)
+            self._count_from(floor(self.axis.position + 0.5) - self._dictionary.number(0x2081))
         self.referenced = self.referenced or self._homed
 
     def _change_mode(self, mode: int) -> None:
@@ -311,7 +323,7 @@ class Motion:
             axis.halted = False
             axis.deceleration = float(self._dictionary.number(0x6084))
             way = axis.velocity * abs(axis.velocity) / (2.0 * axis.deceleration) * axis.counts_per_rpm_s
-            axis.regulate(Regulation.PROFILE, float(math.floor(axis.position + way + 0.5)))
+            axis.regulate(Regulation.PROFILE, float(floor(axis.position + way + 0.5)))
         else:
             axis.deceleration = float(self._dictionary.number(0x6084))
             axis.regulate(Regulation.VELOCITY, 0.0)  # diagnostic, master encoder, step/direction: stands still
@@ -321,22 +333,25 @@ class Motion:
     def supervise(self, dt: float) -> int:
         """After each step: start what was queued, wrap the counter, watch the limits; returns a device error or 0."""
         axis = self.axis
-        if not LOWEST <= axis.position - self._zero + 0.5 < HIGHEST + 1.0:
-            self._zero += 1 << 32 if axis.position > self._zero else -(1 << 32)
+        position = axis.position
+        low, high = self._counter_range
+        if not low <= position < high:
+            self._count_from(self._zero + (1 << 32 if position >= high else -(1 << 32)))
             self.referenced = False
         if not self.commanded:
             return 0
-        if self._limits is not None and not self._clip_position and self.mode != HOMING:
-            low, high = self._limits
-            if not low <= self.position <= high or not low <= self.position_demand <= high:
-                return POSITION_LIMIT
-        if axis.regulation is Regulation.PROFILE or axis.regulation is Regulation.POSITION:
-            limit = self._values[_FOLLOWING_LIMIT]
-            if abs(axis.demand_position - axis.position) > limit and limit != OFF:
+        low, high = self._allowed_range
+        demand = axis.demand_position
+        if not (low <= position < high and low <= demand < high) and self.mode != HOMING:
+            return POSITION_LIMIT
+        regulation = axis.regulation
+        if regulation is _HOLDING or regulation is _PROFILE:
+            limit = self._following_limit
+            if not -limit <= demand - position <= limit:
                 self._followed_badly = True
                 return FOLLOWING_ERROR
-            if self._values[_WINDOW] != OFF:
-                self._inside = self._inside + dt if self._in_window() else 0.0
+            if self._window is not None:
+                self._inside = self._inside + dt if self._in_window(self._window) else 0.0
             if self._queued is not None and axis.arrived:
                 set_point, self._queued = self._queued, None
                 self._begin_profile(*set_point)
@@ -346,4 +361,5 @@ class Motion:
 
 
 def _int16(value: float) -> int:
-    return max(-32768, min(32767, round(value)))
+    number = round(value)
+    return number if -32768 <= number <= 32767 else max(-32768, min(32767, number))

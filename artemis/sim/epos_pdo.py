@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from typing import NamedTuple
 
+from artemis.devices.can_bus import Frame
 from artemis.sim.dictionary import FORMATS, SIZES, Abort, AbortCode, Dictionary, key_of
 from artemis.sim.epos_objects import MAPPING_PLACES, TPDO_COB_IDS
 
@@ -64,22 +64,19 @@ class TransmitPdo:
         packer, keys = _packer(dictionary, 0x1A00 + number)
         self.valid = not cob_id & INVALID and bool(keys)
         self.rtr_allowed = not cob_id & NO_RTR
-        self.sent: bytes | None = None
+        self.sent: Frame | None = None
         """What went out last; None: nothing since the node became operational."""
         self.inhibited_until = -math.inf
         self._pack = packer.pack
         self._getters = tuple(dictionary.getter(key) for key in keys)
+        self._frame = Frame(self.id)
 
-    def sample(self) -> bytes:
-        """The mapped objects as they are now."""
-        return self._pack(*[get() for get in self._getters])
-
-
-class Sample(NamedTuple):
-    """Process data to be sent."""
-
-    id: int
-    data: bytes
+    def sample(self) -> Frame:
+        """The mapped objects as they are now; the same frame again as long as nothing changes."""
+        data = self._pack(*[get() for get in self._getters])
+        if data != self._frame.data:
+            self._frame = Frame(self.id, data)
+        return self._frame
 
 
 class ProcessData:
@@ -93,7 +90,7 @@ class ProcessData:
         self._changed = changed
         self.received: list[ReceivePdo] = []
         self.transmitted: list[TransmitPdo] = []
-        self._on_sync: list[TransmitPdo] = []
+        self.on_sync: list[TransmitPdo] = []
         self.on_change: list[TransmitPdo] = []
         self._waiting: list[ReceivePdo] = []
         self._watch_objects()
@@ -134,22 +131,18 @@ class ProcessData:
                 pdo.command(pdo.waiting)
         self._drop_waiting()
 
-    def sync_samples(self) -> list[Sample]:
-        """What is sent after a SYNC."""
-        return [Sample(pdo.id, pdo.sample()) for pdo in self._on_sync]
-
-    def change_samples(self, now: float) -> tuple[list[Sample], float]:
+    def change_samples(self, now: float) -> tuple[list[Frame], float]:
         """Event-driven PDOs whose content changed, and when those that are inhibited may follow (inf: none waits)."""
         samples, due = [], math.inf
         for pdo in self.on_change:
-            data = pdo.sample()
-            if data == pdo.sent:
+            frame = pdo.sample()
+            if frame == pdo.sent:
                 continue
             if now < pdo.inhibited_until:
                 due = min(due, pdo.inhibited_until)
                 continue
-            pdo.sent, pdo.inhibited_until = data, now + pdo.inhibit
-            samples.append(Sample(pdo.id, data))
+            pdo.sent, pdo.inhibited_until = frame, now + pdo.inhibit
+            samples.append(frame)
         return samples, due
 
     def restore_identifiers(self, node_id: int) -> None:
@@ -165,7 +158,7 @@ class ProcessData:
 
     def _sort(self) -> None:
         valid = [pdo for pdo in self.transmitted if pdo.valid]
-        self._on_sync = [pdo for pdo in valid if pdo.type == SYNCHRONOUS]
+        self.on_sync = [pdo for pdo in valid if pdo.type == SYNCHRONOUS]
         self.on_change = [pdo for pdo in valid if pdo.type == ON_CHANGE]
         self._drop_waiting()
         self._changed()

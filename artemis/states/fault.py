@@ -17,7 +17,8 @@ class FaultMode(RoutineMode):
         """Come to rest, off, histories, acknowledgment."""
         plan = self.plan
         exchange = plan.connected
-        snapshot = yield from come_to_rest(replace(STOPPING, exchange=exchange, supervised=exchange), snapshot)
+        stopping = replace(STOPPING, exchange=exchange, heartbeat=exchange, supervised=exchange)
+        snapshot = yield from come_to_rest(stopping, snapshot)
         idle = replace(IDLE, exchange=exchange, heartbeat=exchange, phase="reading error histories")
         if exchange:
             snapshot = yield replace(OFF, phase="switching off")

@@ -66,9 +66,9 @@ class FollowMode:
         """Too far away to begin (PTH-05), or lost on the way (PTH-06)."""
         away = abs(tracking.cross_track)
         if self._origin is None:
-            self._origin = self._outside = tracking.arc_length
             if away > START_DISTANCE or abs(tracking.heading_error) > START_ANGLE:
                 return catalogue.fault("PTH-05", "", _seen(tracking))
+            self._origin = self._outside = tracking.arc_length
         if away > limit:
             self._outside = tracking.arc_length
         within, way = tracking.arc_length - self._outside, tracking.arc_length - self._origin
@@ -80,11 +80,20 @@ class FollowMode:
             following = step.follower.step(snapshot)
         except Exception as error:  # noqa: BLE001  the border to foreign code: whatever it raises is a fault
             return catalogue.fault("PLG-02", "follower", repr(error))
-        if not isinstance(following, Following):
-            return catalogue.fault("PLG-06", "follower", repr(following)[:80])
-        if not math.isfinite(following.tracking.cross_track):
-            return catalogue.fault("PLG-06", "follower", "cross-track error is not a number")
-        return following
+        return following if _is_whole(following) else catalogue.fault("PLG-06", "follower", repr(following)[:80])
+
+
+def _is_whole(answer: object) -> bool:
+    """Whether a follower's answer is one, with numbers in it. The gate judges those of the command (RUN-11)."""
+    if not isinstance(answer, Following):
+        return False
+    command, tracking = answer.command, answer.tracking
+    try:
+        told = (tracking.arc_length, tracking.length, tracking.cross_track, tracking.heading_error)
+        finite = [math.isfinite(number) for number in (*told, command.speed, command.steering)]
+    except (AttributeError, TypeError):
+        return False
+    return all(finite[: len(told)])
 
 
 def _stand(

@@ -13,6 +13,11 @@ from artemis.values import DriveCommand, DriveState, Event, JobKind, Request, Se
 class QuickstopMode(RoutineMode):
     """Stops without any drive being at fault: S2 by the gate's ramp, drives held; else by the drives, then off."""
 
+    def step(self, snapshot: Snapshot) -> Wish:
+        """As the routine says; drives without our configuration are neither spoken to nor judged."""
+        wish = super().step(snapshot)
+        return wish if self.plan.connected else replace(wish, heartbeat=False, exchange=False, supervised=False)
+
     def routine(self, snapshot: Snapshot) -> Routine:
         """Stop, wait for re-arm, enable again with targets cleared."""
         plan = self.plan
