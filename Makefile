@@ -1,28 +1,52 @@
-PYTHON ?= python3.11
+# `make demo` and `make test` set up what they need: a virtual environment in .venv, made anew when pyproject.toml changes.
+# Another interpreter: make PYTHON=/path/to/python3.12 test
+
 VENV := .venv
 BIN := $(VENV)/bin
+READY := $(VENV)/.ready
 
-.PHONY: demo test check bench clean
+.PHONY: demo test check bench coverage picture clean
 
-demo: $(VENV)/.installed
-	$(BIN)/artemis run missions/figure_eight.yaml
+demo: $(READY)
+	@$(BIN)/artemis run missions/figure_eight.yaml
 
-test: $(VENV)/.installed
-	$(BIN)/python -m pytest
+test: $(READY)
+	@$(BIN)/python -m pytest
 
-check: $(VENV)/.installed
+check: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-bench: $(VENV)/.installed
-	$(BIN)/python -m tests.bench
+bench: $(READY)
+	@$(BIN)/python -m tests.bench
 
-$(VENV)/.installed: pyproject.toml
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	touch $@
+coverage: $(READY)
+	@$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest
+	@$(BIN)/coverage combine --quiet
+	@$(BIN)/coverage report
+
+picture: $(READY)
+	@$(BIN)/python docs/images/figure_eight.py
 
 clean:
-	rm -rf $(VENV) runs
+	rm -rf $(VENV) missions/runs build
+
+$(READY): pyproject.toml
+	@python="$(PYTHON)"; \
+	for name in python3.11 python3; do \
+		if [ -z "$$python" ] && "$$name" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+			python="$$name"; \
+		fi; \
+	done; \
+	if [ -z "$$python" ]; then \
+		echo "artemis needs Python 3.11 or newer: neither python3.11 nor python3 is one." >&2; \
+		echo "Install it, or name it: make PYTHON=/path/to/python3.11" >&2; \
+		exit 1; \
+	fi; \
+	echo "setting up $(VENV) with $$($$python --version) (once, about a minute)"; \
+	"$$python" -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@

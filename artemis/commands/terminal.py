@@ -31,7 +31,7 @@ def listen_to_keys(request: Callable[[Request], None]) -> Callable[[], None]:
     """Read keys from standard input on the running loop; returns how to stop and give the terminal back.
 
     A closed terminal (SIGHUP) counts as a quick stop and the end: the person who could have stopped the robot is
-    gone. Ctrl-Z does nothing while a mission runs: with a suspended process the heartbeat stops, and every drive faults.
+    gone. Ctrl-Z does nothing while a mission runs: a suspended process has no heartbeat, and every drive would fault.
     """
     loop, descriptor = asyncio.get_running_loop(), sys.stdin.fileno()
     before = termios.tcgetattr(descriptor)

@@ -51,9 +51,14 @@ class EposJobs:
         self._epos, self._sdo = epos, epos.sdo
         self.name, self.drive = epos.name, epos.drive
         self._set_point = SET_POINT[epos.drive.role]
+        self._one_at_a_time = asyncio.Lock()  # an end that comes early must not overtake the configuration
 
     async def perform(self, kind: JobKind, value: float) -> tuple[int, ...]:
-        """Do a job; its values, if it has any. Raises DeviceError where the drive refuses or is silent."""
+        """Do a job once those before it have ended; its values, if it has any. Raises what the jobs raise."""
+        async with self._one_at_a_time:
+            return await self._do(kind, value)
+
+    async def _do(self, kind: JobKind, value: float) -> tuple[int, ...]:
         match kind:
             case JobKind.SECURE:
                 await self.secure()
@@ -89,8 +94,10 @@ class EposJobs:
             await self._ensure(setting)
         if (mode := await self.read(MODE_DISPLAY)) != OPERATING_MODES[self.drive.role]:
             raise DeviceError(self.name, f"shows operating mode {mode}, not {OPERATING_MODES[self.drive.role]}")
-        for setting in pdo_settings(self.drive):
-            await self._write_checked(setting)
+        for pdo in pdo_settings(self.drive):
+            if not await self._holds(pdo):
+                for setting in pdo:
+                    await self._write_checked(setting)
         self._epos.restart()
         self._epos.send(nmt_frame(NmtCommand.START, self.drive.node_id))
 
@@ -143,6 +150,14 @@ class EposJobs:
         """Write only what differs: changing sensor data raises errors, and settings wear the memory."""
         if await self.read(setting.object) != setting.value:
             await self._write_checked(setting)
+
+    async def _holds(self, settings: list[Setting]) -> bool:
+        """Whether every object has the last of its values already."""
+        final = {setting.object: setting.value for setting in settings}
+        for object, value in final.items():
+            if await self.read(object) != value:
+                return False
+        return True
 
     async def _write_checked(self, setting: Setting) -> None:
         await self.write(setting.object, setting.value)

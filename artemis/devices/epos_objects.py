@@ -154,16 +154,17 @@ def _gains(drive: Drive) -> Iterator[Setting]:
                 yield Setting(Object(index, subindex, I16), value)
 
 
-def pdo_settings(drive: Drive) -> Iterator[Setting]:
-    """The PDOs, each switched off while its mapping changes (14.20 to 14.31; only in Pre-Operational)."""
+def pdo_settings(drive: Drive) -> Iterator[list[Setting]]:
+    """The PDOs one by one, each switched off while its mapping changes (14.20 to 14.31; only in Pre-Operational)."""
     received, sent = RECEIVED[drive.role], SENT[drive.role]
     for number in range(4):
         mapped = received[number] if number < len(received) else ()
         kind = _ON_SYNC if number == 0 else _AT_ONCE
-        yield from _pdo(0x1400 + number, 0x1600 + number, RXPDO[number] + drive.node_id, mapped, kind)
+        yield list(_pdo(0x1400 + number, 0x1600 + number, RXPDO[number] + drive.node_id, mapped, kind))
     for number in range(4):
         mapped = sent[number] if number < len(sent) else ()
-        yield from _pdo(0x1800 + number, 0x1A00 + number, _NO_RTR | TXPDO[number] + drive.node_id, mapped, _ON_SYNC)
+        cob_id = _NO_RTR | TXPDO[number] + drive.node_id
+        yield list(_pdo(0x1800 + number, 0x1A00 + number, cob_id, mapped, _ON_SYNC))
 
 
 def _pdo(communication: int, mapping: int, cob_id: int, mapped: tuple[Object, ...], kind: int) -> Iterator[Setting]:

@@ -240,7 +240,7 @@ class Motion:
         axis.deceleration = values[_DECELERATION]
         top = values[_TOP_VELOCITY]
         target = 0 if self._controlword & HALT else values[_TARGET_VELOCITY]
-        axis.regulate(_RAMPING, float(target if -top <= target <= top else top if target > 0 else -top))
+        axis.regulate(_RAMPING, float(max(-top, min(top, target))))
 
     def _handshake(self, rising: bool) -> int:
         """Set-point handshake of the profile position mode; a set-point with no place to wait overloads the device."""
@@ -361,5 +361,4 @@ class Motion:
 
 
 def _int16(value: float) -> int:
-    number = round(value)
-    return number if -32768 <= number <= 32767 else max(-32768, min(32767, number))
+    return max(-32768, min(32767, round(value)))

@@ -31,8 +31,6 @@ class ReceivePdo:
         cob_id = dictionary.number(0x1400 + number, 1)
         self.id = cob_id & 0x7FF
         self.synchronous = dictionary.number(0x1400 + number, 2) == SYNCHRONOUS
-        self.waiting: tuple[int, ...] | None = None
-        """Values that take effect at the next SYNC."""
         self._packer, keys = _packer(dictionary, 0x1600 + number)
         self.valid = not cob_id & INVALID and bool(keys)
         self._writers = [(at, dictionary.setter(key)) for at, key in enumerate(keys) if key != CONTROLWORD]
@@ -92,7 +90,8 @@ class ProcessData:
         self.transmitted: list[TransmitPdo] = []
         self.on_sync: list[TransmitPdo] = []
         self.on_change: list[TransmitPdo] = []
-        self._waiting: list[ReceivePdo] = []
+        self._waiting: dict[ReceivePdo, tuple[int, ...]] = {}
+        """Newest values of each synchronous PDO since the last SYNC."""
         self._watch_objects()
 
     def start(self) -> None:
@@ -103,7 +102,7 @@ class ProcessData:
 
     def restart(self) -> None:
         """The node becomes operational: event-driven PDOs are sent anew, nothing waits for a SYNC."""
-        self._drop_waiting()
+        self._waiting.clear()
         for pdo in self.transmitted:
             pdo.sent, pdo.inhibited_until = None, -math.inf
 
@@ -113,9 +112,7 @@ class ProcessData:
         if values is None:
             return False
         if pdo.synchronous:
-            if pdo.waiting is None:
-                self._waiting.append(pdo)
-            pdo.waiting = values
+            self._waiting[pdo] = values
         else:
             pdo.write(values)
             pdo.command(values)
@@ -123,13 +120,12 @@ class ProcessData:
 
     def sync(self) -> None:
         """What came for this SYNC takes effect: all set-points first, then the controlwords."""
-        for pdo in self._waiting:
-            if pdo.waiting is not None:
-                pdo.write(pdo.waiting)
-        for pdo in self._waiting:
-            if pdo.waiting is not None:
-                pdo.command(pdo.waiting)
-        self._drop_waiting()
+        waiting = self._waiting
+        for pdo, values in waiting.items():
+            pdo.write(values)
+        for pdo, values in waiting.items():
+            pdo.command(values)
+        waiting.clear()
 
     def change_samples(self, now: float) -> tuple[list[Frame], float]:
         """Event-driven PDOs whose content changed, and when those that are inhibited may follow (inf: none waits)."""
@@ -151,16 +147,11 @@ class ProcessData:
             self._dictionary.values[key_of(0x1400 + number, 1)] = 0x200 + 0x100 * number + node_id
             self._dictionary.values[key_of(0x1800 + number, 1)] = TPDO_COB_IDS[number] + node_id
 
-    def _drop_waiting(self) -> None:
-        for pdo in self._waiting:
-            pdo.waiting = None
-        self._waiting.clear()
-
     def _sort(self) -> None:
         valid = [pdo for pdo in self.transmitted if pdo.valid]
         self.on_sync = [pdo for pdo in valid if pdo.type == SYNCHRONOUS]
         self.on_change = [pdo for pdo in valid if pdo.type == ON_CHANGE]
-        self._drop_waiting()
+        self._waiting.clear()
         self._changed()
 
     # ------------------------------------------------------------------------------------------ rules of the objects

@@ -44,7 +44,6 @@ class ModeMachine:
                 for (mode, event), target in TRANSITIONS.items()
             ],
             auto_transitions=False,
-            ignore_invalid_triggers=True,
         )
 
     @property
@@ -54,6 +53,8 @@ class ModeMachine:
 
     def fire(self, event: Event) -> bool:
         """Change the mode as the table says; False where the present mode does not expect `event`."""
+        if (self.mode, event) not in TRANSITIONS:  # `transitions` would log a warning, at every tick
+            return False
         return bool(self._machine.dispatch(event.name.lower()))
 
 

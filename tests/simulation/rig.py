@@ -340,26 +340,22 @@ class Rig:
 
     def run(self) -> Run:
         """To the end."""
-        run = None
         with ExitStack() as stack:
             for target, substitute in self._substitutes():
                 stack.enter_context(patch(target, substitute))
-            try:
-                outcome = app.run_mission(
-                    self._loaded, self.mission, simulate=self._simulate, watch=self._watch, operator=None
-                )
-            finally:
-                run = self._result()
-        run.outcome = outcome
-        return run
+            outcome = app.run_mission(
+                self._loaded, self.mission, simulate=self._simulate, watch=self._watch, operator=None
+            )
+        return replace(self._result(), outcome=outcome)
 
     def run_until_killed(self) -> Run:
         """To the moment at which an act calls `kill`: the process is gone, the world stays as it is."""
         try:
             self.run()
-        except Killed:
-            return self._result()
-        raise AssertionError("nobody killed the host")
+        except* Killed:
+            pass
+        assert self.bus.dead, "nobody killed the host"
+        return self._result()
 
     def kill(self) -> None:
         """Nothing of the host reaches the bus any more, and it stops ticking."""

@@ -1,15 +1,28 @@
-"""Values as a healthy robot would give them, a player for modes, and drives that obey at once: for tests of the core."""
+"""Values as a healthy robot gives them, a player for modes, and drives that obey at once: for tests of the core."""
+
+# ruff: noqa: ANN401  (changes are handed on to `dataclasses.replace` as they are)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from pathlib import Path as FilePath
+from typing import Any, ClassVar
 
+import numpy as np
+
+from artemis.config import Config
+from artemis.devices.can_bus import Frame
+from artemis.errors import DeviceLost
+from artemis.motion.ackermann import Ackermann
+from artemis.motion.path import Path, path_from_points
+from artemis.plugins.contracts import Following
 from artemis.states.mode import ModeLogic, Plan, Step
 from artemis.supervision import catalogue
 from artemis.values import (
+    Action,
+    DriveCommand,
     DriveFeedback,
     DriveState,
     Goal,
@@ -21,18 +34,20 @@ from artemis.values import (
     Sensed,
     SetPoints,
     Snapshot,
+    Tracking,
     Verdict,
     Wish,
 )
 from artemis.vehicle import Robot
 from artemis.yaml_file import load
 
-ROBOT = Robot.model_validate(load(Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
+ROBOT = Robot.model_validate(load(FilePath(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
 PERIOD = 0.02
 TRACTION, STEERING = ("traction-left", "traction-right"), ("steer-left", "steer-right")
 NAMES = (*TRACTION, *STEERING)
 STRAIGHT_VOLTS = {"steer-left": (2.51, 2.48), "steer-right": (2.49, 2.52)}
 LOST_HEARTBEAT = 0x8130
+PATH = path_from_points(np.linspace(0.0, 4.0, 9), np.zeros(9))
 
 
 def drive(name: str, **changes: Any) -> DriveFeedback:
@@ -90,21 +105,25 @@ def plan(*steps: Step, **state: Any) -> Plan:
 
 
 class ObedientDrives:
-    """Drives that do at once what a wish asks for; some are deaf to a lost heartbeat, some states are stuck."""
+    """Drives that do at once what a wish asks for, with wheels that stand where the set-points say.
+
+    Those that are `deaf` do not notice a lost heartbeat, `lazy` ones change no state; `changes` is what a drive says
+    instead of the truth.
+    """
 
     def __init__(self, state: DriveState = DriveState.SWITCH_ON_DISABLED) -> None:
         self.states = dict.fromkeys(NAMES, state)
-        self.angles = dict.fromkeys(STEERING, 0.0)
+        self.angles = {"steer-left": math.radians(7.0), "steer-right": math.radians(-4.0)}
         self.changes: dict[str, dict[str, Any]] = {name: {} for name in NAMES}
         self.deaf: set[str] = set()
         self.lazy: set[str] = set()
         self._heard = dict.fromkeys(NAMES, False)
 
-    def react(self, wish: Wish) -> tuple[DriveFeedback, ...]:
-        """Feedback after a tick with this wish."""
-        return tuple(self._react(name, wish) for name in NAMES)
+    def react(self, wish: Wish, points: SetPoints) -> tuple[DriveFeedback, ...]:
+        """Feedback after a tick with this wish and these set-points."""
+        return tuple(self._react(name, wish, points) for name in NAMES)
 
-    def _react(self, name: str, wish: Wish) -> DriveFeedback:
+    def _react(self, name: str, wish: Wish, points: SetPoints) -> DriveFeedback:
         emergencies: tuple[int, ...] = ()
         if wish.exchange and name not in self.lazy:
             self.states[name] = _next(self.states[name], wish.traction if name in TRACTION else wish.steering)
@@ -113,11 +132,33 @@ class ObedientDrives:
         elif self._heard[name] and wish.exchange and name not in self.deaf:
             self._heard[name] = False
             self.states[name], emergencies = DriveState.FAULT, (LOST_HEARTBEAT,)
-        if name in STEERING and self.states[name] is DriveState.OPERATION_ENABLE:
-            self.angles[name] = wish.command.steering
-        angle = self.angles.get(name, 0.0)
-        feedback = drive(name, state=self.states[name], emergencies=emergencies, position=angle)
-        return replace(feedback, **self.changes[name])
+        said: dict[str, Any] = {"state": self.states[name], "emergencies": emergencies}
+        if name in STEERING:
+            side = ROBOT.drives[name].side
+            if self.states[name] is DriveState.OPERATION_ENABLE and wish.exchange:
+                self.angles[name] = points.steering_left if side == "left" else points.steering_right
+            said["position"] = self.angles[name]
+            said["potentiometers"] = volts(side, self.angles[name])
+        return drive(name, **{**said, **self.changes[name]})
+
+
+def volts(side: str, angle: float) -> tuple[float, float]:
+    """What both potentiometers of a wheel show when it stands at `angle` [rad]."""
+    calibration = ROBOT.potentiometers(side)
+    first, second = (
+        zero + math.degrees(angle) / slope
+        for zero, slope in zip(calibration.zero_v, calibration.slope_deg_per_v, strict=True)
+    )
+    return first, second
+
+
+def points_from(wish: Wish, last: SetPoints) -> SetPoints:
+    """What a gate without limits makes of a wish."""
+    if wish.command.action is not Action.RUN:
+        return last
+    left, right = Ackermann(ROBOT.geometry).wheel_angles(wish.command.steering)
+    command = wish.command
+    return SetPoints(speed=command.speed, steering=command.steering, steering_left=left, steering_right=right)
 
 
 def _next(state: DriveState, goal: Goal) -> DriveState:
@@ -131,16 +172,21 @@ def _next(state: DriveState, goal: Goal) -> DriveState:
     return DriveState.OPERATION_ENABLE if goal is Goal.ENABLED else DriveState.SWITCH_ON_DISABLED
 
 
+React = Callable[[Wish, SetPoints], tuple[DriveFeedback, ...]]
+"""Feedback after a tick with this wish and these set-points."""
+
+
 class Player:
     """Plays one mode tick by tick. Jobs end in the next tick, well but for those in `refused`: (kind, drive)."""
 
-    def __init__(self, mode: ModeLogic, react: Callable[[Wish], tuple[DriveFeedback, ...]] | None = None) -> None:
+    def __init__(self, mode: ModeLogic, react: React | None = None) -> None:
         self.mode = mode
         self.time = 0.0
         self.wishes: list[Wish] = []
         self.refused: set[tuple[JobKind, str]] = set()
         self.world: dict[str, Any] = {}
-        self._react = react or (lambda wish: drives())
+        self._react: React = react or (lambda wish, points: drives())
+        self._points = SetPoints()
         self._wish = Wish(exchange=False, heartbeat=False)
         self._results: tuple[JobResult, ...] = ()
         self._entered = False
@@ -152,11 +198,12 @@ class Player:
 
     def tick(self, **once: Any) -> Wish:
         """One tick; `once` changes the snapshot of this one, `world` that of all."""
-        values = {"drives": self._react(self._wish), "results": self._results, **self.world, **once}
-        seen = snapshot(self.time, **values)
+        values = {"drives": self._react(self._wish, self._points), "results": self._results, **self.world, **once}
+        seen = snapshot(self.time, **{"set_points": self._points, **values})
         if not self._entered:
             self.enter(seen)
         self._wish = self.mode.step(seen)
+        self._points = points_from(self._wish, self._points)
         self._results = tuple(map(self._perform, self._wish.jobs))
         self.wishes.append(self._wish)
         self.time += PERIOD
@@ -177,3 +224,78 @@ class Player:
     def _perform(self, job: Job) -> JobResult:
         ok = (job.kind, job.drive) not in self.refused
         return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, detail="" if ok else "broken in the test")
+
+
+def powered(wish: Wish) -> bool:
+    """Something is to be enabled."""
+    return wish.exchange and Goal.ENABLED in (wish.traction, wish.steering)
+
+
+def has_fault(wish: Wish) -> bool:
+    return wish.fault is not None
+
+
+def has_event(wish: Wish) -> bool:
+    return wish.event is not None
+
+
+def fault_of(wish: Wish) -> tuple[str, str]:
+    """Id and device of the fault that is wished."""
+    assert wish.fault is not None
+    return wish.fault.id, wish.fault.device
+
+
+class StubFollower:
+    """Answers what the test says, and counts."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def __init__(self, answer: Callable[[], Any] | None = None) -> None:
+        self.starts = self.steps = 0
+        self.answer = answer or following
+
+    def start(self, path: Path, snapshot: Snapshot) -> None:
+        self.starts += 1
+
+    def step(self, snapshot: Snapshot) -> Following:
+        self.steps += 1
+        answer: Following = self.answer()
+        return answer
+
+
+def following(
+    *, cross_track: float = 0.0, arc_length: float = 0.0, heading_error: float = 0.0, finished: bool = False
+) -> Following:
+    tracking = Tracking(arc_length=arc_length, length=4.0, cross_track=cross_track, heading_error=heading_error)
+    return Following(command=DriveCommand(speed=0.3, steering=0.1), tracking=tracking, finished=finished)
+
+
+class FakeBus:
+    """Keeps what was sent; gives out what a test put in."""
+
+    def __init__(self) -> None:
+        self.sent: list[Frame] = []
+        self.arrived: list[Frame] = []
+        self.lost = False
+        self.wake: Callable[[], None] = lambda: None
+        self.clock: Callable[[], float] = lambda: 0.0
+
+    def send(self, frame: Frame) -> None:
+        if self.lost:
+            raise DeviceLost("CAN", "unplugged")
+        self.sent.append(frame._replace(time=self.clock()))
+
+    def receive(self) -> list[Frame]:
+        if self.lost:
+            raise DeviceLost("CAN", "unplugged")
+        arrived, self.arrived = self.arrived, []
+        return arrived
+
+    def listen(self, wake: Callable[[], None]) -> None:
+        self.wake = wake
+
+    def close(self) -> None: ...
+
+    def take(self) -> list[Frame]:
+        sent, self.sent = self.sent, []
+        return sent

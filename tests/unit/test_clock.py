@@ -48,8 +48,12 @@ def test_timers_fire_at_their_times_in_their_order() -> None:
     async def main() -> None:
         loop = asyncio.get_running_loop()
         fired: list[tuple[str, float]] = []
+
+        def fire(name: str) -> None:
+            fired.append((name, loop.time()))
+
         for name, when in (("third", 0.3), ("first", 0.1), ("second", 0.2)):
-            loop.call_at(when, lambda name=name: fired.append((name, loop.time())))
+            loop.call_at(when, fire, name)
         await asyncio.sleep(1.0)
         assert [name for name, _ in fired] == ["first", "second", "third"]
         assert [time for _, time in fired] == pytest.approx([0.1, 0.2, 0.3])

@@ -203,7 +203,7 @@ def test_a_speed_beyond_the_robots_is_refused(robot: Robot) -> None:
 
 def test_shipped_loop_drives_both_ways_and_ends_neutral(robot: Robot) -> None:
     device: InputDevice = make(robot, (MISSIONS / "inputs" / "loop.csv").read_bytes())
-    samples = [device.read(index * 0.02) for index in range(1600)]
+    samples = [device.read(index * 0.02) for index in range(2000)]
     device.close()
     device.close()
     assert max(sample.speed for sample in samples) > 0.4

@@ -1,0 +1,196 @@
+"""A run as `artemis.app` composes it, with every part within reach of a stopwatch."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path as FilePath
+from typing import ClassVar
+
+from artemis import clock
+from artemis.app import plan_from
+from artemis.clock import stopwatch
+from artemis.config import Config
+from artemis.devices.can_bus import Frame
+from artemis.devices.drive import Drives
+from artemis.mission.loading import LoadedMission, load_mission
+from artemis.motion.path import Path
+from artemis.plugins.contracts import Follower, Following, InputDevice
+from artemis.recording.journal import Journal
+from artemis.recording.mcap_writer import Provenance, Recorder
+from artemis.robot import Core, Robot
+from artemis.sim.bus import SimBus
+from artemis.sim.world import World
+from artemis.states.mode import FollowStep, Plan
+from artemis.values import Mode, Snapshot, Tick
+
+MISSIONS = FilePath(__file__).parents[2] / "missions"
+FIGURE_EIGHT = MISSIONS / "figure_eight.yaml"
+START = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+@contextmanager
+def missions(tick_hz: int = 50) -> Iterator[FilePath]:
+    """A copy of the missions in a folder of its own, where runs leave theirs; the figure eight at `tick_hz`."""
+    with tempfile.TemporaryDirectory(prefix="artemis-bench-") as folder:
+        copy = FilePath(folder) / "missions"
+        shutil.copytree(MISSIONS, copy, ignore=shutil.ignore_patterns("runs"))
+        mission = copy / FIGURE_EIGHT.name
+        mission.write_text(mission.read_text() + f"tick_hz: {tick_hz}\n")
+        yield mission
+
+
+class TimedBus(SimBus):
+    """The simulated bus; `spent` is the time [s] that went into it and the world behind it."""
+
+    spent = 0.0
+    _outside = 0.0
+
+    def send(self, frame: Frame) -> None:
+        begun = stopwatch()
+        super().send(frame)
+        self.spent += stopwatch() - begun
+
+    def receive(self) -> list[Frame]:
+        begun = stopwatch()
+        frames = super().receive()
+        self.spent += stopwatch() - begun
+        return frames
+
+    def listen(self, wake: Callable[[], None]) -> None:
+        def timed() -> None:
+            begun = stopwatch()
+            wake()
+            self._outside += stopwatch() - begun
+
+        super().listen(timed)
+
+    def _look(self, when: float) -> None:
+        begun, outside = stopwatch(), self._outside
+        super()._look(when)
+        self.spent += stopwatch() - begun - (self._outside - outside)
+
+
+class TimedFollower:
+    """A follower; `spent` is the time [s] that went into it."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def __init__(self, follower: Follower) -> None:
+        self._follower = follower
+        self.spent = 0.0
+
+    def start(self, path: Path, snapshot: Snapshot) -> None:
+        self._follower.start(path, snapshot)
+
+    def step(self, snapshot: Snapshot) -> Following:
+        begun = stopwatch()
+        following = self._follower.step(snapshot)
+        self.spent += stopwatch() - begun
+        return following
+
+
+class TimedRobot(Robot):
+    """Notes what each tick took without bus and follower, and what the simulation took since the tick before."""
+
+    bus: TimedBus
+    followers: list[TimedFollower]
+
+    def time_ticks(self, bus: TimedBus, followers: list[TimedFollower]) -> None:
+        self.bus, self.followers = bus, followers
+        self.own: list[float] = []
+        self.simulation: list[float] = []
+        self._simulated = 0.0
+
+    def tick(self, now: float, urgent: bool = False) -> Tick:
+        elsewhere, begun = self._elsewhere(), stopwatch()
+        tick = super().tick(now, urgent)
+        took = stopwatch() - begun - (self._elsewhere() - elsewhere)
+        if tick.mode is Mode.FOLLOW and not urgent:
+            self.own.append(took)
+            self.simulation.append(self.bus.spent - self._simulated)
+        self._simulated = self.bus.spent
+        return tick
+
+    def _elsewhere(self) -> float:
+        return self.bus.spent + sum(follower.spent for follower in self.followers)
+
+
+def timed_run(mission: FilePath) -> TimedRobot:
+    """A whole run on virtual time, recorded, with its stopwatches."""
+    loaded = load_mission(mission)
+    plan, followers = _timed(plan_from(loaded))
+
+    async def main() -> TimedRobot:
+        loop = asyncio.get_running_loop()
+        bus = TimedBus(World(loaded.robot, loaded.true_robot), loaded.robot.bitrate, loop)
+        drives = Drives(loaded.robot, bus)
+        recorder = _recorder(mission.parent)
+        period = 1 / loaded.mission.tick_hz
+        robot = TimedRobot(
+            Core(plan, period), drives, {}, period, lambda tick: recorder.observe(tick, drives.take_traffic())
+        )
+        robot.time_ticks(bus, followers)
+        await robot.run()
+        recorder.close("done")
+        bus.close()
+        return robot
+
+    return clock.run(main(), simulated=True)
+
+
+def _timed(plan: Plan) -> tuple[Plan, list[TimedFollower]]:
+    followers: list[TimedFollower] = []
+
+    def wrapped(step: FollowStep) -> FollowStep:
+        followers.append(TimedFollower(step.follower))
+        return replace(step, follower=followers[-1])
+
+    plan.steps = tuple(wrapped(step) if isinstance(step, FollowStep) else step for step in plan.steps)
+    return plan, followers
+
+
+def _recorder(folder: FilePath) -> Recorder:
+    provenance = Provenance(start=START, mission=b"{}", robot=b"{}", files={})
+    journal = Journal(folder / "journal.jsonl")
+    return Recorder(folder / "recording.mcap", provenance, threaded=False, journal=journal)
+
+
+class WatchedBus(SimBus):
+    """The simulated bus; `watch` sees what the host sends."""
+
+    watch: Callable[[Frame], None] = staticmethod(lambda frame: None)
+
+    def send(self, frame: Frame) -> None:
+        self.watch(frame)
+        super().send(frame)
+
+
+def watched_run(
+    loaded: LoadedMission,
+    prepare: Callable[[Robot, WatchedBus, asyncio.AbstractEventLoop], Callable[[Tick], None]],
+    inputs: Mapping[str, InputDevice] | None = None,
+) -> None:
+    """A run on virtual time that is not recorded. `prepare` makes what sees the ticks."""
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        bus = WatchedBus(World(loaded.robot, loaded.true_robot), loaded.robot.bitrate, loop)
+        period = 1 / loaded.mission.tick_hz
+        drives = Drives(loaded.robot, bus)
+
+        def observe(tick: Tick) -> None:
+            drives.take_traffic()
+            see(tick)
+
+        robot = Robot(Core(plan_from(loaded), period), drives, inputs or {}, period, observe)
+        see = prepare(robot, bus, loop)
+        await robot.run()
+        bus.close()
+
+    clock.run(main(), simulated=True)

@@ -1,0 +1,317 @@
+"""What README and docs say is true: commands, missions, links, diagrams, tables. And what holds for every file."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+import yaml
+from pydantic import BaseModel
+from typer.main import get_command
+
+from artemis import vehicle
+from artemis.cli import app
+from artemis.mission import load_mission, schema
+from artemis.plugins.contracts import Setup
+from artemis.plugins.followers.indiveri import IndiveriConfig
+from artemis.plugins.inputs.scripted import ScriptedConfig
+from artemis.plugins.registry import CONTRACTS as PLUGIN_CONTRACTS
+from artemis.plugins.registry import INPUTS, _breaches, load
+from artemis.sim.world import TrueRobot
+from artemis.states.machine import mermaid
+from artemis.supervision.catalogue import ROWS
+from artemis.values import OperatorInput, Request, Severity
+
+ROOT = Path(__file__).parents[2]
+DOCS = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md")])
+SOURCES = sorted((ROOT / "artemis").rglob("*.py"))
+MAIN_PATH = ("robot.py", "states/teleop.py", "motion/limits.py", "devices/drive.py", "devices/epos.py")
+MAIN_PATH_LINES, FILE_LINES, FUNCTION_LINES = 600, 400, 60
+KINDS = {"sh", "yaml", "python", "toml", "text", "mermaid"}
+DEMO = ["run", "missions/figure_eight.yaml"]
+NEEDS_A_BUS = {"sim"}
+
+
+def relative(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page."""
+
+    page: Path
+    line: int
+    kind: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{relative(self.page)}:{self.line}"
+
+
+def blocks() -> Iterator[Block]:
+    for page in DOCS:
+        text = page.read_text()
+        for found in re.finditer(r"^```(.*)\n((?:.*\n)*?)^```$", text, re.MULTILINE):
+            yield Block(page, text[: found.start()].count("\n") + 1, found[1], found[2])
+
+
+BLOCKS = list(blocks())
+
+
+def commands() -> Iterator[str]:
+    for block in BLOCKS:
+        if block.kind == "sh":
+            yield from (line for line in block.text.splitlines() if line.strip() and line[0] != "#")
+
+
+def prose(page: Path) -> str:
+    """A page without its fenced blocks."""
+    return re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+
+
+COMMANDS = sorted({" ".join(shlex.split(line, comments=True)) for line in commands()})
+YAML_BLOCKS = [block for block in BLOCKS if block.kind == "yaml"]
+
+
+# ------------------------------------------------------------------------------------------------- blocks and commands
+
+
+def test_every_block_says_what_it_is() -> None:
+    assert not [str(block) for block in BLOCKS if block.kind not in KINDS]
+    assert {block.kind for block in BLOCKS} >= {"sh", "yaml", "python", "mermaid"}
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of what the commands need, where they may leave runs behind; RUN is a run of the demo."""
+    folder = tmp_path_factory.mktemp("checkout")
+    shutil.copytree(ROOT / "missions", folder / "missions", ignore=shutil.ignore_patterns("runs"))
+    done = artemis(folder, *DEMO)
+    assert done.returncode == 0, done.stderr
+    (run,) = (folder / "missions" / "runs").iterdir()
+    (folder / "RUN").symlink_to(run)
+    return folder
+
+
+def artemis(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "MPLCONFIGDIR": str(folder)}
+    line = [sys.executable, "-m", "artemis", *arguments]
+    return subprocess.run(
+        line, cwd=folder, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60
+    )
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_command_of_the_docs_works(command: str, checkout: Path) -> None:
+    program, *arguments = shlex.split(command)
+    if program == "make":
+        assert re.search(rf"^{re.escape(arguments[0])}:", (ROOT / "Makefile").read_text(), re.MULTILINE)
+        return
+    assert program == "artemis"
+    files = [Path(word) for word in arguments if "/" in word]
+    assert all((ROOT / file).is_file() for file in files)
+    parse(arguments)
+    on_a_bus = any("bus: simulation" not in (ROOT / file).read_text() for file in files if file.suffix == ".yaml")
+    if arguments[0] in NEEDS_A_BUS or (arguments[0] == "run" and on_a_bus) or arguments == DEMO:
+        return  # two processes are the end-to-end tests' business; the demo has just run
+    done = artemis(checkout, *arguments)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip()
+
+
+def parse(arguments: list[str]) -> None:
+    """Raises where the command line does not know a command, an option or an argument."""
+    group: Any = get_command(app)
+    name, *rest = arguments
+    command = group.commands[name]
+    command.make_context(name, rest)
+
+
+def test_unknown_option_in_the_docs_would_be_found() -> None:
+    with pytest.raises(Exception, match="No such option"):
+        parse(["run", "missions/figure_eight.yaml", "--fast"])
+
+
+def test_readme_lists_every_command() -> None:
+    group: Any = get_command(app)
+    listed = re.findall(r"^\| `artemis (\w+)", (ROOT / "README.md").read_text(), re.MULTILINE)
+    assert sorted(listed) == sorted(group.commands)
+
+
+# --------------------------------------------------------------------------------------------------- missions and files
+
+
+@pytest.mark.parametrize("block", YAML_BLOCKS, ids=str)
+def test_mission_of_the_docs_is_valid(block: Block, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "missions", tmp_path, ignore=shutil.ignore_patterns("runs"), dirs_exist_ok=True)
+    mission = tmp_path / "of_the_docs.yaml"
+    mission.write_text(block.text)
+    assert load_mission(mission).mission.mission == yaml.safe_load(block.text)["mission"]
+
+
+def models(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """A model, and every model in its fields."""
+    yield model
+    for field in model.model_fields.values():
+        for part in parts(field.annotation):
+            yield from models(part)
+
+
+def parts(annotation: object) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from parts(argument)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [schema.Mission, vehicle.Robot, TrueRobot, ScriptedConfig, IndiveriConfig],
+    ids=lambda model: model.__name__,
+)
+def test_every_key_of_a_file_is_in_the_docs(model: type[BaseModel]) -> None:
+    named = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]+)`", prose(ROOT / "docs/missions.md")))))
+    keys = {key for each in models(model) for key in each.model_fields}
+    assert keys - named == set()
+
+
+def test_plugin_of_the_docs_works(tmp_path: Path) -> None:
+    (block,) = (block for block in BLOCKS if block.kind == "python")
+    names: dict[str, Any] = {"__name__": "my_package"}
+    exec(compile(block.text, str(block), "exec"), names)
+    plugin = names["StraightInput"]
+    assert _breaches(plugin, PLUGIN_CONTRACTS[INPUTS]) == []
+    robot = load_mission(ROOT / "missions" / "figure_eight.yaml").robot
+    config = plugin.Config.model_validate({"speed_m_s": 0.2, "begin_s": 10.0, "end_s": 13.0})
+    device = plugin(config, Setup(name="stick", robot=robot, folder=tmp_path))
+    assert device.read(9.0) == OperatorInput(source="stick", age=0.0)
+    assert device.read(11.0) == OperatorInput(source="stick", speed=0.2, enabled=True, neutral=False, age=0.0)
+    assert device.read(13.0).requests == (Request.DONE,)
+
+
+@pytest.mark.parametrize("name", ["scripted", "indiveri"])
+def test_built_in_plugins_are_in_the_docs(name: str) -> None:
+    assert any(load(group, name) for group in PLUGIN_CONTRACTS if name in names_of(group))
+    assert f"`{name}`" in (ROOT / "docs/missions.md").read_text()
+
+
+def names_of(group: str) -> set[str]:
+    from artemis.plugins.registry import listing
+
+    return {found.name for found in listing(group)}
+
+
+# ------------------------------------------------------------------------------------------- links, diagrams and tables
+
+
+@pytest.mark.parametrize("page", DOCS, ids=relative)
+def test_links_of_a_page_resolve(page: Path) -> None:
+    targets = [target for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)) if not re.match(r"[a-z]+:", target)]
+    broken = []
+    for target in targets:
+        file, _, heading = target.partition("#")
+        there = (page.parent / file).resolve() if file else page
+        if not there.exists() or not there.is_relative_to(ROOT) or (heading and heading not in headings(there)):
+            broken.append(target)
+    assert broken == []
+
+
+def headings(page: Path) -> set[str]:
+    """Anchors of a page as GitHub makes them."""
+    found = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in found}
+
+
+def between(page: str, name: str) -> str:
+    text = (ROOT / page).read_text()
+    (found,) = re.findall(rf"<!-- {name}:.*?-->\n(.*?)<!-- end of {name} -->", text, re.DOTALL)
+    return str(found)
+
+
+def test_mode_diagram_is_the_table_that_runs() -> None:
+    assert between("docs/architecture.md", "modes") == f"```mermaid\n{mermaid()}\n```\n"
+
+
+def test_fault_table_is_the_catalogue() -> None:
+    words = {Severity.WARN: "warning", Severity.LIMIT: "limit", Severity.CONTROLLED_STOP: "S2"}
+    words |= {Severity.QUICK_STOP: "S1", Severity.OFF: "S0"}
+    rows = [
+        f"| {id} | {words[row.severity]} | {'fault' if row.to_fault else 'quickstop'} | {row.text} |\n"
+        for id, row in ROWS.items()
+    ]
+    head = "| fault | reaction | leads to | what it says |\n|---|---|---|---|\n"
+    assert between("docs/safety.md", "faults") == head + "".join(rows)
+
+
+def test_decisions_are_numbered_and_have_their_parts() -> None:
+    pages = sorted((ROOT / "docs/decisions").glob("*.md"))
+    for page in pages:
+        text = page.read_text()
+        assert text.startswith(f"# {int(page.name[:4])}. "), page.name
+        parts = [text.find(f"\n## {part}\n") for part in ("Context", "Decision", "Consequences")]
+        assert 0 < parts[0] < parts[1] < parts[2], page.name
+    assert len({page.name[:4] for page in pages}) == len(pages)
+
+
+def test_picture_is_small() -> None:
+    assert (ROOT / "docs/images/figure_eight.png").stat().st_size < 200_000
+
+
+# ----------------------------------------------------------------------------------------------------- sizes and names
+
+
+def test_main_path_is_short() -> None:
+    lines = {name: len((ROOT / "artemis" / name).read_text().splitlines()) for name in MAIN_PATH}
+    assert sum(lines.values()) < MAIN_PATH_LINES, lines
+
+
+def test_no_source_file_is_long() -> None:
+    lines = {relative(path): len(path.read_text().splitlines()) for path in SOURCES}
+    assert {name: count for name, count in lines.items() if count > FILE_LINES} == {}
+
+
+def test_no_function_is_long() -> None:
+    lengths: dict[str, int] = {}
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                lengths[f"{relative(path)}:{node.lineno} {node.name}"] = (node.end_lineno or 0) - node.lineno + 1
+    assert {name: length for name, length in lengths.items() if length >= FUNCTION_LINES} == {}
+
+
+FORBIDDEN: Mapping[str, re.Pattern[str]] = {
+    "a path of one machine": re.compile(r"(?<![\w.~-])/(?:home|work|root|Users|opt)/\w"),
+    "a package registry": re.compile("|".join(("py" + r"pi\.", "python" + "hosted", "conda" + r"\.org"))),
+    "something left to do": re.compile(r"\b(?:TO" + r"DO|FIX" + r"ME|X" + r"XX)\b"),
+}
+
+
+def project_files() -> Iterator[Path]:
+    """Text files of the project, wherever it was unpacked."""
+    for name in ("artemis", "docs", "missions", "tests", ".ci", "scripts"):
+        for path in sorted((ROOT / name).rglob("*")):
+            made = {"runs", "__pycache__"} & set(path.relative_to(ROOT).parts)
+            if path.is_file() and path.suffix not in (".png", ".pyc") and not made:
+                yield path
+    yield from (ROOT / name for name in ("README.md", "CHANGELOG.md", "Makefile", "pyproject.toml"))
+
+
+@pytest.mark.parametrize("kind", FORBIDDEN)
+def test_no_file_names(kind: str) -> None:
+    found = [
+        f"{relative(path)}: {match[0]}"
+        for path in project_files()
+        if (match := FORBIDDEN[kind].search(path.read_text(errors="replace")))
+    ]
+    assert found == []

@@ -1,0 +1,146 @@
+"""The `artemis` command as a process of its own, small missions for it, and what its recording says of the drives."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+from artemis.recording.mcap_reader import Recording
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+ROBOT = MISSIONS / "robots" / "artemis.yaml"
+ARTEMIS = [sys.executable, "-m", "artemis"]
+PATIENCE = 60.0
+"""Longest time for anything on a busy machine [s]; no test waits this long when all is well."""
+SWITCH_ON_DISABLED = 0x0140
+STATE_BITS = 0x417F
+WRITE_CONSUMER_HEARTBEAT = bytes.fromhex("23161001")
+"""First half of an SDO request that writes object 0x1016:1."""
+
+
+def write_mission(folder: Path, *, name: str = "mission.yaml", bus: str = "simulation", more: str = "") -> Path:
+    """A straight way of 1.5 m at 0.3 m/s; `more` is YAML for its end."""
+    (folder / "robots").mkdir(exist_ok=True)
+    (folder / "paths").mkdir(exist_ok=True)
+    shutil.copy(ROBOT, folder / "robots")
+    (folder / "paths/line.csv").write_text("x_m,y_m\n" + "".join(f"{0.1 * i:.1f},0\n" for i in range(16)))
+    mission = folder / name
+    mission.write_text(
+        f"mission: line\nrobot: robots/artemis.yaml\nbus: {bus}\nsteps:\n"
+        "  - calibrate: {steering: from_potentiometers}\n"
+        "  - follow: {path: paths/line.csv, follower: {plugin: indiveri, speed_m_s: 0.3}}\n" + more
+    )
+    return mission
+
+
+def artemis(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run the command to its end."""
+    command = [*ARTEMIS, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, stdin=subprocess.DEVNULL)
+
+
+@contextmanager
+def started(*arguments: str | Path, stdin: int = subprocess.DEVNULL) -> Iterator[subprocess.Popen[str]]:
+    """The running command; killed at the end if it still runs."""
+    command = [*ARTEMIS, *map(str, arguments)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=stdin, stdout=pipe, stderr=pipe, text=True, bufsize=1) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def read_until(process: subprocess.Popen[str], words: str) -> str:
+    """Everything that the command prints up to the line with `words`."""
+    lines: list[str] = []
+    for line in stream(process.stdout):
+        lines.append(line)
+        skip_if_late(line)
+        if words in line:
+            return "".join(lines)
+    raise AssertionError(f"ended without {words!r}: {''.join(lines)}{stream(process.stderr).read()}")
+
+
+def skip_if_late(shown: str) -> None:
+    """A machine that is busy with something else stops a real-time run, rightly: then there is nothing to test."""
+    if "SYS-01" in shown:
+        pytest.skip(f"this machine is too busy for real time: {shown[shown.index('SYS-01') :].splitlines()[0]}")
+
+
+def stream(pipe: IO[str] | None) -> IO[str]:
+    """A pipe that was asked for."""
+    assert pipe is not None
+    return pipe
+
+
+def only_run(folder: Path) -> Path:
+    """The folder of the one run that the mission in `folder` has left behind."""
+    (run,) = (folder / "runs").iterdir()
+    return run
+
+
+def free_port() -> int:
+    """A port of this host that nobody uses, so that tests beside each other do not hear each other."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def multicast_problem() -> str | None:
+    """Why two processes cannot meet over UDP multicast here; None if they can."""
+    import can
+
+    port = free_port()
+    try:
+        with (
+            can.Bus("239.74.163.2", interface="udp_multicast", port=port, hop_limit=0) as one,
+            can.Bus("239.74.163.2", interface="udp_multicast", port=port, hop_limit=0) as other,
+        ):
+            one.send(can.Message(arbitration_id=0x123, is_extended_id=False))
+            return None if other.recv(2.0) else "no UDP multicast between processes here"
+    except (can.CanError, OSError) as error:
+        return f"no UDP multicast here: {error}"
+
+
+def assert_left_at_rest(run: Path) -> None:
+    """By the frames of the recording every drive rests, switched off, and was told to stop watching us before we went.
+
+    "Rests" is less than 0.5 mm of a wheel, or 0.01 degrees of its angle, over the last three looks.
+    """
+    recording = Recording(run)
+    frames = [(sent, frame) for _, batch in recording.frames() for sent, frame in batch]
+    ends = [frame for sent, frame in frames[-60:] if sent]
+    for drive in recording.robot.drives.values():
+        node = drive.node_id
+        status = [frame.data for sent, frame in frames if not sent and frame.id == 0x180 + node]
+        assert int.from_bytes(status[-1][:2], "little") & STATE_BITS == SWITCH_ON_DISABLED
+        positions = [int.from_bytes(data[2:6], "little", signed=True) for data in status[-3:]]
+        assert max(positions) - min(positions) <= (2 if drive.role == "traction" else 50)
+        written = [
+            frame.data[4:]
+            for sent, frame in frames
+            if sent and frame[:1] == (0x600 + node,) and frame.data[:4] == WRITE_CONSUMER_HEARTBEAT
+        ]
+        assert any(written[0])
+        assert written[-1] == bytes(4)
+        assert (0x000, bytes((0x80, node))) in [frame[:2] for frame in ends]
+    assert ends[-1].id == 0x700 + recording.robot.host_node_id
+
+
+def modes_of(run: Path) -> list[str]:
+    """Every mode of the run in order, without repetition."""
+    modes: list[str] = []
+    for tick in Recording(run).ticks():
+        if modes[-1:] != [tick.record.mode.value]:
+            modes.append(tick.record.mode.value)
+    return modes

@@ -1,0 +1,87 @@
+"""A pseudo-terminal with the `artemis` command in it."""
+
+from __future__ import annotations
+
+import codecs
+import contextlib
+import fcntl
+import os
+import pty
+import re
+import select
+import struct
+import subprocess
+import termios
+from collections.abc import Iterator
+from pathlib import Path
+
+from command_line import ARTEMIS, PATIENCE, skip_if_late
+
+_LOOK = 0.1
+"""After this time without output [s], whether the process still runs."""
+
+
+class Terminal:
+    """What a person has before them: a screen of `columns`, and keys."""
+
+    def __init__(self, mission: Path, columns: int, no_colour: bool) -> None:
+        self.host, device = pty.openpty()
+        fcntl.ioctl(device, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+        self.before = termios.tcgetattr(device)
+        self.shown = ""
+        self._decoder = codecs.getincrementaldecoder("utf-8")()
+        environment = {key: value for key, value in os.environ.items() if key not in ("COLUMNS", "LINES", "NO_COLOR")}
+        self.process = subprocess.Popen(
+            [*ARTEMIS, "run", str(mission)],
+            stdin=device,
+            stdout=device,
+            stderr=device,
+            env={**environment, "TERM": "xterm", **({"NO_COLOR": "1"} if no_colour else {})},
+            start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # the terminal's keys send it signals
+        )
+        self.device = device
+
+    def see(self, pattern: str) -> str:
+        """Wait for words that were not seen before; what came up to them."""
+        while (found := re.search(pattern, self.shown)) is None:
+            self._read(f"{pattern!r} in {self.shown!r}")
+        seen, self.shown = self.shown[: found.start()], self.shown[found.end() :]
+        return seen
+
+    def see_driving(self) -> None:
+        """Wait until the robot has gone some way."""
+        self.see(r" 0\.[3-9] of 1\.5 m")
+
+    def press(self, key: bytes) -> None:
+        os.write(self.host, key)
+
+    def end(self) -> int:
+        """Wait for the end; the exit status."""
+        with contextlib.suppress(AssertionError):
+            while True:
+                self._read("the end")
+        return self.process.wait(timeout=PATIENCE)
+
+    def _read(self, wanted: str) -> None:
+        for _ in range(round(PATIENCE / _LOOK)):
+            if select.select([self.host], [], [], _LOOK)[0]:
+                self.shown += self._decoder.decode(os.read(self.host, 65536))
+                skip_if_late(self.shown)
+                return
+            assert self.process.poll() is None, f"ended without {wanted}"
+        raise AssertionError(f"nothing more comes; waited for {wanted}")
+
+
+@contextlib.contextmanager
+def terminal(mission: Path, columns: int = 110, *, no_colour: bool = False) -> Iterator[Terminal]:
+    """A person who has started the mission; the process is killed at the end if it still runs."""
+    screen = Terminal(mission, columns, no_colour)
+    try:
+        yield screen
+    finally:
+        screen.process.kill()
+        screen.process.wait()
+        for descriptor in (screen.host, screen.device):
+            with contextlib.suppress(OSError):
+                os.close(descriptor)

@@ -1,0 +1,73 @@
+"""Whatever ends a run from outside, the drives are stopped first: signals, a reader of the output that goes away."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+from command_line import (
+    ARTEMIS,
+    PATIENCE,
+    assert_left_at_rest,
+    modes_of,
+    only_run,
+    read_until,
+    started,
+    stream,
+    write_mission,
+)
+
+REAL_TIME = "simulation: {pace: real_time}\n"
+
+
+def assert_stopped_on_the_way(folder: Path) -> None:
+    run = only_run(folder)
+    assert modes_of(run)[-2:] == ["follow", "end"]
+    assert_left_at_rest(run)
+
+
+def test_a_signal_ends_a_run_on_virtual_time_in_order(tmp_path: Path) -> None:
+    mission = write_mission(tmp_path)
+    mission.write_text(mission.read_text().replace("0.3}", "0.02}"))
+    with started("run", mission) as process:
+        read_until(process, "following")
+        process.send_signal(signal.SIGINT)
+        rest, errors = process.communicate(timeout=PATIENCE)
+    assert errors == ""
+    assert "ended by SIGINT; drives stopped and released" in rest
+    assert process.returncode == 130
+    assert_stopped_on_the_way(tmp_path)
+
+
+@pytest.mark.realtime
+def test_a_reader_that_goes_away_ends_the_run_in_order(tmp_path: Path) -> None:
+    with started("run", write_mission(tmp_path, more=REAL_TIME)) as process:
+        assert stream(process.stdout).readline().startswith("mission line")
+        stream(process.stdout).close()
+        assert stream(process.stderr).read() == ""
+        assert process.wait(timeout=PATIENCE) == 143
+    run = only_run(tmp_path)
+    assert modes_of(run)[-1] == "end"
+    assert (run / "report.html").exists()
+    assert "follow" not in modes_of(run)
+
+
+@pytest.mark.parametrize("arguments", [["schema"], ["graph"]])
+def test_a_reader_that_goes_away_is_no_bug(arguments: list[str]) -> None:
+    with subprocess.Popen([*ARTEMIS, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert b"Traceback" not in process.stderr.read()
+        assert process.wait(timeout=PATIENCE) in (0, 1, -signal.SIGPIPE)
+
+
+def test_without_standard_output_the_run_is_done_all_the_same(tmp_path: Path) -> None:
+    mission = write_mission(tmp_path)
+    command = f'exec "$0" -m artemis run {mission} >&- 2>{tmp_path}/errors'
+    done = subprocess.run(["sh", "-c", command, ARTEMIS[0]], timeout=PATIENCE, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0
+    assert (tmp_path / "errors").read_text() == ""
+    assert_left_at_rest(only_run(tmp_path))

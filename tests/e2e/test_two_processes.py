@@ -1,0 +1,171 @@
+"""`artemis sim` and `artemis run` as two processes that share only a bus: UDP multicast that stays on this host."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import can
+import pytest
+from command_line import (
+    PATIENCE,
+    ROBOT,
+    artemis,
+    assert_left_at_rest,
+    free_port,
+    multicast_problem,
+    only_run,
+    read_until,
+    skip_if_late,
+    started,
+    stream,
+    write_mission,
+)
+
+from artemis.mission.loading import load_model
+from artemis.vehicle import Robot
+
+pytestmark = pytest.mark.realtime
+
+GROUP = "239.74.163.2"
+FAULT_STATE, STATE_BITS = 0x0108, 0x417F
+HEARTBEAT_LOST = 0x8130
+BUSY = 0.3
+"""What a busy machine may add to a time between two processes [s]."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _multicast() -> None:
+    if problem := multicast_problem():
+        pytest.skip(problem)
+
+
+@pytest.fixture
+def port() -> int:
+    return free_port()
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_model(ROBOT, Robot)
+
+
+@contextmanager
+def simulated_robot(port: int) -> Iterator[subprocess.Popen[str]]:
+    words = ["--interface", "udp_multicast", "--channel", GROUP, "--option", "hop_limit=0", "--option", f"port={port}"]
+    with started("sim", ROBOT, *words) as process:
+        read_until(process, "Ctrl-C ends")
+        yield process
+
+
+def udp_mission(folder: Path, port: int, more: str = "") -> Path:
+    bus = f"{{interface: udp_multicast, channel: {GROUP}, hop_limit: 0, port: {port}}}"
+    return write_mission(folder, bus=bus, more=more)
+
+
+@dataclass
+class Listener:
+    """A third party on the bus, with the kernel's time of arrival of each frame."""
+
+    bus: can.BusABC
+    frames: list[can.Message] = field(default_factory=list)
+
+    def hear(self, seconds: float) -> None:
+        """Listen for some time."""
+        before = len(self.frames)
+        while (frame := self.bus.recv(seconds)) is not None:
+            self.frames.append(frame)
+            if frame.timestamp - self.frames[before].timestamp > seconds:
+                return
+
+    def hear_until(self, wanted: Callable[[can.Message], bool]) -> can.Message:
+        """Listen until a certain frame comes."""
+        while (frame := self.bus.recv(PATIENCE)) is not None:
+            self.frames.append(frame)
+            if wanted(frame):
+                return frame
+        raise AssertionError("the bus is silent")
+
+    def read(self, node: int, index: int) -> int:
+        """Value of an object of a drive, by expedited SDO upload."""
+        request = bytes((0x40, index & 0xFF, index >> 8, 0, 0, 0, 0, 0))
+        self.bus.send(can.Message(arbitration_id=0x600 + node, data=request, is_extended_id=False))
+        answer = self.hear_until(lambda frame: frame.arbitration_id == 0x580 + node)
+        size = 4 - (answer.data[0] >> 2 & 3)
+        return int.from_bytes(answer.data[4 : 4 + size], "little", signed=index == 0x6064)
+
+
+@contextmanager
+def listener(port: int) -> Iterator[Listener]:
+    with can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as bus:
+        yield Listener(bus)
+
+
+def test_a_mission_is_done_against_simulated_drives_in_another_process(tmp_path: Path, port: int) -> None:
+    with simulated_robot(port) as drives:
+        done = artemis("run", udp_mission(tmp_path, port))
+        skip_if_late(done.stdout)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert f"ARTEMIS on udp_multicast {GROUP}" in done.stdout
+        assert drives.poll() is None
+        drives.send_signal(signal.SIGINT)
+        assert stream(drives.stdout).read() == "ended\n"
+        assert drives.wait(timeout=PATIENCE) == 0
+    run = only_run(tmp_path)
+    assert_left_at_rest(run)
+    assert artemis("replay", run).returncode == 0
+
+
+def test_a_mission_that_is_refused_sends_no_frame(tmp_path: Path, port: int, robot: Robot) -> None:
+    ids = {drive.node_id for drive in robot.drives.values()}
+    with listener(port) as third, simulated_robot(port):
+        refused = artemis("run", udp_mission(tmp_path, port, more="tick_hz: 5\n"))
+        assert refused.returncode == 2
+        third.hear(0.5)
+        boot_ups = {frame.arbitration_id - 0x700 for frame in third.frames if frame.data == b"\0"}
+        assert boot_ups == ids  # the third party does hear
+        assert {frame.arbitration_id & 0x7F for frame in third.frames} <= ids
+        assert {frame.arbitration_id & 0x780 for frame in third.frames} <= {0x700, 0x080}
+        assert all(third.read(id, 0x6064) == 0 for id in ids)
+
+
+def test_a_host_that_is_killed_while_driving_is_noticed_and_every_drive_stops(
+    tmp_path: Path, port: int, robot: Robot
+) -> None:
+    wheel = robot.drive_at("traction", "left")[1].node_id
+    ids = [drive.node_id for drive in robot.drives.values()]
+    a_tenth = 0.1 / robot.metres_per_count("left")
+
+    def position(frame: can.Message) -> int:
+        return int.from_bytes(frame.data[2:6], "little", signed=True)
+
+    def has_driven(frame: can.Message) -> bool:
+        return frame.arbitration_id == 0x180 + wheel and position(frame) > a_tenth
+
+    with listener(port) as third, simulated_robot(port), started("run", udp_mission(tmp_path, port)) as host:
+        last_known = position(third.hear_until(has_driven))
+        host.kill()
+        third.hear(2.0)
+        beats = [f.timestamp for f in third.frames if f.arbitration_id == 0x700 + robot.host_node_id]
+        for node in ids:
+            codes = {
+                int.from_bytes(f.data[:2], "little"): f.timestamp
+                for f in third.frames
+                if f.arbitration_id == 0x080 + node and f.timestamp > beats[-1]
+            }
+            assert list(codes) == [HEARTBEAT_LOST]
+            assert 0.1 < codes[HEARTBEAT_LOST] - beats[-1] < 0.2 + BUSY
+            assert third.read(node, 0x6041) & STATE_BITS == FAULT_STATE
+        rest = [third.read(node, 0x6064) for node in ids]
+        third.hear(0.3)
+        assert [third.read(node, 0x6064) for node in ids] == rest
+        driven_on = (rest[ids.index(wheel)] - last_known) * robot.metres_per_count("left")
+        assert 0 < driven_on < 0.3 * (0.2 + BUSY) + 0.3**2 / (2 * robot.limits.quick_stop_deceleration_m_s2)
+
+    again = artemis("replay", only_run(tmp_path))
+    assert again.returncode == 0
+    assert again.stdout.startswith("the recording is not whole: ")

@@ -1,0 +1,131 @@
+"""A drive reports an error while the robot follows a path: everything stops, and the operator reads what and where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rig import (
+    BRAKING,
+    CALIBRATE,
+    DRIVES,
+    NODE,
+    STEERING,
+    STOP_FRAMES,
+    TICK,
+    TRACTION,
+    Rig,
+    Run,
+    controlword,
+    follow,
+    standing,
+    write_mission,
+)
+
+from artemis.sim.epos_errors import ERRORS, Reaction
+from artemis.supervision import catalogue
+from artemis.values import DriveState, JobKind, Mode, Severity
+
+QUICK_STOP, ENABLE = 0x0B, 0x0F
+NEEDS_MORE_THAN_A_RESET = {0x8120, 0xFF04}
+"""NMT Reset Communication, and Reset Node (EPOS firmware specification 2010, 12.2)."""
+
+
+def run_with_emergency(folder: Path, name: str, code: int) -> Run:
+    rig = Rig(write_mission(folder, [CALIBRATE, follow(0.3)]))
+    return rig.while_following(rig.emergency(name, code), name="emergency").run()
+
+
+@pytest.mark.parametrize("code", sorted(ERRORS), ids=lambda code: f"0x{code:04X}")
+@pytest.mark.parametrize("name", ["traction-right", "steer-left"])
+def test_an_emergency_while_following_stops_everything_and_says_why(tmp_path: Path, name: str, code: int) -> None:
+    seen = run_with_emergency(tmp_path, name, code)
+    at = seen.acts["emergency"]
+    assert_fault_names(seen, name, code)
+    fault = seen.first(lambda s: s.mode is Mode.FAULT)
+    assert fault.now - at <= TICK + 0.001
+    assert_traction_is_stopped_and_steering_held(seen, at, faulty=name)
+    assert_history_was_read(seen, name, code)
+    assert standing(seen.world.truth)
+    coasts = name in TRACTION and ERRORS[code].reaction is Reaction.POWER_OFF
+    assert seen.stands_from() - at < (3.0 if coasts else 0.3 / BRAKING + 0.15)
+    assert seen.status == 1
+    assert [node.state for node in seen.world.nodes if node.name != name] == [DriveState.SWITCH_ON_DISABLED] * 3
+
+
+def assert_fault_names(seen: Run, name: str, code: int) -> None:
+    """The first fault is the drive's own."""
+    fault = seen.faults[0]
+    assert fault.id == catalogue.EMERGENCIES[code]
+    assert (fault.device, fault.severity, fault.to_fault) == (name, Severity.QUICK_STOP, True)
+    assert fault.text.startswith(f"{name}: ")
+    assert f"0x{code:04X}" in fault.text
+
+
+def assert_traction_is_stopped_and_steering_held(seen: Run, at: float, faulty: str) -> None:
+    healthy = [drive for drive in TRACTION if drive != faulty]
+    for drive in healthy:
+        word, frame = next(
+            (controlword(f), f)
+            for t, f in seen.bus.sent
+            if t >= at and controlword(f) is not None and f.id & 0x7F == NODE[drive]
+        )
+        assert (word, frame.id) == (QUICK_STOP, STOP_FRAMES + NODE[drive])
+    moving = [truth for truth in seen.truth_from(at) if not standing(truth)]
+    assert moving
+    for drive in STEERING:
+        if drive != faulty:
+            place = DRIVES.index(drive)
+            assert {truth.states[place] for truth in moving} == {DriveState.OPERATION_ENABLE}
+
+
+def assert_history_was_read(seen: Run, name: str, code: int) -> None:
+    results = {
+        result.drive: result
+        for tick in seen.ticks
+        for result in tick.snapshot.sensed.results
+        if result.kind is JobKind.READ_HISTORY
+    }
+    assert set(results) == set(DRIVES)
+    assert results[name].values[0] == code
+
+
+def test_an_error_code_that_nobody_knows_stops_the_robot_too(tmp_path: Path) -> None:
+    seen = run_with_emergency(tmp_path, "traction-left", 0x9ABC)
+    assert seen.faults[0].id == "DRV-99"
+    assert "0x9ABC" in seen.faults[0].text
+    assert (seen.status, standing(seen.world.truth)) == (1, True)
+
+
+def test_every_code_of_the_first_generation_has_its_row() -> None:
+    assert set(ERRORS) <= set(catalogue.EMERGENCIES)
+
+
+@pytest.mark.parametrize("code", sorted(set(ERRORS) - NEEDS_MORE_THAN_A_RESET)[::5], ids=lambda code: f"0x{code:04X}")
+def test_the_run_leaves_the_faulty_drive_without_a_fault_but_with_its_history(tmp_path: Path, code: int) -> None:
+    seen = run_with_emergency(tmp_path, "steer-right", code)
+    drive = seen.world.drive("steer-right")
+    assert drive.state is DriveState.SWITCH_ON_DISABLED
+    assert drive.read(0x1003, 1) == code
+
+
+def test_two_drives_that_fail_at_once_are_both_named(tmp_path: Path) -> None:
+    rig = Rig(write_mission(tmp_path, [CALIBRATE, follow(0.3)]))
+
+    def both() -> None:
+        rig.emergency("traction-left", 0x2310)()
+        rig.emergency("steer-right", 0x8611)()
+
+    seen = rig.while_following(both).run()
+    assert {(fault.id, fault.device) for fault in seen.faults[:2]} == {
+        ("DRV-02", "traction-left"),
+        ("DRV-25", "steer-right"),
+    }
+
+
+def test_a_steering_wheel_that_is_blocked_is_a_following_error_of_its_drive(tmp_path: Path) -> None:
+    path = "x,y\n" + "".join(f"{0.05 * i:.2f},{0.15 * (0.05 * i) ** 2:.4f}\n" for i in range(40))
+    rig = Rig(write_mission(tmp_path, [CALIBRATE, follow(0.3)], {"line.csv": path}))
+    rig.when(lambda s: s.mode is Mode.FOLLOW, lambda: setattr(rig.drive("steer-left").axis, "blocked", True))
+    seen = rig.run()
+    assert (seen.status, seen.faults[0].id, seen.faults[0].device) == (1, "DRV-25", "steer-left")

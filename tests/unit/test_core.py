@@ -1,0 +1,291 @@
+"""The robot's mind as a whole, with drives that obey: judgement, mode, wish and gate in one tick."""
+
+# ruff: noqa: ANN401  (changes are handed on to `dataclasses.replace` as they are)
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from core_builders import NAMES, PATH, PERIOD, STEERING, TRACTION, ObedientDrives, StubFollower, plan, sensed
+
+from artemis.robot import LIMITED_SPEED, Core
+from artemis.states.mode import FollowStep, Step, TeleopStep, WaitStep
+from artemis.supervision import catalogue
+from artemis.values import (
+    Action,
+    DriveState,
+    Fault,
+    Goal,
+    JobResult,
+    Mode,
+    OperatorInput,
+    Request,
+    Sensed,
+    SetPoints,
+    Severity,
+    Tick,
+    Wish,
+)
+
+REST = OperatorInput(source="stick", age=0.0)
+STICK = replace(REST, speed=0.7, steering=0.2, enabled=True, neutral=False)
+
+
+class Live:
+    """A core with obedient drives; every job is done by the next tick."""
+
+    def __init__(self, *steps: Step) -> None:
+        self.plan = plan(*steps)
+        self.core = Core(self.plan, PERIOD)
+        self.drives = ObedientDrives()
+        self.seen: list[Sensed] = []
+        self.ticks: list[Tick] = []
+        self.time = 0.0
+        self.inputs: tuple[OperatorInput, ...] = (REST,)
+        self._wish, self._points = Wish(exchange=False, heartbeat=False), SetPoints()
+
+    def tick(self, **changes: Any) -> Tick:
+        """The next tick; an urgent one takes no time."""
+        results = tuple(JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True) for job in self._wish.jobs)
+        values = {
+            "drives": self.drives.react(self._wish, self._points),
+            "results": results,
+            "inputs": self.inputs,
+            **changes,
+        }
+        self.seen.append(sensed(self.time, **values))
+        tick = self.core.decide(self.seen[-1])
+        self._wish, self._points = tick.wish, tick.set_points
+        self.ticks.append(tick)
+        self.time += PERIOD
+        return tick
+
+    def until(self, done: Callable[[Tick], bool] | Mode, longest: float = 30.0, **changes: Any) -> Tick:
+        latest = self.time + longest
+        while self.time < latest:
+            tick = self.tick(**changes)
+            if tick.mode is done if isinstance(done, Mode) else done(tick):
+                return tick
+        raise AssertionError(f"never happened in {longest} s")
+
+
+def driving() -> Live:
+    """In the middle of teleop, at full speed."""
+    live = Live(TeleopStep(input="stick", seconds=None))
+    live.until(Mode.TELEOP)
+    live.until(lambda tick: tick.set_points.speed > 0.5, inputs=(STICK,))
+    return live
+
+
+def test_run_without_steps_is_brought_up_and_ends_in_order() -> None:
+    live = Live()
+    live.until(lambda tick: tick.wish.finished)
+    modes = [live.ticks[0].mode]
+    modes += [
+        after.mode for before, after in zip(live.ticks, live.ticks[1:], strict=False) if after.mode != before.mode
+    ]
+    assert modes == [Mode.INIT, Mode.READY, Mode.END]
+    assert not live.plan.failed
+    assert {tick.set_points.speed for tick in live.ticks} == {0.0}
+
+
+def test_steps_are_done_one_after_the_other() -> None:
+    follower = StubFollower(lambda: replace(StubFollower().answer(), finished=True))
+    live = Live(WaitStep(seconds=0.1), FollowStep(path=PATH, follower=follower), WaitStep(seconds=0.1))
+    live.until(Mode.FOLLOW)
+    assert live.plan.index == 1
+    live.until(Mode.END)
+    assert live.plan.current is None
+    assert not live.plan.failed
+
+
+def test_same_things_sensed_give_the_same_ticks() -> None:
+    live = driving()
+    live.tick(drives=live.seen[-1].drives, faults=(catalogue.fault("COM-22"),))
+    for _ in range(50):
+        live.tick()
+    again = Core(plan(TeleopStep(input="stick", seconds=None)), PERIOD)
+    assert [again.decide(each) for each in live.seen] == live.ticks
+
+
+# ---------------------------------------------------------------------------------------------- in the same tick
+
+
+def test_fault_of_a_drive_stops_the_robot_in_the_tick_that_sees_it() -> None:
+    live = driving()
+    live.drives.changes["traction-left"] = {"emergencies": (0x2310,), "state": DriveState.FAULT_REACTION_DISABLED}
+    tick = live.tick(inputs=(STICK,))
+    assert (tick.mode, tick.action) == (Mode.FAULT, Action.QUICKSTOP)
+    assert (tick.wish.traction, tick.wish.steering) == (Goal.QUICK_STOPPED, Goal.HOLD)
+    assert tick.set_points.speed == 0.0
+
+
+def test_request_of_a_quick_stop_stops_the_robot_in_an_extra_tick() -> None:
+    live = driving()
+    held = live.ticks[-1].set_points.steering
+    tick = live.tick(inputs=(STICK,), requests=(Request.QUICKSTOP,), urgent=True)
+    assert (tick.mode, tick.action, tick.wish.traction) == (Mode.QUICKSTOP, Action.QUICKSTOP, Goal.QUICK_STOPPED)
+    assert (tick.set_points.speed, tick.set_points.steering) == (0.0, held)
+
+
+def test_extra_tick_takes_no_time_and_so_changes_no_set_point() -> None:
+    live = driving()
+    before = live.ticks[-1].set_points
+    tick = live.tick(inputs=(replace(STICK, speed=-0.7, steering=-1.0),), urgent=True)
+    assert tick.snapshot.dt == 0.0
+    assert tick.set_points == before
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", ["speed", "steering"])
+def test_command_that_is_not_a_number_never_leaves_the_gate(field: str, number: Any) -> None:
+    live = driving()
+    before = live.ticks[-1].set_points
+    tick = live.tick(inputs=(replace(STICK, **{field: number}),))
+    assert tick.wish.fault is not None
+    assert (tick.wish.fault.id, tick.wish.fault.device) == ("RUN-11", "teleop")
+    assert 0.0 < tick.set_points.speed < before.speed, "it slows down at once"
+    following = live.tick(inputs=(STICK,))
+    assert following.mode is Mode.QUICKSTOP
+    numbers = [value for each in live.ticks for value in _numbers(each.set_points)]
+    assert all(map(math.isfinite, numbers))
+
+
+def _numbers(points: SetPoints) -> list[float]:
+    return [points.speed, points.steering, points.speed_left, points.speed_right, points.steering_left,
+            points.steering_right]  # fmt: skip
+
+
+# ---------------------------------------------------------------------------------------------- the gate
+
+
+def test_controlled_stop_ramps_down_with_the_wheels_held_and_the_drives_enabled() -> None:
+    live = driving()
+    first = live.ticks[-1].set_points
+    speeds = []
+    for _ in range(60):
+        tick = live.tick(inputs=())
+        assert (tick.wish.traction, tick.wish.steering) == (Goal.ENABLED, Goal.ENABLED)
+        speeds.append(tick.set_points.speed)
+        assert tick.set_points.steering == pytest.approx(first.steering, abs=math.radians(1.0))
+    steps = [before - after for before, after in zip([first.speed, *speeds], speeds, strict=False)]
+    assert max(steps) == pytest.approx(1.0 * PERIOD), "1 m/s² of the robot file"
+    assert speeds[-1] == 0.0
+
+
+def test_speed_is_limited_while_a_verdict_says_so() -> None:
+    live = driving()
+    limit = Fault(id="X", severity=Severity.LIMIT, text="x", to_fault=False)
+    live.tick(inputs=(STICK,), faults=(limit,))
+    for _ in range(40):
+        tick = live.tick(inputs=(STICK,))
+    assert tick.mode is Mode.TELEOP
+    assert tick.set_points.speed == pytest.approx(LIMITED_SPEED)
+
+
+def test_set_points_of_drives_that_are_off_are_where_the_wheels_are() -> None:
+    live = Live()
+    tick = live.until(lambda tick: tick.wish.exchange)
+    assert not any(live.drives.states[name] is DriveState.OPERATION_ENABLE for name in NAMES)
+    points = tick.set_points
+    assert (points.steering_left, points.steering_right) == tuple(live.drives.angles[name] for name in STEERING)
+    assert (points.speed, points.speed_left, points.speed_right) == (0.0, 0.0, 0.0)
+
+
+def test_speed_begins_at_zero_when_traction_is_enabled_again() -> None:
+    live = driving()
+    live.until(lambda tick: tick.wish.traction is Goal.DISABLED, requests=(Request.QUICKSTOP,))
+    live.tick()
+    live.tick(requests=(Request.ARM,))
+    back = live.until(Mode.TELEOP)
+    assert back.set_points.speed == 0.0
+    assert live.tick(inputs=(STICK,)).set_points.speed <= 0.5 * PERIOD + 1e-9, "0.5 m/s² of the robot file"
+
+
+# ---------------------------------------------------------------------------------------------- faults and recovery
+
+
+def in_fault() -> Live:
+    live = driving()
+    live.drives.changes["traction-left"] = {"emergencies": (0x2310,)}
+    live.tick(inputs=(STICK,))
+    live.drives.changes["traction-left"] = {}
+    live.until(lambda tick: "acknowledge" in tick.wish.phase)
+    return live
+
+
+def test_acknowledge_arm_and_move_are_three_acts() -> None:
+    live = in_fault()
+    live.tick(requests=(Request.ACKNOWLEDGE,))
+    live.until(lambda tick: tick.wish.phase == "waiting for arm")
+    for _ in range(100):
+        tick = live.tick()
+        assert (tick.mode, tick.wish.traction, tick.wish.steering) == (Mode.INIT, Goal.DISABLED, Goal.DISABLED)
+    live.tick(requests=(Request.ARM,))
+    live.until(Mode.TELEOP)
+    for _ in range(5):
+        assert live.tick(inputs=(replace(STICK, enabled=False),)).set_points.speed == 0.0
+
+
+@pytest.mark.parametrize("request_", [Request.ARM, Request.DONE, Request.QUICKSTOP])
+def test_nothing_but_an_acknowledgment_leads_out_of_fault(request_: Request) -> None:
+    live = in_fault()
+    live.tick(requests=(request_,))
+    for _ in range(50):
+        assert live.tick().mode is Mode.FAULT
+
+
+def test_acknowledgment_is_refused_while_the_cause_is_there() -> None:
+    live = in_fault()
+    lost = catalogue.fault("COM-22")
+    live.tick(faults=(lost,))
+    tick = live.tick(faults=(lost,), requests=(Request.ACKNOWLEDGE,))
+    assert [fault.id for fault in tick.snapshot.verdict.faults] == ["COM-22"]
+    assert "CAN adapter lost" in tick.wish.phase
+    assert live.tick(faults=(lost,)).mode is Mode.FAULT
+    live.tick(requests=(Request.ACKNOWLEDGE,))
+    assert live.tick().mode is Mode.INIT
+
+
+def test_run_that_nobody_attends_ends_after_a_fault_as_failed() -> None:
+    live = driving()
+    live.drives.changes["traction-left"] = {"boots": 1}
+    live.tick(inputs=(STICK,), attended=False)
+    live.drives.changes["traction-left"] = {}
+    live.until(lambda tick: tick.wish.finished, attended=False)
+    assert live.plan.failed
+
+
+def test_drive_that_does_not_enable_is_a_fault_that_names_it() -> None:
+    live = Live()
+    live.until(lambda tick: tick.wish.steering is Goal.ENABLED)
+    live.drives.lazy.add("steer-right")
+    tick = live.until(Mode.FAULT, longest=5.0)
+    assert [(fault.id, fault.device) for fault in tick.snapshot.verdict.faults] == [("COM-03", "steer-right")]
+
+
+@pytest.mark.parametrize("name", [TRACTION[0], STEERING[1]])
+def test_drives_are_watched_while_the_robot_waits_for_its_arm(name: str) -> None:
+    live = in_fault()
+    live.tick(requests=(Request.ACKNOWLEDGE,))
+    live.until(lambda tick: tick.wish.phase == "waiting for arm")
+    live.drives.changes[name] = {"age": 0.2}
+    live.tick()
+    assert live.tick().mode is Mode.FAULT
+
+
+# ---------------------------------------------------------------------------------------------- pose
+
+
+def test_origin_is_where_the_run_was_first_ready_and_stays_after_a_fault() -> None:
+    live = driving()
+    resets = [tick for tick in live.ticks if tick.wish.reset_pose]
+    assert len(resets) == 1
+    live = in_fault()
+    live.tick(requests=(Request.ACKNOWLEDGE,))
+    live.until(Mode.TELEOP, requests=(Request.ARM,))
+    assert len([tick for tick in live.ticks if tick.wish.reset_pose]) == 1

@@ -1,0 +1,538 @@
+"""The jobs of a drive over SDO, against the simulated drive on the simulated wire, on virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+from core_builders import ROBOT
+
+from artemis.clock import run
+from artemis.devices.can_bus import Frame
+from artemis.devices.canopen import Expedited, decode_request
+from artemis.devices.drive import Drives
+from artemis.devices.epos_jobs import EposJobs
+from artemis.devices.epos_objects import Units
+from artemis.errors import DeviceError, DeviceTimeout, ProtocolError
+from artemis.sim.bus import SimBus
+from artemis.sim.dictionary import key_of
+from artemis.sim.epos import SimEpos, SimSettings
+from artemis.sim.world import TrueRobot, World
+from artemis.values import DriveState, Job, JobKind, Nmt
+from artemis.vehicle import Robot
+
+WATCH = 127 << 16 | 200
+"""Object 0x1016:1: our node, 200 ms."""
+LEFT, RIGHT, STEER_LEFT, STEER_RIGHT = "traction-left", "traction-right", "steer-left", "steer-right"
+PER_DEGREE = 2000 * 946 / 360
+STRAIGHT = TrueRobot(start_steering_left_deg=0.0, start_steering_right_deg=0.0)
+
+
+class Rig:
+    """A powered robot, our side of its bus, and the jobs of one drive."""
+
+    def __init__(self, name: str, robot: Robot, settings: SimSettings | None) -> None:
+        loop = asyncio.get_running_loop()
+        self.world = World(ROBOT, STRAIGHT, start=loop.time(), settings=settings)
+        self.bus = SimBus(self.world, 1_000_000, loop)
+        self.drives = Drives(robot, self.bus)
+        self.drives.listen(lambda: self._receive())
+        self.epos = next(node for node in self.drives.nodes if node.name == name)
+        self.jobs = EposJobs(self.epos)
+        self.node: SimEpos = next(node for node in self.world.nodes if node.name == name)
+
+    def _receive(self) -> None:
+        self.drives.receive()
+
+    def writes(self) -> list[tuple[int, int, bytes]]:
+        """SDO writes to the drive since the last call: index, sub-index, data."""
+        requests = []
+        for ours, frame in self.drives.take_traffic():
+            if ours and frame.id == 0x600 + self.node.node_id:
+                requests.append(decode_request(frame.data))
+        return [(each.index, each.subindex, each.data) for each in requests if isinstance(each, Expedited)]
+
+    def watch_power(self) -> list[float]:
+        """Motor speeds [rpm] whenever we order the power off, as a list that grows."""
+        speeds: list[float] = []
+        send = self.bus.send
+
+        def spy(frame: Frame) -> None:
+            try:
+                request = decode_request(frame.data) if frame.id == 0x600 + self.node.node_id else None
+            except ProtocolError:
+                request = None
+            if isinstance(request, Expedited) and (request.index, request.data) == (0x6040, b"\0\0"):
+                speeds.append(abs(self.node.axis.velocity))
+            send(frame)
+
+        self.bus.send = spy  # type: ignore[method-assign]
+        return speeds
+
+    async def spin(self, rpm: int) -> None:
+        """Have the drive turn, as a host did that is gone."""
+        for index, size, value in ((0x6060, 1, 3), (0x6040, 2, 6), (0x6040, 2, 15), (0x60FF, 4, rpm), (0x6040, 2, 15)):
+            await self.epos.sdo.write(index, 0, value.to_bytes(size, "little", signed=True))
+            await asyncio.sleep(0.05)
+        await asyncio.sleep(1.0)
+        assert abs(self.node.axis.velocity) == pytest.approx(abs(rpm), rel=0.01)
+
+
+def on(
+    name: str, test: Callable[[Rig], Awaitable[None]], *, robot: Robot = ROBOT, settings: SimSettings | None = None
+) -> None:
+    async def main() -> None:
+        rig = Rig(name, robot, settings)
+        await asyncio.sleep(0.1)  # boot
+        await test(rig)
+        rig.bus.close()
+
+    run(main(), simulated=True)
+
+
+def changed(name: str, **drive: object) -> Robot:
+    """The robot file with another description of one drive."""
+    return ROBOT.model_copy(update={"drives": {**ROBOT.drives, name: ROBOT.drives[name].model_copy(update=drive)}})
+
+
+def has(rig: Rig, index: int, sub: int = 0) -> Any:  # noqa: ANN401
+    return rig.node.read(index, sub)
+
+
+# ---------------------------------------------------------------------------------------------- secure
+
+
+@pytest.mark.parametrize("name", [LEFT, STEER_RIGHT])
+def test_secured_drive_is_off_and_watches_nobody(name: str) -> None:
+    async def test(rig: Rig) -> None:
+        rig.node.poke(0x1016, 1, WATCH)
+        await rig.jobs.secure()
+        assert rig.node.state is DriveState.SWITCH_ON_DISABLED
+        assert has(rig, 0x1016, 1) == 0
+        assert rig.node.nmt is Nmt.PRE_OPERATIONAL
+
+    on(name, test)
+
+
+def test_moving_drive_is_stopped_before_its_power_is_cut() -> None:
+    async def test(rig: Rig) -> None:
+        await rig.spin(1500)
+        speeds = rig.watch_power()
+        await rig.jobs.secure()
+        assert rig.node.state is DriveState.SWITCH_ON_DISABLED
+        assert len(speeds) == 1
+        assert speeds[0] < 1.0
+
+    on(LEFT, test)
+
+
+def test_drive_that_does_not_stop_is_an_error() -> None:
+    async def test(rig: Rig) -> None:
+        await rig.spin(1500)
+        push = -rig.node.axis.load.viscous * 3000 - 2000.0
+
+        def roll(dt: float) -> None:
+            rig.node.axis.velocity = 500.0
+
+        rig.node.axis.load_current, rig.node.axis.after_step = push, roll
+        with pytest.raises(DeviceError, match=r"found moving and does not stop within 5 s"):
+            await rig.jobs.secure()
+
+    on(LEFT, test)
+
+
+def test_fault_that_is_found_is_reset() -> None:
+    async def test(rig: Rig) -> None:
+        rig.node.emergency(0x2310, asyncio.get_running_loop().time())
+        await asyncio.sleep(0.01)
+        assert has(rig, 0x6041) & 0x417F == 0x0108
+        await rig.jobs.secure()
+        assert has(rig, 0x6041) & 0x417F == 0x0140
+
+    on(STEER_LEFT, test)
+
+
+def test_fault_that_cannot_be_reset_is_an_error_with_the_history() -> None:
+    async def test(rig: Rig) -> None:
+        rig.node.emergency(0xFF04, asyncio.get_running_loop().time())  # only a node reset clears it
+        await asyncio.sleep(0.01)
+        with pytest.raises(DeviceError, match=r"stays in fault, not switch on disabled; error history: 0xFF04"):
+            await rig.jobs.secure()
+
+    on(LEFT, test)
+
+
+def test_silent_drive_is_a_timeout_that_names_it() -> None:
+    async def test(rig: Rig) -> None:
+        rig.node.power_off()
+        with pytest.raises(DeviceTimeout, match=r"steer-left: no answer"):
+            await rig.jobs.secure()
+
+    on(STEER_LEFT, test)
+
+
+WRONG: list[tuple[dict[str, object], SimSettings | None, str]] = [
+    ({"hardware_version": 0x6010}, None, r"node 1 is hardware 0x6210, expected 0x6010"),
+    ({}, SimSettings(firmware=0x2031), r"firmware 0x2031 is older than 0x2032"),
+    ({"serial_number": 0x12345678}, None, r"serial number 00000001, expected 12345678"),
+]
+
+
+@pytest.mark.parametrize(("described", "settings", "problem"), WRONG, ids=["hardware", "firmware", "serial"])
+def test_wrong_drive_is_refused_and_told_nothing(
+    described: dict[str, object], settings: SimSettings | None, problem: str
+) -> None:
+    async def test(rig: Rig) -> None:
+        with pytest.raises(DeviceError, match=problem):
+            await rig.jobs.secure()
+        assert rig.writes() == []
+
+    on(LEFT, test, robot=changed(LEFT, **described), settings=settings)
+
+
+def test_drive_of_another_maker_is_refused() -> None:
+    async def test(rig: Rig) -> None:
+        rig.node.poke(0x1018, 1, 0x0000009A)
+        with pytest.raises(DeviceError, match=r"node 1 is of vendor 0x9A, not maxon"):
+            await rig.jobs.secure()
+
+    on(LEFT, test)
+
+
+def test_last_digit_of_the_hardware_version_does_not_matter() -> None:
+    async def test(rig: Rig) -> None:
+        rig.node.poke(0x2003, 2, 0x6213)
+        await rig.jobs.secure()
+
+    on(LEFT, test)
+
+
+# ---------------------------------------------------------------------------------------------- configure
+
+
+async def bring_up(rig: Rig) -> None:
+    await rig.jobs.secure()
+    await rig.jobs.configure()
+    await asyncio.sleep(0.001)
+
+
+def test_configured_traction_drive_has_the_values_of_the_robot_file() -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        assert rig.node.nmt is Nmt.OPERATIONAL
+        rpm = 4700 * 60 / 72  # per m/s
+        expected = {
+            (0x6402, 0): 11, (0x6410, 1): 5000, (0x6410, 2): 10000, (0x6410, 3): 12, (0x6410, 4): 3190,
+            (0x6410, 5): 526, (0x2210, 2): 3, (0x60F6, 1): 400, (0x60F6, 2): 120, (0x60F9, 1): 1200,
+            (0x60F9, 2): 180, (0x60FB, 3): 200, (0x607F, 0): round(0.72 * rpm), (0x6085, 0): round(1.5 * rpm),
+            (0x100C, 0): 0, (0x1017, 0): 100, (0x1016, 1): WATCH, (0x1016, 2): 0, (0x6061, 0): 3, (0x6065, 0): 2000,
+        }  # fmt: skip
+        assert {place: has(rig, *place) for place in expected} == expected
+
+    on(LEFT, test)
+
+
+def test_configured_steering_drive_has_the_values_of_the_robot_file() -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        expected = {
+            (0x6402, 0): 1, (0x6410, 1): 1000, (0x2210, 1): 500, (0x2210, 2): 1, (0x6065, 0): 20000,
+            (0x1016, 1): WATCH, (0x6061, 0): -1, (0x607D, 1): -0x80000000, (0x607D, 2): 0x7FFFFFFF,
+        }  # fmt: skip
+        assert {place: has(rig, *place) for place in expected} == expected
+
+    on(STEER_RIGHT, test)
+
+
+@pytest.mark.parametrize(
+    ("name", "received", "sent"),
+    [
+        (LEFT, [0x60400010, 0x60FF0020], [[0x60410010, 0x60640020], [0x20280020, 0x60780010, 0x60610008]]),
+        (
+            STEER_LEFT,
+            [0x60400010, 0x20620020],
+            [[0x60410010, 0x60640020], [0x207C0110, 0x207C0210, 0x60780010, 0x60610008]],
+        ),
+    ],
+)
+def test_configured_drive_exchanges_exactly_our_pdos(name: str, received: list[int], sent: list[list[int]]) -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        node = rig.node.node_id
+
+        def mapped(index: int) -> list[int]:
+            return [has(rig, index, sub) for sub in range(1, 1 + has(rig, index))]
+
+        assert [has(rig, 0x1400 + number, 1) >> 31 for number in range(4)] == [0, 0, 1, 1]
+        assert [has(rig, 0x1800 + number, 1) >> 31 for number in range(4)] == [0, 0, 1, 1]
+        assert [has(rig, 0x1400 + number, 1) & 0x7FF for number in range(2)] == [0x200 + node, 0x300 + node]
+        assert [has(rig, 0x1800 + number, 1) & 0x7FF for number in range(2)] == [0x180 + node, 0x280 + node]
+        assert [mapped(0x1600), mapped(0x1601)] == [received, [0x60400010]]
+        assert [mapped(0x1A00), mapped(0x1A01)] == sent
+        assert [has(rig, 0x1400, 2), has(rig, 0x1401, 2), has(rig, 0x1800, 2), has(rig, 0x1801, 2)] == [1, 255, 1, 1]
+
+    on(name, test)
+
+
+@pytest.mark.parametrize("name", [LEFT, STEER_RIGHT])
+def test_configuring_again_writes_nothing_that_is_already_right(name: str) -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        first = rig.writes()
+        assert len(first) > 30
+        await rig.jobs.secure()
+        rig.node.poke(0x6085, 0, 123)
+        rig.writes()
+        await rig.jobs.configure()
+        again = [(hex(index), sub) for index, sub, _ in rig.writes()]
+        assert again == [("0x6085", 0), ("0x1016", 1)], "the watch was switched off while securing"
+
+    on(name, test)
+
+
+def test_pdo_that_is_not_right_is_written_whole_and_no_other() -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        await rig.jobs.secure()
+        rig.node.poke(0x1A01, 3, 0x60600008)
+        rig.writes()
+        await rig.jobs.configure()
+        pdos = [(hex(index), sub) for index, sub, _ in rig.writes() if 0x1400 <= index < 0x1B00]
+        assert set(pdos) == {("0x1801", 1), ("0x1801", 2), *(("0x1a01", sub) for sub in range(4))}
+        assert pdos[0] == pdos[-1] == ("0x1801", 1), "off while its mapping changes"
+        assert has(rig, 0x1A01, 3) == 0x60610008
+
+    on(LEFT, test)
+
+
+def test_value_that_is_not_kept_is_an_error_with_object_and_both_values() -> None:
+    async def test(rig: Rig) -> None:
+        values = rig.node._dictionary.values
+        rig.node._dictionary.written[key_of(0x6410, 2)] = lambda _: values.__setitem__(key_of(0x6410, 2), 7)
+        rig.node.poke(0x6410, 2, 7)
+        await rig.jobs.secure()
+        with pytest.raises(DeviceError, match=r"did not keep 0x6410:2: wrote 0x2710, reads 0x7\b"):
+            await rig.jobs.configure()
+        assert rig.node.nmt is Nmt.PRE_OPERATIONAL, "not started"
+
+    on(LEFT, test)
+
+
+def test_value_that_is_refused_is_an_error_with_object_and_reason() -> None:
+    async def test(rig: Rig) -> None:
+        await rig.jobs.secure()
+        with pytest.raises(DeviceError, match=r"0x06090031 at 0x6410:1: value too high"):
+            await rig.jobs.configure()
+
+    motor = ROBOT.drives[STEER_LEFT].motor.model_copy(update={"continuous_current_ma": 6000})
+    on(STEER_LEFT, test, robot=changed(STEER_LEFT, motor=motor))
+
+
+def test_mode_that_is_not_taken_over_is_an_error() -> None:
+    async def test(rig: Rig) -> None:
+        await rig.jobs.secure()
+        rig.node._dictionary.getters[key_of(0x6061, 0)] = lambda: 1
+        with pytest.raises(DeviceError, match=r"shows operating mode 1, not 3"):
+            await rig.jobs.configure()
+
+    on(LEFT, test)
+
+
+# ---------------------------------------------------------------------------------------------- reference
+
+
+@pytest.mark.parametrize(
+    ("name", "turns_with", "lowest", "highest"),
+    [
+        # 60 degrees of the virtual wheel: the inner wheel stands at 73.3, the outer one at 49.5 degrees; and 3 more.
+        (STEER_LEFT, 1, -52.46, 76.32),
+        (STEER_RIGHT, -1, -76.32, 52.46),
+    ],
+)
+def test_referenced_drive_knows_its_angle_and_refuses_what_is_out_of_reach(
+    name: str, turns_with: int, lowest: float, highest: float
+) -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        rig.node.axis.position = 1000.0
+        here = has(rig, 0x6064)
+        await rig.jobs.reference(math.radians(10.0))
+        assert rig.epos.feedback(0.0).position == pytest.approx(math.radians(10.0))
+        ends = sorted(here + turns_with * PER_DEGREE * (angle - 10.0) for angle in (lowest, highest))
+        assert [has(rig, 0x607D, 1), has(rig, 0x607D, 2)] == pytest.approx(ends, abs=0.02 * PER_DEGREE)
+
+    on(name, test)
+
+
+# ---------------------------------------------------------------------------------------------- check target
+
+
+def test_stale_speed_is_cleared_before_anything_is_enabled() -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        rig.node.poke(0x60FF, 0, 500)
+        await rig.jobs.check_target()
+        assert has(rig, 0x60FF) == 0
+
+    on(LEFT, test)
+
+
+def test_stale_angle_is_replaced_by_the_present_one() -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        rig.node.poke(0x2062, 0, 123456)
+        await rig.jobs.check_target()
+        assert has(rig, 0x2062) == has(rig, 0x6064)
+
+    on(STEER_LEFT, test)
+
+
+@pytest.mark.parametrize(("name", "index"), [(LEFT, 0x60FF), (STEER_LEFT, 0x2062)])
+def test_harmless_target_is_left_alone(name: str, index: int) -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        rig.writes()
+        await rig.jobs.check_target()
+        assert rig.writes() == []
+
+    on(name, test)
+
+
+def test_target_that_cannot_be_cleared_is_an_error() -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        rig.node.poke(0x60FF, 0, 500)
+        values = rig.node._dictionary.values
+        rig.node._dictionary.written[key_of(0x60FF, 0)] = lambda _: values.__setitem__(key_of(0x60FF, 0), 500)
+        with pytest.raises(DeviceError, match=r"keeps the stale set-point 500 in 0x60FF:0"):
+            await rig.jobs.check_target()
+
+    on(LEFT, test)
+
+
+# ---------------------------------------------------------------------------------------------- history, disarm
+
+
+def test_history_is_read_newest_first_and_no_longer_than_it_is() -> None:
+    async def test(rig: Rig) -> None:
+        assert await rig.jobs.read_history() == ()
+        for code in (0x2310, 0x3210):
+            rig.node.emergency(code, asyncio.get_running_loop().time())
+        assert await rig.jobs.read_history() == (0x3210, 0x2310)
+        for code in (0x1000, 0x4210, 0x5113, 0x6100):
+            rig.node.emergency(code, asyncio.get_running_loop().time())
+        assert await rig.jobs.read_history() == (0x6100, 0x5113, 0x4210, 0x1000, 0x3210)
+
+    on(LEFT, test)
+
+
+@pytest.mark.parametrize("name", [LEFT, STEER_RIGHT])
+def test_disarmed_drive_rests_without_a_fault_when_our_heartbeat_ends(name: str) -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        for _ in range(10):
+            rig.bus.send(Frame(0x77F, b"\x05"))
+            await asyncio.sleep(0.02)
+        await rig.jobs.disarm()
+        await asyncio.sleep(1.0)
+        assert has(rig, 0x1016, 1) == 0
+        assert rig.node.nmt is Nmt.PRE_OPERATIONAL
+        assert rig.node.state is DriveState.SWITCH_ON_DISABLED
+        assert await rig.jobs.read_history() == ()
+
+    on(name, test)
+
+
+def test_configured_drive_does_watch_our_heartbeat() -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        rig.bus.send(Frame(0x77F, b"\x05"))
+        await asyncio.sleep(0.5)
+        assert rig.node.state is DriveState.FAULT
+        assert await rig.jobs.read_history() == (0x8130,)
+
+    on(LEFT, test)
+
+
+def test_disarming_a_drive_in_fault_leaves_it_without() -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        rig.node.emergency(0x2310, asyncio.get_running_loop().time())
+        await asyncio.sleep(0.01)
+        await rig.jobs.disarm()
+        await asyncio.sleep(0.01)
+        assert rig.node.state is DriveState.SWITCH_ON_DISABLED
+
+    on(LEFT, test)
+
+
+# ---------------------------------------------------------------------------------------------- as jobs
+
+
+def test_every_kind_of_job_is_done_by_its_name() -> None:
+    async def test(rig: Rig) -> None:
+        for kind in JobKind:
+            result = await rig.drives.perform(Job(id=1, kind=kind, drive=STEER_LEFT, value=0.1))
+            assert result.ok, result.detail
+        assert rig.epos.feedback(0.0).position == pytest.approx(0.1)
+
+    on(STEER_LEFT, test)
+
+
+def test_job_that_fails_is_a_result_with_the_reason_and_without_the_name_twice() -> None:
+    async def test(rig: Rig) -> None:
+        result = await rig.drives.perform(Job(id=3, kind=JobKind.SECURE, drive=LEFT))
+        assert (result.id, result.ok) == (3, False)
+        assert result.detail.startswith("firmware 0x2031")
+
+    on(LEFT, test, settings=SimSettings(firmware=0x2031))
+
+
+def test_history_is_the_value_of_its_job() -> None:
+    async def test(rig: Rig) -> None:
+        rig.node.emergency(0x2310, asyncio.get_running_loop().time())
+        result = await rig.drives.perform(Job(id=1, kind=JobKind.READ_HISTORY, drive=LEFT))
+        assert (result.ok, result.values) == (True, (0x2310,))
+
+    on(LEFT, test)
+
+
+def test_jobs_of_one_drive_are_done_one_after_the_other() -> None:
+    async def test(rig: Rig) -> None:
+        await rig.jobs.secure()
+        async with asyncio.TaskGroup() as tasks:
+            for number, kind in enumerate((JobKind.CONFIGURE, JobKind.DISARM)):
+                tasks.create_task(rig.drives.perform(Job(id=number, kind=kind, drive=LEFT)))
+        await asyncio.sleep(0.01)
+        assert has(rig, 0x1016, 1) == 0, "the end overtook the configuration, which armed the drive again"
+        assert rig.node.nmt is Nmt.PRE_OPERATIONAL
+
+    on(LEFT, test)
+
+
+def test_jobs_of_four_drives_overlap() -> None:
+    async def test(rig: Rig) -> None:
+        loop = asyncio.get_running_loop()
+        jobs = [Job(id=number, kind=JobKind.SECURE, drive=name) for number, name in enumerate(ROBOT.drives)]
+        begun = loop.time()
+        await rig.drives.perform(jobs[0])
+        alone, begun = loop.time() - begun, loop.time()
+        async with asyncio.TaskGroup() as tasks:
+            for job in jobs:
+                tasks.create_task(rig.drives.perform(job))
+        assert loop.time() - begun < 1.5 * alone
+
+    on(LEFT, test, settings=SimSettings(answer_time_s=0.005))
+
+
+@pytest.mark.parametrize("name", ROBOT.drives)
+def test_units_are_those_of_the_machine(name: str) -> None:
+    drive = ROBOT.drives[name]
+    units = Units(ROBOT, drive)
+    sign = -1 if drive.mirrored else 1
+    expected = 4700.0 if drive.role == "traction" else math.degrees(PER_DEGREE)
+    assert units.counts == pytest.approx(sign * expected)
+    assert units.rpm == pytest.approx(sign * expected * 60 / drive.sensor.counts_per_turn)

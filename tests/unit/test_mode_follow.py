@@ -1,0 +1,192 @@
+"""A follower drives the robot: what it says, what it breaks, and how far it may be off."""
+
+# ruff: noqa: ANN401  (changes are handed on to `dataclasses.replace` as they are)
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from core_builders import (
+    PATH,
+    Player,
+    StubFollower,
+    fault_of,
+    following,
+    has_fault,
+    plan,
+    powered,
+)
+
+from artemis.motion.path import Path
+from artemis.plugins.contracts import Following
+from artemis.states.follow import FollowMode
+from artemis.states.mode import FollowStep, Plan
+from artemis.values import (
+    DriveCommand,
+    Event,
+    SetPoints,
+    Snapshot,
+    Wish,
+)
+
+
+def follow(answer: Callable[[], Any] | None = None, **options: Any) -> tuple[Player, StubFollower, Plan]:
+    follower = StubFollower(answer)
+    steps = plan(FollowStep(path=PATH, follower=follower, **options))
+    return Player(FollowMode(steps)), follower, steps
+
+
+def raising() -> Following:
+    raise ZeroDivisionError("in the plugin")
+
+
+def test_follow_does_what_the_follower_says_and_shows_where_it_is() -> None:
+    player, follower, _ = follow()
+    wish = player.tick()
+    assert wish.command == DriveCommand(speed=0.3, steering=0.1)
+    assert wish.tracking == following().tracking
+    assert powered(wish)
+    assert (follower.starts, follower.steps) == (1, 1)
+
+
+def test_follower_that_raises_is_a_fault_and_the_robot_stands() -> None:
+    player, _, _ = follow(raising)
+    wish = player.tick(set_points=SetPoints(speed=0.3, steering=0.2))
+    assert fault_of(wish) == ("PLG-02", "follower")
+    assert "in the plugin" in str(wish.fault)
+    assert wish.command == DriveCommand(speed=0.0, steering=0.2)
+
+
+def test_follower_that_raises_at_its_start_is_a_fault_and_is_never_asked() -> None:
+    player, follower, _ = follow()
+
+    def start(path: Path, snapshot: Snapshot) -> None:
+        raise OSError("no such table")
+
+    follower.start = start  # type: ignore[method-assign]
+    for _ in range(3):
+        wish = player.tick()
+        assert fault_of(wish) == ("PLG-02", "follower")
+        assert wish.command.speed == 0.0
+    assert follower.steps == 0
+
+
+GARBAGE: dict[str, Any] = {
+    "None": None,
+    "number": 42,
+    "command": DriveCommand(speed=0.3),
+    "no tracking": replace(following(), tracking=None),  # type: ignore[arg-type]
+    "no command": replace(following(), command=None),  # type: ignore[arg-type]
+    "text for a number": following(cross_track="near"),  # type: ignore[arg-type]
+    "cross-track not a number": following(cross_track=math.nan),
+    "cross-track infinite": following(cross_track=math.inf),
+    "arc length not a number": following(arc_length=math.nan),
+}
+
+
+@pytest.mark.parametrize("garbage", GARBAGE.values(), ids=GARBAGE)
+def test_follower_that_returns_garbage_is_a_fault_and_the_robot_stands(garbage: Any) -> None:
+    player, _, _ = follow(lambda: garbage)
+    wish = player.tick(set_points=SetPoints(steering=0.2))
+    assert fault_of(wish) == ("PLG-06", "follower")
+    assert wish.command == DriveCommand(speed=0.0, steering=0.2)
+
+
+@pytest.mark.parametrize("start", [following(cross_track=1.01), following(cross_track=-1.01),
+                                   following(heading_error=math.radians(61))])  # fmt: skip
+def test_path_is_not_begun_from_far_away_however_often_it_is_tried(start: Following) -> None:
+    player, _, _ = follow(lambda: start)
+    for _ in range(3):
+        wish = player.tick()
+        assert fault_of(wish) == ("PTH-05", "")
+        assert wish.command.speed == 0.0
+        player.enter()  # acknowledged, armed, and not moved
+
+
+def test_path_is_begun_from_nearby() -> None:
+    player, _, _ = follow(lambda: following(cross_track=0.99, heading_error=math.radians(59)))
+    assert player.tick().fault is None
+
+
+def along(player: Player, answers: list[Following], follower: StubFollower) -> list[Wish]:
+    wishes = []
+    for answer in answers:
+        follower.answer = lambda answer=answer: answer
+        wishes.append(player.tick())
+    return wishes
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_robot_off_its_path_is_a_fault_with_the_place(side: int) -> None:
+    player, follower, _ = follow(max_cross_track=0.6)
+    converged = [following(arc_length=way / 10) for way in range(12)]
+    assert not any(map(has_fault, along(player, converged, follower)))
+    near, off = along(
+        player,
+        [following(arc_length=1.2, cross_track=0.6 * side), following(arc_length=1.2, cross_track=0.601 * side)],
+        follower,
+    )
+    assert near.fault is None
+    assert fault_of(off) == ("PTH-06", "")
+    assert "at 1.20 m" in str(off.fault)
+    assert off.command.speed == 0.0
+
+
+def test_limit_of_the_error_counts_at_the_latest_after_five_metres() -> None:
+    player, follower, _ = follow(max_cross_track=0.3)
+    answers = [following(arc_length=way / 10, cross_track=0.5) for way in range(60)]
+    wishes = along(player, answers, follower)
+    lost = [has_fault(wish) for wish in wishes].index(True)
+    assert answers[lost].tracking.arc_length == pytest.approx(5.0)
+
+
+def test_limit_of_the_error_counts_from_the_first_metre_that_kept_it() -> None:
+    player, follower, _ = follow(max_cross_track=0.3)
+    approach = [following(arc_length=way / 10, cross_track=0.5 if way <= 10 else 0.2) for way in range(20)]
+    assert not any(map(has_fault, along(player, approach, follower)))
+    (still_converging,) = along(player, [following(arc_length=1.95, cross_track=0.4)], follower)
+    assert still_converging.fault is None
+    kept = [following(arc_length=1.95 + way / 10, cross_track=0.2) for way in range(1, 12)]
+    assert not any(map(has_fault, along(player, kept, follower)))
+    (lost,) = along(player, [following(arc_length=3.1, cross_track=0.4)], follower)
+    assert fault_of(lost) == ("PTH-06", "")
+
+
+def test_follow_is_done_when_the_follower_has_finished_and_the_robot_stands() -> None:
+    player, _, steps = follow(lambda: following(finished=True))
+    assert player.tick(standing=False).event is None
+    assert steps.current is not None
+    assert player.tick().event is Event.DONE
+    assert steps.current is None
+
+
+def test_interrupted_path_goes_on_without_starting_the_follower_again() -> None:
+    player, follower, _ = follow()
+    player.tick()
+    player.enter()
+    player.tick()
+    assert (follower.starts, follower.steps) == (1, 2)
+
+
+def test_next_path_starts_its_own_follower() -> None:
+    first, second = StubFollower(lambda: following(finished=True)), StubFollower()
+    steps = plan(FollowStep(path=PATH, follower=first), FollowStep(path=PATH, follower=second))
+    player = Player(FollowMode(steps))
+    assert player.tick().event is Event.DONE
+    player.enter()
+    player.tick()
+    assert (first.starts, second.starts) == (1, 1)
+
+
+def test_same_step_twice_in_a_plan_is_started_twice() -> None:
+    follower = StubFollower(lambda: following(finished=True))
+    steps = plan(*(FollowStep(path=PATH, follower=follower) for _ in range(2)))
+    player = Player(FollowMode(steps))
+    player.tick()
+    player.enter()
+    player.tick()
+    assert follower.starts == 2

@@ -1,0 +1,268 @@
+"""Modes that run a step of the plan, as pure logic: hand-made snapshots in, wishes out."""
+
+# ruff: noqa: ANN401  (changes are handed on to `dataclasses.replace` as they are)
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from core_builders import (
+    NAMES,
+    PATH,
+    PERIOD,
+    ObedientDrives,
+    Player,
+    StubFollower,
+    drive,
+    drives,
+    fault_of,
+    has_event,
+    has_fault,
+    plan,
+    powered,
+    snapshot,
+    verdict,
+)
+
+from artemis.states.calibrate import CalibrateMode
+from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
+from artemis.states.modes import Modes
+from artemis.states.ready import ReadyMode
+from artemis.states.teleop import TeleopMode
+from artemis.values import (
+    DriveCommand,
+    DriveState,
+    Event,
+    Fault,
+    Goal,
+    JobKind,
+    Mode,
+    OperatorInput,
+    Request,
+    SetPoints,
+    Severity,
+    Verdict,
+    Wish,
+)
+
+# ---------------------------------------------------------------------------------------------- from mode to mode
+
+WAYS: dict[Mode, list[Event]] = {
+    Mode.INIT: [],
+    Mode.READY: [Event.ALIGNED],
+    Mode.CALIBRATE: [Event.ALIGNED, Event.CALIBRATE],
+    Mode.TELEOP: [Event.ALIGNED, Event.TELEOP],
+    Mode.FOLLOW: [Event.ALIGNED, Event.FOLLOW],
+    Mode.QUICKSTOP: [Event.STOP],
+    Mode.FAULT: [Event.FAULT],
+    Mode.END: [Event.END],
+}
+
+
+def modes_in(mode: Mode, steps: Plan | None = None) -> Modes:
+    modes = Modes(steps or plan(CalibrateStep()))
+    for event in WAYS[mode]:
+        modes.advance(snapshot(), event)
+    assert modes.mode is mode
+    return modes
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_every_mode_has_logic_that_bears_silent_drives(mode: Mode) -> None:
+    silent = tuple(drive(name, state=DriveState.UNKNOWN, age=None, nmt=None, heartbeat_age=None) for name in NAMES)
+    modes = modes_in(mode)
+    for tick in range(10):
+        assert isinstance(modes.step(snapshot(tick * PERIOD, drives=silent)), Wish)
+
+
+STOP, DRIVE_FAULT = verdict("INP-03"), verdict("DRV-25")
+ENDED = (Request.END,)
+
+
+@pytest.mark.parametrize(
+    ("present", "seen", "wished", "following"),
+    [
+        (Mode.FOLLOW, {}, None, Mode.FOLLOW),
+        (Mode.FOLLOW, {}, Event.DONE, Mode.READY),
+        (Mode.FOLLOW, {"requests": ENDED}, Event.DONE, Mode.END),
+        (Mode.FOLLOW, {"requests": (Request.END, Request.QUICKSTOP)}, Event.DONE, Mode.QUICKSTOP),
+        (Mode.FOLLOW, {"requests": ENDED, "verdict": STOP}, Event.DONE, Mode.QUICKSTOP),
+        (Mode.FOLLOW, {"requests": (Request.QUICKSTOP,), "verdict": DRIVE_FAULT}, Event.DONE, Mode.FAULT),
+        (Mode.QUICKSTOP, {"verdict": STOP}, Event.REARMED, Mode.READY),
+        (Mode.QUICKSTOP, {"verdict": DRIVE_FAULT}, Event.REARMED, Mode.FAULT),
+        (Mode.FAULT, {"requests": (Request.QUICKSTOP,), "verdict": DRIVE_FAULT}, None, Mode.FAULT),
+        (Mode.FAULT, {"requests": ENDED, "verdict": DRIVE_FAULT}, None, Mode.END),
+        (Mode.END, {"requests": (Request.QUICKSTOP,), "verdict": DRIVE_FAULT}, Event.DONE, Mode.END),
+    ],
+)
+def test_most_urgent_event_wins(present: Mode, seen: dict[str, Any], wished: Event | None, following: Mode) -> None:
+    assert modes_in(present).advance(snapshot(**seen), wished) is following
+
+
+@pytest.mark.parametrize("severity", Severity)
+def test_robot_is_stopped_from_a_controlled_stop_on(severity: Severity) -> None:
+    fault = Fault(id="X", severity=severity, text="x", to_fault=False)
+    seen = snapshot(verdict=Verdict(severity=severity, faults=(fault,)))
+    stopped = modes_in(Mode.TELEOP).advance(seen, None) is Mode.QUICKSTOP
+    assert stopped is (severity >= Severity.CONTROLLED_STOP)
+
+
+@pytest.mark.parametrize(("steps", "failed"), [((CalibrateStep(),), True), ((), False)])
+def test_run_that_is_ended_before_its_last_step_has_failed(steps: tuple[Any, ...], failed: bool) -> None:
+    whole = plan(*steps)
+    modes_in(Mode.READY, whole).advance(snapshot(requests=ENDED), None)
+    assert whole.failed is failed
+
+
+def test_mode_that_is_entered_again_begins_anew() -> None:
+    modes = modes_in(Mode.QUICKSTOP)
+    stopped = snapshot(verdict=Verdict(), drives=drives(state=DriveState.SWITCH_ON_DISABLED))
+    assert modes.step(stopped).traction is Goal.DISABLED
+    modes.advance(stopped, Event.REARMED)
+    modes.advance(snapshot(0.1, standing=False, requests=(Request.QUICKSTOP,)), None)
+    assert modes.step(snapshot(0.1, standing=False)).traction is Goal.QUICK_STOPPED
+
+
+# ---------------------------------------------------------------------------------------------- ready, calibrate
+
+STEPS: list[tuple[Step, Event]] = [
+    (CalibrateStep(), Event.CALIBRATE),
+    (FollowStep(path=PATH, follower=StubFollower()), Event.FOLLOW),
+    (TeleopStep(input="stick", seconds=None), Event.TELEOP),
+]
+
+
+@pytest.mark.parametrize(("step", "event"), STEPS)
+def test_ready_asks_for_the_mode_of_the_step(step: Any, event: Event) -> None:
+    assert Player(ReadyMode(plan(step))).tick().event is event
+
+
+def test_ready_walks_the_plan_to_its_end() -> None:
+    steps = plan(*(step for step, _ in STEPS), WaitStep(seconds=0.1))
+    player = Player(ReadyMode(steps))
+    for _, event in STEPS:
+        assert player.tick().event is event
+        assert player.tick().event is event, "until the step is done"
+        steps.advance()
+    assert player.until(has_event).event is Event.END
+    assert steps.current is None
+
+
+def test_ready_waits_as_long_as_the_step_says() -> None:
+    steps = plan(WaitStep(seconds=1.0), WaitStep(seconds=0.5))
+    player = Player(ReadyMode(steps))
+    player.until(has_event)
+    assert player.time == pytest.approx(1.5, abs=0.1)
+
+
+def test_ready_stands_enabled_with_the_wheels_where_they_are() -> None:
+    wish = Player(ReadyMode(plan(WaitStep(seconds=1.0)))).tick(set_points=SetPoints(steering=0.3))
+    assert powered(wish)
+    assert wish.command == DriveCommand(speed=0.0, steering=0.3)
+
+
+def test_teleop_begins_only_with_the_controls_released() -> None:
+    player = Player(ReadyMode(plan(TeleopStep(input="stick", seconds=None))))
+    for _ in range(5):
+        assert player.tick(inputs=(OperatorInput(source="stick", neutral=False),)).event is None
+    others = (OperatorInput(source="stick"), OperatorInput(source="other", neutral=False))
+    assert player.tick(inputs=others).event is Event.TELEOP
+
+
+def test_calibrate_aligns_and_is_done() -> None:
+    steps = plan(CalibrateStep())
+    robot = ObedientDrives(DriveState.OPERATION_ENABLE)
+    player = Player(CalibrateMode(steps), robot.react)
+    assert player.until(has_event).event is Event.DONE
+    assert steps.current is None
+    kinds = [job.kind for job in player.jobs]
+    assert kinds[:2] == [JobKind.REFERENCE] * 2
+    assert {wish.command.speed for wish in player.wishes} == {0.0}
+
+
+def test_calibrate_that_fails_is_a_fault_and_not_done() -> None:
+    steps = plan(CalibrateStep())
+    robot = ObedientDrives(DriveState.OPERATION_ENABLE)
+    robot.changes["steer-left"] = {"potentiometers": (0.0, 0.0)}
+    player = Player(CalibrateMode(steps), robot.react)
+    assert fault_of(player.until(has_fault)) == ("STE-04", "steer-left")
+    assert isinstance(steps.current, CalibrateStep)
+
+
+# ---------------------------------------------------------------------------------------------- teleop
+
+
+def stick(**changes: Any) -> OperatorInput:
+    held = OperatorInput(source="stick", speed=0.4, steering=-0.2, enabled=True, neutral=False, age=0.01)
+    return replace(held, **changes)
+
+
+def teleop(seconds: float | None = None) -> tuple[Player, Plan]:
+    steps = plan(TeleopStep(input="stick", seconds=seconds))
+    player = Player(TeleopMode(steps))
+    player.world["inputs"] = (replace(stick(), source="other", speed=9.0), stick())
+    return player, steps
+
+
+def test_teleop_drives_as_its_own_input_says() -> None:
+    player, _ = teleop()
+    wish = player.tick()
+    assert wish.command == DriveCommand(speed=0.4, steering=-0.2)
+    assert powered(wish)
+
+
+def test_teleop_stands_with_the_wheels_held_while_the_enable_button_is_up() -> None:
+    player, _ = teleop()
+    wish = player.tick(inputs=(stick(enabled=False),), set_points=SetPoints(speed=0.4, steering=0.1))
+    assert wish.command == DriveCommand(speed=0.0, steering=0.1)
+    assert "enable button" in wish.phase
+
+
+@pytest.mark.parametrize(("age", "stale"), [(0.15, False), (0.1501, True), (None, True)])
+def test_sample_older_than_150_ms_is_a_fault_and_the_robot_stops(age: float | None, stale: bool) -> None:
+    player, _ = teleop()
+    wish = player.tick(inputs=(stick(age=age),), set_points=SetPoints(steering=0.1))
+    assert has_fault(wish) is stale
+    if stale:
+        assert fault_of(wish) == ("INP-03", "stick")
+        assert wish.command == DriveCommand(speed=0.0, steering=0.1)
+
+
+def test_input_that_is_not_there_is_a_fault() -> None:
+    player, _ = teleop()
+    assert fault_of(player.tick(inputs=())) == ("INP-03", "stick")
+
+
+def test_teleop_ends_on_request_once_the_robot_stands() -> None:
+    player, steps = teleop()
+    moving = SetPoints(speed=0.4, steering=0.1)
+    first = player.tick(inputs=(stick(requests=(Request.DONE,)),), standing=False, set_points=moving)
+    assert (first.event, first.command) == (None, DriveCommand(speed=0.0, steering=0.1))
+    again = player.tick(standing=False)
+    assert (again.event, again.command.speed) == (None, 0.0), "the request was made once"
+    assert player.tick().event is Event.DONE
+    assert steps.current is None
+
+
+def test_somebody_elses_request_ends_nothing() -> None:
+    player, _ = teleop()
+    done = replace(stick(requests=(Request.DONE,)), source="other")
+    assert player.tick(inputs=(done, stick())).command.speed == 0.4
+
+
+def test_teleop_ends_when_its_time_is_over() -> None:
+    player, _ = teleop(seconds=1.0)
+    assert player.until(has_event).event is Event.DONE
+    assert player.time == pytest.approx(1.0, abs=2 * PERIOD)
+
+
+def test_two_teleop_steps_end_one_by_one() -> None:
+    steps = plan(*(TeleopStep(input="stick", seconds=None) for _ in range(2)))
+    player = Player(TeleopMode(steps))
+    player.world["inputs"] = (stick(),)
+    player.tick(inputs=(stick(requests=(Request.DONE,)),))
+    assert steps.index == 1
+    player.enter()
+    assert player.tick().event is None

@@ -1,0 +1,296 @@
+"""Stopping, standing and ending: quickstop, fault, end."""
+
+# ruff: noqa: ANN401  (changes are handed on to `dataclasses.replace` as they are)
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from core_builders import (
+    NAMES,
+    PERIOD,
+    ObedientDrives,
+    Player,
+    drive,
+    drives,
+    fault_of,
+    has_event,
+    has_fault,
+    plan,
+    powered,
+    snapshot,
+    verdict,
+)
+
+from artemis.states.end import EndMode
+from artemis.states.fault import FaultMode
+from artemis.states.mode import STOP_TIME, CalibrateStep, ModeLogic, Plan
+from artemis.states.quickstop import QuickstopMode
+from artemis.supervision import catalogue
+from artemis.values import (
+    Action,
+    DriveCommand,
+    DriveState,
+    Event,
+    Goal,
+    JobKind,
+    OperatorInput,
+    Request,
+    SetPoints,
+)
+
+ALL_OFF = {"drives": drives(state=DriveState.SWITCH_ON_DISABLED)}
+
+
+# ---------------------------------------------------------------------------------------------- quickstop
+
+STOPPED = {"standing": True, **ALL_OFF}
+
+
+def quickstop(**state: Any) -> tuple[Player, Plan]:
+    steps = plan(CalibrateStep(), **{"connected": True, "aligned": True, "armed": False, **state})
+    return Player(QuickstopMode(steps)), steps
+
+
+def test_quick_stop_is_the_traction_drives_own_and_steering_holds() -> None:
+    player, _ = quickstop()
+    wish = player.tick(standing=False)
+    assert (wish.traction, wish.steering, wish.command.action) == (Goal.QUICK_STOPPED, Goal.HOLD, Action.QUICKSTOP)
+
+
+def test_controlled_stop_ramps_down_with_the_drives_enabled_and_the_wheels_held() -> None:
+    player, _ = quickstop()
+    wish = player.tick(standing=False, verdict=verdict("INP-03"), set_points=SetPoints(speed=0.3, steering=0.2))
+    assert powered(wish)
+    assert wish.command == DriveCommand(speed=0.0, steering=0.2)
+    for _ in range(5):
+        assert powered(player.tick(verdict=verdict("INP-03"))), "and holds them when it stands"
+
+
+def test_controlled_stop_with_a_drive_that_is_off_becomes_a_quick_stop() -> None:
+    player, _ = quickstop()
+    one_off = drives(drive("traction-left", state=DriveState.SWITCH_ON_DISABLED))
+    assert player.tick(standing=False, verdict=verdict("INP-03"), drives=one_off).traction is Goal.QUICK_STOPPED
+
+
+def test_drives_are_switched_off_once_the_robot_stands() -> None:
+    player, _ = quickstop()
+    for _ in range(20):
+        assert player.tick(standing=False).traction is Goal.QUICK_STOPPED
+    wish = player.tick()
+    assert (wish.traction, wish.steering) == (Goal.DISABLED, Goal.DISABLED)
+
+
+def test_drives_are_switched_off_at_the_latest_after_the_stop_time() -> None:
+    player, _ = quickstop()
+    player.world["standing"] = False
+    player.until(lambda wish: wish.traction is Goal.DISABLED)
+    assert player.time == pytest.approx(STOP_TIME, abs=2 * PERIOD)
+
+
+def test_nobody_there_to_arm_ends_the_run_as_failed() -> None:
+    player, steps = quickstop()
+    assert player.tick(standing=False, attended=False).event is None, "not before it stands"
+    assert player.tick(attended=False).event is Event.END
+    assert steps.failed
+
+
+def test_quickstop_waits_for_arm() -> None:
+    player, steps = quickstop()
+    player.world.update(STOPPED)
+    for _ in range(100):
+        wish = player.tick()
+        assert not powered(wish)
+        assert wish.event is None
+    assert "arm" in wish.phase
+    assert not steps.failed
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    [{"verdict": verdict("INP-03")}, {"inputs": (OperatorInput(source="stick", neutral=False),)}],
+    ids=["latched fault", "controls not released"],
+)
+def test_arm_is_refused_while_something_stands_against_it(obstacle: dict[str, Any]) -> None:
+    player, _ = quickstop()
+    player.world.update(STOPPED)
+    player.tick()
+    assert player.tick(requests=(Request.ARM,), **obstacle).event is None
+    for _ in range(50):
+        wish = player.tick()
+        assert not powered(wish), "the arm was refused, not kept"
+
+
+def test_operator_is_told_what_stands_against_arming() -> None:
+    player, _ = quickstop()
+    player.world.update(STOPPED)
+    assert catalogue.ROWS["INP-03"].text in player.tick(verdict=verdict("INP-03", "stick")).phase
+    assert "release" in player.tick(inputs=(OperatorInput(source="stick", neutral=False),)).phase
+
+
+def test_armed_quickstop_clears_the_targets_then_enables_then_is_ready() -> None:
+    player, _ = quickstop()
+    robot = ObedientDrives()
+    player = Player(player.mode, robot.react)
+    player.tick()
+    ordered = player.tick(requests=(Request.ARM,))
+    assert {(job.kind, job.drive) for job in ordered.jobs} == {(JobKind.CLEAR_TARGET, name) for name in NAMES}
+    assert not powered(ordered)
+    assert player.until(has_event).event is Event.REARMED
+    assert set(robot.states.values()) == {DriveState.OPERATION_ENABLE}
+    assert {wish.command.speed for wish in player.wishes} == {0.0}
+
+
+def test_target_that_cannot_be_cleared_is_a_fault_and_nothing_is_enabled() -> None:
+    player, _ = quickstop()
+    player.world.update(STOPPED)
+    player.refused.add((JobKind.CLEAR_TARGET, "traction-right"))
+    player.tick()
+    player.tick(requests=(Request.ARM,))
+    assert fault_of(player.until(has_fault)) == ("COM-08", "traction-right")
+    assert not any(map(powered, player.wishes))
+
+
+def test_armed_before_the_wheels_were_aligned_leads_to_a_new_bring_up() -> None:
+    player, steps = quickstop(aligned=False)
+    player.world.update(STOPPED)
+    player.tick()
+    wish = player.tick(requests=(Request.ARM,))
+    assert wish.event is Event.ACKNOWLEDGED
+    assert not powered(wish)
+    assert steps.armed, "which need not be armed again"
+
+
+# ---------------------------------------------------------------------------------------------- fault
+
+
+def in_fault(**state: Any) -> tuple[Player, Plan]:
+    steps = plan(CalibrateStep(), **{"connected": True, "armed": True, **state})
+    player = Player(FaultMode(steps))
+    player.world["drives"] = drives(state=DriveState.SWITCH_ON_DISABLED)
+    return player, steps
+
+
+def test_fault_stops_then_switches_off_then_reads_the_error_histories() -> None:
+    player, _ = in_fault()
+    for _ in range(10):
+        wish = player.tick(standing=False)
+        assert (wish.traction, wish.steering, wish.command.action) == (Goal.QUICK_STOPPED, Goal.HOLD, Action.QUICKSTOP)
+    off = player.tick()
+    assert (off.traction, off.steering) == (Goal.DISABLED, Goal.DISABLED)
+    asked = player.tick()
+    assert {(job.kind, job.drive) for job in asked.jobs} == {(JobKind.READ_HISTORY, name) for name in NAMES}
+
+
+def test_history_that_cannot_be_read_holds_nothing_up() -> None:
+    player, _ = in_fault()
+    player.refused |= {(JobKind.READ_HISTORY, name) for name in NAMES}
+    player.until(lambda wish: "acknowledge" in wish.phase)
+
+
+def test_fault_without_drives_says_nothing_on_the_bus() -> None:
+    player, _ = in_fault(connected=False)
+    player.world["standing"] = False
+    player.until(lambda wish: "acknowledge" in wish.phase)
+    for wish in player.wishes:
+        assert not wish.exchange
+        assert not wish.heartbeat, "a heartbeat that begins here and ends again trips every drive that has heard it"
+        assert not wish.jobs
+
+
+def waiting_for_acknowledgment(**state: Any) -> tuple[Player, Plan]:
+    player, steps = in_fault(**state)
+    player.until(lambda wish: "acknowledge" in wish.phase)
+    return player, steps
+
+
+def test_acknowledged_fault_leads_to_a_bring_up_that_waits_for_arm() -> None:
+    player, steps = waiting_for_acknowledgment()
+    wish = player.tick(requests=(Request.ACKNOWLEDGE,))
+    assert wish.event is Event.ACKNOWLEDGED
+    assert not powered(wish)
+    assert not steps.armed
+
+
+def test_acknowledgment_is_refused_while_the_cause_is_there_and_the_cause_is_named() -> None:
+    player, _ = waiting_for_acknowledgment()
+    wish = player.tick(requests=(Request.ACKNOWLEDGE,), verdict=verdict("COM-22"))
+    assert wish.event is None
+    assert "CAN adapter lost" in wish.phase
+    assert player.tick().event is None, "refused, not kept"
+
+
+def test_no_other_request_leads_out_of_fault() -> None:
+    player, _ = waiting_for_acknowledgment()
+    assert player.tick(requests=(Request.ARM, Request.DONE)).event is None
+
+
+def test_nobody_there_to_acknowledge_ends_the_run_as_failed() -> None:
+    player, steps = waiting_for_acknowledgment()
+    assert player.tick(attended=False).event is Event.END
+    assert steps.failed
+
+
+# ---------------------------------------------------------------------------------------------- end
+
+
+def ending(**state: Any) -> Player:
+    return Player(EndMode(plan(CalibrateStep(), **{"connected": True, **state})), ObedientDrives(ON_STATE).react)
+
+
+ON_STATE = DriveState.OPERATION_ENABLE
+
+
+def test_ordered_end_stops_switches_off_disarms_and_then_ends_the_heartbeat() -> None:
+    player = ending()
+    for _ in range(5):
+        assert player.tick(standing=False).traction is Goal.QUICK_STOPPED
+    last = player.until(lambda wish: wish.finished)
+    wishes = player.wishes[5:]
+    disarm = next(number for number, wish in enumerate(wishes) if wish.jobs)
+    assert {(job.kind, job.drive) for job in wishes[disarm].jobs} == {(JobKind.DISARM, name) for name in NAMES}
+    assert all((wish.traction, wish.steering) == (Goal.DISABLED, Goal.DISABLED) for wish in wishes)
+    assert disarm >= 1, "off before disarmed"
+    beats = [wish.heartbeat for wish in player.wishes]
+    assert beats == [True] * (len(beats) - 1) + [False], "the heartbeat lasts until the very end"
+    assert not player.wishes[-2].exchange, "and its last comes alone"
+    assert not last.exchange
+
+
+def test_ordered_end_judges_no_drive_any_more() -> None:
+    player = ending()
+    player.until(lambda wish: wish.finished)
+    assert not any(wish.supervised for wish in player.wishes)
+
+
+def test_drive_that_does_not_switch_off_does_not_hold_the_end_up_for_long() -> None:
+    player = ending()
+    player.world["drives"] = drives(state=DriveState.QUICK_STOP_ACTIVE)
+    player.until(lambda wish: wish.finished, longest=1.0)
+    assert {job.kind for job in player.jobs} == {JobKind.DISARM}
+
+
+def test_drives_that_refuse_to_be_disarmed_do_not_hold_the_end_up() -> None:
+    player = ending()
+    player.refused |= {(JobKind.DISARM, name) for name in NAMES}
+    player.until(lambda wish: wish.finished, longest=1.0)
+
+
+def test_end_before_the_drives_were_configured_only_disarms() -> None:
+    player = ending(connected=False)
+    player.until(lambda wish: wish.finished, longest=1.0)
+    assert not any(wish.exchange for wish in player.wishes)
+    assert not any(wish.heartbeat for wish in player.wishes[:-2])
+    assert {job.kind for job in player.jobs} == {JobKind.DISARM}
+
+
+def test_ended_stays_ended() -> None:
+    player = ending()
+    player.until(lambda wish: wish.finished)
+    assert all(player.tick().finished for _ in range(5))
+
+
+def test_mode_without_being_entered_enters_itself() -> None:
+    mode: ModeLogic = EndMode(plan())
+    assert mode.step(snapshot()).jobs

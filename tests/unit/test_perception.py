@@ -1,0 +1,203 @@
+"""What follows from feedback without judgement: time steps, odometry, standstill, and where the wheels are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from core_builders import NAMES, PERIOD, ROBOT, STEERING, TRACTION, drive, drives, sensed
+
+from artemis.motion.perception import Perception
+from artemis.values import (
+    DriveState,
+    JobKind,
+    JobResult,
+    Pose,
+    Sensed,
+    SetPoints,
+    Snapshot,
+    Verdict,
+)
+from artemis.vehicle import Robot
+
+
+def seen(time: float, left: float = 0.0, right: float | None = None, angle: float = 0.0, age: float = 0.0) -> Sensed:
+    """Both driven wheels have rolled so far; both front wheels stand at `angle`."""
+    ways = {TRACTION[0]: left, TRACTION[1]: left if right is None else right}
+    return sensed(time, drives=tuple(drive(name, position=ways.get(name, angle), age=age) for name in NAMES))
+
+
+class Eyes:
+    def __init__(self, robot: Robot = ROBOT) -> None:
+        self.perception = Perception(robot, PERIOD)
+
+    def look(self, sensed: Sensed) -> Snapshot:
+        return self.perception.perceive(sensed, Verdict(), SetPoints())
+
+    def stands(self, *ways: float) -> bool:
+        """After these ways, one a tick."""
+        snapshots = [self.look(seen(number * PERIOD, way)) for number, way in enumerate(ways)]
+        return snapshots[-1].standing
+
+
+# ---------------------------------------------------------------------------------------------- time
+
+
+def test_time_step_is_that_since_the_last_scheduled_tick() -> None:
+    eyes = Eyes()
+    assert [eyes.look(seen(time)).dt for time in (0.0, 0.02, 0.05)] == pytest.approx([0.0, 0.02, 0.03])
+
+
+def test_time_step_is_clamped_after_a_pause_but_the_way_is_not() -> None:
+    eyes = Eyes()
+    eyes.look(seen(0.0))
+    snapshot = eyes.look(seen(1.0, 0.4))
+    assert snapshot.dt == pytest.approx(2 * PERIOD)
+    assert snapshot.odometry.pose.x == pytest.approx(0.4)
+    assert snapshot.odometry.speed == pytest.approx(0.4), "over the whole second"
+
+
+def test_extra_tick_takes_no_time_and_moves_nothing() -> None:
+    eyes = Eyes()
+    eyes.look(seen(0.0))
+    before = eyes.look(seen(0.02, 0.008))
+    extra = eyes.look(replace(seen(0.031, 0.012), urgent=True))
+    assert (extra.dt, extra.odometry) == (0.0, before.odometry)
+    after = eyes.look(seen(0.04, 0.016))
+    assert after.dt == pytest.approx(0.02)
+    assert after.odometry.distance == pytest.approx(0.016)
+    assert after.odometry.speed == pytest.approx(0.4)
+
+
+def test_snapshot_hands_on_what_it_was_given() -> None:
+    points, feedback = SetPoints(speed=0.3), seen(1.0)
+    snapshot = Perception(ROBOT, PERIOD).perceive(feedback, Verdict(), points)
+    assert snapshot.sensed is feedback
+    assert snapshot.set_points is points
+    assert snapshot.time == 1.0
+
+
+# ---------------------------------------------------------------------------------------------- odometry
+
+
+def test_wheels_are_told_apart_by_role_and_side_not_by_their_order() -> None:
+    backwards = ROBOT.model_copy(update={"drives": dict(reversed(ROBOT.drives.items()))})
+    forth, back = Eyes(), Eyes(backwards)
+    for number in range(10):
+        feedback = seen(number * PERIOD, number * 0.01, number * 0.012, angle=0.1)
+        ahead = forth.look(feedback).odometry
+        reverse = back.look(replace(feedback, drives=feedback.drives[::-1])).odometry
+    assert reverse == ahead
+    assert ahead.pose.heading > 0.0
+
+
+def test_reset_makes_the_present_place_the_origin() -> None:
+    eyes = Eyes()
+    for number in range(10):
+        eyes.look(seen(number * PERIOD, number * 0.01, angle=0.3))
+    eyes.perception.reset()
+    pose = eyes.look(seen(0.2, 0.09, angle=0.3)).odometry.pose
+    assert pose == Pose()
+    assert eyes.look(seen(0.22, 0.1, angle=0.3)).odometry.distance == pytest.approx(0.01, rel=0.1)
+
+
+def test_angle_that_a_drive_was_told_is_no_steering() -> None:
+    turned = 0.5
+    told = JobResult(id=1, kind=JobKind.REFERENCE, drive=STEERING[0], ok=True)
+    eyes, blind = Eyes(), Eyes()
+    for each in (eyes, blind):
+        each.look(seen(0.0))
+        each.look(seen(0.02))
+    assert eyes.look(replace(seen(0.04, angle=turned), results=(told,))).odometry.pose == Pose()
+    assert blind.look(seen(0.04, angle=turned)).odometry.slip > 0.0, "else the kingpins' turning rolls the wheels"
+    assert eyes.look(seen(0.06, angle=turned)).odometry.pose == Pose()
+
+
+# ---------------------------------------------------------------------------------------------- standstill
+
+
+def test_robot_stands_when_no_wheel_rolled_a_millimetre_in_100_ms() -> None:
+    assert Eyes().stands(*[0.0] * 6)
+    assert Eyes().stands(0.0, 0.0002, 0.0004, 0.0006, 0.0008, 0.001)
+    assert not Eyes().stands(0.0, 0.0002, 0.0004, 0.0006, 0.0008, 0.0011)
+
+
+def test_robot_that_was_not_seen_for_100_ms_does_not_stand() -> None:
+    assert not Eyes().stands(0.0)
+    assert not Eyes().stands(*[0.0] * 5)
+
+
+def test_robot_that_has_stopped_stands_100_ms_later() -> None:
+    moving = [0.008 * number for number in range(10)]
+    assert not Eyes().stands(*moving, *[moving[-1]] * 4)
+    assert Eyes().stands(*moving, *[moving[-1]] * 5)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_one_rolling_wheel_is_enough_not_to_stand(side: int) -> None:
+    eyes = Eyes()
+    for number in range(10):
+        ways = [0.0, 0.0]
+        ways[side] = -0.001 * number
+        snapshot = eyes.look(seen(number * PERIOD, *ways))
+    assert not snapshot.standing
+
+
+@pytest.mark.parametrize(("age", "stands"), [(0.1, True), (0.101, False)])
+def test_old_feedback_does_not_prove_a_standstill(age: float, stands: bool) -> None:
+    eyes = Eyes()
+    for number in range(10):
+        snapshot = eyes.look(seen(number * PERIOD, age=age))
+    assert snapshot.standing is stands
+
+
+def test_wheel_that_was_never_heard_does_not_stand() -> None:
+    eyes = Eyes()
+    for number in range(10):
+        unheard = drives(drive(TRACTION[1], age=None))
+        snapshot = eyes.look(sensed(number * PERIOD, drives=unheard))
+    assert not snapshot.standing
+
+
+def test_steering_at_standstill_is_standing() -> None:
+    eyes = Eyes()
+    for number in range(10):
+        snapshot = eyes.look(seen(number * PERIOD, angle=0.01 * number))
+    assert snapshot.standing
+
+
+# ---------------------------------------------------------------------------------------------- as they stand
+
+POINTS = SetPoints(
+    speed=0.4, steering=0.1, speed_left=0.39, speed_right=0.41, steering_left=0.105, steering_right=0.095
+)
+
+
+def as_they_stand(**states: DriveState) -> SetPoints:
+    """Set-points after drives, by their names with underscores, are found in these states, wheels at 20 degrees."""
+    perception = Perception(ROBOT, PERIOD)
+    different = {name.replace("_", "-"): state for name, state in states.items()}
+    on = DriveState.OPERATION_ENABLE
+    feedback = tuple(drive(name, state=different.get(name, on), position=math.radians(20.0)) for name in NAMES)
+    return perception.as_they_stand(sensed(drives=feedback), POINTS)
+
+
+def test_set_points_of_enabled_drives_are_kept() -> None:
+    assert as_they_stand() is POINTS
+
+
+@pytest.mark.parametrize("state", [state for state in DriveState if state is not DriveState.OPERATION_ENABLE])
+def test_speed_is_zero_while_a_traction_drive_is_not_enabled(state: DriveState) -> None:
+    for changed in ({"traction_left": state}, {"traction_right": state}):
+        points = as_they_stand(**changed)
+        assert points == replace(POINTS, speed=0.0, speed_left=0.0, speed_right=0.0)
+
+
+@pytest.mark.parametrize("state", [state for state in DriveState if state is not DriveState.OPERATION_ENABLE])
+def test_angles_are_the_measured_ones_while_a_steering_drive_is_not_enabled(state: DriveState) -> None:
+    for changed in ({"steer_left": state}, {"steer_right": state}):
+        points = as_they_stand(**changed)
+        assert (points.steering_left, points.steering_right) == (math.radians(20.0), math.radians(20.0))
+        assert points.steering == pytest.approx(math.radians(20.0), abs=0.02)
+        assert points.speed == POINTS.speed
