@@ -213,7 +213,9 @@ class _Run:
 
         def interrupt(number: int) -> None:
             again, self._interrupted = self._interrupted is not None, number
-            robot.request(Request.QUICKSTOP if again else Request.END)
+            robot.request(Request.END)
+            if again:
+                robot.request(Request.QUICKSTOP)
 
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, interrupt, number)

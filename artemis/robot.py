@@ -13,6 +13,7 @@ from artemis.devices.drive import Drives
 from artemis.errors import DeviceLost
 from artemis.motion.limits import Gate, is_sane
 from artemis.motion.perception import Perception
+from artemis.plugins.border import is_whole_input
 from artemis.plugins.contracts import InputDevice
 from artemis.states.mode import Plan
 from artemis.states.modes import Modes
@@ -154,10 +155,14 @@ class Robot:
 
     def _ask(self, name: str, time: float) -> OperatorInput | None:
         try:
-            return self._inputs[name].read(time)
+            sample = self._inputs[name].read(time)
         except Exception as error:  # noqa: BLE001  the border to foreign code: whatever it raises is a fault
             self._faults.append(catalogue.fault("PLG-02", name, repr(error)))
             return None
+        if is_whole_input(sample):
+            return sample
+        self._faults.append(catalogue.fault("PLG-06", name, repr(sample)[:80]))
+        return None
 
     def _write(self, tick: Tick) -> None:
         try:

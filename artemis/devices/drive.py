@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from artemis.devices.can_bus import Frame, FrameBus
 from artemis.devices.canopen import EMERGENCY, HEARTBEAT, SDO_ANSWER, SYNC_FRAME, TXPDO, heartbeat_frame
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.epos_state import Command, controlword
-from artemis.errors import DeviceError, ProtocolError
+from artemis.errors import DeviceError, DeviceLost, ProtocolError
 from artemis.values import DriveFeedback, Job, JobResult, Nmt, SetPoints, Tick
 from artemis.vehicle import Robot
 
@@ -38,7 +39,7 @@ class Drives:
         self._bus.listen(wake)
 
     def receive(self) -> bool:
-        """Hand every waiting frame to its node; whether one of them was an emergency.
+        """Hand every waiting frame to its node; whether one of them was a drive's emergency (not "errors gone").
 
         Raises:
             DeviceLost: the adapter is gone.
@@ -52,7 +53,7 @@ class Drives:
                     handler(frame)
                 except ProtocolError:
                     self.malformed += 1
-                urgent = urgent or frame.id & 0x780 == EMERGENCY
+                urgent = urgent or (EMERGENCY < frame.id < EMERGENCY + 0x80 and frame.data[:2] != b"\0\0")
         return urgent
 
     def feedback(self, now: float) -> tuple[DriveFeedback, ...]:
@@ -69,11 +70,14 @@ class Drives:
         """
         wish, urgent = tick.wish, tick.snapshot.sensed.urgent
         if wish.exchange:
-            for node in self.nodes:
-                goal = wish.traction if node.is_traction else wish.steering
-                word = controlword(node.state, goal, node.last_controlword)
+            words = [
+                controlword(node.state, wish.traction if node.is_traction else wish.steering, node.last_controlword)
+                for node in self.nodes
+            ]
+            for node, word in zip(self.nodes, words, strict=True):  # stops first, both sides together
                 if word == Command.QUICK_STOP != node.last_controlword:
                     self._send(node.stop_frame(word))
+            for node, word in zip(self.nodes, words, strict=True):
                 if not urgent:
                     self._send(node.set_point_frame(word, _set_point(node, tick.set_points)))
         if wish.exchange and not urgent:
@@ -84,7 +88,8 @@ class Drives:
     def stop(self) -> None:
         """Last resort, when the program itself fails: quick stop for every drive, at once."""
         for node in self.nodes:
-            self._send(node.stop_frame())
+            with suppress(DeviceLost):  # the others may still be reached; without us the drives stop by themselves
+                self._send(node.stop_frame())
 
     def take_traffic(self) -> list[tuple[bool, Frame]]:
         """Every frame on the bus since the last call, each with whether we sent it."""

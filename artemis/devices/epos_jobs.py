@@ -75,17 +75,12 @@ class EposJobs:
         return ()
 
     async def secure(self) -> None:
-        """Check who this is; if it moves, stop it; leave it in Switch On Disabled, without a fault."""
+        """If it moves, stop it, whoever it is; then check who it is, and leave it off, unwatching, without a fault."""
         self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
+        await self._switch_off()
         await self._check_identity()
-        await self._ensure(Setting(CONSUMER_HEARTBEAT, 0))
-        state = await self._read_state()
-        if state in _MOVING:
-            await self.write(CONTROLWORD, Command.QUICK_STOP)
-            await self._come_to_rest()
-        await self.write(CONTROLWORD, Command.DISABLE_VOLTAGE)
-        if (await self._read_state()) is DriveState.FAULT:
-            await self.write(CONTROLWORD, Command.FAULT_RESET)
+        await self._stop_watching()
+        await self._reset_fault()
         await self._reach(DriveState.SWITCH_ON_DISABLED)
 
     async def configure(self) -> None:
@@ -129,12 +124,33 @@ class EposJobs:
         return tuple(code & 0xFFFF for code in codes)
 
     async def disarm(self) -> None:
-        """Off, no longer watching our heartbeat, Pre-Operational: the drive rests without a fault."""
+        """Off, no longer watching our heartbeat, Pre-Operational: the drive rests without a fault.
+
+        Each act is tried, whatever becomes of the others; the first error is raised at the end.
+        """
+        errors: list[DeviceError] = []
+        for act in (self._switch_off, self._stop_watching, self._reset_fault):
+            try:
+                await act()
+            except DeviceError as error:
+                errors.append(error)
+        self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
+        if errors:
+            raise errors[0]
+
+    async def _switch_off(self) -> None:
+        """Power off; a moving drive is stopped by its own ramp before."""
+        if (await self._read_state()) in _MOVING:
+            await self.write(CONTROLWORD, Command.QUICK_STOP)
+            await self._come_to_rest()
         await self.write(CONTROLWORD, Command.DISABLE_VOLTAGE)
+
+    async def _stop_watching(self) -> None:
+        await self._ensure(Setting(CONSUMER_HEARTBEAT, 0))
+
+    async def _reset_fault(self) -> None:
         if (await self._read_state()) is DriveState.FAULT:
             await self.write(CONTROLWORD, Command.FAULT_RESET)  # the drive refuses while the cause remains
-        await self._ensure(Setting(CONSUMER_HEARTBEAT, 0))
-        self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
 
     # ------------------------------------------------------------------------------------------ objects
 

@@ -14,12 +14,18 @@ STANDING_TIME, STANDING_WAY = 0.1, 0.001
 """The robot stands when no driven wheel rolled further than this [m] in this time [s]."""
 
 
+def stale_age(tick: float) -> float:
+    """Feedback older than this [s] says nothing any more; `tick`: period of the scheduled ticks [s]."""
+    return max(0.08, 2.5 * tick)
+
+
 class Perception:
     """Keeps the odometry from tick to tick. Deterministic: the same feedback gives the same snapshots."""
 
     def __init__(self, robot: Robot, tick: float) -> None:
         """`tick`: period of the scheduled ticks [s]; `dt` never passes two of them."""
         self._dt_max = 2 * tick
+        self._stale = stale_age(tick)
         self._odometer, self._odometry = Odometer(robot.geometry), Odometry()
         self._ackermann = Ackermann(robot.geometry)
         names = list(robot.drives)
@@ -34,10 +40,10 @@ class Perception:
     def perceive(self, sensed: Sensed, verdict: Verdict, last: SetPoints) -> Snapshot:
         """The snapshot of this tick. An urgent tick has dt = 0: its feedback is the last scheduled one's."""
         dt = 0.0
+        if any(result.kind is JobKind.REFERENCE for result in sensed.results):
+            self._odometer.forget_angles()
         if not sensed.urgent:
             left, right, steer_left, steer_right = self._by_place(sensed)
-            if any(result.kind is JobKind.REFERENCE for result in sensed.results):
-                self._odometer.forget_angles()
             if self._rolled:
                 before, last_left, last_right = self._rolled[-1]
                 dt = min(sensed.time - before, self._dt_max)
@@ -62,9 +68,10 @@ class Perception:
         left, right, steer_left, steer_right = self._by_place(sensed)
         on = DriveState.OPERATION_ENABLE
         if steer_left.state is not on or steer_right.state is not on:
-            angles = steer_left.position, steer_right.position
-            steering = self._ackermann.steering_from_wheel_angles(*angles)
-            last = replace(last, steering=steering, steering_left=angles[0], steering_right=angles[1])
+            angle_left = last.steering_left if steer_left.state is on else steer_left.position
+            angle_right = last.steering_right if steer_right.state is on else steer_right.position
+            steering = self._ackermann.steering_from_wheel_angles(angle_left, angle_right)
+            last = replace(last, steering=steering, steering_left=angle_left, steering_right=angle_right)
         if left.state is not on or right.state is not on:
             last = replace(last, speed=0.0, speed_left=0.0, speed_right=0.0)
         return last
@@ -79,6 +86,6 @@ class Perception:
             return False
         first, last = self._rolled[0], self._rolled[-1]
         ages = [drive.age for drive in self._by_place(sensed)[:2]]
-        if last[0] - first[0] < 0.9 * STANDING_TIME or any(age is None or age > STANDING_TIME for age in ages):
+        if last[0] - first[0] < 0.9 * STANDING_TIME or any(age is None or age > self._stale for age in ages):
             return False
         return abs(last[1] - first[1]) <= STANDING_WAY and abs(last[2] - first[2]) <= STANDING_WAY

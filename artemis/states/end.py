@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from artemis.states.mode import STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs
+from artemis.supervision import catalogue
 from artemis.values import DriveState, Goal, JobKind, Snapshot, Wish
 
 OFF_TIME = 0.5
@@ -20,14 +21,18 @@ class EndMode(RoutineMode):
         """From whatever state the run is in to drives that rest and a process that may exit."""
         plan = self.plan
         if plan.connected:
-            snapshot = yield from come_to_rest(replace(STOPPING, supervised=False), snapshot)
+            snapshot = yield from come_to_rest(plan, replace(STOPPING, supervised=False), snapshot)
             latest = snapshot.time + OFF_TIME
             while snapshot.time < latest:
                 snapshot = yield IDLE
                 if all(drive.state in _OFF_STATES for drive in snapshot.sensed.drives):
                     break
         idle = replace(IDLE, exchange=plan.connected, heartbeat=plan.connected)
-        yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives()))
+        results, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives()))
+        for result in results:
+            if not result.ok:
+                plan.failed = True
+                yield replace(idle, fault=catalogue.fault("COM-34", result.drive, result.detail))
         yield replace(idle, exchange=False)  # the last heartbeat
         while True:
             yield replace(idle, exchange=False, heartbeat=False, finished=True, phase="ended")

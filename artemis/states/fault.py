@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from artemis.states.mode import OFF, STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs
+from artemis.states.mode import OFF, STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs, secure
 from artemis.values import Event, Goal, JobKind, Request, Severity, Snapshot, Wish
 
 IDLE = Wish(traction=Goal.DISABLED, steering=Goal.DISABLED, supervised=False)
@@ -18,7 +18,10 @@ class FaultMode(RoutineMode):
         plan = self.plan
         exchange = plan.connected
         stopping = replace(STOPPING, exchange=exchange, heartbeat=exchange, supervised=exchange)
-        snapshot = yield from come_to_rest(stopping, snapshot)
+        if exchange:
+            snapshot = yield from come_to_rest(plan, stopping, snapshot)
+        else:
+            _, snapshot = yield from secure(plan, stopping, snapshot)
         idle = replace(IDLE, exchange=exchange, heartbeat=exchange, phase="reading error histories")
         if exchange:
             snapshot = yield replace(OFF, phase="switching off")

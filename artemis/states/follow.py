@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from artemis.plugins.border import is_whole_following
 from artemis.plugins.contracts import Following
 from artemis.states.mode import ON, FollowStep, Plan
 from artemis.supervision import catalogue
@@ -30,14 +31,14 @@ class FollowMode:
     def enter(self, snapshot: Snapshot) -> None:
         """Start the follower, unless it is on its way already."""
         step = self._plan.current
-        self._fault = None
+        self._fault, self._origin, self._armed = None, None, False
         if isinstance(step, FollowStep) and step is not self._begun:
             try:
                 step.follower.start(step.path, snapshot)
             except Exception as error:  # noqa: BLE001  the border to foreign code: whatever it raises is a fault
                 self._fault = catalogue.fault("PLG-02", "follower", f"start: {error!r}")
             else:
-                self._begun, self._origin, self._armed = step, None, False
+                self._begun = step
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
@@ -50,16 +51,16 @@ class FollowMode:
         tracking = following.tracking
         if fault := self._off_path(tracking, step.max_cross_track):
             return _stand(snapshot, fault=fault, tracking=tracking)
-        done = following.finished and snapshot.standing
-        if done:
-            self._plan.advance()
+        if following.finished:  # whatever the follower still commands
+            if snapshot.standing:
+                self._plan.advance()
+            return _stand(snapshot, event=Event.DONE if snapshot.standing else None, tracking=tracking)
         return Wish(
             command=following.command,
             traction=Goal.ENABLED,
             steering=Goal.ENABLED,
             tracking=tracking,
             phase="following",
-            event=Event.DONE if done else None,
         )
 
     def _off_path(self, tracking: Tracking, limit: float) -> Fault | None:
@@ -80,20 +81,9 @@ class FollowMode:
             following = step.follower.step(snapshot)
         except Exception as error:  # noqa: BLE001  the border to foreign code: whatever it raises is a fault
             return catalogue.fault("PLG-02", "follower", repr(error))
-        return following if _is_whole(following) else catalogue.fault("PLG-06", "follower", repr(following)[:80])
-
-
-def _is_whole(answer: object) -> bool:
-    """Whether a follower's answer is one, with numbers in it. The gate judges those of the command (RUN-11)."""
-    if not isinstance(answer, Following):
-        return False
-    command, tracking = answer.command, answer.tracking
-    try:
-        told = (tracking.arc_length, tracking.length, tracking.cross_track, tracking.heading_error)
-        finite = [math.isfinite(number) for number in (*told, command.speed, command.steering)]
-    except (AttributeError, TypeError):
-        return False
-    return all(finite[: len(told)])
+        return (
+            following if is_whole_following(following) else catalogue.fault("PLG-06", "follower", repr(following)[:80])
+        )
 
 
 def _stand(
@@ -101,7 +91,7 @@ def _stand(
 ) -> Wish:
     """Stand with the wheels where they are."""
     command = DriveCommand(steering=snapshot.set_points.steering)
-    return replace(ON, command=command, event=event, fault=fault, tracking=tracking)
+    return replace(ON, command=command, event=event, fault=fault, tracking=tracking, phase="standing")
 
 
 def _seen(tracking: Tracking) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from artemis.states.alignment import align
-from artemis.states.mode import OFF, ON, Routine, RoutineMode, fail, finish_jobs
+from artemis.states.mode import OFF, ON, Routine, RoutineMode, fail, finish_jobs, secure
 from artemis.supervision import catalogue
 from artemis.values import DriveFeedback, DriveState, Event, Goal, JobKind, Nmt, Request, Snapshot, Wish
 
@@ -31,23 +31,27 @@ class InitMode(RoutineMode):
     def routine(self, snapshot: Snapshot) -> Routine:
         """Listen, secure, configure, prove, wait for arm, align."""
         plan = self.plan
-        first, plan.connected, plan.aligned = plan.index == 0 and plan.armed, False, False
+        plan.connected = plan.aligned = False
         until = snapshot.time + LISTEN
         while snapshot.time < until:
             snapshot = yield replace(SILENT, phase="listening")
-        for kind, role in ((JobKind.SECURE, "traction"), (JobKind.SECURE, "steering"), (JobKind.CONFIGURE, None)):
-            wish = replace(SILENT, phase=kind.value)
-            results, snapshot = yield from finish_jobs(wish, plan.jobs(kind, plan.drives(role)))
-            for result in results:
-                if not result.ok:
-                    return (yield from fail(SILENT, catalogue.fault("COM-08", result.drive, result.detail)))
+        results, snapshot = yield from secure(plan, SILENT, snapshot)
+        if all(result.ok for result in results):
+            wish = replace(SILENT, phase=JobKind.CONFIGURE.value)
+            results, snapshot = yield from finish_jobs(wish, plan.jobs(JobKind.CONFIGURE, plan.drives()))
+        for result in results:
+            if not result.ok:
+                return (yield from fail(SILENT, catalogue.fault("COM-08", result.drive, result.detail)))
         plan.connected = True
         snapshot = yield from self._prove_watchdog(snapshot)
         while not plan.armed and Request.ARM not in snapshot.sensed.requests:
+            if not snapshot.sensed.attended:
+                plan.failed = True
+                yield replace(OFF, event=Event.END, phase="nobody there to arm")
             snapshot = yield replace(OFF, phase="waiting for arm")
         plan.armed = False
         yield from align(plan, snapshot)
-        plan.aligned = True
+        first, plan.aligned, plan.placed = not plan.placed, True, True
         yield replace(ON, event=Event.ALIGNED, reset_pose=first, phase="aligned")
         while True:
             yield ON

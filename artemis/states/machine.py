@@ -16,6 +16,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     **{(mode, Event.DONE): Mode.READY for mode in _RUNNING},
     **{(mode, Event.STOP): Mode.QUICKSTOP for mode in (Mode.INIT, Mode.READY, *_RUNNING)},
     **{(mode, Event.FAULT): Mode.FAULT for mode in (Mode.INIT, Mode.READY, Mode.QUICKSTOP, *_RUNNING)},
+    (Mode.QUICKSTOP, Event.STOP): Mode.QUICKSTOP,  # asked for again: begins anew, and drops a re-arm under way
     (Mode.QUICKSTOP, Event.REARMED): Mode.READY,
     (Mode.QUICKSTOP, Event.ACKNOWLEDGED): Mode.INIT,  # stopped before the wheels were aligned: bring up again
     (Mode.FAULT, Event.ACKNOWLEDGED): Mode.INIT,

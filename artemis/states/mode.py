@@ -12,9 +12,6 @@ from artemis.plugins.contracts import Follower
 from artemis.values import Action, DriveCommand, Fault, Goal, Job, JobKind, JobResult, Snapshot, Wish
 from artemis.vehicle import Robot
 
-STOP_TIME = 3.0
-"""Longest time that is given to a quick stop before the drives are switched off all the same [s]."""
-
 
 class ModeLogic(Protocol):
     """One mode: pure logic, asked at every tick while it lasts."""
@@ -73,6 +70,8 @@ class Plan:
     """The drives have our configuration: process data may be exchanged."""
     aligned: bool = False
     """The wheels were aligned since the drives were last brought up."""
+    placed: bool = False
+    """The odometry has its origin: where the wheels were aligned first."""
     failed: bool = False
     """A fault or a stop ended the run before its last step."""
     index: int = 0
@@ -82,6 +81,11 @@ class Plan:
     def current(self) -> Step | None:
         """The step to do now; None after the last."""
         return self.steps[self.index] if self.index < len(self.steps) else None
+
+    @property
+    def stop_time(self) -> float:
+        """Longest time that is given to a stop before the drives are switched off all the same [s]."""
+        return 1.0 + 2.0 * self.robot.limits.speed_m_s / self.robot.limits.quick_stop_deceleration_m_s2
 
     def advance(self) -> None:
         """The current step is done."""
@@ -157,9 +161,20 @@ def fail(wish: Wish, fault: Fault) -> Routine:
         yield wish
 
 
-def come_to_rest(wish: Wish, snapshot: Snapshot) -> Routine:
-    """Yield `wish` until the robot stands, but no longer than `STOP_TIME`."""
-    latest = snapshot.time + STOP_TIME
+def secure(plan: Plan, wish: Wish, snapshot: Snapshot) -> Finished:
+    """Have every drive stopped and off by jobs, before any process data: traction first, while steering may hold."""
+    found: tuple[JobResult, ...] = ()
+    for role in ("traction", "steering"):
+        results, snapshot = yield from finish_jobs(
+            replace(wish, phase=JobKind.SECURE.value), plan.jobs(JobKind.SECURE, plan.drives(role))
+        )
+        found += results
+    return found, snapshot
+
+
+def come_to_rest(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
+    """Yield `wish` until the robot stands, but no longer than the plan's stop time."""
+    latest = snapshot.time + plan.stop_time
     while not snapshot.standing and snapshot.time < latest:
         snapshot = yield wish
     return snapshot

@@ -21,6 +21,8 @@ class Modes:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._machine = ModeMachine()
+        self._ending = False
+        self._stopped_for = Severity.NONE
         self._logic: dict[Mode, ModeLogic] = {
             Mode.INIT: InitMode(plan),
             Mode.READY: ReadyMode(plan),
@@ -40,16 +42,19 @@ class Modes:
     def advance(self, snapshot: Snapshot, wished: Event | None) -> Mode:
         """Change the mode by the most urgent event that the present one expects; `wished`: what the mode asked for."""
         verdict, requests = snapshot.verdict, snapshot.sensed.requests
-        stop = verdict.severity >= Severity.CONTROLLED_STOP or Request.QUICKSTOP in requests
+        stop_at = Severity.QUICK_STOP if self.mode is Mode.QUICKSTOP else Severity.CONTROLLED_STOP
+        self._ending = self._ending or Request.END in requests
         for event in (
             Event.FAULT if verdict.to_fault else None,
-            Event.STOP if stop else None,
-            Event.END if Request.END in requests else None,
+            Event.STOP if Request.QUICKSTOP in requests else None,
+            Event.STOP if verdict.severity >= stop_at and verdict.severity > self._stopped_for else None,
+            Event.END if self._ending else None,
             wished,
         ):
             if event is not None and self._machine.fire(event):
                 if event is Event.END and self._plan.current is not None:
                     self._plan.failed = True
+                self._stopped_for = verdict.severity if self.mode is Mode.QUICKSTOP else Severity.NONE
                 self._logic[self.mode].enter(snapshot)
                 break
         return self.mode

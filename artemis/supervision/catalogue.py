@@ -58,6 +58,7 @@ ROWS: dict[str, Row] = {
     "COM-27": Row(_S1, True, "left the NMT state Operational"),
     "COM-28": Row(_S1, True, "heartbeat lost"),
     "COM-30": Row(_S1, True, "does not watch the computer's heartbeat"),
+    "COM-34": Row(_S1, True, "could not be released: it may report a lost heartbeat now"),
     # motion
     "RUN-11": Row(_S2, False, "asked for a command that is not a number"),
     "STE-01": Row(_S1, True, "wheel does not reach its angle"),

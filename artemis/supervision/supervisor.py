@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from artemis.motion.perception import stale_age
 from artemis.supervision import catalogue
 from artemis.values import DriveFeedback, DriveState, Fault, Goal, Mode, Nmt, Request, Sensed, Severity, Verdict, Wish
 from artemis.vehicle import OPERATING_MODES, Robot
@@ -23,7 +24,7 @@ class Supervisor:
 
     def __init__(self, robot: Robot, tick: float) -> None:
         """`tick` is the tick's period [s]: feedback is stale after max(80 ms, 2.5 ticks)."""
-        self._stale = max(0.08, 2.5 * tick)
+        self._stale = stale_age(tick)
         self._traction = {name for name, drive in robot.drives.items() if drive.role == "traction"}
         self._modes = {name: OPERATING_MODES[drive.role] for name, drive in robot.drives.items()}
         self._latched: dict[tuple[str, str], Fault] = {}

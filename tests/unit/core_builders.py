@@ -105,7 +105,7 @@ def plan(*steps: Step, **state: Any) -> Plan:
 
 
 class ObedientDrives:
-    """Drives that do at once what a wish asks for, with wheels that stand where the set-points say.
+    """Drives that do at once what a wish asks for, with wheels that stand and roll as the set-points say.
 
     Those that are `deaf` do not notice a lost heartbeat, `lazy` ones change no state; `changes` is what a drive says
     instead of the truth.
@@ -114,6 +114,7 @@ class ObedientDrives:
     def __init__(self, state: DriveState = DriveState.SWITCH_ON_DISABLED) -> None:
         self.states = dict.fromkeys(NAMES, state)
         self.angles = {"steer-left": math.radians(7.0), "steer-right": math.radians(-4.0)}
+        self.ways = dict.fromkeys(TRACTION, 0.0)
         self.changes: dict[str, dict[str, Any]] = {name: {} for name in NAMES}
         self.deaf: set[str] = set()
         self.lazy: set[str] = set()
@@ -133,12 +134,17 @@ class ObedientDrives:
             self._heard[name] = False
             self.states[name], emergencies = DriveState.FAULT, (LOST_HEARTBEAT,)
         said: dict[str, Any] = {"state": self.states[name], "emergencies": emergencies}
+        side = ROBOT.drives[name].side
+        obeys = self.states[name] is DriveState.OPERATION_ENABLE and wish.exchange
         if name in STEERING:
-            side = ROBOT.drives[name].side
-            if self.states[name] is DriveState.OPERATION_ENABLE and wish.exchange:
+            if obeys:
                 self.angles[name] = points.steering_left if side == "left" else points.steering_right
             said["position"] = self.angles[name]
             said["potentiometers"] = volts(side, self.angles[name])
+        else:
+            if obeys:
+                self.ways[name] += PERIOD * (points.speed_left if side == "left" else points.speed_right)
+            said["position"] = self.ways[name]
         return drive(name, **{**said, **self.changes[name]})
 
 

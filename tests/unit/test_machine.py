@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 import re
 
 import pytest
@@ -60,6 +61,13 @@ def test_every_mode_answers_every_event_as_expected(mode: str, event: str) -> No
     following = EXPECTED[mode][EVENTS.index(event)]
     assert machine.fire(Event[event.upper()]) is bool(following)
     assert machine.mode.value == (following or mode)
+
+
+def test_refusal_is_quiet(caplog: pytest.LogCaptureFixture) -> None:
+    machine = machine_in("fault")
+    with caplog.at_level(logging.DEBUG):
+        assert not machine.fire(Event.STOP)  # asked at every tick as long as the verdict lasts
+    assert [record.message for record in caplog.records if record.levelno >= logging.WARNING] == []
 
 
 def test_machines_share_nothing() -> None:

@@ -89,6 +89,16 @@ def test_drives_are_switched_off_at_the_latest_after_the_stop_time() -> None:
     assert player.time == pytest.approx(STOP_TIME, abs=2 * PERIOD)
 
 
+def test_quickstop_before_the_drives_were_configured_neither_speaks_to_them_nor_judges_them() -> None:
+    player, _ = quickstop(connected=False, aligned=False)
+    for standing in (False, False, True, True):
+        wish = player.tick(standing=standing)
+        assert not wish.exchange
+        assert not wish.heartbeat
+        assert not wish.supervised
+    assert player.tick(requests=(Request.ARM,)).event is Event.ACKNOWLEDGED
+
+
 def test_nobody_there_to_arm_ends_the_run_as_failed() -> None:
     player, steps = quickstop()
     assert player.tick(standing=False, attended=False).event is None, "not before it stands"

@@ -45,8 +45,8 @@ class IndiveriConfig(Config):
     """Smaller errors do not raise the gain further: below, steering rate and delay would make it oscillate. 0.34 in the
     laboratory's code."""
     segment_m: Annotated[float, Field(ge=0.002, le=1)] = 0.005
-    """Length of the straight segments. About the way of one tick: longer ones make the steering jump at each switch, and
-    the wheels' roll about their kingpins then spoils the odometry."""
+    """Length of the straight segments. About the way of one tick: longer ones make the steering jump at each switch,
+    and the wheels' roll about their kingpins then spoils the odometry."""
     switch_m: Annotated[float, Field(ge=0, le=1)] = 0.15
     """The next segment becomes active so far before the end of the present one: about 1 / (2 a sqrt(h)) with h from the
     floors, where the heading of the line ahead asks for just the path's curvature. 0.1 in the laboratory's code."""
