@@ -19,19 +19,7 @@ from artemis.states.mode import Plan
 from artemis.states.modes import Modes
 from artemis.supervision import catalogue
 from artemis.supervision.supervisor import Supervisor
-from artemis.values import (
-    Fault,
-    Job,
-    JobResult,
-    OperatorInput,
-    Request,
-    Sensed,
-    SetPoints,
-    Severity,
-    Snapshot,
-    Tick,
-    Wish,
-)
+from artemis.values import Fault, Job, JobResult, OperatorInput, Request, Sensed, SetPoints, Snapshot, Tick, Wish
 
 Item = TypeVar("Item")
 LIMITED_SPEED = 0.3
@@ -65,10 +53,10 @@ class Core:
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
         """The gate, from its last set-points on; wheels whose drives are off are where they are."""
-        severity = snapshot.verdict.severity
-        ceiling = LIMITED_SPEED if severity is Severity.LIMIT else inf
+        verdict = snapshot.verdict
+        ceiling = LIMITED_SPEED if verdict.limits else inf
         last = self._perception.as_they_stand(snapshot.sensed, self._points)
-        points = self._gate.limit(wish.command, last, snapshot.dt, ceiling, severity >= Severity.CONTROLLED_STOP)
+        points = self._gate.limit(wish.command, last, snapshot.dt, ceiling, verdict.stops)
         return self._perception.as_they_stand(snapshot.sensed, points)
 
 

@@ -277,6 +277,16 @@ class Verdict:
     faults: tuple[Fault, ...] = ()
     to_fault: bool = False
 
+    @property
+    def stops(self) -> bool:
+        """The robot has to come to rest."""
+        return self.severity >= Severity.CONTROLLED_STOP
+
+    @property
+    def limits(self) -> bool:
+        """The robot may go on, slowly."""
+        return self.severity is Severity.LIMIT
+
 
 # ---------------------------------------------------------------------------------------------- the tick
 

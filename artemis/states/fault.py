@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from artemis.states.mode import OFF, STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs, secure
-from artemis.values import Event, Goal, JobKind, Request, Severity, Snapshot, Wish
+from artemis.values import Event, Goal, JobKind, Request, Snapshot, Wish
 
 IDLE = Wish(traction=Goal.DISABLED, steering=Goal.DISABLED, supervised=False)
 
@@ -32,7 +32,7 @@ class FaultMode(RoutineMode):
                 yield replace(idle, event=Event.END, phase="fault")
             phase = "acknowledge to bring the drives up again"
             if Request.ACKNOWLEDGE in snapshot.sensed.requests:
-                if snapshot.verdict.severity < Severity.CONTROLLED_STOP:
+                if not snapshot.verdict.stops:
                     plan.armed = False
                     snapshot = yield replace(idle, event=Event.ACKNOWLEDGED)
                     continue

@@ -68,7 +68,7 @@ def _ramp(snapshot: Snapshot) -> Wish:
 
 def _waits_for(snapshot: Snapshot) -> str | None:
     """What the operator has to do before arming; None: nothing."""
-    if snapshot.verdict.severity >= Severity.CONTROLLED_STOP:
+    if snapshot.verdict.stops:
         return f"acknowledge: {snapshot.verdict.faults[0].text}"
     if not all(sample.neutral for sample in snapshot.sensed.inputs):
         return "release the controls"

@@ -32,7 +32,7 @@ from artemis.values import DriveState, Mode
 SPEED = 0.4
 WATCH = HOST_WATCH_MS / 1000
 DRIVE_CYCLE = 0.001
-CLOSE = 0.001
+CLOSE = 0.002
 """How closely the world is watched after the loss [s]."""
 STEPS = [CALIBRATE, follow(SPEED)]
 REACTING = (DriveState.FAULT_REACTION_ENABLED, DriveState.FAULT_REACTION_DISABLED, DriveState.FAULT)

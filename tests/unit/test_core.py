@@ -131,6 +131,15 @@ def test_request_of_a_quick_stop_stops_the_robot_in_an_extra_tick() -> None:
     assert (tick.set_points.speed, tick.set_points.steering) == (0.0, held)
 
 
+def test_nothing_turns_a_quick_stop_into_a_milder_one() -> None:
+    live = driving()
+    before = live.drives.react(live.ticks[-1].wish, live.ticks[-1].set_points)
+    live.tick(inputs=(STICK,), requests=(Request.QUICKSTOP,), urgent=True, drives=before)
+    late = catalogue.fault("SYS-01")
+    tick = live.tick(drives=before, faults=(late,))  # feedback is a tick old: it does not show the stop yet
+    assert tick.wish.traction is Goal.QUICK_STOPPED
+
+
 def test_extra_tick_takes_no_time_and_so_changes_no_set_point() -> None:
     live = driving()
     before = live.ticks[-1].set_points

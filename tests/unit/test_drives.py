@@ -89,9 +89,9 @@ def test_quick_stop_goes_to_traction_at_once_and_steering_holds() -> None:
     assert frames == stop_frames(1, 2)
 
 
-def test_scheduled_tick_repeats_the_quick_stop_with_the_set_points() -> None:
+def test_scheduled_tick_stops_both_sides_first_and_repeats_it_with_the_set_points() -> None:
     frames = Bench().write(STOPPING)
-    assert [frame.id for frame in frames] == [0x301, 0x201, 0x302, 0x202, 0x203, 0x204, 0x080, 0x77F]
+    assert [frame.id for frame in frames] == [0x301, 0x302, 0x201, 0x202, 0x203, 0x204, 0x080, 0x77F]
     words = {frame.id: frame.data[0] for frame in frames[:6]}
     assert words == {0x301: 0x0B, 0x201: 0x0B, 0x302: 0x0B, 0x202: 0x0B, 0x203: 0x0F, 0x204: 0x0F}
 
@@ -134,6 +134,12 @@ def test_last_resort_stops_every_drive() -> None:
     bench = Bench()
     bench.drives.stop()
     assert bench.bus.take() == stop_frames(1, 2, 3, 4)
+
+
+def test_last_resort_bears_a_lost_bus() -> None:
+    bench = Bench()
+    bench.bus.lost = True
+    bench.drives.stop()
 
 
 # ---------------------------------------------------------------------------------------------- frames in
@@ -198,12 +204,13 @@ def test_answer_nobody_waits_for_is_ignored() -> None:
     ("frame", "urgent"),
     [
         (Frame(0x083, LOST_HEARTBEAT.to_bytes(2, "little") + bytes(6)), True),
+        (Frame(0x083, bytes(8)), False),  # all errors gone
         (Frame(0x703, b"\x05"), False),
         (Frame(0x183, bytes(6)), False),
-        (Frame(0x085, bytes(8)), False),  # nobody's
+        (Frame(0x085, LOST_HEARTBEAT.to_bytes(2, "little") + bytes(6)), False),  # nobody's
     ],
 )
-def test_only_an_emergency_of_our_drives_is_urgent(frame: Frame, urgent: bool) -> None:
+def test_only_an_emergency_of_our_drives_that_tells_an_error_is_urgent(frame: Frame, urgent: bool) -> None:
     bench = Bench()
     bench.bus.arrived = [frame]
     assert bench.drives.receive() is urgent

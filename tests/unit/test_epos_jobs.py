@@ -18,7 +18,7 @@ from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.epos_objects import Units
 from artemis.errors import DeviceError, DeviceTimeout, ProtocolError
 from artemis.sim.bus import SimBus
-from artemis.sim.dictionary import key_of
+from artemis.sim.dictionary import Abort, AbortCode, key_of
 from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.world import TrueRobot, World
 from artemis.values import DriveState, Job, JobKind, Nmt
@@ -182,15 +182,25 @@ WRONG: list[tuple[dict[str, object], SimSettings | None, str]] = [
 
 
 @pytest.mark.parametrize(("described", "settings", "problem"), WRONG, ids=["hardware", "firmware", "serial"])
-def test_wrong_drive_is_refused_and_told_nothing(
+def test_wrong_drive_is_refused_and_told_nothing_but_to_stop(
     described: dict[str, object], settings: SimSettings | None, problem: str
 ) -> None:
     async def test(rig: Rig) -> None:
         with pytest.raises(DeviceError, match=problem):
             await rig.jobs.secure()
-        assert rig.writes() == []
+        assert rig.writes() == [(0x6040, 0, b"\0\0")]
 
     on(LEFT, test, robot=changed(LEFT, **described), settings=settings)
+
+
+def test_wrong_drive_is_stopped_if_it_moves() -> None:
+    async def test(rig: Rig) -> None:
+        await rig.spin(1500)
+        with pytest.raises(DeviceError, match="serial number"):
+            await rig.jobs.secure()
+        assert rig.node.axis.velocity == 0.0
+
+    on(LEFT, test, robot=changed(LEFT, serial_number=0x12345678))
 
 
 def test_drive_of_another_maker_is_refused() -> None:
@@ -455,6 +465,34 @@ def test_configured_drive_does_watch_our_heartbeat() -> None:
         assert await rig.jobs.read_history() == (0x8130,)
 
     on(LEFT, test)
+
+
+def test_disarming_stops_a_moving_drive_before_its_power_is_cut() -> None:
+    async def test(rig: Rig) -> None:
+        await rig.spin(1500)
+        speeds = rig.watch_power()
+        await rig.jobs.disarm()
+        assert len(speeds) == 1
+        assert speeds[0] < 1.0
+
+    on(LEFT, test)
+
+
+def test_disarming_goes_on_when_an_act_fails_and_tells_of_it_at_the_end() -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        rig.node._dictionary.checks[key_of(0x6040, 0)] = _refuse
+        with pytest.raises(DeviceError, match=r"0x6040"):
+            await rig.jobs.disarm()
+        await asyncio.sleep(0.001)
+        assert has(rig, 0x1016, 1) == 0
+        assert rig.node.nmt is Nmt.PRE_OPERATIONAL
+
+    on(LEFT, test)
+
+
+def _refuse(value: int) -> None:
+    raise Abort(AbortCode.DEVICE_STATE)
 
 
 def test_disarming_a_drive_in_fault_leaves_it_without() -> None:

@@ -19,7 +19,7 @@ EXPECTED = {
     "calibrate": ["",      "",          "",       "",       "ready", "quickstop", "fault", "",      "",       "end"],
     "teleop":    ["",      "",          "",       "",       "ready", "quickstop", "fault", "",      "",       "end"],
     "follow":    ["",      "",          "",       "",       "ready", "quickstop", "fault", "",      "",       "end"],
-    "quickstop": ["",      "",          "",       "",       "",      "",          "fault", "ready", "init",   "end"],
+    "quickstop": ["",      "",          "",       "",       "",      "quickstop", "fault", "ready", "init",   "end"],
     "fault":     ["",      "",          "",       "",       "",      "",          "",      "",      "init",   "end"],
     "end":       ["",      "",          "",       "",       "",      "",          "",      "",      "",       ""],
 }  # fmt: skip

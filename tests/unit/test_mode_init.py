@@ -128,8 +128,18 @@ def test_init_that_is_not_armed_waits_with_the_drives_off_until_it_is() -> None:
 
 def test_later_bring_ups_keep_the_pose() -> None:
     bring_up = BringUp()
-    bring_up.plan.advance()
+    assert bring_up.player.until(has_event).reset_pose
+    bring_up.plan.armed = True
+    bring_up.player.enter()
     assert not bring_up.player.until(has_event).reset_pose
+
+
+def test_nobody_there_to_arm_ends_the_run_as_failed() -> None:
+    bring_up = BringUp(armed=False)
+    bring_up.player.world["attended"] = False
+    assert bring_up.player.until(has_event).event is Event.END
+    assert bring_up.plan.failed
+    assert not any(map(powered, bring_up.player.wishes))
 
 
 @pytest.mark.parametrize("kind", [JobKind.SECURE, JobKind.CONFIGURE, JobKind.REFERENCE, JobKind.CLEAR_TARGET])
@@ -150,7 +160,7 @@ def test_configuration_is_not_begun_when_a_drive_cannot_be_secured() -> None:
     bring_up = BringUp()
     bring_up.player.refused.add((JobKind.SECURE, "traction-left"))
     bring_up.fault()
-    assert {job.drive for job in bring_up.player.jobs} == set(TRACTION)
+    assert {(job.kind, job.drive) for job in bring_up.player.jobs} == {(JobKind.SECURE, name) for name in NAMES}
 
 
 @pytest.mark.parametrize("name", NAMES)

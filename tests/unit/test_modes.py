@@ -43,6 +43,7 @@ from artemis.values import (
     Request,
     SetPoints,
     Severity,
+    Snapshot,
     Verdict,
     Wish,
 )
@@ -62,7 +63,7 @@ WAYS: dict[Mode, list[Event]] = {
 
 
 def modes_in(mode: Mode, steps: Plan | None = None) -> Modes:
-    modes = Modes(steps or plan(CalibrateStep()))
+    modes = Modes(steps or plan(CalibrateStep(), connected=True, aligned=True))
     for event in WAYS[mode]:
         modes.advance(snapshot(), event)
     assert modes.mode is mode
@@ -78,6 +79,7 @@ def test_every_mode_has_logic_that_bears_silent_drives(mode: Mode) -> None:
 
 
 STOP, DRIVE_FAULT = verdict("INP-03"), verdict("DRV-25")
+SEVERE = Verdict(severity=Severity.QUICK_STOP, faults=STOP.faults)
 ENDED = (Request.END,)
 
 
@@ -90,7 +92,10 @@ ENDED = (Request.END,)
         (Mode.FOLLOW, {"requests": (Request.END, Request.QUICKSTOP)}, Event.DONE, Mode.QUICKSTOP),
         (Mode.FOLLOW, {"requests": ENDED, "verdict": STOP}, Event.DONE, Mode.QUICKSTOP),
         (Mode.FOLLOW, {"requests": (Request.QUICKSTOP,), "verdict": DRIVE_FAULT}, Event.DONE, Mode.FAULT),
-        (Mode.QUICKSTOP, {"verdict": STOP}, Event.REARMED, Mode.READY),
+        (Mode.QUICKSTOP, {}, Event.REARMED, Mode.READY),
+        (Mode.QUICKSTOP, {"requests": (Request.QUICKSTOP,)}, Event.REARMED, Mode.QUICKSTOP),
+        (Mode.QUICKSTOP, {"verdict": SEVERE}, Event.REARMED, Mode.QUICKSTOP),
+        (Mode.QUICKSTOP, {"verdict": STOP}, None, Mode.QUICKSTOP),
         (Mode.QUICKSTOP, {"verdict": DRIVE_FAULT}, Event.REARMED, Mode.FAULT),
         (Mode.FAULT, {"requests": (Request.QUICKSTOP,), "verdict": DRIVE_FAULT}, None, Mode.FAULT),
         (Mode.FAULT, {"requests": ENDED, "verdict": DRIVE_FAULT}, None, Mode.END),
@@ -114,6 +119,21 @@ def test_run_that_is_ended_before_its_last_step_has_failed(steps: tuple[Any, ...
     whole = plan(*steps)
     modes_in(Mode.READY, whole).advance(snapshot(requests=ENDED), None)
     assert whole.failed is failed
+
+
+def test_milder_stop_does_not_begin_a_stop_anew_and_a_more_severe_one_does_once() -> None:
+    modes = modes_in(Mode.QUICKSTOP)
+    entered: list[Snapshot] = []
+    modes._logic[Mode.QUICKSTOP].enter = entered.append  # type: ignore[method-assign]
+    for judged, times in ((STOP, 0), (SEVERE, 1), (SEVERE, 1), (STOP, 1)):
+        modes.advance(snapshot(verdict=judged), None)
+        assert len(entered) == times
+
+
+def test_end_that_was_asked_for_during_a_stop_comes_after_it() -> None:
+    modes = modes_in(Mode.FOLLOW)
+    assert modes.advance(snapshot(requests=(Request.END, Request.QUICKSTOP)), None) is Mode.QUICKSTOP
+    assert modes.advance(snapshot(), None) is Mode.END
 
 
 def test_mode_that_is_entered_again_begins_anew() -> None:

@@ -25,7 +25,7 @@ from core_builders import (
 
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
-from artemis.states.mode import STOP_TIME, CalibrateStep, ModeLogic, Plan
+from artemis.states.mode import CalibrateStep, ModeLogic, Plan
 from artemis.states.quickstop import QuickstopMode
 from artemis.supervision import catalogue
 from artemis.values import (
@@ -86,17 +86,37 @@ def test_drives_are_switched_off_at_the_latest_after_the_stop_time() -> None:
     player, _ = quickstop()
     player.world["standing"] = False
     player.until(lambda wish: wish.traction is Goal.DISABLED)
-    assert player.time == pytest.approx(STOP_TIME, abs=2 * PERIOD)
+    assert player.time == pytest.approx(1.0 + 2 * 0.7 / 1.5, abs=2 * PERIOD), "twice the robot's own, and a second"
 
 
-def test_quickstop_before_the_drives_were_configured_neither_speaks_to_them_nor_judges_them() -> None:
+def test_drives_that_were_not_configured_are_stopped_by_jobs_and_not_judged() -> None:
     player, _ = quickstop(connected=False, aligned=False)
-    for standing in (False, False, True, True):
-        wish = player.tick(standing=standing)
+    for _ in range(5):
+        wish = player.tick(standing=False)
         assert not wish.exchange
         assert not wish.heartbeat
         assert not wish.supervised
+    assert [job.drive for job in player.jobs] == list(NAMES)
+    assert {job.kind for job in player.jobs} == {JobKind.SECURE}
     assert player.tick(requests=(Request.ARM,)).event is Event.ACKNOWLEDGED
+
+
+def test_quick_stop_during_a_controlled_stop_makes_it_a_quick_one() -> None:
+    player, _ = quickstop()
+    held: dict[str, Any] = {"standing": False, "verdict": verdict("INP-03")}
+    assert powered(player.tick(**held))
+    player.enter(snapshot(requests=(Request.QUICKSTOP,), **held))
+    assert player.tick(requests=(Request.QUICKSTOP,), **held).traction is Goal.QUICK_STOPPED
+    assert player.tick(**held).traction is Goal.QUICK_STOPPED, "and it stays one"
+
+
+def test_drives_stay_held_after_a_controlled_stop_whose_cause_was_acknowledged() -> None:
+    player, _ = quickstop()
+    assert powered(player.tick(standing=False, verdict=verdict("INP-03")))
+    assert powered(player.tick())
+    assert player.tick(requests=(Request.ARM,)).event is Event.REARMED
+    assert player.jobs == []
+    assert all(map(powered, player.wishes))
 
 
 def test_nobody_there_to_arm_ends_the_run_as_failed() -> None:
@@ -199,14 +219,14 @@ def test_history_that_cannot_be_read_holds_nothing_up() -> None:
     player.until(lambda wish: "acknowledge" in wish.phase)
 
 
-def test_fault_without_drives_says_nothing_on_the_bus() -> None:
+def test_fault_before_the_drives_were_configured_stops_them_by_jobs_and_exchanges_nothing() -> None:
     player, _ = in_fault(connected=False)
     player.world["standing"] = False
     player.until(lambda wish: "acknowledge" in wish.phase)
     for wish in player.wishes:
         assert not wish.exchange
         assert not wish.heartbeat, "a heartbeat that begins here and ends again trips every drive that has heard it"
-        assert not wish.jobs
+    assert [(job.kind, job.drive) for job in player.jobs] == [(JobKind.SECURE, name) for name in NAMES]
 
 
 def waiting_for_acknowledgment(**state: Any) -> tuple[Player, Plan]:
@@ -285,6 +305,7 @@ def test_drives_that_refuse_to_be_disarmed_do_not_hold_the_end_up() -> None:
     player = ending()
     player.refused |= {(JobKind.DISARM, name) for name in NAMES}
     player.until(lambda wish: wish.finished, longest=1.0)
+    assert [fault_of(wish) for wish in player.wishes if wish.fault] == [("COM-34", name) for name in NAMES]
 
 
 def test_end_before_the_drives_were_configured_only_disarms() -> None:
