@@ -17,6 +17,7 @@ NOMINAL_VOLTAGE = 24.0
 """Supply at which a motor reaches its no-load speed [V]."""
 OUTPUT_SHARE = 0.9
 """Highest output voltage as a share of the supply (EPOS hardware reference, 6.1)."""
+_SPEED_SHARE_PER_VOLT = OUTPUT_SHARE / NOMINAL_VOLTAGE
 SPEED_LAG = 0.003
 """Time constant of the closed speed loop [s]; the regulators themselves run every 1 ms."""
 POSITION_GAIN = 50.0
@@ -76,7 +77,6 @@ class Axis:
         """Counts per second at 1 rpm."""
         self.load = LOADS[drive.role] if load is None else load
         self.no_load_rpm = float(drive.motor.max_speed_rpm)
-        self._rpm_per_volt = self.no_load_rpm * OUTPUT_SHARE / NOMINAL_VOLTAGE
 
         self.position = 0.0
         """Counts since the axis was made, with their fraction; not changed by homing or a power cycle."""
@@ -115,8 +115,9 @@ class Axis:
         """Speed limit of `Regulation.CURRENT`."""
         self.after_step: Callable[[float], None] | None = None
         """Called with `dt` at the end of each step: the drive's supervision."""
+        # With more than 30 attributes Python would find every one of them slower.
         self._tuned_for = 0.0
-        self._speed_blend = self._velocity_blend = self._current_blend = 0.0
+        self._blends = _blends_of(0.0)
 
     def regulate(self, regulation: Regulation, target: float) -> None:
         """Change what the regulators do; demands start from where the shaft is and how fast it turns."""
@@ -153,13 +154,14 @@ class Axis:
             return
         if dt != self._tuned_for:
             self._tuned_for = dt
-            self._speed_blend, self._velocity_blend, self._current_blend = _blends(dt)
+            self._blends = _blends_of(dt)
+        speed_blend, velocity_blend, current_blend = self._blends
         before, regulation = self.velocity, self.regulation
         if regulation is _VELOCITY:
             wanted = self.demand_velocity
             if wanted != self.target:
                 wanted = self.demand_velocity = self._ramped(wanted, self.target, dt)
-            current, after = self._regulated(before, wanted, dt)
+            current, after = self._regulated(before, wanted, speed_blend, dt)
         elif regulation is _POSITION or regulation is _PROFILE:
             if regulation is _PROFILE:
                 self._advance_profile(dt)
@@ -167,7 +169,7 @@ class Axis:
                 self.demand_position, self.demand_velocity = self.target, 0.0
             error = self.demand_position - self.position
             wanted = self.demand_velocity + POSITION_GAIN * error / self.counts_per_rpm_s
-            current, after = self._regulated(before, wanted, dt)
+            current, after = self._regulated(before, wanted, speed_blend, dt)
         else:
             current, after = self._unregulated(before, dt)
         if before or after:
@@ -176,8 +178,8 @@ class Axis:
             self.demand_position = self.position
         self.velocity, self.current = after, current
         self.heat += (current * current - self.heat) * dt / self.thermal_time
-        self.velocity_averaged += (after - self.velocity_averaged) * self._velocity_blend
-        self.current_averaged += (current - self.current_averaged) * self._current_blend
+        self.velocity_averaged += (after - self.velocity_averaged) * velocity_blend
+        self.current_averaged += (current - self.current_averaged) * current_blend
         if self.after_step is not None:
             self.after_step(dt)
 
@@ -188,16 +190,16 @@ class Axis:
         else:
             current = self._within_limit(self.target)
             after = self._rolled(before, current, dt)
-            top = min(self.current_mode_rpm, self._rpm_per_volt * self.supply_voltage)
+            top = min(self.current_mode_rpm, self.no_load_rpm * _SPEED_SHARE_PER_VOLT * self.supply_voltage)
             after = max(-top, min(top, after))
         return current, 0.0 if self.blocked else after
 
-    def _regulated(self, before: float, wanted: float, dt: float) -> tuple[float, float]:
+    def _regulated(self, before: float, wanted: float, blend: float, dt: float) -> tuple[float, float]:
         """Current and velocity after `dt` of a speed loop that asks for the velocity `wanted`."""
-        top = self._rpm_per_volt * self.supply_voltage
+        top = self.no_load_rpm * _SPEED_SHARE_PER_VOLT * self.supply_voltage
         if not -top <= wanted <= top:
             wanted = math.copysign(top, wanted)
-        after = before + (wanted - before) * self._speed_blend
+        after = before + (wanted - before) * blend
         if -STILL_RPM < after < STILL_RPM and -STILL_RPM < wanted < STILL_RPM and self.demand_velocity == 0.0:
             after = 0.0
         if self.blocked:
@@ -266,7 +268,7 @@ class Axis:
 
 
 @lru_cache(maxsize=8)
-def _blends(dt: float) -> tuple[float, float, float]:
+def _blends_of(dt: float) -> tuple[float, float, float]:
     """How much of the way a low pass goes in `dt`: speed loop, averaged velocity, averaged current."""
     return (
         1.0 - math.exp(-dt / SPEED_LAG),

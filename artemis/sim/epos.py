@@ -386,4 +386,5 @@ class SimEpos:
 
 def _millivolts(voltage: float) -> int:
     """A voltage [V] as object 0x207C shows it [mV]: 0 to 5 V in 1024 steps."""
-    return _MILLIVOLTS[max(0, min(ANALOG_STEPS, round(voltage * _STEPS_PER_VOLT)))]
+    steps = round(voltage * _STEPS_PER_VOLT)
+    return _MILLIVOLTS[steps] if 0 <= steps <= ANALOG_STEPS else _MILLIVOLTS[0 if steps < 0 else ANALOG_STEPS]

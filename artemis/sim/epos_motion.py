@@ -361,4 +361,4 @@ class Motion:
 
 
 def _int16(value: float) -> int:
-    return max(-32768, min(32767, round(value)))
+    return round(value) if -32768.0 <= value <= 32767.0 else 32767 if value > 0.0 else -32768

@@ -71,7 +71,10 @@ class TransmitPdo:
 
     def sample(self) -> Frame:
         """The mapped objects as they are now; the same frame again as long as nothing changes."""
-        data = self._pack(*[get() for get in self._getters])
+        numbers = []
+        for get in self._getters:  # a comprehension costs a call
+            numbers.append(get())
+        data = self._pack(*numbers)
         if data != self._frame.data:
             self._frame = Frame(self.id, data)
         return self._frame

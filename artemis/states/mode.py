@@ -172,14 +172,29 @@ def secure(plan: Plan, wish: Wish, snapshot: Snapshot) -> Finished:
     return found, snapshot
 
 
+ROLLING_TIME = 10.0
+"""A robot whose traction is off may roll this long before steering lets go, too [s]."""
+
+
 def come_to_rest(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
-    """Yield `wish` until the robot stands, but no longer than the plan's stop time."""
-    latest = snapshot.time + plan.stop_time
-    while not snapshot.standing and snapshot.time < latest:
-        snapshot = yield wish
+    """Yield `wish` until the robot stands; traction is off at the latest after the plan's stop time.
+
+    Steering holds for longer: a robot that rolls without power shall not turn on its own. It ends sooner where no
+    drive is heard any more.
+    """
+    off, latest = snapshot.time + plan.stop_time, snapshot.time + ROLLING_TIME
+    while not snapshot.standing and snapshot.time < (latest if _is_heard(snapshot) else off):
+        snapshot = yield wish if snapshot.time < off else replace(wish, traction=Goal.DISABLED)
     return snapshot
 
 
+def _is_heard(snapshot: Snapshot) -> bool:
+    """Whether any drive still sends feedback."""
+    return any(drive.age is not None and drive.age < HEARD for drive in snapshot.sensed.drives)
+
+
+HEARD = 0.5
+"""A drive whose feedback is older than this [s] is gone."""
 STOPPING = Wish(
     command=DriveCommand(action=Action.QUICKSTOP), traction=Goal.QUICK_STOPPED, steering=Goal.HOLD, phase="stopping"
 )

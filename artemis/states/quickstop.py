@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from artemis.states.alignment import enable
-from artemis.states.mode import OFF, ON, STOPPING, Routine, RoutineMode, fail, finish_jobs, secure
+from artemis.states.mode import OFF, ON, STOPPING, Routine, RoutineMode, come_to_rest, fail, finish_jobs, secure
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveState, Event, JobKind, Request, Severity, Snapshot, Wish
 
@@ -29,8 +29,11 @@ class QuickstopMode(RoutineMode):
             _, snapshot = yield from secure(plan, STOPPING, snapshot)
         hold = plan.connected and _asks_to_hold(snapshot)
         latest = snapshot.time + plan.stop_time
-        while plan.connected and not snapshot.standing and snapshot.time < latest:
-            snapshot = yield _ramp(snapshot) if hold else STOPPING
+        while hold and not snapshot.standing:
+            snapshot = yield _ramp(snapshot)
+            hold = snapshot.time < latest
+        if plan.connected and not hold:
+            snapshot = yield from come_to_rest(plan, STOPPING, snapshot)
         while True:
             rest = _ramp(snapshot) if hold else OFF
             if not snapshot.sensed.attended:

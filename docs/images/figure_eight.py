@@ -21,5 +21,5 @@ with tempfile.TemporaryDirectory() as folder:
     run = run_mission(load_mission(mission), mission).run
     with style():
         figure = path_figure(read_series(Recording(run.path)))
-        figure.set_size_inches(10, 5)
-        figure.savefig(HERE / "figure_eight.png", dpi=110, facecolor="white")
+        figure.set_size_inches(8, 5.2)
+        figure.savefig(HERE / "figure_eight.png", dpi=120, facecolor="white")

@@ -37,7 +37,7 @@ DOCS = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob
 SOURCES = sorted((ROOT / "artemis").rglob("*.py"))
 MAIN_PATH = ("robot.py", "states/teleop.py", "motion/limits.py", "devices/drive.py", "devices/epos.py")
 MAIN_PATH_LINES, FILE_LINES, FUNCTION_LINES = 600, 400, 60
-KINDS = {"sh", "yaml", "python", "toml", "text", "mermaid"}
+KINDS = {"", "sh", "yaml", "python", "toml", "text", "mermaid"}
 DEMO = ["run", "missions/figure_eight.yaml"]
 NEEDS_A_BUS = {"sim"}
 
@@ -89,6 +89,8 @@ YAML_BLOCKS = [block for block in BLOCKS if block.kind == "yaml"]
 
 def test_every_block_says_what_it_is() -> None:
     assert not [str(block) for block in BLOCKS if block.kind not in KINDS]
+    plain = [block for block in BLOCKS if not block.kind]
+    assert not [str(block) for block in plain if re.search(r"^(?:\$ )?(?:artemis|make) ", block.text, re.MULTILINE)]
     assert {block.kind for block in BLOCKS} >= {"sh", "yaml", "python", "mermaid"}
 
 

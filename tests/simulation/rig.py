@@ -6,6 +6,7 @@ them while the run goes on (`at`, `when`), and put another follower, input devic
 
 from __future__ import annotations
 
+import asyncio
 import itertools
 import json
 import math
@@ -19,16 +20,18 @@ from unittest.mock import patch
 
 from artemis import app, clock
 from artemis.devices.can_bus import Frame
+from artemis.devices.drive import Drives
 from artemis.devices.epos_objects import Units
-from artemis.mission.loading import load_mission
+from artemis.mission.loading import LoadedMission, load_mission
 from artemis.plugins.contracts import Follower, InputDevice
 from artemis.recording.replay import Replayed, replay
-from artemis.robot import Robot
+from artemis.robot import Core, Robot
 from artemis.sim.bus import Disturb, SimBus
 from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.world import TrueRobot, World
 from artemis.states.mode import FollowStep, Plan
 from artemis.values import DriveState, Fault, Mode, Pose, Request, Tick
+from artemis.vehicle import Robot as RobotFile
 
 MISSIONS = FilePath(__file__).parents[2] / "missions"
 TRACTION, STEERING = ("traction-left", "traction-right"), ("steer-left", "steer-right")
@@ -68,9 +71,7 @@ def stick(*rows: tuple[float, float, float, int]) -> str:
     return "time_s,x,y,enable\n" + "".join(f"{time},{x},{y},{enable}\n" for time, x, y, enable in rows)
 
 
-def write_mission(
-    folder: FilePath, steps: Steps, files: Mapping[str, str] | None = None, **keys: object
-) -> FilePath:
+def write_mission(folder: FilePath, steps: Steps, files: Mapping[str, str] | None = None, **keys: object) -> FilePath:
     """A mission with its robot and tables in `folder`; its path. A follow step's `line.csv` is 1.2 m straight."""
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(MISSIONS / "robots" / "artemis.yaml", folder / "artemis.yaml")
@@ -104,10 +105,17 @@ class Truth:
 class WatchedWorld(World):
     """Writes down its truth at every step."""
 
-    def __init__(self, *args: Any, **keys: Any) -> None:
+    def __init__(
+        self,
+        robot: RobotFile,
+        true: TrueRobot | None = None,
+        *,
+        seed: int = 1,
+        start: float = 0.0,
+        settings: SimSettings | None = None,
+    ) -> None:
         self.history: list[Truth] = []
-        super().__init__(*args, **keys)
-        robot = args[0]
+        super().__init__(robot, true, seed=seed, start=start, settings=settings)
         axes = {node.name: node.axis for node in self.nodes}
         self._wheels = [(axes[name], 1 / Units(robot, robot.drives[name]).rpm) for name in TRACTION]
         self._place_in_order = [self.drive(name) for name in DRIVES]
@@ -140,15 +148,18 @@ class WatchedBus(SimBus):
 
     dead = False
 
-    def __init__(self, *args: Any, **keys: Any) -> None:
+    def __init__(
+        self, world: World, bitrate: int, loop: asyncio.AbstractEventLoop, disturb: Disturb | None = None
+    ) -> None:
+        self.loop = loop
         self.sent: list[tuple[float, Frame]] = []
         self.heard: list[Frame] = []
-        super().__init__(*args, **keys)
+        super().__init__(world, bitrate, loop, disturb=disturb)
 
     def send(self, frame: Frame) -> None:
         """Unless the host is dead."""
         if not self.dead:
-            self.sent.append((self._loop.time(), frame))
+            self.sent.append((self.loop.time(), frame))
             super().send(frame)
 
     def receive(self) -> list[Frame]:
@@ -232,6 +243,10 @@ class Run:
 
     def truth_from(self, time: float) -> list[Truth]:
         return [truth for truth in self.world.history if truth.time >= time]
+
+    def truth_at(self, time: float) -> Truth:
+        """The machine as it was last looked at."""
+        return max((t for t in self.world.history if t.time <= time), key=lambda t: t.time)
 
     def stands_from(self) -> float:
         """Time since when no driven wheel truly turned any more."""
@@ -329,7 +344,7 @@ class Rig:
 
     def emergency(self, name: str, code: int) -> Callable[[], None]:
         """An act: a device error in a drive."""
-        return lambda: self.drive(name).emergency(code, self.bus._loop.time())
+        return lambda: self.drive(name).emergency(code, self.bus.loop.time())
 
     def drive(self, name: str) -> SimEpos:
         """A simulated drive."""
@@ -381,25 +396,33 @@ class Rig:
         loop._selector_with_time.now = self._start
         return loop
 
-    def _make_world(self, *args: Any, **keys: Any) -> WatchedWorld:
+    def _make_world(self, robot: RobotFile, true: TrueRobot, *, seed: int, start: float) -> WatchedWorld:
         if self.world is None:
-            self.world = WatchedWorld(*args, settings=self._settings, **keys)
+            self.world = WatchedWorld(robot, true, seed=seed, start=start, settings=self._settings)
         return self.world
 
-    def _make_bus(self, *args: Any, **keys: Any) -> WatchedBus:
-        self.bus = WatchedBus(*args, disturb=self._disturb, **keys)
+    def _make_bus(self, world: World, bitrate: int, loop: asyncio.AbstractEventLoop) -> WatchedBus:
+        self.bus = WatchedBus(world, bitrate, loop, self._disturb)
         for time, name, act in self._acts:
             self._later(time, name, act)
-        self.bus._loop.call_later(self._longest, self._give_up)
+        self.bus.loop.call_later(self._longest, self._give_up)
         return self.bus
 
-    def _make_robot(self, core: Any, drives: Any, inputs: dict[str, InputDevice], *args: Any) -> Robot:
+    def _make_robot(
+        self,
+        core: Core,
+        drives: Drives,
+        inputs: dict[str, InputDevice],
+        period: float,
+        observe: Callable[[Tick], None],
+        attended: Callable[[float], bool],
+    ) -> Robot:
         if self._input is not None:
             inputs.update(dict.fromkeys(inputs, self._input))
-        self.robot = Robot(core, drives, inputs, *args)
+        self.robot = Robot(core, drives, inputs, period, observe, attended)
         return self.robot
 
-    def _make_plan(self, loaded: Any) -> Plan:
+    def _make_plan(self, loaded: LoadedMission) -> Plan:
         self._plan = plan = _PLAN_FROM(loaded)
         if self._follower is not None:
             plan.steps = tuple(
@@ -409,7 +432,7 @@ class Rig:
 
     def _watch(self, tick: Tick) -> None:
         assert self.world is not None
-        now = self.bus._loop.time()
+        now = self.bus.loop.time()
         sent = [frame for _, frame in self.bus.sent[self._taken :]]
         self._taken = len(self.bus.sent)
         truth = self.world.truth
@@ -422,10 +445,10 @@ class Rig:
 
     def _later(self, delay: float, name: str, act: Callable[[], None]) -> None:
         def do() -> None:
-            self._done[name] = self.bus._loop.time()
+            self._done[name] = self.bus.loop.time()
             act()
 
-        self.bus._loop.call_later(delay, do)
+        self.bus.loop.call_later(delay, do)
 
     def _give_up(self) -> None:
         last = self._seen[-1]
@@ -439,7 +462,7 @@ class Killed(Exception):
 _LOOP, _PLAN_FROM = clock.SimulatedLoop, app.plan_from
 
 
-def run(mission: FilePath, **keys: Any) -> Run:
+def run(mission: FilePath, **keys: Any) -> Run:  # noqa: ANN401 (whatever `Rig` takes)
     """Run a mission under watch; keywords as of `Rig`."""
     return Rig(mission, **keys).run()
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rig import (
@@ -15,7 +14,6 @@ from rig import (
     HEARTBEAT,
     NODE,
     TICK,
-    TRACTION,
     Rig,
     Run,
     follow,
@@ -131,7 +129,7 @@ def test_a_drive_without_power_stops_the_robot(tmp_path: Path, name: str) -> Non
 @pytest.mark.parametrize("name", DRIVES)
 def test_a_drive_that_restarts_while_driving_is_found_out_by_its_boot_up(tmp_path: Path, name: str) -> None:
     rig = Rig(write_mission(tmp_path, STEPS))
-    rig.while_following(lambda: rig.drive(name).power_on(rig.bus._loop.time()), name="reboot")
+    rig.while_following(lambda: rig.drive(name).power_on(rig.bus.loop.time()), name="reboot")
     seen = rig.run()
     booted = next(f.time for f in seen.bus.heard if f.id == HEARTBEAT + NODE[name] and f.data == b"\x00" and f.time > 1)
     assert ("COM-26", name) in {(fault.id, fault.device) for fault in seen.faults}
@@ -145,7 +143,7 @@ def test_a_drive_that_restarts_while_driving_is_found_out_by_its_boot_up(tmp_pat
 
 
 def twice(rig_of: Callable[[], Rig]) -> Disturb:
-    """Every process-data and heartbeat frame of a drive is heard twice by the host (ISO 11898-1: last bit disturbed)."""
+    """Every process-data and heartbeat frame of a drive reaches the host twice (ISO 11898-1: last bit disturbed)."""
 
     def disturb(frame: Frame, now: float) -> tuple[Frame | None, float]:
         bus = rig_of().bus

@@ -7,7 +7,6 @@ import math
 import shutil
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import pytest
 from rig import MISSIONS, Run, run

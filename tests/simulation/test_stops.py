@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rig import (
@@ -19,14 +19,13 @@ from rig import (
     controlword,
     driven,
     follow,
-    run,
     standing,
     straight,
     target_velocity,
     write_mission,
 )
 
-from artemis.values import DriveState, Fault, Mode, Request, Severity
+from artemis.values import DriveState, Mode, Request
 
 SPEED = 0.4
 LENGTH = 2.0
@@ -36,11 +35,11 @@ FILES = {"line.csv": straight(LENGTH)}
 UNFIT = (Mode.INIT, Mode.QUICKSTOP, Mode.FAULT)
 
 
-def attended_rig(folder: Path, *acts: tuple[float, str], end: float = 40.0, **keys: Any) -> Rig:
+def attended_rig(folder: Path, *acts: tuple[float, str], end: float = 40.0) -> Rig:
     """A mission with a scripted operator, who is there until `end` [s]."""
     operator = [{"at_s": time, "do": act} for time, act in acts]
     operator.append({"at_s": end, "do": "acknowledge"})
-    return Rig(write_mission(folder, STEPS, FILES, simulation={"operator": operator}), **keys)
+    return Rig(write_mission(folder, STEPS, FILES, simulation={"operator": operator}))
 
 
 def moved(seen: Run, begin: float, end: float) -> bool:
@@ -58,7 +57,7 @@ def assert_path_was_finished(seen: Run) -> None:
     end = seen.world.pose
     assert math.hypot(end.x - start.x, end.y - start.y) == pytest.approx(LENGTH, abs=0.04)
     arcs = [driven(s) for s in seen.in_mode(Mode.FOLLOW)]
-    assert all(b > a - 0.005 for a, b in zip(arcs, arcs[1:], strict=False))
+    assert all(b > a - 0.005 for a, b in itertools.pairwise(arcs))
 
 
 # ---------------------------------------------------------------------------------------------- a stop request
@@ -212,7 +211,9 @@ def test_nothing_moves_between_the_fault_and_the_arm(recovered: Run) -> None:
 
 
 def test_an_acknowledgment_alone_never_leads_to_motion(tmp_path: Path) -> None:
-    seen = faulty_run(tmp_path, (13.0, "acknowledge"), (15.0, "acknowledge"), (20.0, "acknowledge"), (24.0, "end"), end=24)
+    seen = faulty_run(
+        tmp_path, (13.0, "acknowledge"), (15.0, "acknowledge"), (20.0, "acknowledge"), (24.0, "end"), end=24
+    )
     assert seen.status == 1
     assert not moved(seen, seen.acts["emergency"] + 1.0, seen.world.time)
     assert Mode.READY not in seen.modes[seen.modes.index(Mode.FAULT) :]

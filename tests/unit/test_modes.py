@@ -121,10 +121,12 @@ def test_run_that_is_ended_before_its_last_step_has_failed(steps: tuple[Any, ...
     assert whole.failed is failed
 
 
-def test_milder_stop_does_not_begin_a_stop_anew_and_a_more_severe_one_does_once() -> None:
+def test_milder_stop_does_not_begin_a_stop_anew_and_a_more_severe_one_does_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     modes = modes_in(Mode.QUICKSTOP)
     entered: list[Snapshot] = []
-    modes._logic[Mode.QUICKSTOP].enter = entered.append  # type: ignore[method-assign]
+    monkeypatch.setattr(modes._logic[Mode.QUICKSTOP], "enter", entered.append)
     for judged, times in ((STOP, 0), (SEVERE, 1), (SEVERE, 1), (STOP, 1)):
         modes.advance(snapshot(verdict=judged), None)
         assert len(entered) == times

@@ -1,0 +1,186 @@
+"""The same mission gives the same run, and a recording gives the same commands again, bit for bit."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rig import CALIBRATE, STICK, TELEOP, Rig, Run, follow, run, stick, straight, write_mission
+
+from artemis.app import core_from
+from artemis.commands.replay import replay_run
+from artemis.mission.loading import load_mission
+from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.recording.replay import replay
+from artemis.recording.schemas import sensed_record
+from artemis.sim.bus import random_disturbance
+from artemis.values import Mode
+
+STEPS = [CALIBRATE, follow(0.4)]
+NOISY = {"potentiometer_noise_v": 0.005, "slip": 0.01, "steering_zero_left_deg": 0.5}
+TABLE = stick((0.0, 0.0, 0.0, 0), (9.5, 0.2, 0.6, 1), (11.0, -0.4, -0.5, 1), (12.5, 0.0, 0.0, 0))
+
+
+def operator(*acts: tuple[float, str]) -> dict[str, object]:
+    return {"operator": [{"at_s": time, "do": act} for time, act in acts]}
+
+
+def done(folder: Path) -> Run:
+    return run(write_mission(folder, STEPS, simulation={"seed": 5, "true_robot": NOISY}))
+
+
+def teleop(folder: Path) -> Run:
+    return run(write_mission(folder, [CALIBRATE, TELEOP], {"stick.csv": TABLE}, inputs=STICK))
+
+
+def frozen_input(folder: Path) -> Run:
+    inputs = {"stick": {**STICK["stick"], "done_at_end": False}}
+    table = stick((0.0, 0.0, 0.0, 0), (9.5, 0.2, 0.6, 1), (11.0, 0.2, 0.6, 1))
+    return run(write_mission(folder, [CALIBRATE, TELEOP], {"stick.csv": table}, inputs=inputs))
+
+
+def drive_fault(folder: Path) -> Run:
+    rig = Rig(write_mission(folder, STEPS))
+    return rig.while_following(rig.emergency("steer-left", 0x8611)).run()
+
+
+def quick_stop_and_arm(folder: Path) -> Run:
+    return run(write_mission(folder, STEPS, simulation=operator((9.123, "quickstop"), (12.0, "arm"))))
+
+
+def fault_and_recovery(folder: Path) -> Run:
+    rig = Rig(
+        write_mission(
+            folder, STEPS, {"line.csv": straight(2.0)}, simulation=operator((12.0, "acknowledge"), (17.0, "arm"))
+        )
+    )
+    return rig.while_following(rig.emergency("traction-right", 0x8611)).run()
+
+
+def lost_bus(folder: Path) -> Run:
+    rig = Rig(write_mission(folder, STEPS))
+    return rig.while_following(lambda: setattr(rig.bus, "bus_off", True)).run()
+
+
+def bad_bus(folder: Path) -> Run:
+    return run(write_mission(folder, STEPS), disturb=random_disturbance(3, loss=0.01, delay=0.002))
+
+
+def twenty_five_hertz(folder: Path) -> Run:
+    return run(write_mission(folder, STEPS, tick_hz=25))
+
+
+KINDS: dict[str, tuple[Callable[[Path], Run], Mode]] = {
+    "done": (done, Mode.FOLLOW),
+    "teleop": (teleop, Mode.TELEOP),
+    "frozen input": (frozen_input, Mode.QUICKSTOP),
+    "drive fault": (drive_fault, Mode.FAULT),
+    "quick stop and arm": (quick_stop_and_arm, Mode.QUICKSTOP),
+    "fault and recovery": (fault_and_recovery, Mode.FAULT),
+    "lost bus": (lost_bus, Mode.FAULT),
+    "bad bus": (bad_bus, Mode.FOLLOW),
+    "25 Hz": (twenty_five_hertz, Mode.FOLLOW),
+}
+
+
+def recorded(seen: Run) -> Recording:
+    assert seen.outcome is not None
+    return Recording(seen.outcome.run.path)
+
+
+def records(seen: Run) -> list[tuple[bytes, bytes]]:
+    """Every /sensed and /tick of a run, as written."""
+    return [(sensed_record(tick.sensed), tick.raw) for tick in recorded(seen).ticks()]
+
+
+# ---------------------------------------------------------------------------------------------- replay
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_command_of_a_run_is_recomputed_from_its_recording_bit_for_bit(tmp_path: Path, kind: str) -> None:
+    make, mode = KINDS[kind]
+    seen = make(tmp_path)
+    assert mode in seen.modes
+    assert recorded(seen).missing is None
+    result = seen.recompute()
+    assert (result.difference, result.ticks) == (None, len(seen.seen))
+    assert seen.outcome is not None
+    assert replay_run(seen.outcome.run.path) == 0
+
+
+class Altered(Recording):
+    """A recording in which one sensed value was another."""
+
+    change: tuple[int, Callable[[RecordedTick], RecordedTick]]
+
+    def ticks(self) -> Iterator[RecordedTick]:
+        at, change = self.change
+        for number, tick in enumerate(super().ticks()):
+            yield change(tick) if number == at else tick
+
+
+def roll_on(tick: RecordedTick) -> RecordedTick:
+    """The first drive's position is another by the smallest step that a float has."""
+    first, *others = tick.sensed.drives
+    moved = replace(first, position=first.position + 1e-9)
+    return RecordedTick(sensed=replace(tick.sensed, drives=(moved, *others)), record=tick.record, raw=tick.raw)
+
+
+def lose_state(tick: RecordedTick) -> RecordedTick:
+    """A drive's emergency that was never sent."""
+    first, *others = tick.sensed.drives
+    failed = replace(first, emergencies=(0x8611,))
+    return RecordedTick(sensed=replace(tick.sensed, drives=(failed, *others)), record=tick.record, raw=tick.raw)
+
+
+@pytest.mark.parametrize("change", [roll_on, lose_state])
+def test_one_altered_value_is_reported_with_its_tick(
+    tmp_path: Path, change: Callable[[RecordedTick], RecordedTick]
+) -> None:
+    seen = done(tmp_path)
+    assert seen.outcome is not None
+    altered = Altered(seen.outcome.run.path)
+    ticks = [number for number, s in enumerate(seen.seen) if s.mode is Mode.FOLLOW]
+    altered.change = random.Random(1).choice(ticks), change
+    result = replay(altered, core_from(load_mission(seen.mission)))
+    assert result.difference is not None
+    assert result.difference.startswith(f"tick {altered.change[0]} differs")
+    assert result.ticks == altered.change[0] + 1
+
+
+def test_a_mission_that_was_changed_after_the_run_does_not_recompute(tmp_path: Path) -> None:
+    """A recording replayed with another robot or speed is not the same run: the first command that differs is shown."""
+    seen = run(write_mission(tmp_path / "slow", STEPS))
+    other = write_mission(tmp_path / "fast", [CALIBRATE, follow(0.3)])
+    result = replay(recorded(seen), core_from(load_mission(other)))
+    assert result.difference is not None
+    assert "command" in result.difference or "set_points" in result.difference
+
+
+# ---------------------------------------------------------------------------------------------- determinism
+
+
+@pytest.mark.parametrize("kind", ["done", "teleop", "fault and recovery", "bad bus"])
+def test_the_same_mission_twice_gives_identical_records(tmp_path: Path, kind: str) -> None:
+    make, _ = KINDS[kind]
+    first, second = make(tmp_path / "first"), make(tmp_path / "second")
+    assert records(first) == records(second)
+    frames, again = ([f for _, f in recorded(seen).frames()] for seen in (first, second))
+    assert frames == again
+
+
+def test_another_seed_gives_another_run_where_there_is_noise(tmp_path: Path) -> None:
+    one, other = (
+        run(write_mission(tmp_path / str(seed), STEPS, simulation={"seed": seed, "true_robot": NOISY}))
+        for seed in (1, 2)
+    )
+    assert records(one) != records(other)
+    assert one.status == other.status == 0
+
+
+def test_without_anything_random_the_seed_does_not_matter(tmp_path: Path) -> None:
+    one, other = (run(write_mission(tmp_path / str(seed), STEPS, simulation={"seed": seed})) for seed in (1, 2))
+    assert records(one) == records(other)
