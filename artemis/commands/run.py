@@ -66,8 +66,9 @@ def _conclude(outcome: Outcome) -> None:
     """Print the summary, then write the page: drawing its figures takes longer than many a run."""
     recording = Recording(outcome.run.path)
     sys.stdout.write("\n")
-    _print("result", _result(outcome))
-    for label, text in _numbers(summary(recording)):
+    found = summary(recording)
+    _print("result", _result(outcome, found))
+    for label, text in _numbers(found):
         _print(label, text)
     speed = outcome.duration / outcome.elapsed
     _print("run time", f"{outcome.duration:.1f} s in {outcome.elapsed:.2f} s: {speed:.1f} x real time")
@@ -81,9 +82,10 @@ def _print(label: str, text: str) -> None:
     sys.stdout.flush()
 
 
-def _result(outcome: Outcome) -> str:
+def _result(outcome: Outcome, found: Summary) -> str:
     if outcome.interrupted is not None:
-        return f"ended by {signal.Signals(outcome.interrupted).name}; drives stopped and released"
+        released = not any(fault.startswith("COM-34") for fault in found.faults)  # else the fault says which is not
+        return f"ended by {signal.Signals(outcome.interrupted).name}" + "; drives stopped and released" * released
     return "FAILED: stopped before its last step" if outcome.failed else "done"
 
 

@@ -223,7 +223,7 @@ class SimBus:
         self._handle = None
         self._advance(max(when, self._loop.time()))
         if self._now - self._world_time >= self._patrol - 1e-9:
-            self._catch_up(self._now)
+            self._move_world(self._now)
             self._collect(self._now)
         if self._urgent_arrived and self._wake is not None:
             self._urgent_arrived = False
@@ -315,8 +315,10 @@ class SimBus:
 
     def _catch_up(self, now: float) -> None:
         """Bring the world, and what the drives make of it, up to date."""
-        if now - self._world_time < RESOLUTION:
-            return
+        if now - self._world_time >= RESOLUTION:
+            self._move_world(now)
+
+    def _move_world(self, now: float) -> None:
         self._world_time = now
         self._world.advance(now)
         for node in self._nodes:

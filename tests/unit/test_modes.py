@@ -27,7 +27,7 @@ from core_builders import (
 )
 
 from artemis.states.calibrate import CalibrateMode
-from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
+from artemis.states.mode import ON, CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep, finish_jobs
 from artemis.states.modes import Modes
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
@@ -38,6 +38,7 @@ from artemis.values import (
     Fault,
     Goal,
     JobKind,
+    JobResult,
     Mode,
     OperatorInput,
     Request,
@@ -145,6 +146,24 @@ def test_mode_that_is_entered_again_begins_anew() -> None:
     modes.advance(stopped, Event.REARMED)
     modes.advance(snapshot(0.1, standing=False, requests=(Request.QUICKSTOP,)), None)
     assert modes.step(snapshot(0.1, standing=False)).traction is Goal.QUICK_STOPPED
+
+
+# ---------------------------------------------------------------------------------------------- jobs
+
+
+def test_jobs_are_wished_once_and_waited_for_until_the_last_has_ended() -> None:
+    jobs = plan().jobs(JobKind.SECURE, NAMES[:2])
+    waiting = finish_jobs(ON, jobs)
+    assert next(waiting).jobs == jobs
+    ended = [JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True) for job in jobs]
+    stranger = JobResult(id=99, kind=JobKind.SECURE, drive="steer-left", ok=True)
+    for results in ((), (ended[1],), (stranger,)):
+        assert waiting.send(snapshot(results=results)) == ON
+    with pytest.raises(StopIteration) as returned:
+        waiting.send(snapshot(0.1, results=(ended[0],)))
+    results, last = returned.value.value
+    assert results == tuple(ended), "in the order of the jobs"
+    assert last.time == 0.1
 
 
 # ---------------------------------------------------------------------------------------------- ready, calibrate

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from artemis.commands.live import LiveView, status
+from artemis.values import (
+    Action,
+    Fault,
+    JobKind,
+    JobResult,
+    Mode,
+    Odometry,
+    Request,
+    Sensed,
+    SetPoints,
+    Severity,
+    Snapshot,
+    Tick,
+    Tracking,
+    Verdict,
+    Wish,
+)
+
+OVERHEATED = Fault(id="DRV-06", severity=Severity.QUICK_STOP, text="steer-left: too hot", device="steer-left")
+
+
+def tick(
+    time: float = 0.0,
+    mode: Mode = Mode.FOLLOW,
+    phase: str = "following",
+    *,
+    requests: tuple[Request, ...] = (),
+    results: tuple[JobResult, ...] = (),
+    faults: tuple[Fault, ...] = (),
+    tracking: Tracking | None = None,
+) -> Tick:
+    verdict = Verdict(severity=max((fault.severity for fault in faults), default=Severity.NONE), faults=faults)
+    snapshot = Snapshot(
+        sensed=Sensed(index=0, time=time, requests=requests, results=results),
+        dt=0.02,
+        odometry=Odometry(speed=0.2, steering=0.1),
+        standing=False,
+        set_points=SetPoints(),
+        verdict=verdict,
+    )
+    wish = Wish(phase=phase, tracking=tracking)
+    return Tick(snapshot=snapshot, mode=mode, wish=wish, action=Action.RUN, set_points=SetPoints())
+
+
+def said(capsys: pytest.CaptureFixture[str], *ticks: Tick) -> list[str]:
+    with LiveView("title", "", lambda: None) as view:
+        for seen in ticks:
+            view.show(seen)
+    return capsys.readouterr().out.splitlines()[1:]
+
+
+def test_a_line_comes_with_each_change_of_mode_or_phase_and_not_otherwise(capsys: pytest.CaptureFixture[str]) -> None:
+    ticks = [tick(1.0), tick(1.02), tick(1.04, Mode.READY, ""), tick(1.06, Mode.QUICKSTOP, "stopping")]
+    assert said(capsys, *ticks, tick(1.08, Mode.QUICKSTOP, "stopped"), tick(1.1)) == [
+        "    1.00 s  follow     following",
+        "    1.06 s  quickstop  stopping",
+        "    1.08 s  quickstop  stopped",
+        "    1.10 s  follow     following",
+    ]
+
+
+def test_the_cause_comes_before_its_effect_and_each_fault_once(capsys: pytest.CaptureFixture[str]) -> None:
+    history = JobResult(id=1, kind=JobKind.READ_HISTORY, drive="steer-left", ok=True, values=(0x4210,))
+    ticks = [
+        tick(1.0, requests=(Request.QUICKSTOP,), mode=Mode.QUICKSTOP, phase="stopping"),
+        tick(2.0, faults=(OVERHEATED,), mode=Mode.FAULT, phase="stopping"),
+        tick(2.1, faults=(OVERHEATED,), mode=Mode.FAULT, phase="stopping", results=(history,)),
+        tick(3.0, mode=Mode.INIT, phase="listening"),
+        tick(4.0, faults=(OVERHEATED,), mode=Mode.FAULT, phase="stopping"),
+    ]
+    assert said(capsys, *ticks) == [
+        "    1.00 s  request    quick stop",
+        "    1.00 s  quickstop  stopping",
+        "    2.00 s  FAULT      DRV-06 steer-left: too hot",
+        "    2.00 s  fault      stopping",
+        "    2.10 s  history    steer-left: 0x4210",
+        "    3.00 s  cleared    DRV-06 steer-left",
+        "    3.00 s  init       listening",
+        "    4.00 s  FAULT      DRV-06 steer-left: too hot",
+        "    4.00 s  fault      stopping",
+    ]
+
+
+@pytest.mark.parametrize("width", [0, 5, 30, 60, 75, 76, 77, 78, 100, 200])
+def test_the_changing_line_fits(width: int) -> None:
+    tracking = Tracking(arc_length=1.0, length=4.0, cross_track=-0.012)
+    line = status(tick(12.5, tracking=tracking), width)
+    assert len(line) <= width
+    whole = "   12.50 s  follow     +0.20 m/s   +5.7°  cross-track  -12 mm    1.0 of 4.0 m"
+    assert line.startswith(whole[:width])
+
+
+@pytest.mark.parametrize(("arc_length", "full"), [(-0.1, 0), (0.0, 0), (1.0, 8), (4.0, 30), (4.1, 30)])
+def test_the_bar_shows_the_way_gone(arc_length: float, full: int) -> None:
+    bar = re.search("[█░]+", status(tick(tracking=Tracking(arc_length=arc_length, length=4.0, cross_track=0.0)), 120))
+    assert bar is not None
+    assert bar[0] == "█" * full + "░" * (30 - full)
+
+
+def test_output_that_nobody_reads_never_holds_up_a_tick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A pipe holds 64 KiB at most; without a thread of its own the view would wait here for ever."""
+    lost: list[str] = []
+    source, sink = os.pipe()
+    monkeypatch.setattr(sys, "stdout", os.fdopen(sink, "w"))
+    with sys.stdout, LiveView("title", "", lambda: lost.append("lost")) as view:
+        for number in range(5000):
+            view.show(tick(float(number), requests=(Request.QUICKSTOP,)))
+        assert lost == []
+        os.close(source)
+        view._thread.join()
+        for number in range(3):
+            view.show(tick(float(number), requests=(Request.END,)))
+    assert lost == ["lost"]
