@@ -138,8 +138,10 @@ class Robot:
             faults=_take(self._faults),
         )
 
-    def _lose(self, error: DeviceLost) -> None:
-        self._faults.append(catalogue.fault("COM-22", detail=error.problem))
+    def _lose(self, error: DeviceLost) -> bool:
+        if (lost := catalogue.fault("COM-22", detail=error.problem)) not in self._faults:
+            self._faults.append(lost)
+        return True
 
     def _ask(self, name: str, time: float) -> OperatorInput | None:
         try:
@@ -164,12 +166,13 @@ class Robot:
         self._results.append(await self._drives.perform(job))
 
     def _wake(self) -> None:
-        """Frames wait between ticks: answers go to their jobs; an emergency makes an extra tick at once."""
+        """Frames wait between ticks: answers go to their jobs; an emergency makes an extra tick, as a lost bus does."""
         try:
-            if self._drives.receive():
-                self._tick_now()
+            urgent = self._drives.receive()
         except DeviceLost as error:
-            self._lose(error)
+            urgent = self._lose(error)
+        if urgent:
+            self._tick_now()
 
     def _tick_now(self) -> None:
         if self._index and not self._ticking:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import RXPDO, PdoLayout, emergency_from_data, nmt_from_heartbeat
-from artemis.devices.epos_objects import RECEIVED, SENT, Units
+from artemis.devices.epos_objects import RECEIVED, SENT, UNREADABLE, Units
 from artemis.devices.epos_state import Command, state_from_statusword
 from artemis.devices.sdo import SdoClient
 from artemis.values import DriveFeedback, DriveState, Nmt
@@ -63,8 +63,8 @@ class EposDrive:
         self._details_time = frame.time
 
     def on_emergency(self, frame: Frame) -> None:
-        """EMCY: kept until the next tick takes it."""
-        self._emergencies.append(emergency_from_data(frame.data).code)
+        """EMCY: kept until the next tick takes it. One that cannot be read is one of unknown code."""
+        self._emergencies.append(emergency_from_data(frame.data).code if len(frame.data) == 8 else UNREADABLE)
 
     def on_heartbeat(self, frame: Frame) -> None:
         """Heartbeat or boot-up."""

@@ -67,6 +67,8 @@ POSITION_MIN, POSITION_MAX = Object(0x607D, 1, I32), Object(0x607D, 2, I32)
 TARGET_VELOCITY = Object(0x60FF, 0, I32)
 
 MAXON = 0x000000FB
+UNREADABLE = 0xFFFF
+"""Error code that stands for an emergency frame of the wrong length."""
 LIMIT_OFF = (-0x80000000, 0x7FFFFFFF)
 """Values of 0x607D that switch the position limits off (14.74)."""
 HOST_WATCH_MS = 200

@@ -91,7 +91,7 @@ class Supervisor:
             yield catalogue.fault("COM-05", name, f"0x{drive.statusword:04X}")
         elif drive.state in _FAULT_STATES and not drive.emergencies and not self._has_reason(name):
             yield catalogue.fault("COM-01", name)
-        elif drive.mode != self._modes[name]:
+        elif drive.age is not None and drive.mode != self._modes[name]:
             yield catalogue.fault("COM-04", name, f"mode {drive.mode}, expected {self._modes[name]}")
         yield from self._check_enabling(drive, now, last.traction if name in self._traction else last.steering)
 

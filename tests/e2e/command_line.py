@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import socket
 import subprocess
@@ -71,9 +72,15 @@ def read_until(process: subprocess.Popen[str], words: str) -> str:
 
 
 def skip_if_late(shown: str) -> None:
-    """A machine that is busy with something else stops a real-time run, rightly: then there is nothing to test."""
-    if "SYS-01" in shown:
-        pytest.skip(f"this machine is too busy for real time: {shown[shown.index('SYS-01') :].splitlines()[0]}")
+    """A machine that is busy with something else stops a real-time run, rightly: then there is nothing to test.
+
+    A late host says so itself. Drives in another process that answer too late are only believed to be late where more
+    than twice as many programs want to run as there are processors.
+    """
+    busy = os.getloadavg()[0] > 2 * (os.cpu_count() or 1)
+    for fault in ("SYS-01", "COM-08", "COM-11", "COM-28", "DRV-20") if busy else ("SYS-01",):
+        if fault in shown:
+            pytest.skip(f"this machine is too busy for real time: {shown[shown.index(fault) :].splitlines()[0]}")
 
 
 def stream(pipe: IO[str] | None) -> IO[str]:

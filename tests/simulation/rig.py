@@ -18,24 +18,29 @@ from pathlib import Path as FilePath
 from typing import Any
 from unittest.mock import patch
 
+from watched import DRIVES as DRIVES
+from watched import STEERING as STEERING
+from watched import TRACTION as TRACTION
+from watched import Truth as Truth
+from watched import WatchedBus as WatchedBus
+from watched import WatchedWorld as WatchedWorld
+from watched import standing as standing
+
 from artemis import app, clock
 from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
-from artemis.devices.epos_objects import Units
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.plugins.contracts import Follower, InputDevice
 from artemis.recording.replay import Replayed, replay
 from artemis.robot import Core, Robot
-from artemis.sim.bus import Disturb, SimBus
+from artemis.sim.bus import Disturb
 from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.world import TrueRobot, World
 from artemis.states.mode import FollowStep, Plan
-from artemis.values import DriveState, Fault, Mode, Pose, Request, Tick
+from artemis.values import Fault, Mode, Pose, Request, Tick
 from artemis.vehicle import Robot as RobotFile
 
 MISSIONS = FilePath(__file__).parents[2] / "missions"
-TRACTION, STEERING = ("traction-left", "traction-right"), ("steer-left", "steer-right")
-DRIVES = TRACTION + STEERING
 NODE = {name: number for number, name in enumerate(DRIVES, 1)}
 BRAKING = 1.5
 """Deceleration of a quick stop in the robot file [m/s²]."""
@@ -84,91 +89,6 @@ def write_mission(folder: FilePath, steps: Steps, files: Mapping[str, str] | Non
 
 
 # ---------------------------------------------------------------------------------------------- what is written down
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Truth:
-    """The machine at one instant."""
-
-    time: float
-    pose: Pose
-    speed: float
-    """True speed of the virtual front wheel [m/s]."""
-    wheel_speeds: tuple[float, float]
-    """Rolling speed of the driven wheels [m/s], forward positive."""
-    wheel_angles: tuple[float, float]
-    """Of the steered wheels [rad]."""
-    states: tuple[DriveState, ...]
-    """In the order of `DRIVES`."""
-
-
-class WatchedWorld(World):
-    """Writes down its truth at every step."""
-
-    def __init__(
-        self,
-        robot: RobotFile,
-        true: TrueRobot | None = None,
-        *,
-        seed: int = 1,
-        start: float = 0.0,
-        settings: SimSettings | None = None,
-    ) -> None:
-        self.history: list[Truth] = []
-        super().__init__(robot, true, seed=seed, start=start, settings=settings)
-        axes = {node.name: node.axis for node in self.nodes}
-        self._wheels = [(axes[name], 1 / Units(robot, robot.drives[name]).rpm) for name in TRACTION]
-        self._place_in_order = [self.drive(name) for name in DRIVES]
-
-    def drive(self, name: str) -> SimEpos:
-        """A simulated drive by its name in the robot file."""
-        return next(node for node in self.nodes if node.name == name)
-
-    @property
-    def truth(self) -> Truth:
-        """Now."""
-        left, right = (axis.velocity * scale for axis, scale in self._wheels)
-        return Truth(
-            time=self.time,
-            pose=self.pose,
-            speed=self.speed,
-            wheel_speeds=(left, right),
-            wheel_angles=self.wheel_angles,
-            states=tuple([node.state for node in self._place_in_order]),
-        )
-
-    def advance(self, now: float) -> None:
-        """Let time pass, and look."""
-        super().advance(now)
-        self.history.append(self.truth)
-
-
-class WatchedBus(SimBus):
-    """Writes down when the host sends and what it receives; may go deaf and dumb as after the host's death."""
-
-    dead = False
-
-    def __init__(
-        self, world: World, bitrate: int, loop: asyncio.AbstractEventLoop, disturb: Disturb | None = None
-    ) -> None:
-        self.loop = loop
-        self.sent: list[tuple[float, Frame]] = []
-        self.heard: list[Frame] = []
-        super().__init__(world, bitrate, loop, disturb=disturb)
-
-    def send(self, frame: Frame) -> None:
-        """Unless the host is dead."""
-        if not self.dead:
-            self.sent.append((self.loop.time(), frame))
-            super().send(frame)
-
-    def receive(self) -> list[Frame]:
-        """Nothing if the host is dead."""
-        frames = super().receive()
-        if self.dead:
-            return []
-        self.heard += frames
-        return frames
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,11 +182,6 @@ class Run:
 
         assert self.outcome is not None
         return replay(Recording(self.outcome.run.path), app.core_from(load_mission(self.mission)))
-
-
-def standing(truth: Truth) -> bool:
-    """No driven wheel turns (less than 0.2 mm/s)."""
-    return max(abs(speed) for speed in truth.wheel_speeds) < 2e-4
 
 
 # ---------------------------------------------------------------------------------------------- the rig

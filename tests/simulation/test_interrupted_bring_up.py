@@ -163,8 +163,8 @@ def test_a_moving_drive_that_is_not_the_one_expected_is_stopped_all_the_same_and
 # ---------------------------------------------------------------------------------------------- the end at any time
 
 
-BRING_UP = sorted({*(number / 10 for number in range(41)), *(0.3 + number * 0.007 for number in range(12))})
-SLOW_BRING_UP = [number / 5 for number in range(21)]
+BRING_UP = sorted({*(number / 10 for number in range(41)), *(0.3 + number * 0.009 for number in range(8))})
+SLOW_BRING_UP = [number / 4 for number in range(17)]
 
 
 def end_at(folder: Path, time: float, settings: SimSettings | None = None) -> Run:

@@ -23,12 +23,11 @@ from rig import (
 )
 
 from artemis.devices.can_bus import Frame
-from artemis.devices.epos_objects import HOST_WATCH_MS
 from artemis.sim.bus import Disturb, random_disturbance
 from artemis.values import DriveState, Mode
 
 SPEED = 0.4
-WATCH = HOST_WATCH_MS / 1000
+WATCH = 0.2
 DRIVE_CYCLE = 0.001
 CLOSE = 0.002
 """How closely the world is watched after the loss [s]."""

@@ -61,22 +61,6 @@ def test_timers_fire_at_their_times_in_their_order() -> None:
     simulate(main())
 
 
-def test_sleepers_with_equal_deadlines_wake_in_the_order_in_which_they_lay_down() -> None:
-    async def main() -> None:
-        woken: list[int] = []
-
-        async def sleeper(number: int) -> None:
-            await until(0.5)
-            woken.append(number)
-
-        async with asyncio.TaskGroup() as tasks:
-            for number in range(20):
-                tasks.create_task(sleeper(number))
-        assert woken == list(range(20))
-
-    simulate(main())
-
-
 def test_until_returns_at_its_deadline() -> None:
     async def main() -> None:
         await until(0.25)

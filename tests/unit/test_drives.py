@@ -157,7 +157,6 @@ def test_frames_reach_the_node_of_their_identifier() -> None:
 GARBAGE = [
     Frame(0x181, b"\x37"),
     Frame(0x283, bytes(6)),
-    Frame(0x084, b"\x30\x81"),
     Frame(0x701, b"\x99"),
     Frame(0x702, b""),
 ]
@@ -173,6 +172,13 @@ def test_garbage_is_counted_and_dropped_and_the_rest_goes_on(garbage: Frame) -> 
     assert bench.drives.malformed == 1
     assert after[1].state is DriveState.OPERATION_ENABLE
     assert (after[0], *after[2:]) == (before[0], *before[2:])
+
+
+def test_emergency_that_cannot_be_read_is_one_of_unknown_code_and_urgent() -> None:
+    bench = Bench(DISABLED)
+    bench.bus.arrived = [Frame(0x084, b"\x30\x81")]
+    assert bench.drives.receive()
+    assert [feedback.emergencies for feedback in bench.drives.feedback(0.0)] == [(), (), (), (0xFFFF,)]
 
 
 @pytest.mark.parametrize("identifier", [0x000, 0x080, 0x085, 0x185, 0x201, 0x381, 0x601, 0x705, 0x77F, 0x7FF])
