@@ -24,9 +24,8 @@ bench: $(READY)
 
 coverage: $(READY)
 	@$(BIN)/coverage erase
-	$(BIN)/coverage run -m pytest
-	@$(BIN)/coverage combine --quiet
-	@$(BIN)/coverage report
+	@$(BIN)/coverage run -m pytest; status=$$?; \
+	$(BIN)/coverage combine --quiet && $(BIN)/coverage report && exit $$status
 
 picture: $(READY)
 	@$(BIN)/python docs/images/figure_eight.py

@@ -176,7 +176,7 @@ class _Run:
 
         def observe(tick: Tick) -> None:
             self._time = tick.snapshot.time
-            self._recorder.observe(tick, drives.take_traffic(), truth.pose(tick))
+            self._recorder.observe(tick, drives.take_traffic(loop.time()), truth.pose(tick))
             self._watch(tick)
 
         period = 1 / self._loaded.mission.tick_hz

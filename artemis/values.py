@@ -118,7 +118,7 @@ class JobKind(Enum):
     CONFIGURE = "configure"
     """Write the configuration, read it back, arm the heartbeat consumer, start the node."""
     REFERENCE = "reference"
-    """Tell the drive its position (homing method 35): `value` is the wheel angle [rad]."""
+    """The wheel stands at the angle `value` [rad]: count from here (the drive keeps its own zero)."""
     CLEAR_TARGET = "clear target"
     """Write target 0 (traction) or the actual position (steering) and read it back."""
     READ_HISTORY = "read history"

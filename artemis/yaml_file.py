@@ -160,11 +160,7 @@ def survey(raw: bytes, source: str) -> tuple[Document, list[str]]:
 
 
 def scalar(text: str) -> Scalar:
-    """One value as it would stand in a file: `hop_limit: 0` and `--option hop_limit=0` mean the same.
-
-    Raises:
-        ConfigError: not a value, or one that a file would refuse.
-    """
+    """One value as in a file: `hop_limit: 0` and `--option hop_limit=0` mean the same. ConfigError where refused."""
     if not text:
         return None
     document, problems = survey(text.encode(errors="surrogateescape"), repr(text))

@@ -91,10 +91,10 @@ class Drives:
             with suppress(DeviceLost):  # the others may still be reached; without us the drives stop by themselves
                 self._send(node.stop_frame())
 
-    def take_traffic(self) -> list[tuple[bool, Frame]]:
-        """Every frame on the bus since the last call, each with whether we sent it."""
+    def take_traffic(self, now: float) -> list[tuple[bool, Frame]]:
+        """Every frame on the bus since the last call, each with whether we sent it: those at the latest at `now`."""
         traffic, self._traffic = self._traffic, []
-        return traffic
+        return [(sent, frame._replace(time=now) if sent else frame) for sent, frame in traffic]
 
     async def perform(self, job: Job) -> JobResult:
         """Do a job beside the ticks; a device that fails is a result, not an exception."""

@@ -104,6 +104,7 @@ class EposJobs:
         reach = radians(self._epos.robot.limits.steering_deg)
         side = 0 if self.drive.side == "left" else 1
         ends = (car.wheel_angles(-reach)[side] - LIMIT_MARGIN, car.wheel_angles(reach)[side] + LIMIT_MARGIN)
+        ends = min(ends[0], angle - LIMIT_MARGIN), max(ends[1], angle + LIMIT_MARGIN)  # found beyond: it may come back
         limits = sorted(raw + round((end - angle) * self._epos.units.counts) for end in ends)
         for limit, value, bound in zip((POSITION_MIN, POSITION_MAX), limits, LIMIT_OFF, strict=True):
             await self._ensure(Setting(limit, value if abs(value) < abs(bound) else bound))

@@ -15,7 +15,7 @@ def is_whole_input(answer: object) -> bool:
     try:
         numbers = (answer.speed, answer.steering, *answer.axes, *(() if answer.age is None else (answer.age,)))
         return all(isfinite(number) for number in numbers) and all(isinstance(r, Request) for r in answer.requests)
-    except TypeError:
+    except (TypeError, OverflowError):
         return False
 
 
@@ -27,6 +27,6 @@ def is_whole_following(answer: object) -> bool:
     try:
         told = (tracking.arc_length, tracking.length, tracking.cross_track, tracking.heading_error)
         finite = [isfinite(number) for number in (*told, command.speed, command.steering)]
-    except (AttributeError, TypeError):
+    except (AttributeError, TypeError, OverflowError):
         return False
     return all(finite[: len(told)])

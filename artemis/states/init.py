@@ -31,13 +31,14 @@ class InitMode(RoutineMode):
     def routine(self, snapshot: Snapshot) -> Routine:
         """Listen, secure, configure, prove, wait for arm, align."""
         plan = self.plan
+        silent = replace(SILENT, heartbeat=plan.connected)  # drives of ours still watch: secured, they no longer do
         plan.connected = plan.aligned = False
         until = snapshot.time + LISTEN
         while snapshot.time < until:
-            snapshot = yield replace(SILENT, phase="listening")
-        results, snapshot = yield from secure(plan, SILENT, snapshot)
+            snapshot = yield replace(silent, phase="listening")
+        results, snapshot = yield from secure(plan, silent, snapshot)
         if all(result.ok for result in results):
-            wish = replace(SILENT, phase=JobKind.CONFIGURE.value)
+            wish = replace(silent, phase=JobKind.CONFIGURE.value)
             results, snapshot = yield from finish_jobs(wish, plan.jobs(JobKind.CONFIGURE, plan.drives()))
         for result in results:
             if not result.ok:

@@ -133,7 +133,7 @@ def timed_run(mission: FilePath) -> TimedRobot:
         recorder = _recorder(mission.parent)
         period = 1 / loaded.mission.tick_hz
         robot = TimedRobot(
-            Core(plan, period), drives, {}, period, lambda tick: recorder.observe(tick, drives.take_traffic())
+            Core(plan, period), drives, {}, period, lambda tick: recorder.observe(tick, drives.take_traffic(0.0))
         )
         robot.time_ticks(bus, followers)
         await robot.run()
@@ -185,7 +185,7 @@ def watched_run(
         drives = Drives(loaded.robot, bus)
 
         def observe(tick: Tick) -> None:
-            drives.take_traffic()
+            drives.take_traffic(0.0)
             see(tick)
 
         robot = Robot(Core(plan_from(loaded), period), drives, inputs or {}, period, observe)

@@ -19,12 +19,21 @@ from typing import Any
 from unittest.mock import patch
 
 from watched import DRIVES as DRIVES
+from watched import EMERGENCY as EMERGENCY
+from watched import HEARTBEAT as HEARTBEAT
+from watched import NODE as NODE
+from watched import SDO_REQUEST as SDO_REQUEST
+from watched import SET_POINTS as SET_POINTS
 from watched import STEERING as STEERING
+from watched import STOP_FRAMES as STOP_FRAMES
+from watched import SYNC as SYNC
 from watched import TRACTION as TRACTION
 from watched import Truth as Truth
 from watched import WatchedBus as WatchedBus
 from watched import WatchedWorld as WatchedWorld
+from watched import controlword as controlword
 from watched import standing as standing
+from watched import target_velocity as target_velocity
 
 from artemis import app, clock
 from artemis.devices.can_bus import Frame
@@ -41,14 +50,9 @@ from artemis.values import Fault, Mode, Pose, Request, Tick
 from artemis.vehicle import Robot as RobotFile
 
 MISSIONS = FilePath(__file__).parents[2] / "missions"
-NODE = {name: number for number, name in enumerate(DRIVES, 1)}
 BRAKING = 1.5
 """Deceleration of a quick stop in the robot file [m/s²]."""
 TICK = 0.02
-SYNC, EMERGENCY, SDO_ANSWER, SDO_REQUEST, HEARTBEAT = 0x080, 0x080, 0x580, 0x600, 0x700
-SET_POINTS, STOP_FRAMES = 0x200, 0x300
-"""Identifiers of RxPDO 1 and 2, less the node."""
-
 Steps = Sequence[Mapping[str, Any]]
 
 
@@ -389,24 +393,6 @@ def driven(seen: Seen) -> float:
     """How much of its path the robot has driven [m]; -1 if it follows none."""
     tracking = seen.tick.wish.tracking
     return -1.0 if tracking is None or seen.mode is not Mode.FOLLOW else tracking.arc_length
-
-
-def target_velocity(frame: Frame) -> int | None:
-    """Target velocity [rpm] that a frame carries to a traction drive; None if it carries none."""
-    if frame.id in (SET_POINTS + NODE[name] for name in TRACTION):
-        return int.from_bytes(frame.data[2:6], "little", signed=True)
-    if frame.id in (SDO_REQUEST + NODE[name] for name in TRACTION) and frame.data[1:4] == b"\xff\x60\x00":
-        return int.from_bytes(frame.data[4:8], "little", signed=True) if frame.data[0] >> 5 == 1 else None
-    return None
-
-
-def controlword(frame: Frame) -> int | None:
-    """The controlword that a frame carries, by PDO or SDO."""
-    if frame.id - SET_POINTS in NODE.values() or frame.id - STOP_FRAMES in NODE.values():
-        return int.from_bytes(frame.data[:2], "little")
-    if frame.id - SDO_REQUEST in NODE.values() and frame.data[0] >> 5 == 1 and frame.data[1:4] == b"\x40\x60\x00":
-        return int.from_bytes(frame.data[4:6], "little")
-    return None
 
 
 def degrees(angles: tuple[float, float]) -> tuple[float, float]:

@@ -71,9 +71,11 @@ def left_running(mission: Path) -> WatchedWorld:
     return world
 
 
-def found_moving(folder: Path, prepare: Callable[[Path, WatchedWorld], None] = lambda mission, world: None) -> Rig:
+def found_moving(
+    folder: Path, prepare: Callable[[Path, WatchedWorld], None] = lambda mission, world: None, **keys: Any
+) -> Rig:
     """A run that meets a moving robot; `prepare` may change robot file and drives before."""
-    mission = write_mission(folder, STEPS)
+    mission = write_mission(folder, STEPS, **keys)
     world = left_running(mission)
     prepare(mission, world)
     return Rig(mission, world=world, start=world.time)
@@ -125,6 +127,17 @@ def test_drives_found_moving_are_stopped_though_the_bring_up_is_interrupted(
     assert_at_rest(seen)
 
 
+@pytest.mark.parametrize("time", FOUND_MOVING)
+def test_drives_found_moving_are_stopped_at_once_also_when_somebody_could_arm(tmp_path: Path, time: float) -> None:
+    rig = found_moving(tmp_path, simulation={"operator": [{"at_s": time + 3.0, "do": "end"}]})
+    seen = rig.at(time, rig.request(Request.QUICKSTOP), name="stop").run()
+    assert_stopped_by_quick_stop(seen, rig._start)
+    waiting = seen.truth_at(rig._start + time + 2.9)
+    assert waiting.states == (DriveState.SWITCH_ON_DISABLED,) * 4
+    assert seen.modes == [Mode.INIT, Mode.QUICKSTOP, Mode.END]
+    assert_at_rest(seen)
+
+
 @pytest.mark.parametrize("request_", [Request.QUICKSTOP, Request.END], ids=["stop", "end"])
 def test_drives_found_moving_are_stopped_though_their_configuration_is_interrupted(
     tmp_path: Path, request_: Request
@@ -136,6 +149,15 @@ def test_drives_found_moving_are_stopped_though_their_configuration_is_interrupt
     assert all(controlword(frame) != ENABLE for _, frame in seen.bus.sent)
     assert (seen.status, seen.fault_ids) == (1, [])
     assert_at_rest(seen)
+
+
+@pytest.mark.parametrize("request_", [Request.QUICKSTOP, Request.END], ids=["stop", "end"])
+def test_the_wheels_hold_their_angle_while_a_robot_found_moving_stops(tmp_path: Path, request_: Request) -> None:
+    rig = found_moving(tmp_path)
+    seen = rig.at(0.1, rig.request(request_), name="interrupt").run()
+    moving = [truth for truth in seen.truth_from(seen.acts["interrupt"]) if not standing(truth)]
+    assert len(moving) > 10
+    assert {state for truth in moving for state in truth.states[2:]} == {DriveState.OPERATION_ENABLE}
 
 
 def another_serial_number(mission: Path, world: WatchedWorld) -> None:
@@ -257,10 +279,11 @@ def test_the_origin_is_where_the_wheels_are_aligned_first_also_when_the_first_br
     assert_origin_is_where_the_wheels_were_aligned_first(seen)
 
 
+@pytest.mark.parametrize("phase", ["waiting", "following"])
 @pytest.mark.parametrize("stop", [False, True], ids=["armed at once", "stopped once more"])
-def test_the_origin_stays_when_the_drives_are_brought_up_again_on_the_way(tmp_path: Path, stop: bool) -> None:
-    rig = attended_by(tmp_path, (50.0, "acknowledge"))
-    rig.while_following(rig.emergency("traction-left", 0x8611), distance=0.8, name="emergency")
+def test_the_origin_stays_when_the_drives_are_brought_up_again(tmp_path: Path, phase: str, stop: bool) -> None:
+    rig = attended_by(tmp_path, (50.0, "acknowledge"), steps=[{"wait": {"seconds": 1.0}}, *STEPS])
+    rig.when(lambda s: s.phase == phase, rig.emergency("traction-left", 0x8611), after=0.9, name="emergency")
     rig.when(lambda s: s.mode is Mode.FAULT, rig.request(Request.ACKNOWLEDGE), after=2.0, name="acknowledge")
     waits = once_done(rig, "acknowledge", Mode.INIT, "waiting for arm")
     if stop:

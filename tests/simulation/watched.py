@@ -15,6 +15,10 @@ from artemis.vehicle import Robot as RobotFile
 
 TRACTION, STEERING = ("traction-left", "traction-right"), ("steer-left", "steer-right")
 DRIVES = TRACTION + STEERING
+NODE = {name: number for number, name in enumerate(DRIVES, 1)}
+SYNC, EMERGENCY, SDO_ANSWER, SDO_REQUEST, HEARTBEAT = 0x080, 0x080, 0x580, 0x600, 0x700
+SET_POINTS, STOP_FRAMES = 0x200, 0x300
+"""Identifiers of RxPDO 1 and 2, less the node."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,3 +109,21 @@ class WatchedBus(SimBus):
 def standing(truth: Truth) -> bool:
     """No driven wheel turns (less than 0.2 mm/s)."""
     return max(abs(speed) for speed in truth.wheel_speeds) < 2e-4
+
+
+def target_velocity(frame: Frame) -> int | None:
+    """Target velocity [rpm] that a frame carries to a traction drive; None if it carries none."""
+    if frame.id in (SET_POINTS + NODE[name] for name in TRACTION):
+        return int.from_bytes(frame.data[2:6], "little", signed=True)
+    if frame.id in (SDO_REQUEST + NODE[name] for name in TRACTION) and frame.data[1:4] == b"\xff\x60\x00":
+        return int.from_bytes(frame.data[4:8], "little", signed=True) if frame.data[0] >> 5 == 1 else None
+    return None
+
+
+def controlword(frame: Frame) -> int | None:
+    """The controlword that a frame carries, by PDO or SDO."""
+    if frame.id - SET_POINTS in NODE.values() or frame.id - STOP_FRAMES in NODE.values():
+        return int.from_bytes(frame.data[:2], "little")
+    if frame.id - SDO_REQUEST in NODE.values() and frame.data[0] >> 5 == 1 and frame.data[1:4] == b"\x40\x60\x00":
+        return int.from_bytes(frame.data[4:6], "little")
+    return None
