@@ -182,8 +182,7 @@ class SimBus:
         self._advance(self._loop.time())
         frames, self._inbox = self._inbox, []
         self._urgent_arrived = False
-        if self._urgent_under_way:
-            self._schedule()
+        self._schedule()
         return frames
 
     def listen(self, wake: Callable[[], None]) -> None:
@@ -205,6 +204,7 @@ class SimBus:
     # ------------------------------------------------------------------------------------------ waking the host
 
     def _schedule(self) -> None:
+        """Look again when something urgent may have arrived, else a patrol after the host or we have looked."""
         if self._wake is None:
             return
         if self._urgent_arrived:
@@ -212,9 +212,9 @@ class SimBus:
         elif self._urgent_under_way:
             when = min(self._next_on_wire(), self._now + self._patrol)
         else:
-            when = max(self._world_time, self._now - self._patrol) + self._patrol
+            when = self._now + self._patrol
         if self._handle is not None:
-            if self._handle.when() <= when:
+            if self._urgent_under_way and self._handle.when() <= when:
                 return  # it will look again then
             self._handle.cancel()
         self._handle = self._loop.call_at(when, self._look, when)
@@ -222,9 +222,8 @@ class SimBus:
     def _look(self, when: float) -> None:
         self._handle = None
         self._advance(max(when, self._loop.time()))
-        if self._now - self._world_time >= self._patrol - 1e-9:
-            self._move_world(self._now)
-            self._collect(self._now)
+        self._move_world(self._now)
+        self._collect(self._now)
         if self._urgent_arrived and self._wake is not None:
             self._urgent_arrived = False
             self._wake()

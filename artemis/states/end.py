@@ -28,8 +28,9 @@ class EndMode(RoutineMode):
                 if all(drive.state in _OFF_STATES for drive in snapshot.sensed.drives):
                     break
         idle = replace(IDLE, exchange=plan.connected, heartbeat=plan.connected)
-        results, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives()))
-        for result in results:
+        traction, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives("traction")))
+        steering, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives("steering")))
+        for result in (*traction, *steering):
             if not result.ok:
                 plan.failed = True
                 yield replace(idle, fault=catalogue.fault("COM-34", result.drive, result.detail))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from artemis.motion.path import Path
+from artemis.motion.perception import STANDING_TIME
 from artemis.plugins.contracts import Follower
 from artemis.values import Action, DriveCommand, Fault, Goal, Job, JobKind, JobResult, Snapshot, Wish
 from artemis.vehicle import Robot
@@ -180,12 +181,15 @@ def come_to_rest(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
     """Yield `wish` until the robot stands; traction is off at the latest after the plan's stop time.
 
     Steering holds for longer: a robot that rolls without power shall not turn on its own. It ends sooner where no
-    drive is heard any more.
+    drive is heard any more. What stood a moment ago may just have begun to move: standing counts after a while.
     """
-    off, latest = snapshot.time + plan.stop_time, snapshot.time + ROLLING_TIME
-    while not snapshot.standing and snapshot.time < (latest if _is_heard(snapshot) else off):
-        snapshot = yield wish if snapshot.time < off else replace(wish, traction=Goal.DISABLED)
-    return snapshot
+    begun = snapshot.time
+    while True:
+        passed = snapshot.time - begun
+        limit = ROLLING_TIME if _is_heard(snapshot) else plan.stop_time
+        if passed >= limit or (snapshot.standing and passed >= STANDING_TIME):
+            return snapshot
+        snapshot = yield wish if passed < plan.stop_time else replace(wish, traction=Goal.DISABLED)
 
 
 def _is_heard(snapshot: Snapshot) -> bool:

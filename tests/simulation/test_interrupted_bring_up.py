@@ -72,7 +72,9 @@ def left_running(mission: Path) -> WatchedWorld:
 
 
 def found_moving(
-    folder: Path, prepare: Callable[[Path, WatchedWorld], None] = lambda mission, world: None, **keys: Any
+    folder: Path,
+    prepare: Callable[[Path, WatchedWorld], None] = lambda mission, world: None,
+    **keys: Any,  # noqa: ANN401
 ) -> Rig:
     """A run that meets a moving robot; `prepare` may change robot file and drives before."""
     mission = write_mission(folder, STEPS, **keys)
