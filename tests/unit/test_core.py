@@ -207,8 +207,8 @@ def test_set_points_of_drives_that_are_off_are_where_the_wheels_are() -> None:
 
 def test_speed_begins_at_zero_when_traction_is_enabled_again() -> None:
     live = driving()
-    live.until(lambda tick: tick.wish.traction is Goal.DISABLED, requests=(Request.QUICKSTOP,))
-    live.tick()
+    live.tick(requests=(Request.QUICKSTOP,))
+    live.until(lambda tick: tick.wish.traction is Goal.DISABLED)
     live.tick(requests=(Request.ARM,))
     back = live.until(Mode.TELEOP)
     assert back.set_points.speed == 0.0

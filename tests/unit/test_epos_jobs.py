@@ -61,7 +61,7 @@ def test_drive_that_does_not_stop_is_an_error() -> None:
 def test_fault_that_is_found_is_reset() -> None:
     async def test(rig: Rig) -> None:
         rig.node.emergency(0x2310, asyncio.get_running_loop().time())
-        await asyncio.sleep(0.01)
+        await asyncio.sleep(0.02)
         assert has(rig, 0x6041) & 0x417F == 0x0108
         await rig.jobs.secure()
         assert has(rig, 0x6041) & 0x417F == 0x0140

@@ -275,5 +275,5 @@ def test_init_begins_from_the_start_when_it_is_entered_again() -> None:
     bring_up.player.until(lambda wish: wish.phase == "first contact")
     bring_up.player.enter()
     wish = bring_up.player.tick()
-    assert (wish.phase, wish.heartbeat, wish.exchange) == ("listening", False, False)
+    assert (wish.phase, wish.heartbeat, wish.exchange) == ("listening", True, False), "they still watch us"
     assert not bring_up.plan.connected

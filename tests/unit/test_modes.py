@@ -142,10 +142,11 @@ def test_end_that_was_asked_for_during_a_stop_comes_after_it() -> None:
 def test_mode_that_is_entered_again_begins_anew() -> None:
     modes = modes_in(Mode.QUICKSTOP)
     stopped = snapshot(verdict=Verdict(), drives=drives(state=DriveState.SWITCH_ON_DISABLED))
-    assert modes.step(stopped).traction is Goal.DISABLED
+    modes.step(stopped)
+    assert modes.step(snapshot(0.2, drives=stopped.sensed.drives)).traction is Goal.DISABLED
     modes.advance(stopped, Event.REARMED)
-    modes.advance(snapshot(0.1, standing=False, requests=(Request.QUICKSTOP,)), None)
-    assert modes.step(snapshot(0.1, standing=False)).traction is Goal.QUICK_STOPPED
+    modes.advance(snapshot(0.3, standing=False, requests=(Request.QUICKSTOP,)), None)
+    assert modes.step(snapshot(0.3, standing=False)).traction is Goal.QUICK_STOPPED
 
 
 # ---------------------------------------------------------------------------------------------- jobs

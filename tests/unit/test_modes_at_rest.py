@@ -23,6 +23,7 @@ from core_builders import (
     verdict,
 )
 
+from artemis.motion.perception import STANDING_TIME
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
 from artemis.states.mode import CalibrateStep, ModeLogic, Plan
@@ -38,6 +39,7 @@ from artemis.values import (
     OperatorInput,
     Request,
     SetPoints,
+    Wish,
 )
 
 ALL_OFF = {"drives": drives(state=DriveState.SWITCH_ON_DISABLED)}
@@ -51,6 +53,18 @@ STOPPED = {"standing": True, **ALL_OFF}
 def quickstop(**state: Any) -> tuple[Player, Plan]:
     steps = plan(CalibrateStep(), **{"connected": True, "aligned": True, "armed": False, **state})
     return Player(QuickstopMode(steps)), steps
+
+
+def stopped(**state: Any) -> tuple[Player, Plan]:
+    """A quick stop that is over: the robot stood long enough, its drives are off."""
+    player, steps = quickstop(**state)
+    player.world.update(STOPPED)
+    player.until(is_off)
+    return player, steps
+
+
+def is_off(wish: Wish) -> bool:
+    return (wish.traction, wish.steering) == (Goal.DISABLED, Goal.DISABLED)
 
 
 def test_quick_stop_is_the_traction_drives_own_and_steering_holds() -> None:
@@ -78,8 +92,14 @@ def test_drives_are_switched_off_once_the_robot_stands() -> None:
     player, _ = quickstop()
     for _ in range(20):
         assert player.tick(standing=False).traction is Goal.QUICK_STOPPED
-    wish = player.tick()
-    assert (wish.traction, wish.steering) == (Goal.DISABLED, Goal.DISABLED)
+    assert is_off(player.tick())
+
+
+def test_what_stood_a_moment_ago_may_just_have_begun_to_move() -> None:
+    player, _ = quickstop()
+    for _ in range(round(STANDING_TIME / PERIOD)):
+        assert player.tick().traction is Goal.QUICK_STOPPED
+    player.until(is_off, longest=2 * PERIOD)
 
 
 def test_drives_are_switched_off_at_the_latest_after_the_stop_time() -> None:
@@ -121,8 +141,10 @@ def test_drives_stay_held_after_a_controlled_stop_whose_cause_was_acknowledged()
 
 def test_nobody_there_to_arm_ends_the_run_as_failed() -> None:
     player, steps = quickstop()
-    assert player.tick(standing=False, attended=False).event is None, "not before it stands"
-    assert player.tick(attended=False).event is Event.END
+    player.world["attended"] = False
+    for _ in range(20):
+        assert player.tick(standing=False).event is None, "not before it stands"
+    assert player.until(has_event).event is Event.END
     assert steps.failed
 
 
@@ -143,9 +165,7 @@ def test_quickstop_waits_for_arm() -> None:
     ids=["latched fault", "controls not released"],
 )
 def test_arm_is_refused_while_something_stands_against_it(obstacle: dict[str, Any]) -> None:
-    player, _ = quickstop()
-    player.world.update(STOPPED)
-    player.tick()
+    player, _ = stopped()
     assert player.tick(requests=(Request.ARM,), **obstacle).event is None
     for _ in range(50):
         wish = player.tick()
@@ -153,8 +173,7 @@ def test_arm_is_refused_while_something_stands_against_it(obstacle: dict[str, An
 
 
 def test_operator_is_told_what_stands_against_arming() -> None:
-    player, _ = quickstop()
-    player.world.update(STOPPED)
+    player, _ = stopped()
     assert catalogue.ROWS["INP-03"].text in player.tick(verdict=verdict("INP-03", "stick")).phase
     assert "release" in player.tick(inputs=(OperatorInput(source="stick", neutral=False),)).phase
 
@@ -163,7 +182,7 @@ def test_armed_quickstop_clears_the_targets_then_enables_then_is_ready() -> None
     player, _ = quickstop()
     robot = ObedientDrives()
     player = Player(player.mode, robot.react)
-    player.tick()
+    player.until(is_off)
     ordered = player.tick(requests=(Request.ARM,))
     assert {(job.kind, job.drive) for job in ordered.jobs} == {(JobKind.CLEAR_TARGET, name) for name in NAMES}
     assert not powered(ordered)
@@ -173,19 +192,15 @@ def test_armed_quickstop_clears_the_targets_then_enables_then_is_ready() -> None
 
 
 def test_target_that_cannot_be_cleared_is_a_fault_and_nothing_is_enabled() -> None:
-    player, _ = quickstop()
-    player.world.update(STOPPED)
+    player, _ = stopped()
     player.refused.add((JobKind.CLEAR_TARGET, "traction-right"))
-    player.tick()
     player.tick(requests=(Request.ARM,))
     assert fault_of(player.until(has_fault)) == ("COM-08", "traction-right")
     assert not any(map(powered, player.wishes))
 
 
 def test_armed_before_the_wheels_were_aligned_leads_to_a_new_bring_up() -> None:
-    player, steps = quickstop(aligned=False)
-    player.world.update(STOPPED)
-    player.tick()
+    player, steps = stopped(aligned=False)
     wish = player.tick(requests=(Request.ARM,))
     assert wish.event is Event.ACKNOWLEDGED
     assert not powered(wish)
@@ -277,11 +292,13 @@ def test_ordered_end_stops_switches_off_disarms_and_then_ends_the_heartbeat() ->
     for _ in range(5):
         assert player.tick(standing=False).traction is Goal.QUICK_STOPPED
     last = player.until(lambda wish: wish.finished)
-    wishes = player.wishes[5:]
-    disarm = next(number for number, wish in enumerate(wishes) if wish.jobs)
-    assert {(job.kind, job.drive) for job in wishes[disarm].jobs} == {(JobKind.DISARM, name) for name in NAMES}
-    assert all((wish.traction, wish.steering) == (Goal.DISABLED, Goal.DISABLED) for wish in wishes)
-    assert disarm >= 1, "off before disarmed"
+    off = next(number for number, wish in enumerate(player.wishes) if is_off(wish))
+    assert all(map(is_off, player.wishes[off:]))
+    disarm = next(number for number, wish in enumerate(player.wishes) if wish.jobs)
+    assert disarm > off, "off before disarmed"
+    assert [(job.kind, job.drive) for job in player.jobs] == [(JobKind.DISARM, name) for name in NAMES], (
+        "traction first"
+    )
     beats = [wish.heartbeat for wish in player.wishes]
     assert beats == [True] * (len(beats) - 1) + [False], "the heartbeat lasts until the very end"
     assert not player.wishes[-2].exchange, "and its last comes alone"
