@@ -310,7 +310,7 @@ def test_bus_off_takes_the_host_off_and_leaves_the_nodes() -> None:
         node.next_due, node.alarm = 2e-3, Frame(0x701, b"\x05")
         bus.listen(lambda: None)
         await asyncio.sleep(0.05)
-        assert [frame.id for _, frame in listener.heard] == [0x701]
+        assert [frame.id for _, frame in listener.heard] == [0x080, 0x701], "the SYNC was on the wire already"
         bus.bus_off = False
         assert bus.receive() == []
         bus.send(SDO_REQUEST)
