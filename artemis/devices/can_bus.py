@@ -115,6 +115,7 @@ class CanBus:
             raise DeviceLost(self.name, f"cannot be opened: {type(error).__name__}: {error}; {advice}") from error
         self._message = can.Message
         self._socketcan = interface == "socketcan"
+        self._marks_own = not self._socketcan  # there, what is not `is_rx` came from any process of this host
         self._arrived: list[Frame] = []
         self._sent: deque[tuple[int, bytes, bool, float]] | None = None
         if interface in _ECHOING or words.get("receive_own_messages"):
@@ -216,7 +217,8 @@ class CanBus:
                     self._lose("bus off; are the wiring, both terminating resistors and the bit rate right?")
                 continue
             frame = Frame(message.arbitration_id, bytes(message.data), message.is_remote_frame, now)
-            if self._is_echo(frame) or not message.is_rx or message.is_extended_id or message.is_fd:
+            own = self._is_echo(frame) or (self._marks_own and not message.is_rx)
+            if own or message.is_extended_id or message.is_fd:
                 continue
             self._arrived.append(frame)
             urgent = urgent or not _FIRST_PDO <= frame.id <= _LAST_PDO

@@ -203,6 +203,19 @@ def test_what_is_no_classic_frame_of_another_node_is_dropped(install: Install) -
     in_real_time(main())
 
 
+def test_socketcan_hears_other_processes_of_this_host(install: Install) -> None:
+    local = message(
+        0x181, b"\3", is_rx=False
+    )  # the kernel marks what was sent on this host, by whomever (MSG_DONTROUTE)
+
+    async def main() -> None:
+        bus = CanBus(install("socketcan", WithDescriptor, local))
+        assert bare(await arrived(bus, 1)) == [Frame(0x181, b"\3")]
+        bus.close()
+
+    in_real_time(main())
+
+
 def test_own_frames_that_were_asked_for_do_not_come_back_either() -> None:
     async def main() -> None:
         words = {"interface": "virtual", "channel": "echo", "receive_own_messages": True}
