@@ -64,12 +64,21 @@ class InitMode(RoutineMode):
             snapshot = yield WAKING
         missed: set[str] = set()
 
-        def reports_loss(drive: DriveFeedback) -> bool:
+        def is_lost(drive: DriveFeedback) -> bool:
             if LOST_HEARTBEAT in drive.emergencies:
                 missed.add(drive.name)
-            return drive.name in missed and drive.state is DriveState.FAULT
+            return drive.state is DriveState.FAULT
 
-        snapshot = yield from self._until(reports_loss, WITHHOLDING, "COM-30", "no EMCY 0x8130", snapshot)
+        snapshot = yield from self._until(is_lost, WITHHOLDING, "COM-30", "no fault without our heartbeat", snapshot)
+        unheard = [name for name in self.plan.drives() if name not in missed]
+        if unheard:  # an EMCY is sent once and may be lost; the drive remembers
+            told, snapshot = yield from finish_jobs(WITHHOLDING, self.plan.jobs(JobKind.READ_HISTORY, unheard))
+            for result in told:
+                if LOST_HEARTBEAT not in result.values[:1]:
+                    seen = (
+                        f"in fault for another reason: {', '.join(map(hex, result.values)) or result.detail or 'none'}"
+                    )
+                    return (yield from fail(SILENT, catalogue.fault("COM-30", result.drive, seen)))
         return (yield from self._until(_off, RESETTING, "COM-08", "fault reset refused", snapshot))
 
     def _until(

@@ -27,6 +27,7 @@ from command_line import (
 )
 
 from artemis.mission.loading import load_model
+from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import Robot
 
 pytestmark = pytest.mark.realtime
@@ -105,7 +106,13 @@ def listener(port: int) -> Iterator[Listener]:
         yield Listener(bus)
 
 
-def test_a_mission_is_done_against_simulated_drives_in_another_process(tmp_path: Path, port: int) -> None:
+def lost_contacts(run: Path) -> int:
+    """How often a drive missed the host's heartbeat."""
+    frames = (frame for _, batch in Recording(run).frames() for sent, frame in batch if not sent)
+    return sum(frame.id & 0x780 == 0x080 and frame.data[:2] == b"\x30\x81" for frame in frames)
+
+
+def test_a_mission_is_done_against_simulated_drives_in_another_process(tmp_path: Path, port: int, robot: Robot) -> None:
     with simulated_robot(port) as drives:
         done = artemis("run", udp_mission(tmp_path, port))
         skip_if_late(done.stdout)
@@ -116,8 +123,10 @@ def test_a_mission_is_done_against_simulated_drives_in_another_process(tmp_path:
         assert stream(drives.stdout).read() == "ended\n"
         assert drives.wait(timeout=PATIENCE) == 0
     run = only_run(tmp_path)
-    assert_left_at_rest(run)
     assert artemis("replay", run).returncode == 0
+    if lost_contacts(run) > len(robot.drives):  # once each while the watchdog is proven
+        pytest.skip("this machine is too busy for real time: the simulated drives did not run for 200 ms")
+    assert_left_at_rest(run)
 
 
 def test_a_mission_that_is_refused_sends_no_frame(tmp_path: Path, port: int, robot: Robot) -> None:

@@ -128,6 +128,15 @@ def test_no_drive_is_enabled_that_does_not_report_the_missing_heartbeat(tmp_path
 # ---------------------------------------------------------------------------------------------- four drives at once
 
 
+@pytest.mark.parametrize("lost", [{0x081}, {0x081, 0x082, 0x083, 0x084}])
+def test_a_drive_whose_report_was_lost_proves_its_watchdog_by_its_error_history(tmp_path: Path, lost: set[int]) -> None:
+    def lose(frame: Frame, now: float) -> tuple[Frame | None, float]:
+        return (None if frame.id in lost else frame), 0.0
+
+    seen = Rig(write_mission(tmp_path, [WAIT]), disturb=lose).run()
+    assert (seen.status, seen.fault_ids) == (0, [])
+
+
 def test_the_four_drives_are_brought_up_side_by_side(tmp_path: Path) -> None:
     seen = run(write_mission(tmp_path, [WAIT]), settings=SimSettings(answer_time_s=0.005))
     spans = {}
