@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -13,9 +13,11 @@ from artemis import clock
 from artemis.devices.can_bus import CanBus, FrameBus
 from artemis.devices.drive import Drives
 from artemis.mission.loading import LoadedMission, plugin_from
+from artemis.mission.policies import policies_from
 from artemis.mission.schema import BusWords, Calibrate, Follow, PluginUse, Teleop, Wait
 from artemis.motion.path import Path, path_from_csv
 from artemis.motion.poses import seen_from
+from artemis.plugins.border import Border
 from artemis.plugins.contracts import InputDevice, Setup
 from artemis.recording.journal import Journal
 from artemis.recording.mcap_writer import Provenance, Recorder
@@ -25,6 +27,7 @@ from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopSte
 from artemis.values import Pose, Request, Tick
 
 if TYPE_CHECKING:
+    from artemis.sim.bus import Surroundings
     from artemis.sim.world import World
 
 OPERATOR_GRACE = 5.0
@@ -81,12 +84,23 @@ def plan_from(loaded: LoadedMission) -> Plan:
                 plugin, config = plugin_from("artemis.followers", action.follower)
                 follower = plugin(config, _setup(loaded, action.follower.plugin))
                 steps.append(FollowStep(path=path, follower=follower, max_cross_track=action.max_cross_track_m))
-    return Plan(robot=loaded.robot, steps=tuple(steps))
+    policies = policies_from(loaded.mission.recovery)
+    return Plan(robot=loaded.robot, steps=tuple(steps), policies=policies)
 
 
 def core_from(loaded: LoadedMission) -> Core:
     """The robot's mind for a mission: what runs, and what a replay runs again."""
-    return Core(plan_from(loaded), 1 / loaded.mission.tick_hz)
+    plan = plan_from(loaded)
+    if is_simulated(loaded):
+        _let_followers_fail(plan, loaded)
+    return Core(plan, 1 / loaded.mission.tick_hz)
+
+
+def _let_followers_fail(plan: Plan, loaded: LoadedMission) -> None:
+    if loaded.mission.simulation.faults:
+        from artemis.testing.injections import failing_followers
+
+        plan.steps = failing_followers(plan.steps, loaded.mission.simulation.faults)
 
 
 def _setup(loaded: LoadedMission, name: str) -> Setup:
@@ -129,10 +143,13 @@ class _Run:
         simulated: bool,
         watch: Callable[[Tick], None],
         operator: Operator | None,
+        witness: Callable[[World], Surroundings],
     ) -> None:
         mission = loaded.mission
-        self._loaded, self._watch, self._operator = loaded, watch, operator
+        self._loaded, self._watch, self._operator, self._witness = loaded, watch, operator, witness
         self._plan = plan_from(loaded)
+        if simulated:
+            _let_followers_fail(self._plan, loaded)
         self._simulated = simulated
         self._virtual = simulated and mission.simulation.pace == "fast"
         self._last_act = max((act.at_s for act in mission.simulation.operator), default=-OPERATOR_GRACE)
@@ -171,17 +188,24 @@ class _Run:
         loop = asyncio.get_running_loop()
         bus, world = self._open_bus(loop)
         inputs = _inputs(self._loaded, self._simulated)
+        border = Border(inputs, loop.time)
+        self._plan.steps = tuple(
+            replace(step, follower=border.watched(step.follower)) if isinstance(step, FollowStep) else step
+            for step in self._plan.steps
+        )
         drives = Drives(self._loaded.robot, bus)
         truth = _Truth(world)
 
         def observe(tick: Tick) -> None:
             self._time = tick.snapshot.time
-            self._recorder.observe(tick, drives.take_traffic(loop.time()), truth.pose(tick))
+            self._recorder.observe(tick, drives.wire.take_traffic(loop.time()), truth.pose(tick))
             self._watch(tick)
 
         period = 1 / self._loaded.mission.tick_hz
         core = Core(self._plan, period)
-        robot = Robot(core, drives, inputs, period, observe, self._attended)
+        robot = Robot(core, drives, border, period, observe, self._attended)
+        if world is not None and self._loaded.mission.simulation.faults:
+            self._let_fail(loop, bus, world, inputs, robot)
         stop_listening = self._listen(loop, robot)
         try:
             self._show_paths()
@@ -199,8 +223,34 @@ class _Run:
         from artemis.sim.bus import SimBus
         from artemis.sim.world import World
 
-        world = World(robot, self._loaded.true_robot, seed=mission.simulation.seed, start=loop.time())
-        return SimBus(world, robot.bitrate, loop), world
+        seed = mission.simulation.seed
+        world = World(robot, self._loaded.true_robot, seed=seed, start=loop.time())
+        bus = SimBus(self._witness(world), robot.bitrate, loop)
+        if not mission.simulation.faults:
+            return bus, world
+        from artemis.testing.fault_bus import FaultBus
+
+        return FaultBus(bus, seed=seed), world
+
+    def _let_fail(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        bus: FrameBus,
+        world: World,
+        inputs: dict[str, InputDevice],
+        robot: Robot,
+    ) -> None:
+        """Schedule what the mission wants to go wrong, and write it to the journal as it happens."""
+        from artemis.testing.bad_plugins import BadInput
+        from artemis.testing.fault_bus import FaultBus
+        from artemis.testing.injections import schedule
+        from artemis.testing.stage import Stage
+
+        assert isinstance(bus, FaultBus)
+        bad = {name: BadInput(device) for name, device in inputs.items()}
+        inputs.update(bad)
+        stage = Stage(robot=self._loaded.robot, world=world, bus=bus, loop=loop, inputs=bad, request=robot.request)
+        schedule(stage, self._loaded.mission.simulation.faults, self._recorder.note)
 
     def _attended(self, time: float) -> bool:
         return self._operator is not None or time <= self._last_act + OPERATOR_GRACE
@@ -246,6 +296,7 @@ def run_mission(
     simulate: bool = False,
     watch: Callable[[Tick], None] = lambda tick: None,
     operator: Operator | None = None,
+    witness: Callable[[World], Surroundings] = lambda world: world,
 ) -> Outcome:
     """Run a mission to its ordered end and leave its folder behind, with recording and journal.
 
@@ -255,5 +306,6 @@ def run_mission(
         simulate: Against simulated drives, whatever bus the mission names.
         watch: Sees every tick, for people.
         operator: Somebody at a terminal; None: nobody can acknowledge and arm.
+        witness: Puts itself around the simulated world: hears every frame on its wire and sees what truly moves.
     """
-    return _Run(loaded, source, is_simulated(loaded, simulate), watch, operator).go()
+    return _Run(loaded, source, is_simulated(loaded, simulate), watch, operator, witness).go()

@@ -95,6 +95,19 @@ def graph() -> None:
 
 
 @app.command()
+def faults(
+    ids: Annotated[
+        list[str] | None, typer.Argument(metavar="[ID...]", help="Rows such as DRV-25; all if left out.")
+    ] = None,
+    markdown: Annotated[bool, typer.Option("--markdown", help="As the page of the documentation.")] = False,
+) -> None:
+    """Show the fault table: what is noticed, how fast, what follows, how it goes on."""
+    from artemis.commands.faults import show_faults
+
+    show_faults(ids or [], markdown)
+
+
+@app.command()
 def plugins() -> None:
     """List installed plugins with their origin; for a broken one, why."""
     from artemis.plugins.registry import CONTRACTS, listing

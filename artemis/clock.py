@@ -46,6 +46,10 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
         """Virtual seconds since the loop was made."""
         return self._selector_with_time.now
 
+    def skip(self, seconds: float) -> None:
+        """Let time pass in which nothing runs: every timer that falls into it is late."""
+        self._selector_with_time.now += seconds
+
 
 def run(main: Coroutine[Any, Any, Result], *, simulated: bool) -> Result:
     """Run `main` to its end on virtual (`simulated`) or real time."""
@@ -71,6 +75,16 @@ async def until(deadline: float) -> None:
 def _finish(future: asyncio.Future[None]) -> None:
     if not future.done():  # cancelled in the very turn in which its time came
         future.set_result(None)
+
+
+def stall(seconds: float) -> None:
+    """Hold the running loop up, as code does that takes too long; without a loop nothing is held up."""
+    try:
+        loop = asyncio.get_running_loop()
+    except RuntimeError:
+        return
+    hold = getattr(loop, "skip", time.sleep)  # on virtual time nothing has to be waited for
+    hold(seconds)
 
 
 def wall_date() -> datetime:

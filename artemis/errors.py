@@ -6,6 +6,9 @@
      ├ DeviceError(device)
      │  ├ DeviceTimeout                  also TimeoutError
      │  ├ DeviceLost                     also ConnectionError
+     │  ├ DeviceBusy                     dropped a frame, may take the next
+     │  ├ WrongDevice                    answers, but is not the one in the robot file
+     │  ├ NotKept                        reads back another value than was written
      │  └ ProtocolError                  a malformed or unexpected frame; also ValueError
      │     └ SdoAbort(index, subindex, code)
      ├ CalibrationError
@@ -48,6 +51,18 @@ class DeviceTimeout(DeviceError, TimeoutError):
 
 class DeviceLost(DeviceError, ConnectionError):
     """The device, or the adapter in front of it, is gone."""
+
+
+class DeviceBusy(DeviceError):
+    """The adapter has no room for a frame and dropped it; it may take the next."""
+
+
+class WrongDevice(DeviceError):
+    """The device is another one than the robot file says."""
+
+
+class NotKept(DeviceError):
+    """The device did not keep what was written."""
 
 
 class ProtocolError(DeviceError, ValueError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 from typing import Any, TypeVar
@@ -13,13 +13,12 @@ from artemis.devices.drive import Drives
 from artemis.errors import DeviceLost
 from artemis.motion.limits import Gate, is_sane
 from artemis.motion.perception import Perception
-from artemis.plugins.border import is_whole_input
-from artemis.plugins.contracts import InputDevice
+from artemis.plugins.border import Border
 from artemis.states.mode import Plan
 from artemis.states.modes import Modes
 from artemis.supervision import catalogue
 from artemis.supervision.supervisor import Supervisor
-from artemis.values import Fault, Job, JobResult, OperatorInput, Request, Sensed, SetPoints, Snapshot, Tick, Wish
+from artemis.values import Fault, Job, JobResult, Request, Sensed, SetPoints, Snapshot, Tick, Wish
 
 Item = TypeVar("Item")
 LIMITED_SPEED = 0.3
@@ -31,15 +30,16 @@ class Core:
 
     def __init__(self, plan: Plan, period: float) -> None:
         """`period` of the scheduled ticks [s]."""
-        self._perception = Perception(plan.robot, period)
-        self._supervisor = Supervisor(plan.robot, period)
+        self._plan = plan
+        self._perception = Perception(plan.robot, period, plan.start)
+        self._supervisor = Supervisor(plan.robot, period, plan.policies)
         self._modes = Modes(plan)
         self._gate = Gate(plan.robot, dt_max=2 * period)
         self._wish, self._points = Wish(supervised=False), SetPoints()
 
     def decide(self, sensed: Sensed) -> Tick:
         """One tick, from what is sensed to what is to be done."""
-        verdict = self._supervisor.judge(sensed, self._wish, self._modes.mode)
+        verdict = self._supervisor.judge(sensed, self._wish, self._modes.mode, self._points)
         snapshot = self._perception.perceive(sensed, verdict, self._points)
         mode = self._modes.advance(snapshot, self._wish.event)
         wish = self._modes.step(snapshot)
@@ -49,7 +49,8 @@ class Core:
             self._perception.reset()
         points = self._limit(wish, snapshot)
         self._wish, self._points = wish, points
-        return Tick(snapshot=snapshot, mode=mode, wish=wish, action=wish.command.action, set_points=points)
+        step, done, action = self._plan.index, self._plan.done, wish.command.action
+        return Tick(snapshot=snapshot, mode=mode, step=step, done=done, wish=wish, action=action, set_points=points)
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
         """The gate, from its last set-points on; wheels whose drives are off are where they are."""
@@ -67,13 +68,13 @@ class Robot:
         self,
         core: Core,
         drives: Drives,
-        inputs: Mapping[str, InputDevice],
+        border: Border,
         period: float,
         observe: Callable[[Tick], None],
         attended: Callable[[float], bool] = lambda time: False,
     ) -> None:
         """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s]."""
-        self._core, self._drives, self._inputs, self._period, self._observe = core, drives, inputs, period, observe
+        self._core, self._drives, self._border, self._period, self._observe = core, drives, border, period, observe
         self._attended = attended
         self._requests: list[Request] = []
         self._results: list[JobResult] = []
@@ -81,7 +82,7 @@ class Robot:
         self._index, self._start, self._late = 0, 0.0, 0.0
         self._ticking = False
         self._failure: BaseException | None = None
-        drives.listen(self._wake)
+        drives.wire.listen(self._wake)
 
     def tick(self, now: float, urgent: bool = False) -> Tick:
         """One tick at loop time `now` [s]. An urgent one, off the schedule, writes stop frames only."""
@@ -111,6 +112,10 @@ class Robot:
             self._drives.stop()
             raise
 
+    def report(self, fault: Fault) -> None:
+        """Something was noticed beside the ticks."""
+        self._faults.append(fault)
+
     def request(self, request: Request) -> None:
         """What an operator asks for. A quick stop acts at once, not at the next tick."""
         self._requests.append(request)
@@ -122,7 +127,8 @@ class Robot:
             self._drives.receive()
         except DeviceLost as error:
             self._lose(error)
-        inputs = tuple(sample for name in self._inputs if (sample := self._ask(name, now - self._start)))
+        inputs = self._border.read(now - self._start)
+        self._faults += (catalogue.fault(*problem) for problem in self._border.take_problems())
         self._requests += (request for sample in inputs for request in sample.requests)
         self._index += 1
         return Sensed(
@@ -132,6 +138,7 @@ class Robot:
             urgent=urgent,
             attended=self._attended(now - self._start),
             drives=self._drives.feedback(now),
+            bus=self._drives.wire.health(),
             inputs=inputs,
             requests=_take(self._requests),
             results=_take(self._results),
@@ -142,17 +149,6 @@ class Robot:
         if (lost := catalogue.fault("COM-22", detail=error.problem)) not in self._faults:
             self._faults.append(lost)
         return True
-
-    def _ask(self, name: str, time: float) -> OperatorInput | None:
-        try:
-            sample = self._inputs[name].read(time)
-        except Exception as error:  # noqa: BLE001  the border to foreign code: whatever it raises is a fault
-            self._faults.append(catalogue.fault("PLG-02", name, repr(error)))
-            return None
-        if is_whole_input(sample):
-            return sample
-        self._faults.append(catalogue.fault("PLG-06", name, repr(sample)[:80]))
-        return None
 
     def _write(self, tick: Tick) -> None:
         try:

@@ -75,6 +75,16 @@ class DriveFeedback:
     """EMCY error codes that arrived since the last tick, oldest first."""
     boots: int = 0
     """Boot-up frames since the last tick."""
+    frames: int = 0
+    """TxPDO 1 since the last tick: one per SYNC."""
+    malformed: int = 0
+    """Frames since the last tick that cannot be what they claim, and were dropped."""
+    disordered: int = 0
+    """Frames since the last tick that were older on the bus than one before them, and were dropped."""
+    jumps: int = 0
+    """Positions in a row that no motion explains; each was dropped."""
+    stray: int = 0
+    """SDO answers since the last tick that nobody waited for, and were dropped."""
 
 
 # ---------------------------------------------------------------------------------------------- requests, inputs, jobs
@@ -146,7 +156,22 @@ class JobResult:
     drive: str
     ok: bool
     detail: str = ""
+    fault: str = ""
+    """The catalogue's id of what went wrong."""
     values: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusHealth:
+    """What the host's end of the bus went through since the last tick."""
+
+    foreign: tuple[int, ...] = ()
+    """Identifiers that only we may send, heard from somebody else."""
+    refused: int = 0
+    """Frames that the adapter did not take."""
+    error_frames: int = 0
+    blocked: tuple[str, ...] = ()
+    """Frames of ours that the allow-list held back, each with its reason and where it came from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +188,7 @@ class Sensed:
     attended: bool = False
     """Somebody can acknowledge and arm; otherwise a fault or a quick stop ends the run."""
     drives: tuple[DriveFeedback, ...] = ()
+    bus: BusHealth = BusHealth()
     inputs: tuple[OperatorInput, ...] = ()
     requests: tuple[Request, ...] = ()
     """From the operator and from every input."""
@@ -267,6 +293,8 @@ class Fault:
     device: str = ""
     to_fault: bool = True
     """Leads to the mode `fault` (else to `quickstop` from S2 on)."""
+    final: bool = False
+    """No acknowledgment helps in this run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -276,6 +304,14 @@ class Verdict:
     severity: Severity = Severity.NONE
     faults: tuple[Fault, ...] = ()
     to_fault: bool = False
+    final: bool = False
+    """One of the faults cannot be acknowledged in this run."""
+    recovers: bool = False
+    """Whatever stops the robot will be forgotten without a person, once its cause is gone."""
+    resumes: bool = False
+    """As `recovers`, and the mission says that the robot may go on by itself then."""
+    alarm: bool = False
+    """The robot does not stop, whatever is done: only the hardware emergency stop is left."""
 
     @property
     def stops(self) -> bool:
@@ -371,6 +407,10 @@ class Tick:
 
     snapshot: Snapshot
     mode: Mode
+    step: int = 0
+    """Which step of the mission is done now, counted from 0; after the last: their number."""
+    done: float = 0.0
+    """How much of it is done: way along its path [m], or time [s]."""
     wish: Wish
     action: Action
     set_points: SetPoints

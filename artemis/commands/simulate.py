@@ -73,7 +73,8 @@ async def _serve(robot: Robot, true: TrueRobot, words: dict[str, object], seed: 
     sys.stdout.write(f"{robot.robot}: {names} on {words['interface']} {words['channel']}; Ctrl-C ends\n")
     sys.stdout.flush()
     terminal = sys.stdout.isatty()
-    serving = asyncio.ensure_future(serve(world, bus, status=(lambda: _show(world)) if terminal else None))
+    status = (lambda: _show(world)) if terminal else None
+    serving = asyncio.ensure_future(serve(world, bus, robot.bitrate, status=status))
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, serving.cancel)
     try:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import difflib
+import errno
 import importlib
 import inspect
 import logging
@@ -19,7 +20,8 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from artemis.errors import ConfigError, DeviceLost
+from artemis import clock
+from artemis.errors import ConfigError, DeviceBusy, DeviceLost
 
 if TYPE_CHECKING:
     import can
@@ -38,11 +40,16 @@ class Frame(NamedTuple):
 class FrameBus(Protocol):
     """A bus as one node sees it: own frames never come back."""
 
+    @property
+    def error_frames(self) -> int:
+        """Error frames so far: what was on the wire and could not be read as a frame."""
+
     def send(self, frame: Frame) -> None:
         """Queue a frame for the wire at once.
 
         Raises:
-            DeviceLost: the adapter is gone or refuses (bus off, queue full).
+            DeviceBusy: no room for it; it is dropped, the next may go out.
+            DeviceLost: the adapter is gone, or off the bus.
         """
 
     def receive(self) -> list[Frame]:
@@ -84,12 +91,21 @@ _FIRST_PDO, _LAST_PDO = 0x180, 0x57F
 _SOCKETCAN_BUS_OFF = 0x40
 """CAN_ERR_BUSOFF in the identifier of an error frame (Linux, uapi/linux/can/error.h)."""
 
+_NO_ROOM: Mapping[str, frozenset[int]] = {
+    "socketcan": frozenset({errno.ENOBUFS, errno.EAGAIN}),
+    "kvaser": frozenset({-13}),  # canERR_TXBUFOFL
+    "vector": frozenset({11}),  # XL_ERR_QUEUE_IS_FULL
+    "systec": frozenset({11}),  # ERR_DLL_TXFULL
+}
+"""Error codes of a full transmit buffer. Other back ends, and socketcan where it did not even try, only say "full"."""
+
 
 class CanBus:
     """A `FrameBus` on a python-can back end, read by the running loop (or by one thread that only hands over).
 
-    Error frames are counted; extended, FD and own frames are dropped. `Frame.time` is the loop's time when the frame
-    was read. On one host, udp_multicast buses with the same port hear each other even in different groups.
+    Error frames are counted; extended, FD and own frames are dropped. `Frame.time` is the loop's time when the kernel
+    took the frame in, or where it does not tell, when it was read. On one host, udp_multicast buses with the same port
+    hear each other even in different groups.
     """
 
     def __init__(self, words: Mapping[str, Any]) -> None:
@@ -108,12 +124,14 @@ class CanBus:
         self.name = f"CAN {interface} {words.get('channel', '')}".rstrip()
         self.error_frames = 0
         self._loop = asyncio.get_running_loop()
+        self._emptied = self._loop.time()
         try:
             self._bus = can.Bus(ignore_config=True, **words)
         except Exception as error:
             advice = "is it plugged in, its driver installed, and nobody else using it?"
             raise DeviceLost(self.name, f"cannot be opened: {type(error).__name__}: {error}; {advice}") from error
         self._message = can.Message
+        self._interface = interface
         self._socketcan = interface == "socketcan"
         self._marks_own = not self._socketcan  # there, what is not `is_rx` came from any process of this host
         self._arrived: list[Frame] = []
@@ -135,18 +153,20 @@ class CanBus:
         """Queue a frame for the wire at once.
 
         Raises:
-            DeviceLost: the adapter is gone or refuses (bus off, queue full).
+            DeviceBusy: no room for it; it is dropped, the next may go out.
+            DeviceLost: the adapter is gone, or off the bus.
         """
         if self._problem is not None:
             raise DeviceLost(self.name, self._problem)
-        if self._sent is not None:
-            self._sent.append((frame.id, b"" if frame.rtr else frame.data, frame.rtr, self._loop.time()))
         try:
             self._bus.send(
                 self._message(arbitration_id=frame.id, data=frame.data, is_extended_id=False, is_remote_frame=frame.rtr)
             )
         except Exception as error:
-            raise DeviceLost(self.name, f"frame 0x{frame.id:03X} was not sent: {error}") from error
+            refusal = DeviceBusy if self._has_no_room(error) else DeviceLost
+            raise refusal(self.name, f"frame 0x{frame.id:03X} was not sent: {error}") from error
+        if self._sent is not None:
+            self._sent.append((frame.id, b"" if frame.rtr else frame.data, frame.rtr, self._loop.time()))
 
     def receive(self) -> list[Frame]:
         """Everything that arrived since the last call, oldest first; never waits.
@@ -179,6 +199,11 @@ class CanBus:
         except Exception as error:  # noqa: BLE001
             logging.getLogger(__name__).warning("%s did not close: %s", self.name, error)
 
+    def _has_no_room(self, error: Exception) -> bool:
+        """Whether a frame was refused only because the transmit buffer is full."""
+        code = getattr(error, "error_code", None)  # of python-can's own exceptions
+        return code in _NO_ROOM.get(self._interface, ()) or (code is None and "full" in str(error).lower())
+
     def _read(self) -> None:
         """The loop's reader of the descriptor, and what the reading thread hands over."""
         self._take(self._waiting(), wake=True)
@@ -188,6 +213,7 @@ class CanBus:
             for _ in range(_FRAMES_AT_ONCE):
                 message = self._bus.recv(0)
                 if message is None:
+                    self._emptied = self._loop.time()
                     return
                 yield message
         except Exception as error:  # noqa: BLE001
@@ -208,7 +234,7 @@ class CanBus:
             self._loop.call_soon_threadsafe(act)
 
     def _take(self, messages: Iterable[can.Message], *, wake: bool) -> None:
-        now = self._loop.time()
+        now, date = self._loop.time(), clock.wall_date().timestamp()
         urgent = False
         for message in messages:
             if message.is_error_frame:
@@ -216,7 +242,10 @@ class CanBus:
                 if self._socketcan and message.arbitration_id & _SOCKETCAN_BUS_OFF:
                     self._lose("bus off; are the wiring, both terminating resistors and the bit rate right?")
                 continue
-            frame = Frame(message.arbitration_id, bytes(message.data), message.is_remote_frame, now)
+            time = now
+            if self._descriptor >= 0 and message.timestamp:  # by the wall's clock, which somebody may set
+                time = max(self._emptied, min(now, now - date + message.timestamp))
+            frame = Frame(message.arbitration_id, bytes(message.data), message.is_remote_frame, time)
             own = self._is_echo(frame) or (self._marks_own and not message.is_rx)
             if own or message.is_extended_id or message.is_fd:
                 continue

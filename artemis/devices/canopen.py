@@ -343,7 +343,7 @@ def _encode(value: Request | Answer, begin: int) -> bytes:
             command, rest = 0x80, ObjectType.U32.encode(code)
         case Upload():
             command, rest = 0x40, b""
-        case Accepted():
+        case _:  # Accepted
             command, rest = 0x60, b""
     return _pack(_BEGIN, command, value.index, value.subindex, rest)
 

@@ -8,35 +8,29 @@ from contextlib import suppress
 from artemis.devices.can_bus import Frame, FrameBus
 from artemis.devices.canopen import EMERGENCY, HEARTBEAT, SDO_ANSWER, SYNC_FRAME, TXPDO, heartbeat_frame
 from artemis.devices.epos import EposDrive
-from artemis.devices.epos_jobs import EposJobs
+from artemis.devices.epos_jobs import EposJobs, fault_of
 from artemis.devices.epos_state import Command, controlword
+from artemis.devices.wire_end import WireEnd
 from artemis.errors import DeviceError, DeviceLost, ProtocolError
 from artemis.values import DriveFeedback, Job, JobResult, Nmt, SetPoints, Tick
 from artemis.vehicle import Robot
 
 
 class Drives:
-    """All drives of a robot. The only writer on the bus, and its only reader."""
+    """All drives of a robot."""
 
     def __init__(self, robot: Robot, bus: FrameBus) -> None:
-        self._bus = bus
-        self.nodes = [EposDrive(name, robot, self._send) for name in robot.drives]
+        self.wire = WireEnd(robot, bus)
+        self.nodes = [EposDrive(name, robot, self.wire.send) for name in robot.drives]
         self._jobs = {node.name: EposJobs(node) for node in self.nodes}
         self._heartbeat = heartbeat_frame(robot.host_node_id, Nmt.OPERATIONAL)
-        self._handlers: dict[int, Callable[[Frame], None]] = {}
+        self._handlers: dict[int, tuple[EposDrive, Callable[[Frame], None]]] = {}
         for node in self.nodes:
-            self._handlers[TXPDO[0] + node.node_id] = node.on_status
-            self._handlers[TXPDO[1] + node.node_id] = node.on_details
-            self._handlers[EMERGENCY + node.node_id] = node.on_emergency
-            self._handlers[HEARTBEAT + node.node_id] = node.on_heartbeat
-            self._handlers[SDO_ANSWER + node.node_id] = node.sdo.receive
-        self._traffic: list[tuple[bool, Frame]] = []
-        self.malformed = 0
-        """Frames that were dropped because they cannot be what they claim."""
-
-    def listen(self, wake: Callable[[], None]) -> None:
-        """Have `wake` called when frames wait between ticks that may be urgent."""
-        self._bus.listen(wake)
+            self._handlers[TXPDO[0] + node.node_id] = node, node.on_status
+            self._handlers[TXPDO[1] + node.node_id] = node, node.on_details
+            self._handlers[EMERGENCY + node.node_id] = node, node.on_emergency
+            self._handlers[HEARTBEAT + node.node_id] = node, node.on_heartbeat
+            self._handlers[SDO_ANSWER + node.node_id] = node, node.sdo.receive
 
     def receive(self) -> bool:
         """Hand every waiting frame to its node; whether one of them was a drive's emergency (not "errors gone").
@@ -45,14 +39,14 @@ class Drives:
             DeviceLost: the adapter is gone.
         """
         urgent = False
-        for frame in self._bus.receive():
-            self._traffic.append((False, frame))
-            handler = self._handlers.get(frame.id)
-            if handler is not None and not frame.rtr:
+        for frame in self.wire.receive():
+            known = self._handlers.get(frame.id)
+            if known is not None and not frame.rtr:
+                node, handler = known
                 try:
                     handler(frame)
                 except ProtocolError:
-                    self.malformed += 1
+                    node.tally.malformed += 1
                 urgent = urgent or (EMERGENCY < frame.id < EMERGENCY + 0x80 and frame.data[:2] != b"\0\0")
         return urgent
 
@@ -68,7 +62,9 @@ class Drives:
         Raises:
             DeviceLost: the adapter is gone.
         """
-        wish, urgent = tick.wish, tick.snapshot.sensed.urgent
+        wish, urgent, send = tick.wish, tick.snapshot.sensed.urgent, self.wire.send
+        if not urgent:
+            self.wire.begin(tick.mode)
         if wish.exchange:
             words = [
                 controlword(node.state, wish.traction if node.is_traction else wish.steering, node.last_controlword)
@@ -76,37 +72,28 @@ class Drives:
             ]
             for node, word in zip(self.nodes, words, strict=True):  # stops first, both sides together
                 if word == Command.QUICK_STOP != node.last_controlword:
-                    self._send(node.stop_frame(word))
-            for node, word in zip(self.nodes, words, strict=True):
-                if not urgent:
-                    self._send(node.set_point_frame(word, _set_point(node, tick.set_points)))
-        if wish.exchange and not urgent:
-            self._send(SYNC_FRAME)
+                    send(node.stop_frame(word))
+            if not urgent:
+                for node, word in zip(self.nodes, words, strict=True):
+                    send(node.set_point_frame(word, _set_point(node, tick.set_points)))
+                send(SYNC_FRAME)
         if wish.heartbeat and not urgent:
-            self._send(self._heartbeat)
+            send(self._heartbeat)
 
     def stop(self) -> None:
         """Last resort, when the program itself fails: quick stop for every drive, at once."""
         for node in self.nodes:
             with suppress(DeviceLost):  # the others may still be reached; without us the drives stop by themselves
-                self._send(node.stop_frame())
-
-    def take_traffic(self, now: float) -> list[tuple[bool, Frame]]:
-        """Every frame on the bus since the last call, each with whether we sent it: those at the latest at `now`."""
-        traffic, self._traffic = self._traffic, []
-        return [(sent, frame._replace(time=now) if sent else frame) for sent, frame in traffic]
+                self.wire.send(node.stop_frame())
 
     async def perform(self, job: Job) -> JobResult:
         """Do a job beside the ticks; a device that fails is a result, not an exception."""
         try:
             values = await self._jobs[job.drive].perform(job.kind, job.value)
         except DeviceError as error:
-            return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, detail=error.problem)
+            fault = fault_of(error)
+            return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, detail=error.problem, fault=fault)
         return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True, values=values)
-
-    def _send(self, frame: Frame) -> None:
-        self._bus.send(frame)
-        self._traffic.append((True, frame))
 
 
 def _set_point(node: EposDrive, points: SetPoints) -> float:

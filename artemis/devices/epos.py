@@ -9,6 +9,7 @@ from artemis.devices.canopen import RXPDO, PdoLayout, emergency_from_data, nmt_f
 from artemis.devices.epos_objects import RECEIVED, SENT, UNREADABLE, Units
 from artemis.devices.epos_state import Command, state_from_statusword
 from artemis.devices.sdo import SdoClient
+from artemis.devices.tally import Tally
 from artemis.values import DriveFeedback, DriveState, Nmt
 from artemis.vehicle import Robot
 
@@ -27,7 +28,7 @@ class EposDrive:
         self._sent = [PdoLayout([o.type for o in pdo]) for pdo in SENT[self.drive.role]]
         self._counts: int | None = None
         self._position = self._velocity = self._current = 0.0
-        self._statusword = self._mode = 0
+        self._statusword = self._mode = self._jumps = self._stray = 0
         self.state = DriveState.UNKNOWN
         """By the newest statusword."""
         self._volts = (0.0, 0.0)
@@ -35,22 +36,26 @@ class EposDrive:
         self._details_time: float | None = None
         self._nmt: Nmt | None = None
         self._heard: float | None = None
-        self._emergencies: list[int] = []
-        self._boots = 0
+        self.tally = Tally()
         self.last_controlword = 0
 
     def on_status(self, frame: Frame) -> None:
-        """TxPDO 1: statusword and position."""
-        self._statusword, counts = self._sent[0].unpack(frame.data)
-        self.state = state_from_statusword(self._statusword)
-        if self._counts is not None:
-            moved = _wrap(counts - self._counts) / self.units.counts
-            self._position += moved
-            elapsed = frame.time - (self._status_time or 0.0)
-            if elapsed > 0 and not self.is_traction:
-                self._velocity = moved / elapsed
-        self._counts = counts
-        self._status_time = frame.time
+        """TxPDO 1: statusword and position. What is older than the last one, or no motion could reach, is dropped."""
+        statusword, counts = self._sent[0].unpack(frame.data)
+        elapsed = frame.time - (frame.time if self._status_time is None else self._status_time)
+        if elapsed < 0.0:
+            self.tally.disordered += 1
+            return
+        self.tally.frames += 1
+        self._statusword, self.state = statusword, state_from_statusword(statusword)
+        moved = 0.0 if self._counts is None else _wrap(counts - self._counts) / self.units.counts
+        if abs(moved) > self.units.farthest(elapsed):
+            self._jumps += 1
+            return
+        if elapsed > 0.0 and not self.is_traction:
+            self._velocity = moved / elapsed
+        self._position += moved
+        self._counts, self._status_time, self._jumps = counts, frame.time, 0
 
     def on_details(self, frame: Frame) -> None:
         """TxPDO 2: velocity (traction) or both analog inputs (steering), current, mode display."""
@@ -63,22 +68,21 @@ class EposDrive:
         self._details_time = frame.time
 
     def on_emergency(self, frame: Frame) -> None:
-        """EMCY: kept until the next tick takes it. One that cannot be read is one of unknown code."""
-        self._emergencies.append(emergency_from_data(frame.data).code if len(frame.data) == 8 else UNREADABLE)
+        """EMCY: kept until the next tick takes it."""
+        readable = len(frame.data) == 8
+        self.tally.emergencies.append(emergency_from_data(frame.data).code if readable else UNREADABLE)
 
     def on_heartbeat(self, frame: Frame) -> None:
         """Heartbeat or boot-up."""
         self._nmt = nmt_from_heartbeat(frame.data)
-        self._boots += self._nmt is Nmt.INITIALISING
+        self.tally.boots += self._nmt is Nmt.INITIALISING
         self._heard = frame.time
 
     def feedback(self, now: float) -> DriveFeedback:
-        """What the drive last said, with its age; takes the emergencies and boot-ups with it."""
+        """What the drive last said, with its age; takes the tally with it."""
         status, details = self._status_time, self._details_time
-        emergencies, boots = tuple(self._emergencies), self._boots
-        if emergencies:
-            self._emergencies = []
-        self._boots = 0
+        tally, self.tally = self.tally, Tally()
+        stray, self._stray = self.sdo.late_answers - self._stray, self.sdo.late_answers
         return DriveFeedback(
             name=self.name,
             state=self.state,
@@ -91,8 +95,13 @@ class EposDrive:
             age=None if status is None or details is None else now - min(status, details),
             nmt=self._nmt,
             heartbeat_age=None if self._heard is None else now - self._heard,
-            emergencies=emergencies,
-            boots=boots,
+            emergencies=tuple(tally.emergencies),
+            boots=tally.boots,
+            frames=tally.frames,
+            malformed=tally.malformed,
+            disordered=tally.disordered,
+            jumps=self._jumps,
+            stray=stray,
         )
 
     def set_point_frame(self, controlword: int, value: float) -> Frame:
@@ -112,6 +121,7 @@ class EposDrive:
     def restart(self) -> None:
         """The drive's counter may begin anew: go on from here, whatever it says next."""
         self._counts = self._status_time = self._details_time = None
+        self._jumps = 0
 
     def rebase(self, position: float, counts: int) -> None:
         """`counts` stands for `position` from now on."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from math import radians
 
-from artemis.devices.canopen import NmtCommand, nmt_frame
+from artemis.devices.canopen import NmtCommand, SdoAbort, nmt_frame
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_objects import (
     CONSUMER_HEARTBEAT,
@@ -30,11 +30,15 @@ from artemis.devices.epos_objects import (
     settings,
 )
 from artemis.devices.epos_state import Command, state_from_statusword
-from artemis.errors import DeviceError
+from artemis.errors import DeviceError, DeviceTimeout, NotKept, WrongDevice
 from artemis.motion.ackermann import Ackermann
 from artemis.values import DriveState, JobKind
 from artemis.vehicle import OPERATING_MODES
 
+RESET_COMMUNICATION, RESET_NODE = 1.0, 2.0
+"""Values of the job SECURE."""
+RESET_TIME = 1.0
+"""A node that was reset answers again after this time [s]."""
 POLL = 0.02
 """Between two looks at the drive while waiting for it [s]."""
 STATE_TIME, STOP_TIME = 0.5, 5.0
@@ -42,6 +46,19 @@ STATE_TIME, STOP_TIME = 0.5, 5.0
 LIMIT_MARGIN = radians(3.0)
 """The drive's own position limits lie this far beyond the largest wheel angle of the gate [rad]."""
 _MOVING = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
+
+
+_FAULTS: dict[type[DeviceError], str] = {
+    SdoAbort: "COM-07",
+    DeviceTimeout: "COM-08",
+    WrongDevice: "COM-33",
+    NotKept: "COM-10",
+}
+
+
+def fault_of(error: DeviceError) -> str:
+    """The fault table's id of what a job met."""
+    return _FAULTS.get(type(error), "COM-03")
 
 
 class EposJobs:
@@ -61,21 +78,30 @@ class EposJobs:
     async def _do(self, kind: JobKind, value: float) -> tuple[int, ...]:
         match kind:
             case JobKind.SECURE:
-                await self.secure()
+                await self.secure(value)
             case JobKind.CONFIGURE:
                 await self.configure()
             case JobKind.REFERENCE:
                 await self.reference(value)
             case JobKind.CLEAR_TARGET:
-                await self.check_target()
+                return await self.check_target()
             case JobKind.READ_HISTORY:
                 return await self.read_history()
             case JobKind.DISARM:
                 await self.disarm()
         return ()
 
-    async def secure(self) -> None:
-        """If it moves, stop it, whoever it is; then check who it is, and leave it off, unwatching, without a fault."""
+    async def secure(self, reset: float) -> None:
+        """If it moves, stop it, whoever it is; then check who it is, and leave it off, unwatching, without a fault.
+
+        `reset`: have its communication (1) or the whole node (2) reset before, as some faults need.
+        """
+        if reset:
+            await self._switch_off()
+            whole = reset == RESET_NODE
+            command = NmtCommand.RESET_NODE if whole else NmtCommand.RESET_COMMUNICATION
+            self._epos.send(nmt_frame(command, self.drive.node_id))
+            await asyncio.sleep(RESET_TIME)
         self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
         await self._switch_off()
         await self._check_identity()
@@ -109,14 +135,19 @@ class EposJobs:
         for limit, value, bound in zip((POSITION_MIN, POSITION_MAX), limits, LIMIT_OFF, strict=True):
             await self._ensure(Setting(limit, value if abs(value) < abs(bound) else bound))
 
-    async def check_target(self) -> None:
-        """The set-point in the drive is harmless to enable with: no speed, or the present position."""
+    async def check_target(self) -> tuple[int, ...]:
+        """The set-point in the drive is harmless to enable with: no speed, or the present position.
+
+        Returns the stale one that had to be cleared, if there was one.
+        """
         target = await self.read(self._set_point)
         wanted = 0 if self.drive.role == "traction" else await self.read(POSITION)
         if abs(target - wanted) > (0 if self.drive.role == "traction" else self.drive.following_error_counts // 4):
             await self.write(self._set_point, wanted)
             if (kept := await self.read(self._set_point)) != wanted:
-                raise DeviceError(self.name, f"keeps the stale set-point {kept} in {self._set_point} (wanted {wanted})")
+                raise NotKept(self.name, f"keeps the stale set-point {kept} in {self._set_point} (wanted {wanted})")
+            return (target,)
+        return ()
 
     async def read_history(self) -> tuple[int, ...]:
         """Error codes of object 0x1003, newest first."""
@@ -180,26 +211,26 @@ class EposJobs:
         await self.write(setting.object, setting.value)
         if (kept := await self.read(setting.object)) != setting.value:
             problem = f"did not keep {setting.object}: wrote 0x{setting.value:X}, reads 0x{kept:X}"
-            raise DeviceError(self.name, problem)
+            raise NotKept(self.name, problem)
 
     async def _check_identity(self) -> None:
         """Vendor, hardware, firmware and serial number against the robot file."""
         vendor = await self.read(VENDOR)
         hardware, firmware = await self.read(HARDWARE_VERSION), await self.read(SOFTWARE_VERSION)
         if vendor != MAXON:
-            raise DeviceError(self.name, f"node {self.drive.node_id} is of vendor 0x{vendor:X}, not maxon (0xFB)")
+            raise WrongDevice(self.name, f"node {self.drive.node_id} is of vendor 0x{vendor:X}, not maxon (0xFB)")
         if hardware & 0xFFF0 != self.drive.hardware_version & 0xFFF0:
             expected = self.drive.hardware_version
-            raise DeviceError(
+            raise WrongDevice(
                 self.name, f"node {self.drive.node_id} is hardware 0x{hardware:04X}, expected 0x{expected:04X}"
             )
         if firmware < self.drive.min_firmware:
             needed = self.drive.min_firmware
-            raise DeviceError(self.name, f"firmware 0x{firmware:04X} is older than 0x{needed:04X}: update the drive")
+            raise WrongDevice(self.name, f"firmware 0x{firmware:04X} is older than 0x{needed:04X}: update the drive")
         if self.drive.serial_number is not None:
             serial = await self.read(SERIAL_NUMBER)
             if serial != self.drive.serial_number:
-                raise DeviceError(self.name, f"serial number {serial:08X}, expected {self.drive.serial_number:08X}")
+                raise WrongDevice(self.name, f"serial number {serial:08X}, expected {self.drive.serial_number:08X}")
 
     async def _read_state(self) -> DriveState:
         return state_from_statusword(await self.read(STATUSWORD))

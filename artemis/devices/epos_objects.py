@@ -67,10 +67,12 @@ POSITION_MIN, POSITION_MAX = Object(0x607D, 1, I32), Object(0x607D, 2, I32)
 TARGET_VELOCITY = Object(0x60FF, 0, I32)
 
 MAXON = 0x000000FB
-UNREADABLE = 0xFFFF
+UNREADABLE = -1
 """Error code that stands for an emergency frame of the wrong length."""
 LIMIT_OFF = (-0x80000000, 0x7FFFFFFF)
 """Values of 0x607D that switch the position limits off (14.74)."""
+JITTER = 0.1
+"""Two frames that seem to have come at once may be sampled so far apart [s]."""
 HOST_WATCH_MS = 200
 """A drive stops by itself when our heartbeat is missing for this long."""
 NODE_HEARTBEAT_MS = 100
@@ -112,6 +114,11 @@ class Units:
         """Counts per metre (traction) or radian (steering) of the wheel, signed."""
         self.rpm = self.counts * 60 / counts
         """Motor rpm per m/s or rad/s of the wheel, signed; also rpm/s per m/s² or rad/s²."""
+        self._fastest = 1.5 * drive.motor.max_speed_rpm / abs(self.rpm)
+
+    def farthest(self, elapsed: float) -> float:
+        """Way [m] or angle [rad] that no motor can pass in `elapsed` [s], and the jitter of a bus besides."""
+        return self._fastest * (elapsed + JITTER)
 
 
 def settings(robot: Robot, drive: Drive) -> Iterator[Setting]:

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.problems import nearest, problems_from
-from artemis.mission.schema import Follow, Mission, PluginUse, Step, Supervision, Teleop
+from artemis.mission.schema import Follow, InjectedFault, Mission, PluginUse, RecoveryPolicy, Step, Supervision, Teleop
 from artemis.vehicle import Robot
 from artemis.yaml_file import MAX_BYTES, Data, Document, KeyPath, read, survey
 
@@ -111,6 +111,8 @@ class _Loading:
         self._check_bus()
         true_robot = self._true_robot()
         self._check_steps(robot, inputs)
+        self._check_faults(robot, inputs)
+        self._check_policies()
         if self._problems or mission is None or robot is None or true_robot is None:
             raise ConfigError(sorted(dict.fromkeys(self._problems), key=_by_position))
         return LoadedMission(
@@ -238,6 +240,36 @@ class _Loading:
         if not isinstance(part, dict):
             return None
         return self._validated(TrueRobot, self._document, ("simulation", "true_robot"), part)
+
+    def _check_faults(self, robot: Robot | None, inputs: Mapping[str, Config | None]) -> None:
+        simulation, steps = self._data.get("simulation"), self._data.get("steps")
+        given = simulation.get("faults") if isinstance(simulation, dict) else None
+        if not isinstance(given, list) or not given:
+            return
+        from artemis.mission.faults import check_fault
+        from artemis.testing.injections import INJECTIONS
+
+        follows = isinstance(steps, list) and any(isinstance(step, dict) and "follow" in step for step in steps)
+        for index in range(len(given)):
+            at: KeyPath = ("simulation", "faults", index)
+            fault = self._part(InjectedFault, *at)
+            if fault is None:
+                continue
+            for key, problem in check_fault(fault, robot, inputs, follows):
+                self._complain((*at, key), problem)
+            if fault.inject in INJECTIONS:
+                self._validated(INJECTIONS[fault.inject].parameters, self._document, at, fault.options)
+
+    def _check_policies(self) -> None:
+        names = self._names("recovery")
+        if not names:
+            return
+        from artemis.mission.policies import check_policy
+
+        for id in names:
+            said = self._part(RecoveryPolicy, "recovery", id)
+            for key, problem in check_policy(id, said) if said is not None else ():
+                self._complain(("recovery", id, key) if key else ("recovery", id), problem)
 
     # ------------------------------------------------------------------------------------------ the steps
 

@@ -6,12 +6,13 @@ import ast
 import inspect
 import re
 from types import ModuleType
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from artemis import vehicle
 from artemis.config import Config
+from artemis.supervision.catalogue import ROWS
 
 Positive = Annotated[float, Field(gt=0)]
 FileName = Annotated[str, Field(min_length=1)]
@@ -159,12 +160,42 @@ class Supervision(Config):
     """A quick stop from the highest speed of the mission must need no more than this."""
 
 
+class RecoveryPolicy(Config):
+    """How one fault is met: stricter than the fault table, never milder."""
+
+    reaction: Literal["W", "L", "S2", "S1", "S0"] | None = None
+    """At least the table's: warn, limit, controlled stop, quick stop, off."""
+    after_s: Annotated[float, Field(ge=0)] | None = None
+    """How long the row's last limit may be exceeded; at most the table's time."""
+    retries: Annotated[int, Field(ge=0)] | None = None
+    """Automatic recoveries, at most the table's number; then a person is needed."""
+    resume: Literal["wait", "continue"] = "wait"
+    """After an automatic recovery: wait for arm, or go on where the robot stopped."""
+
+
 class Operation(Config):
     """Something a simulated operator does."""
 
     at_s: Annotated[float, Field(ge=0)]
     """Run time."""
     do: Literal["quickstop", "acknowledge", "arm", "end"]
+
+
+class InjectedFault(Config):
+    """Something that goes wrong in a simulated run; every other key is a parameter of the fault."""
+
+    model_config = ConfigDict(extra="allow")
+    at_s: Annotated[float, Field(ge=0)]
+    """Run time."""
+    inject: str
+    """Row of the fault table."""
+    node: str | None = None
+    """The drive to which it happens, by its name in the robot file."""
+
+    @property
+    def options(self) -> dict[str, object]:
+        """The fault's own keys."""
+        return dict(self.model_extra or {})
 
 
 class Simulation(Config):
@@ -177,6 +208,8 @@ class Simulation(Config):
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
     """Stand-ins for inputs of the mission, by the same names."""
     operator: Annotated[tuple[Operation, ...], Field(strict=False)] = ()
+    faults: Annotated[tuple[InjectedFault, ...], Field(strict=False)] = ()
+    """What goes wrong, and when."""
 
 
 class Mission(Config):
@@ -192,6 +225,10 @@ class Mission(Config):
         tuple[Step, ...], Field(strict=False, json_schema_extra={"minItems": 1}), AfterValidator(_check_not_empty)
     ]
     supervision: Supervision = Supervision()
+    recovery: Annotated[
+        dict[str, RecoveryPolicy], Field(json_schema_extra={"propertyNames": {"enum": sorted(ROWS)}})
+    ] = Field(default_factory=dict)
+    """By the fault's id in the fault table."""
     simulation: Simulation = Simulation()
     record: FileName = "runs/"
     """Folder for the runs' folders."""
@@ -199,7 +236,11 @@ class Mission(Config):
 
 def mission_schema() -> dict[str, object]:
     """JSON schema of a mission file, for editors."""
-    return _schema(Mission, inspect.getmodule(Mission))
+    from artemis.testing.injections import INJECTIONS
+
+    schema: dict[str, Any] = _schema(Mission, inspect.getmodule(Mission))
+    schema["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] = list(INJECTIONS)
+    return schema
 
 
 def robot_schema() -> dict[str, object]:

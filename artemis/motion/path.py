@@ -63,7 +63,7 @@ class Path:
         speed: recorded speed of the virtual front wheel [m/s], or None.
         spacing: arc length between samples [m].
         closed: the end joins the start.
-        laps: how often a closed path is driven.
+        laps: how often a closed path is driven; the rest of one may end before its last lap does.
         deviation: largest distance of a given point from the curve [m].
         dropped: given points that were left out because the robot stood still there.
     """
@@ -91,6 +91,7 @@ class Path:
         self._curvature: list[float] = curvature.tolist()
         self._speed: list[float] = [] if speed is None else speed.tolist()
         self._last = len(x) - 1
+        self._driven = 0.0
 
     @property
     def arc_length(self) -> Array:
@@ -100,7 +101,7 @@ class Path:
     @property
     def length(self) -> float:
         """Way from the start to the end of the last lap [m]."""
-        return self._last * self.spacing * self.laps
+        return self._last * self.spacing * self.laps - self._driven
 
     def with_laps(self, laps: int) -> Path:
         """The same path, driven `laps` times.
@@ -113,6 +114,38 @@ class Path:
         path = copy.copy(self)
         path.laps = laps
         return path
+
+    def rest(self, arc_length: float) -> Path:
+        """What is left of the path from an arc length [m] on, at least its last piece: the very same curve.
+
+        It begins at the sample before. A closed path stays closed, begins there, and ends where it always did: it is
+        then less than its laps long.
+        """
+        samples = min(max(int(arc_length / self.spacing), 0), round(self.length / self.spacing) - 1)
+        if samples == 0:
+            return self
+        laps, first = divmod(samples, self._last) if self.closed else (0, samples)
+        turn = float(self.heading[-1] - self.heading[0])
+        rest = Path(
+            self._from(first, self.x),
+            self._from(first, self.y),
+            self._from(first, self.heading, turn),
+            self._from(first, self.curvature),
+            spacing=self.spacing,
+            closed=self.closed,
+            speed=None if self.speed is None else self._from(first, self.speed),
+            deviation=self.deviation,
+            dropped=self.dropped,
+        )
+        rest.laps = self.laps - laps
+        rest._driven = self._driven + first * self.spacing if self.closed else 0.0
+        return rest
+
+    def _from(self, first: int, samples: Array, step: float = 0.0) -> Array:
+        """The samples from the `first` on; around a closed path, `step` higher behind its seam."""
+        if not self.closed:
+            return samples[first:]
+        return np.concatenate([samples[first:], samples[1 : first + 1] + step])
 
     def at(self, arc_length: float) -> PathPoint:
         """The point at an arc length [m]. A closed path goes on with its next lap, an open one straight."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.odometry import Odometer
-from artemis.values import DriveFeedback, DriveState, JobKind, Odometry, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import DriveFeedback, DriveState, JobKind, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
 from artemis.vehicle import Robot
 
 STANDING_TIME, STANDING_WAY = 0.1, 0.001
@@ -22,8 +22,9 @@ def stale_age(tick: float) -> float:
 class Perception:
     """Keeps the odometry from tick to tick. Deterministic: the same feedback gives the same snapshots."""
 
-    def __init__(self, robot: Robot, tick: float) -> None:
-        """`tick`: period of the scheduled ticks [s]; `dt` never passes two of them."""
+    def __init__(self, robot: Robot, tick: float, start: Pose | None = None) -> None:
+        """`tick`: period of the scheduled ticks [s]; `dt` never passes two of them. `start`: where `reset` begins."""
+        self._start = start or Pose()
         self._dt_max = 2 * tick
         self._stale = stale_age(tick)
         self._odometer, self._odometry = Odometer(robot.geometry), Odometry()
@@ -34,8 +35,8 @@ class Perception:
         self._rolled: deque[tuple[float, float, float]] = deque()
 
     def reset(self) -> None:
-        """Make the present place the origin."""
-        self._odometer.reset()
+        """Make the present place the one where the run starts: the origin, if nothing else is known."""
+        self._odometer.reset(self._start)
 
     def perceive(self, sensed: Sensed, verdict: Verdict, last: SetPoints) -> Snapshot:
         """The snapshot of this tick. An urgent tick has dt = 0: its feedback is the last scheduled one's."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
@@ -11,7 +13,10 @@ from zlib import crc32
 import msgspec
 
 from artemis.errors import RecordingError
-from artemis.values import DriveFeedback, Fault, Job, JobResult, Mode, Severity, Tick
+from artemis.recording.disk import Disk, write_all
+
+PREALLOCATED = 16 * 1024 * 1024
+"""Bytes that are the journal's own from the start, however full the disk becomes."""
 
 
 class Level(IntEnum):
@@ -33,99 +38,6 @@ class Entry:
     data: dict[str, Any] = field(default_factory=dict)
 
 
-# -------------------------------------------------------------------------------------------- entries from the ticks
-
-
-def entries_between(previous: Tick | None, tick: Tick) -> list[Entry]:
-    """What happened in `tick`: changes of mode, phase and faults, requests, jobs, their results, drives' messages."""
-    sensed = tick.snapshot.sensed
-    entries: list[Entry] = []
-    if previous is None or tick.mode is not previous.mode:
-        entries.append(_mode_entry(sensed.time, previous.mode if previous else None, tick.mode))
-    if tick.wish.phase and (previous is None or tick.wish.phase != previous.wish.phase):
-        entries.append(Entry(time=sensed.time, kind="phase", text=tick.wish.phase))
-    faults_before = previous.snapshot.verdict.faults if previous else ()
-    if tick.snapshot.verdict.faults != faults_before:
-        entries += _fault_entries(sensed.time, faults_before, tick.snapshot.verdict.faults)
-    for request in sensed.requests:
-        entries.append(Entry(time=sensed.time, kind="request", text=request.value))
-    for sample in sensed.inputs:
-        for request in sample.requests:
-            entries.append(Entry(time=sensed.time, kind="request", text=f"{request.value} (by {sample.source})"))
-    for drive in sensed.drives:
-        if drive.emergencies or drive.boots:
-            entries += _drive_entries(sensed.time, drive)
-    if sensed.results or tick.wish.jobs:
-        entries += _job_entries(tick)
-    return entries
-
-
-def _mode_entry(time: float, before: Mode | None, mode: Mode) -> Entry:
-    level = {Mode.FAULT: Level.ERROR, Mode.QUICKSTOP: Level.WARNING}.get(mode, Level.INFO)
-    text = mode.value if before is None else f"{before.value} -> {mode.value}"
-    data = {"from": before.value if before else None, "to": mode.value}
-    return Entry(time=time, kind="mode", text=text, level=level, data=data)
-
-
-def _fault_entries(time: float, before: tuple[Fault, ...], now: tuple[Fault, ...]) -> list[Entry]:
-    old = {(fault.id, fault.device): fault for fault in before}
-    new = {(fault.id, fault.device): fault for fault in now}
-    entries = []
-    for key, fault in new.items():
-        if key not in old:
-            level = Level.ERROR if fault.severity >= Severity.CONTROLLED_STOP else Level.WARNING
-            data = {"id": fault.id, "device": fault.device, "severity": fault.severity.name}
-            text = f"{_named(fault)}: {fault.text}"
-            entries.append(Entry(time=time, kind="fault", text=text, level=level, data=data))
-    for key, fault in old.items():
-        if key not in new:
-            data = {"id": fault.id, "device": fault.device}
-            entries.append(Entry(time=time, kind="cleared", text=_named(fault), data=data))
-    return entries
-
-
-def _named(fault: Fault) -> str:
-    return f"{fault.id} {fault.device}".rstrip()
-
-
-def _drive_entries(time: float, drive: DriveFeedback) -> list[Entry]:
-    entries = [
-        Entry(
-            time=time,
-            kind="emergency",
-            text=f"{drive.name}: EMCY 0x{code:04X}",
-            level=Level.WARNING if code else Level.INFO,  # code 0 says that the error is gone
-            data={"drive": drive.name, "code": code},
-        )
-        for code in drive.emergencies
-    ]
-    if drive.boots:
-        entries.append(Entry(time=time, kind="boot-up", text=drive.name, data={"drive": drive.name}))
-    return entries
-
-
-def _job_entries(tick: Tick) -> list[Entry]:
-    time = tick.snapshot.time
-    entries = []
-    for result in tick.snapshot.sensed.results:
-        outcome = "done" if result.ok else "failed"
-        text = f"{result.kind.value} {result.drive}: {outcome}" + (f", {result.detail}" if result.detail else "")
-        level = Level.INFO if result.ok else Level.WARNING
-        data = {**_order(result), "ok": result.ok, "values": list(result.values)}
-        entries.append(Entry(time=time, kind="result", text=text, level=level, data=data))
-    for job in tick.wish.jobs:
-        data = {**_order(job), "value": job.value}
-        entries.append(Entry(time=time, kind="job", text=f"{job.kind.value} {job.drive}", data=data))
-    return entries
-
-
-def _order(job: Job | JobResult) -> dict[str, Any]:
-    return {"id": job.id, "job": job.kind.value, "drive": job.drive}
-
-
-# ---------------------------------------------------------------------------------------------------------- the file
-
-
 class _Line(msgspec.Struct, frozen=True):
     """One line of the file, but for `,"crc32":N}` at its end: the checksum (zlib) of the bytes before."""
 
@@ -141,38 +53,49 @@ _CHECKSUM = b',"crc32":'
 
 
 class Journal:
-    """Writes `journal.jsonl`: every entry is with the operating system when `write` returns."""
+    """Writes `journal.jsonl`: every entry is with the operating system when `write` returns.
 
-    def __init__(self, path: Path) -> None:
-        """Start a new journal.
+    Attributes:
+        path: the file.
+    """
+
+    def __init__(self, path: Path, disk: Disk | None = None) -> None:
+        """Start a new journal, with room of its own where the file system can do that.
 
         Raises:
             RecordingError: the file exists already, or cannot be made.
         """
-        self._path = path
-        self._sequence = 0
+        self.path = path
+        self._sequence = self._length = 0
         try:
-            self._file = path.open("xb", buffering=0)
+            self._file = (disk or Disk()).open(path, "x")
         except OSError as error:
             raise RecordingError(f"{path}: cannot begin a journal: {error.strerror}") from error
+        if hasattr(os, "posix_fallocate"):
+            with suppress(OSError):  # not every file system can; then the journal ends with the disk
+                os.posix_fallocate(self._file.fileno(), 0, PREALLOCATED)
 
     def write(self, entry: Entry) -> None:
-        """Append one entry.
+        """Append one entry. One that the disk refuses is lost: its number is missing, and the next may succeed.
 
         Raises:
-            RecordingError: the file cannot be written (disk full?).
+            OSError: the disk refuses.
         """
         line = _Line(self._sequence, entry.time, entry.kind, entry.level, entry.text, entry.data)
-        content = msgspec.json.encode(line)[:-1]
-        try:
-            self._file.write(content + _CHECKSUM + b"%d}\n" % crc32(content))
-        except OSError as error:
-            raise RecordingError(f"{self._path}: cannot write: {error.strerror}; is the disk full?") from error
         self._sequence += 1
+        content = msgspec.json.encode(line)[:-1]
+        content += _CHECKSUM + b"%d}\n" % crc32(content)
+        self._file.seek(self._length)  # behind the last whole line, whatever became of one that was refused
+        write_all(self._file, content)
+        self._length += len(content)
 
     def close(self) -> None:
-        """End the journal; harmless when repeated."""
-        self._file.close()
+        """End the journal, and give back the room it did not need; harmless when repeated."""
+        if not self._file.closed:
+            with suppress(OSError):  # a reader ignores what is behind the last line
+                self._file.truncate(self._length)
+            with suppress(OSError):  # every line was handed over when it was written
+                self._file.close()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,6 +116,7 @@ def read_journal(path: Path) -> JournalContent:
         content = path.read_bytes()
     except OSError as error:
         raise RecordingError(f"{path}: cannot read the journal: {error.strerror}") from error
+    content = content.rstrip(b"\0")  # room that a killed run had not used yet
     entries: list[Entry] = []
     missing: list[str] = []
     expected = offset = 0

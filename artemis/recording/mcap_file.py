@@ -7,7 +7,6 @@ everything else that is done to record them.
 from __future__ import annotations
 
 import struct
-from typing import BinaryIO
 from zlib import crc32
 
 import zstandard
@@ -30,6 +29,8 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from artemis.recording.disk import Writable, write_all
+
 MAGIC = b"\x89MCAP0\r\n"
 COMPRESSION_LEVEL = 1
 """Of zstd: half the time of its default, and for records of ticks no larger."""
@@ -42,7 +43,7 @@ _MESSAGE_FIELDS = _MESSAGE.size - 9
 class McapFile:
     """Writes records in order; the caller opens and closes the file."""
 
-    def __init__(self, file: BinaryIO, library: str, chunk_size: int) -> None:
+    def __init__(self, file: Writable, library: str, chunk_size: int) -> None:
         """Begin: `library` says who writes; a chunk is written when it is longer than `chunk_size` bytes.
 
         Raises:
@@ -110,10 +111,13 @@ class McapFile:
         record = _bytes(Metadata(name, content))
         self._metadata.append(MetadataIndex(offset=self._write(record), length=len(record), name=name))
 
+    def waiting(self, channel_id: int) -> int:
+        """Messages of a channel that are not in the file yet."""
+        return len(self._places.get(channel_id, ())) // 2
+
     def flush(self) -> None:
-        """Hand everything to the operating system, including the chunk that is not full yet."""
+        """Write everything, including the chunk that is not full yet."""
         self._end_chunk()
-        self._file.flush()
 
     def finish(self) -> None:
         """Write the last chunk, the summary and the end of the file."""
@@ -193,7 +197,7 @@ class McapFile:
     def _write(self, data: bytes) -> int:
         """Append to the file; returns where."""
         offset = self._offset
-        self._file.write(data)
+        write_all(self._file, data)
         self._offset += len(data)
         self._crc = crc32(data, self._crc)
         return offset

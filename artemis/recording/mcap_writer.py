@@ -5,12 +5,11 @@ from __future__ import annotations
 import platform
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
 from importlib.metadata import version
 from mimetypes import guess_type
 from pathlib import Path
-from queue import SimpleQueue
 from threading import Thread
 from typing import Any
 
@@ -21,154 +20,200 @@ from artemis.clock import stopwatch
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
 from artemis.recording import schemas
-from artemis.recording.journal import Entry, Journal, Level, entries_between
+from artemis.recording.backlog import Backlog
+from artemis.recording.chronicle import Chronicle
+from artemis.recording.disk import Disk, Trouble, trouble
+from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_file import McapFile
+from artemis.recording.provenance import Provenance
 from artemis.recording.schemas import encode, pack_frames, sensed_record, spatial_pose, tick_record
 from artemis.values import Pose, Tick
 
 CHUNK_SIZE = 256 * 1024
 """Bytes (before compression) that are written at once; a killed run loses less than this."""
-FLUSH_PERIOD = 1.0
+FLUSH_PERIOD = 0.2
 """In real time, what is older than this [s] is with the operating system."""
 POSE_PERIOD = 0.1
 """Poses and transforms for viewers come this often [s]; `/tick` holds those of every tick."""
 QUEUE_TICKS = 500
 """Ticks that may wait for a slow disk, in real time."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Provenance:
-    """What a run is made from."""
-
-    start: datetime
-    """Date and time on the wall at run time 0, with time zone."""
-    mission: bytes
-    """The resolved mission, JSON."""
-    robot: bytes
-    """The resolved robot, JSON."""
-    files: Mapping[str, bytes]
-    """Contents of every file that the mission names, by the name there."""
+_Observed = tuple[Tick, Sequence[tuple[bool, Frame]], Pose | None]
 
 
 class Recorder:
     """Records a run. `threaded` (real time): a thread writes, and a tick waits for nothing; else complete at once.
 
-    Attributes:
-        dropped: ticks that were not recorded because the disk was too slow, or failed.
-        first_gap: index of the first of them.
+    A disk that refuses never raises here once the run has begun: the recording ends where it is, the journal goes on,
+    and `troubles` says so.
     """
 
-    def __init__(self, path: Path, provenance: Provenance, *, threaded: bool, journal: Journal | None = None) -> None:
-        """Begin the file; what happens is also written to `journal`, which is closed with the recorder.
+    def __init__(
+        self,
+        path: Path,
+        provenance: Provenance,
+        *,
+        threaded: bool,
+        journal: Journal | None = None,
+        nodes: Mapping[str, int] | None = None,
+        disk: Disk | None = None,
+    ) -> None:
+        """Begin the file.
+
+        Args:
+            path: The file.
+            provenance: What the run is made from.
+            threaded: See above.
+            journal: Where events are written, too; closed with the recorder.
+            nodes: The drives' node ids by their names: whose frames a fault's entry shows.
+            disk: Makes the file.
 
         Raises:
             RecordingError: the file cannot be made.
         """
-        self.dropped = 0
-        self.first_gap: int | None = None
-        self._path = path
-        self._journal = journal
+        self._path, self._journal = path, journal
+        self._chronicle = Chronicle(nodes or {})
         self._start = _nanoseconds(provenance.start)
         self._begun = stopwatch()
-        self._problem: str | None = None
-        self._previous: Tick | None = None
-        self._pose_slot = -1
+        self._index = self._pose_slot = -1
         self._next_flush = FLUSH_PERIOD
-        self._threaded = threaded
-        self._orders: SimpleQueue[tuple[Callable[..., None], tuple[Any, ...]] | None] = SimpleQueue()
+        self._late, self._lost = _Gaps(), _Gaps()
+        self._told_late = 0
+        self._data_trouble: Trouble | None = None
+        self._journal_trouble: Trouble | None = None
+        self._backlog: Backlog[_Observed, tuple[Callable[..., None], tuple[Any, ...]]] = Backlog(QUEUE_TICKS)
         self._thread = Thread(target=self._work, name="recorder", daemon=True) if threaded else None
-        try:
-            self._file = path.open("wb")
-            self._writer = McapFile(self._file, f"artemis {version('artemis-robot')}", CHUNK_SIZE)
-            self._channels = self._begin(provenance)
-            self._file.flush()
-        except OSError as error:
-            raise RecordingError(f"{path}: cannot begin a recording: {error.strerror}") from error
+        self._threaded = threaded
+        with ExitStack() as undo:
+            undo.callback(journal.close if journal else lambda: None)
+            try:
+                self._file = (disk or Disk()).open(path, "w")
+                undo.callback(self._file.close)
+                self._writer = McapFile(self._file, f"artemis {version('artemis-robot')}", CHUNK_SIZE)
+                self._channels = self._begin(provenance)
+            except OSError as error:
+                raise RecordingError(f"{path}: cannot begin a recording: {error.strerror}") from error
+            undo.pop_all()
         if self._thread:
             self._thread.start()
 
     # ----------------------------------------------------------------------------------------------- for the run
 
     def observe(
-        self, tick: Tick, frames: Sequence[tuple[bool, Frame]], true_pose: Pose | None = None, late_s: float = 0.0
+        self, tick: Tick, frames: Sequence[tuple[bool, Frame]], true_pose: Pose | None = None, now: float = 0.0
     ) -> None:
-        """Record one tick.
+        """Record one tick, and tell the journal what is new in it.
 
         Args:
             tick: its values.
-            frames: every frame of the tick in the order on the bus, each with "sent by us".
+            frames: every frame of the tick in the order on the bus, each with "sent by us"; kept, not copied.
             true_pose: where the robot really is, in the frame `odom`; None where nobody knows.
-            late_s: how late the tick began.
-
-        Raises:
-            RecordingError: the file cannot be written (not when threaded: then `close` says so).
+            now: the time of the tick [s] by the clock of the frames.
         """
+        entries = self._chronicle.observe(tick, frames, now)
         if self._thread is None:
-            self._do(self._write_tick, (tick, frames, true_pose, late_s))
-        elif self._orders.qsize() < QUEUE_TICKS and self._problem is None:
-            self._orders.put((self._write_tick, (tick, tuple(frames), true_pose, late_s)))
-        else:
-            self.dropped += 1
-            if self.first_gap is None:
-                self.first_gap = tick.snapshot.sensed.index
+            self._record(tick, frames, true_pose)
+        elif (dropped := self._backlog.put_data((tick, frames, true_pose))) is not None:
+            self._late.add(dropped[0].snapshot.sensed.index)
+        for entry in entries:
+            self.note(entry)
 
     def note(self, entry: Entry) -> None:
-        """Record something that no tick shows.
-
-        Raises:
-            RecordingError: as `observe`.
-        """
+        """Record something that no tick shows."""
         self._order(self._write_entry, entry)
 
     def show_path(self, time: float, poses: Sequence[Pose]) -> None:
-        """Record a path as it lies in the frame `odom`, for viewers, at run time `time` [s].
+        """Record a path as it lies in the frame `odom`, for viewers, at run time `time` [s]."""
+        self._order(self._keep, self._write_path, time, tuple(poses))
 
-        Raises:
-            RecordingError: as `observe`.
-        """
-        self._order(self._write_path, time, tuple(poses))
+    @property
+    def dropped(self) -> int:
+        """Ticks that were not recorded because the disk was too slow, or failed."""
+        return self._late.number + self._lost.number
+
+    @property
+    def first_gap(self) -> int | None:
+        """Index of the first of them."""
+        return min((gaps.first for gaps in (self._late, self._lost) if gaps.first is not None), default=None)
+
+    def troubles(self) -> list[Trouble]:
+        """What the disk does to the recording now, to be told at every tick while it lasts."""
+        found = [trouble for trouble in (self._data_trouble, self._journal_trouble) if trouble]
+        if self._late.number != self._told_late:
+            self._told_late = self._late.number
+            found.append(Trouble("DSK-03", f"{self._path.name}: from tick {self._late.first} on"))
+        return found
 
     def close(self, outcome: str = "") -> None:
-        """Write what waits, how the run ended in a few words, and the index; harmless when repeated.
-
-        Raises:
-            RecordingError: something could not be written, now or earlier.
-        """
+        """Write what waits, how the run ended in a few words, and the index; harmless when repeated."""
         if self._file.closed:
             return
         if self._thread:
-            self._orders.put(None)
+            self._backlog.close()
             self._thread.join()
             self._thread = None
-        try:
-            self._do(self._end, (outcome,))
-        finally:
+        self._keep(self._writer.flush)
+        for entry in self._last_entries(outcome):
+            self.note(entry)
+        self._keep(self._end, outcome)
+        with suppress(OSError):  # everything was handed over when it was written
             self._file.close()
-            if self._journal:
-                self._journal.close()
+        if self._journal:
+            self._journal.close()
+
+    def _last_entries(self, outcome: str) -> list[Entry]:
+        time, entries = self._chronicle.time, self._chronicle.end()
+        if self.dropped:
+            text = f"{self.dropped} ticks were not recorded, the first is {self.first_gap}"
+            entries.append(Entry(time=time, kind="gap", text=text, level=Level.WARNING))
+        return [*entries, Entry(time=time, kind="end", text=outcome)]
+
+    # ----------------------------------------------------------------------------------------------- the disk
 
     def _order(self, action: Callable[..., None], *arguments: object) -> None:
         if self._thread is None:
-            self._do(action, arguments)
-        else:
-            self._orders.put((action, arguments))
-
-    def _do(self, action: Callable[..., None], arguments: tuple[Any, ...]) -> None:
-        if self._problem is not None:
-            raise RecordingError(self._problem)
-        try:
             action(*arguments)
-        except OSError as error:
-            self._problem = f"{self._path}: cannot write: {error.strerror}; is the disk full?"
-            raise RecordingError(self._problem) from error
+        else:
+            self._backlog.put_event((action, arguments))
 
     def _work(self) -> None:
-        """The thread: do what is ordered until told to end, or until the disk fails."""
-        while (order := self._orders.get()) is not None:
+        """The thread: write what waits until nothing more comes."""
+        while True:
+            event, observed = self._backlog.take()
+            if event is not None:
+                action, arguments = event
+                action(*arguments)
+            elif observed is not None:
+                self._record(*observed)
+            else:
+                return
+
+    def _record(self, tick: Tick, frames: Sequence[tuple[bool, Frame]], true_pose: Pose | None) -> None:
+        self._index = tick.snapshot.sensed.index
+        if self._data_trouble is None:
+            self._keep(self._write_tick, tick, frames, true_pose)
+        else:
+            self._lost.add(self._index)
+
+    def _keep(self, action: Callable[..., None], *arguments: object) -> None:
+        """Write to the recording, unless it ended when the disk refused; then what was not written yet is lost."""
+        if self._data_trouble is None:
             try:
-                self._do(*order)
-            except RecordingError as error:
-                self._problem = str(error)
+                action(*arguments)
+            except OSError as error:
+                self._data_trouble = trouble(error, self._path)
+                waited = self._writer.waiting(self._channels["/sensed"])
+                self._lost.add(self._index - waited + 1, waited)
+
+    def _write_entry(self, entry: Entry) -> None:
+        self._keep(self._write_log, entry)
+        if self._journal:
+            try:
+                self._journal.write(entry)
+            except OSError as error:
+                self._journal_trouble = trouble(error, self._journal.path, journal=True)
+            else:
+                self._journal_trouble = None
 
     # ---------------------------------------------------------------------------------------- what is in the file
 
@@ -183,6 +228,8 @@ class Recorder:
             "platform": sys.platform,
         }
         self._writer.add_metadata("artemis", versions)
+        if provenance.resumption is not None:
+            self._attach("resumption.json", encode(provenance.resumption))
         self._attach("mission.json", provenance.mission)
         self._attach("robot.json", provenance.robot)
         for name, content in provenance.files.items():
@@ -200,22 +247,17 @@ class Recorder:
         media_type = guess_type(name)[0] or "application/octet-stream"
         self._writer.add_attachment(self._start, name, media_type, content)
 
-    def _write_tick(
-        self, tick: Tick, frames: Sequence[tuple[bool, Frame]], true_pose: Pose | None, late_s: float
-    ) -> None:
+    def _write_tick(self, tick: Tick, frames: Sequence[tuple[bool, Frame]], true_pose: Pose | None) -> None:
         sensed = tick.snapshot.sensed
         index, at = sensed.index, self._start + round(sensed.time * 1e9)
         add, channels = self._writer.add_message, self._channels
         add(channels["/sensed"], at, sensed_record(sensed), index)
-        add(channels["/tick"], at, tick_record(tick, true_pose, late_s), index)
+        add(channels["/tick"], at, tick_record(tick, true_pose), index)
         if frames:
             add(channels["/frames"], at, encode(schemas.Frames(index, pack_frames(frames))), index)
         if (slot := int(sensed.time / POSE_PERIOD + 1e-6)) != self._pose_slot:
             self._pose_slot = slot
             self._write_poses(at, tick.snapshot.odometry.pose, true_pose)
-        for entry in entries_between(self._previous, tick):
-            self._write_entry(entry)
-        self._previous = tick
         if self._threaded and sensed.time >= self._next_flush:
             self._next_flush = sensed.time + FLUSH_PERIOD
             self._writer.flush()
@@ -232,23 +274,30 @@ class Recorder:
         at = self._start + round(time * 1e9)
         self._add("/path", at, schemas.PosesInFrame(_timestamp(at), "odom", [spatial_pose(pose) for pose in poses]))
 
-    def _write_entry(self, entry: Entry) -> None:
+    def _write_log(self, entry: Entry) -> None:
         at = self._start + round(entry.time * 1e9)
         self._add("/log", at, schemas.Log(_timestamp(at), entry.level, entry.text, entry.kind))
-        if self._journal:
-            self._journal.write(entry)
 
     def _add(self, topic: str, at: int, message: msgspec.Struct) -> None:
         self._writer.add_message(self._channels[topic], at, encode(message))
 
     def _end(self, outcome: str) -> None:
-        if self.dropped and self._previous:
-            text = f"{self.dropped} ticks were not recorded, the first is {self.first_gap}"
-            self._write_entry(Entry(time=self._previous.snapshot.time, kind="gap", text=text, level=Level.WARNING))
         facts = {"outcome": outcome, "wall_s": f"{stopwatch() - self._begun:.3f}", "dropped": str(self.dropped)}
         self._writer.add_metadata("end", facts)
         self._writer.finish()
-        self._file.flush()
+
+
+class _Gaps:
+    """Ticks that are not in the recording. Written by one thread only."""
+
+    def __init__(self) -> None:
+        self.number = 0
+        self.first: int | None = None
+
+    def add(self, first: int, number: int = 1) -> None:
+        self.number += number
+        if self.first is None and number:
+            self.first = first
 
 
 def _nanoseconds(date: datetime) -> int:

@@ -46,8 +46,13 @@ class TickRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     jobs: tuple[values.Job, ...]
     reset_pose: bool
     finished: bool
-    late_s: float
-    """How late the tick began."""
+    step: int = 0
+    done: float = 0.0
+    """How much of the step is done: way along its path [m], or time [s]."""
+    final: bool = False
+    recovers: bool = False
+    resumes: bool = False
+    alarm: bool = False
     event: values.Event | None = None
     fault: values.Fault | None = None
     """What the mode itself reports."""
@@ -190,18 +195,18 @@ def sensed_record(sensed: values.Sensed) -> bytes:
     return _exact(sensed, record, unknown.count(None))
 
 
-def tick_record(tick: values.Tick, true_pose: values.Pose | None = None, late_s: float = 0.0) -> bytes:
+def tick_record(tick: values.Tick, true_pose: values.Pose | None = None) -> bytes:
     """JSON of what artemis made of one tick; floats survive exactly."""
-    snapshot, wish = tick.snapshot, tick.wish
+    snapshot, wish, verdict = tick.snapshot, tick.wish, tick.snapshot.verdict
     record = TickRecord(
         index=snapshot.sensed.index,
         time=snapshot.sensed.time,
         mode=tick.mode,
         phase=wish.phase,
         action=tick.action,
-        severity=snapshot.verdict.severity,
-        to_fault=snapshot.verdict.to_fault,
-        faults=snapshot.verdict.faults,
+        severity=verdict.severity,
+        to_fault=verdict.to_fault,
+        faults=verdict.faults,
         command=wish.command,
         set_points=tick.set_points,
         traction=wish.traction,
@@ -213,7 +218,12 @@ def tick_record(tick: values.Tick, true_pose: values.Pose | None = None, late_s:
         jobs=wish.jobs,
         reset_pose=wish.reset_pose,
         finished=wish.finished,
-        late_s=late_s,
+        step=tick.step,
+        done=tick.done,
+        final=verdict.final,
+        recovers=verdict.recovers,
+        resumes=verdict.resumes,
+        alarm=verdict.alarm,
         event=wish.event,
         fault=wish.fault,
         tracking=wish.tracking,
@@ -252,7 +262,7 @@ def differences(recorded: TickRecord, tick: values.Tick) -> list[str]:
     Each line names the field and both values: `set_points.speed: recorded 0.4, now 0.41`.
     """
     # a round trip through JSON makes floats of integers in float fields, as the recorded sensed values were
-    again = tick_from_record(tick_record(tick, recorded.true_pose, recorded.late_s))
+    again = tick_from_record(tick_record(tick, recorded.true_pose))
     if encode(again) == encode(recorded) and again == recorded:
         return []
     return list(_differing("", _respelled(msgspec.to_builtins(recorded)), _respelled(msgspec.to_builtins(again))))

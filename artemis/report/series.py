@@ -145,7 +145,7 @@ def _read_table(recording: Recording) -> _Table:
         record = tick.record
         estimated, true = record.odometry.pose, record.true_pose or _NO_POSE
         tracking = record.tracking or _NO_TRACKING
-        table.numbers.extend((record.time, record.late_s, estimated.x, estimated.y, estimated.heading))
+        table.numbers.extend((record.time, tick.sensed.late, estimated.x, estimated.y, estimated.heading))
         table.numbers.extend((true.x, true.y, true.heading))
         table.numbers.extend((tracking.arc_length, tracking.cross_track, tracking.length))
         table.numbers.extend((record.odometry.distance, record.odometry.speed))

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache
+from typing import Any
 
 from artemis.vehicle import Drive
 
@@ -64,10 +65,29 @@ LOADS = {
 }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failure:
+    """What is wrong with an axis, unknown to its drive."""
+
+    blocked: bool = False
+    """The shaft is held by an obstacle."""
+    gain: float = 1.0
+    """The shaft is regulated to so many times the velocity asked for; negative: it turns the other way."""
+    braking: float = math.inf
+    """Highest deceleration under regulation [rpm/s]."""
+
+    def braked(self, before: float, after: float, dt: float) -> float:
+        """The velocity `after` a step, as far as the deceleration that is left allows."""
+        most = self.braking * dt
+        if before > 0.0:
+            return max(after, before - most)
+        return min(after, before + most) if before < 0.0 else after
+
+
 class Axis:
     """A motor shaft with its sensor under the regulators of its drive; the world steps it.
 
-    The drive sets the profile attributes and calls `regulate`; the world sets `analog`, `supply_voltage`, `blocked` and
+    The drive sets the profile attributes and calls `regulate`; the world sets `analog`, `supply_voltage`, `failure` and
     `load_current`.
     """
 
@@ -92,8 +112,7 @@ class Axis:
         self.analog: tuple[float, float] = (0.0, 0.0)
         """Voltage at the analog inputs 1 and 2 [V]."""
         self.supply_voltage = NOMINAL_VOLTAGE
-        self.blocked = False
-        """The shaft is held by an obstacle."""
+        self.failure: Failure | None = None
         self.load_current = 0.0
         """Outer torque against positive motion, as motor current [mA]: a slope, a push."""
 
@@ -126,6 +145,11 @@ class Axis:
             self.demand_position = self.position
             self.regulation = regulation
         self.target = target
+
+    def fail(self, **changes: Any) -> None:  # noqa: ANN401 (of any field)
+        """Change what is wrong: the fields of `Failure`."""
+        failure = replace(self.failure or Failure(), **changes)
+        self.failure = None if failure == Failure() else failure
 
     @property
     def limiting(self) -> bool:
@@ -192,18 +216,23 @@ class Axis:
             after = self._rolled(before, current, dt)
             top = min(self.current_mode_rpm, self.no_load_rpm * _SPEED_SHARE_PER_VOLT * self.supply_voltage)
             after = max(-top, min(top, after))
-        return current, 0.0 if self.blocked else after
+        return current, 0.0 if self.failure is not None and self.failure.blocked else after
 
     def _regulated(self, before: float, wanted: float, blend: float, dt: float) -> tuple[float, float]:
         """Current and velocity after `dt` of a speed loop that asks for the velocity `wanted`."""
+        failure = self.failure
+        if failure is not None:
+            if failure.blocked:
+                return self._within_limit(math.copysign(math.inf, wanted)) if wanted else 0.0, 0.0
+            wanted *= failure.gain
         top = self.no_load_rpm * _SPEED_SHARE_PER_VOLT * self.supply_voltage
         if not -top <= wanted <= top:
             wanted = math.copysign(top, wanted)
         after = before + (wanted - before) * blend
         if -STILL_RPM < after < STILL_RPM and -STILL_RPM < wanted < STILL_RPM and self.demand_velocity == 0.0:
             after = 0.0
-        if self.blocked:
-            return self._within_limit(math.copysign(math.inf, wanted)) if wanted else 0.0, 0.0
+        if failure is not None:
+            after = failure.braked(before, after, dt)
         load = self.load
         current = load.inertia * (after - before) / dt + self.load_current
         if after > 0.0:

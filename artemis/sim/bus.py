@@ -110,6 +110,8 @@ class SimBus:
         patrol_s: float = 0.01,
     ) -> None:
         self.disturb = disturb
+        self.error_frames = 0
+        """None ever: this wire damages no frame."""
         self.frames = 0
         """Frames that were on the wire."""
         self.bits = 0

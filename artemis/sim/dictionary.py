@@ -42,9 +42,18 @@ class AbortCode(IntEnum):
 class Abort(ArtemisError):
     """A request that the dictionary refuses; the SDO server turns it into an abort frame."""
 
-    def __init__(self, code: AbortCode) -> None:
+    def __init__(self, code: int) -> None:
         self.code = code
-        super().__init__(f"refused with SDO abort 0x{code:08X} ({code.name})")
+        name = f" ({AbortCode(code).name})" if code in list(AbortCode) else ""
+        super().__init__(f"refused with SDO abort 0x{code:08X}{name}")
+
+
+@dataclass(slots=True, kw_only=True)
+class Refusal:
+    """A failure: requests for an object are aborted with this code, so many more times (None: always)."""
+
+    code: int
+    left: int | None
 
 
 class Type(IntEnum):
@@ -131,6 +140,9 @@ class Dictionary:
         self.getters: dict[int, Callable[[], int]] = {}
         self.checks: dict[int, Callable[[int], None]] = {}
         self.written: dict[int, Callable[[int], None]] = {}
+        self.refusals: dict[int, Refusal] = {}
+        self.ignored: set[int] = set()
+        """Failure: writes over SDO are taken and not kept."""
         self._indices = {entry.index for entry in entries}
         self._power_off = power_off
 
@@ -177,6 +189,7 @@ class Dictionary:
         entry = self.find(index, sub)
         if entry.access == "wo":
             raise Abort(AbortCode.WRITE_ONLY)
+        self._refuse(entry.key)
         value = self.read(index, sub)
         return value if isinstance(value, bytes) else struct.pack("<" + FORMATS[entry.type], value)
 
@@ -195,6 +208,7 @@ class Dictionary:
         entry = self.find(index, sub)
         if entry.access in ("ro", "const"):
             raise Abort(AbortCode.READ_ONLY)
+        self._refuse(entry.key)
         size = SIZES[entry.type]
         if not length_told or size == 1:
             data = data[:size]
@@ -207,6 +221,8 @@ class Dictionary:
         check = self.checks.get(entry.key)
         if check is not None:
             check(value)
+        if entry.key in self.ignored:
+            return
         if entry.configuration and value != self.values[entry.key]:
             self.values[key_of(0x1020, 1)] = self.values[key_of(0x1020, 2)] = 0
         self._store(entry, value)
@@ -230,6 +246,16 @@ class Dictionary:
                     written(value)
 
         return write
+
+    def _refuse(self, key: int) -> None:
+        refusal = self.refusals.get(key)
+        if refusal is None:
+            return
+        if refusal.left is not None:
+            refusal.left -= 1
+            if refusal.left <= 0:
+                del self.refusals[key]
+        raise Abort(refusal.code)
 
     def _judge_range(self, entry: Entry, value: int) -> None:
         if value > entry.maximum:

@@ -2,7 +2,8 @@
 
 What its parts do: `dictionary` and `epos_objects` hold the objects, `epos_sdo` serves them, `epos_pdo` maps them,
 `epos_power` is the device state machine, `epos_motion` the modes of operation, `epos_errors` the error memory,
-`epos_error_control` heartbeats and guarding, `epos_parameters` the non-volatile memory; `axis` is what it moves.
+`epos_error_control` heartbeats and guarding, `epos_parameters` the non-volatile memory; `axis` is what it moves;
+`epos_failures` is what it can be made to do wrong.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from artemis.sim.axis import Axis
 from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos_error_control import ErrorControl
 from artemis.sim.epos_errors import LIFE_GUARD, OVER_VOLTAGE, PDO_LENGTH, UNDER_VOLTAGE, ErrorMemory
+from artemis.sim.epos_failures import EposFailures, Outbox, Sending, Speech
 from artemis.sim.epos_motion import Motion
-from artemis.sim.epos_objects import objects
+from artemis.sim.epos_objects import millivolts, objects
 from artemis.sim.epos_parameters import ParameterMemory, judge_motor_and_sensor
 from artemis.sim.epos_pdo import ON_REQUEST, ProcessData, ReceivePdo, TransmitPdo
 from artemis.sim.epos_power import PowerStage
@@ -33,10 +35,6 @@ EMCY_ID, SDO_ANSWER_ID, SDO_REQUEST_ID, ERROR_CONTROL_ID = 0x080, 0x580, 0x600, 
 START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
 REMOTE = 0x0200
 """Statusword bit 9: the node is operational."""
-ANALOG_STEP_MV, ANALOG_STEPS = 4.88, 1023
-"""The analog inputs have 10 bit (EPOS firmware specification 2010, 10.1)."""
-_STEPS_PER_VOLT = 1000.0 / ANALOG_STEP_MV
-_MILLIVOLTS = [round(step * ANALOG_STEP_MV) for step in range(ANALOG_STEPS + 1)]
 
 Seconds = Annotated[float, Field(ge=0)]
 Handler = Callable[[Frame, float], None]
@@ -73,7 +71,7 @@ class SimEpos:
         self.node_id = drive.node_id
         self.axis = axis
         self.settings = SimSettings() if settings is None else settings
-        self.outbox: list[tuple[float, Frame]] = []
+        self.outbox: list[Sending] = []
         """Frames to be sent, each with the time at which it is ready; the owner empties it."""
         self.nmt: Nmt | None = None
         """None: no power."""
@@ -104,6 +102,10 @@ class SimEpos:
             self._dictionary, pre_operational=lambda: self.nmt is Nmt.PRE_OPERATIONAL, changed=self._route
         )
         self._control = ErrorControl(self._dictionary, clock=lambda: self._now, changed=self._route)
+        self.failures = EposFailures(
+            self._dictionary, self._motion, self._power, self._control, self._pdos, outbox=self._replace_outbox
+        )
+        """What it can be made to do wrong."""
         self._describe()
         self._parameters = ParameterMemory(self._dictionary, self._pdos, self.node_id)
 
@@ -155,14 +157,22 @@ class SimEpos:
         self._send_changes()
         self.next_due = min(self._boot_end, self._power.due, self._control.due, self._changes_due)
 
-    def emergency(self, code: int, now: float) -> None:
+    def emergency(self, code: int, now: float, *, heard: bool = True) -> None:
         """Raise a device error with its documented reaction; codes not in the table cut the power as 0x1000 does.
 
-        A node without power, or one that is still initialising, has no errors.
+        A node without power, or one that is still initialising, has no errors. Not `heard`: its EMCY frame is lost.
         """
         self._now = now
+        hear = None if heard else self.failures.impede(Speech.EMERGENCY)
         self._raise_error(code)
+        if hear is not None:
+            hear()
         self._settle()
+
+    def say(self, identifier: int, data: bytes, now: float) -> None:
+        """Failure: send a frame that nothing asked for, at once."""
+        self.outbox.append((now, Frame(identifier, data)))
+        self._wake(now)
 
     def read(self, index: int, sub: int = 0) -> int | bytes:
         """Present value of an object, whatever its access.
@@ -186,8 +196,8 @@ class SimEpos:
     def _describe(self) -> None:
         """Tie the objects that belong to the node as a whole."""
         getters, written = self._dictionary.getters, self._dictionary.written
-        getters[key_of(0x207C, 1)] = lambda: _millivolts(self.axis.analog[0])
-        getters[key_of(0x207C, 2)] = lambda: _millivolts(self.axis.analog[1])
+        getters[key_of(0x207C, 1)] = lambda: millivolts(self.axis.analog[0])
+        getters[key_of(0x207C, 2)] = lambda: millivolts(self.axis.analog[1])
         getters[key_of(0x6041, 0)] = self._statusword
         written[key_of(0x1005, 0)] = lambda _: self._route()
         written[key_of(0x6040, 0)] = self._obey
@@ -244,11 +254,11 @@ class SimEpos:
             return
         command = frame.data[0]
         if command == START:
-            self._change_nmt(Nmt.OPERATIONAL)
+            self.change_nmt(Nmt.OPERATIONAL, now)
         elif command == STOP:
-            self._change_nmt(Nmt.STOPPED)
+            self.change_nmt(Nmt.STOPPED, now)
         elif command == ENTER_PRE_OPERATIONAL:
-            self._change_nmt(Nmt.PRE_OPERATIONAL)
+            self.change_nmt(Nmt.PRE_OPERATIONAL, now)
         elif command == RESET_NODE:
             self._reset_node(now, DriveState.NOT_READY)
         elif command == RESET_COMMUNICATION:
@@ -256,10 +266,11 @@ class SimEpos:
             self._parameters.load_communication()
             self._boot(now)
 
-    def _change_nmt(self, state: Nmt) -> None:
+    def change_nmt(self, state: Nmt, now: float) -> None:
+        """Enter an NMT state; nothing happens in the same one."""
         if self.nmt is state:
             return
-        self.nmt = state
+        self.nmt, self._now = state, now
         self._sdo.reset()
         self._pdos.restart()
         self._route()
@@ -379,12 +390,9 @@ class SimEpos:
         self._send_changes()
         self._wake(min(self._power.due, self._control.due, self._changes_due))
 
+    def _replace_outbox(self, replaced: Callable[[list[Sending]], Outbox]) -> None:
+        self.outbox = replaced(self.outbox)
+
     def _wake(self, due: float) -> None:
         if due < self.next_due:
             self.next_due = due
-
-
-def _millivolts(voltage: float) -> int:
-    """A voltage [V] as object 0x207C shows it [mV]: 0 to 5 V in 1024 steps."""
-    steps = round(voltage * _STEPS_PER_VOLT)
-    return _MILLIVOLTS[steps] if 0 <= steps <= ANALOG_STEPS else _MILLIVOLTS[0 if steps < 0 else ANALOG_STEPS]

@@ -40,6 +40,7 @@ class ErrorControl:
         self._changed = changed
         self.consumers: dict[int, Consumer] = {}
         """By producer."""
+        self._watching = True
         self._heartbeat_due = math.inf
         self._heartbeat_time = 0.0
         self._life_deadline = math.inf
@@ -74,6 +75,12 @@ class ErrorControl:
         consumer = self.consumers[producer]
         consumer.deadline = now + consumer.time
         return consumer.deadline
+
+    def watch(self, watching: bool) -> None:
+        """Failure: nobody is watched, whatever object 0x1016 says; or is again, from the next heartbeat on."""
+        self._watching = watching
+        self.consumers.clear()
+        self._read_consumers()
 
     def answer_guard(self, state: int, now: float) -> int | None:
         """Answer to a guarding request: state and toggle bit; None while a heartbeat is produced instead."""
@@ -111,7 +118,7 @@ class ErrorControl:
         for sub in CONSUMERS:
             value = self._dictionary.number(0x1016, sub)
             producer, time = value >> 16 & 0x7F, (value & 0xFFFF) * MILLISECOND
-            if not time:
+            if not time or not self._watching:
                 continue
             known = self.consumers.get(producer)
             consumers[producer] = (

@@ -184,6 +184,10 @@ class Motion:
         low, high = (-math.inf, math.inf) if self._limits is None or self._clip_position else self._limits
         self._allowed_range = zero + low - 0.5, zero + high + 0.5
 
+    def count_on_from(self, position: int) -> None:
+        """Failure: the counter jumps; the position actual value is `position` [counts] where the shaft is."""
+        self._count_from(floor(self.axis.position + 0.5) - position)
+
     def engage(self) -> None:
         """Operation Enable begins: modes 3, -1 and -2 obey at once what their set-point object still holds."""
         self.commanded = True

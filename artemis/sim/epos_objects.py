@@ -25,6 +25,17 @@ MAPPING_PLACES = 8
 VOLATILE = frozenset({0x1003, 0x1010, 0x1011, 0x2030, 0x2062, 0x206B, 0x6040, 0x607A, 0x60FF})
 """Indices of writable objects that 0x1010 does not keep: commands, set-points and signatures."""
 
+ANALOG_STEP_MV, ANALOG_STEPS = 4.88, 1023
+"""The analog inputs have 10 bit (firmware specification, 10.1)."""
+_STEPS_PER_VOLT = 1000.0 / ANALOG_STEP_MV
+_MILLIVOLTS = [round(step * ANALOG_STEP_MV) for step in range(ANALOG_STEPS + 1)]
+
+
+def millivolts(voltage: float) -> int:
+    """A voltage [V] as object 0x207C shows it [mV]: 0 to 5 V in 1024 steps."""
+    steps = round(voltage * _STEPS_PER_VOLT)
+    return _MILLIVOLTS[steps] if 0 <= steps <= ANALOG_STEPS else _MILLIVOLTS[0 if steps < 0 else ANALOG_STEPS]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hardware:

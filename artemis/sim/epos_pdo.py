@@ -109,6 +109,13 @@ class ProcessData:
         for pdo in self.transmitted:
             pdo.sent, pdo.inhibited_until = None, -math.inf
 
+    def rebuild_transmitted(self) -> None:
+        """Look up anew how each mapped object is read."""
+        if self.transmitted:
+            self.transmitted = [TransmitPdo(self._dictionary, number) for number in range(COUNT)]
+            self._sort_transmitted()
+            self._changed()
+
     def receive(self, pdo: ReceivePdo, data: bytes) -> bool:
         """Take a frame; False when it is shorter than its mapping."""
         values = pdo.values(data)
@@ -151,11 +158,14 @@ class ProcessData:
             self._dictionary.values[key_of(0x1800 + number, 1)] = TPDO_COB_IDS[number] + node_id
 
     def _sort(self) -> None:
+        self._sort_transmitted()
+        self._waiting.clear()
+        self._changed()
+
+    def _sort_transmitted(self) -> None:
         valid = [pdo for pdo in self.transmitted if pdo.valid]
         self.on_sync = [pdo for pdo in valid if pdo.type == SYNCHRONOUS]
         self.on_change = [pdo for pdo in valid if pdo.type == ON_CHANGE]
-        self._waiting.clear()
-        self._changed()
 
     # ------------------------------------------------------------------------------------------ rules of the objects
 

@@ -103,6 +103,7 @@ class PowerStage:
         self._cause_remains = cause_remains
         self._controlword = 0
         self._waiting: int | None = None
+        self._refused: frozenset[DriveState] = frozenset()
         self._idle: int | None = None
         """A controlword that asks for no transition in the present state: found once, met in every cycle."""
         self.pattern = PATTERNS[self.state]
@@ -145,7 +146,7 @@ class PowerStage:
             return 0, self._reset_fault()
         command = command_of(controlword)
         following = None if command is None else TRANSITIONS.get((self.state, command))
-        if following is None:
+        if following is None or following in self._refused:
             self._idle = controlword
             return self._motion.command(controlword), False
         self._motion.note(controlword)
@@ -153,6 +154,14 @@ class PowerStage:
         if following is DriveState.REFRESH:
             self.due = now + self._refresh
         return 0, False
+
+    def refuse(self, states: frozenset[DriveState]) -> None:
+        """Failure: commands, and fault resets, that lead to these states are not obeyed."""
+        self._refused, self._idle = states, None
+
+    def force(self, state: DriveState) -> None:
+        """Failure: a change of state that nothing asked for."""
+        self._enter(state)
 
     def fail(self, code: int, now: float) -> None:
         """React to a device error."""
@@ -190,6 +199,8 @@ class PowerStage:
     def _reset_fault(self) -> bool:
         """Transition 15; an error without reaction (0x8150) is reset in every state, and changes none."""
         if not self._errors.active or self._cause_remains() or not self._errors.may_clear():
+            return False
+        if self.state is DriveState.FAULT and DriveState.SWITCH_ON_DISABLED in self._refused:
             return False
         self._errors.clear()
         self._motion.forgive()

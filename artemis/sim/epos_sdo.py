@@ -62,13 +62,13 @@ class SdoServer:
         except Abort as abort:
             return self._refuse(request, abort.code)
 
-    def _refuse(self, request: bytes, code: AbortCode) -> bytes:
+    def _refuse(self, request: bytes, code: int) -> bytes:
         transfer, self._transfer = self._transfer, None
         if request[0] >> 5 in (DOWNLOAD_SEGMENT, UPLOAD_SEGMENT):  # segments do not name their object
             place = b"\0\0\0" if transfer is None else transfer.index.to_bytes(2, "little") + bytes((transfer.sub,))
         else:
             place = request[1:4]
-        return b"\x80" + place + int(code).to_bytes(4, "little")
+        return b"\x80" + place + code.to_bytes(4, "little")
 
     def _begin_upload(self, request: bytes) -> bytes:
         self._transfer = None

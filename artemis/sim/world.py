@@ -12,11 +12,16 @@ from artemis.config import Config
 from artemis.sim.axis import NOMINAL_VOLTAGE, Axis
 from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.vehicle import Chassis, Vehicle
+from artemis.sim.wheels import DrivenWheel, SteeredWheel
 from artemis.values import Pose
 from artemis.vehicle import Positive, Robot
 
 LONGEST_STEP = 5e-3
 """Axes and vehicle move in equal steps of this length or less (a twentieth more, if that saves a step) [s]."""
+DISCHARGE = 5e-3
+"""Time constant with which an emergency stop empties the drives' capacitors [s]; an assumption."""
+GRAVITY = 9.81
+"""[m/s²]."""
 
 
 class Supply(Config):
@@ -57,53 +62,6 @@ class TrueRobot(Config):
     supply: Supply = Supply()
 
 
-class _Steering:
-    """One steered wheel: motor counts to true angle, true angle to potentiometer voltages."""
-
-    def __init__(self, robot: Robot, side: str, axis: Axis, *, start_deg: float, zero_deg: float) -> None:
-        _, drive = robot.drive_at("steering", side)
-        self._axis = axis
-        self._start = math.radians(start_deg)
-        counts_per_turn = drive.sensor.counts_per_turn * drive.gear_ratio
-        self._radians_per_count = (-1.0 if drive.mirrored else 1.0) * math.tau / counts_per_turn
-        calibration = robot.potentiometers(side)
-        self._zero_deg = zero_deg
-        self._zero_v = calibration.zero_v
-        self._slope_1, self._slope_2 = calibration.slope_deg_per_v
-
-    @property
-    def angle(self) -> float:
-        """True angle of the wheel [rad], left positive."""
-        return self._start + self._axis.position * self._radians_per_count
-
-    def feel(self, dice: random.Random, noise: float) -> None:
-        """Turn the potentiometers' shafts along: `noise` is the standard deviation of each voltage [V]."""
-        shown = math.degrees(self.angle) - self._zero_deg
-        first = self._zero_v[0] + shown / self._slope_1
-        second = self._zero_v[1] + shown / self._slope_2
-        if noise:
-            first += dice.gauss(0.0, noise)
-            second += dice.gauss(0.0, noise)
-        self._axis.analog = (first, second)
-
-
-class _Traction:
-    """One driven wheel: motor counts to true way."""
-
-    def __init__(self, robot: Robot, side: str, axis: Axis, *, scale: float) -> None:
-        _, drive = robot.drive_at("traction", side)
-        self._axis = axis
-        self._metres_per_count = (-scale if drive.mirrored else scale) * robot.metres_per_count(side)
-        self._position = axis.position
-
-    def roll(self) -> float:
-        """What the wheel has rolled since the last call [m], forward positive."""
-        position = self._axis.position
-        way = (position - self._position) * self._metres_per_count
-        self._position = position
-        return way
-
-
 class World:
     """Four powered drives on a true robot; time passes when `advance` says so."""
 
@@ -127,13 +85,16 @@ class World:
         """
         true = true or TrueRobot()
         self.time = start
+        self.battery_v = true.supply.battery_v
+        """Of the batteries without load [V]; 0: their switch is open, as the emergency stop's."""
         self._true = true
         self._dice = random.Random(seed)
         axes = {name: Axis(drive) for name, drive in robot.drives.items()}
         self.nodes = [SimEpos(drive, axes[name], name=name, settings=settings) for name, drive in robot.drives.items()]
         """The drives, in the order of the robot file."""
         self._axes = list(axes.values())
-        self._supply_voltage = true.supply.battery_v
+        self._supply_voltage = self.battery_v
+        self._slope = 0.0
         self._last_step = LONGEST_STEP
         self._place(robot, true, axes)
         self._feel()
@@ -141,20 +102,24 @@ class World:
             node.power_on(start)
 
     def _place(self, robot: Robot, true: TrueRobot, axes: dict[str, Axis]) -> None:
-        def axis(role: str, side: str) -> Axis:
-            return axes[robot.drive_at(role, side)[0]]
+        def named(role: str) -> list[str]:
+            return [robot.drive_at(role, side)[0] for side in ("left", "right")]
 
         starts = (true.start_steering_left_deg, true.start_steering_right_deg)
         zeros = (true.steering_zero_left_deg, true.steering_zero_right_deg)
         scales = (true.wheel_scale_left, true.wheel_scale_right)
-        self._steering_left, self._steering_right = (
-            _Steering(robot, side, axis("steering", side), start_deg=begin, zero_deg=zero)
-            for side, begin, zero in zip(("left", "right"), starts, zeros, strict=True)
-        )
-        self._traction_left, self._traction_right = (
-            _Traction(robot, side, axis("traction", side), scale=scale)
-            for side, scale in zip(("left", "right"), scales, strict=True)
-        )
+        self.steered = {
+            name: SteeredWheel(robot, name, axes[name], start=math.radians(begin), zero_deg=zero)
+            for name, begin, zero in zip(named("steering"), starts, zeros, strict=True)
+        }
+        """Left and right wheel, by the names of their drives."""
+        self.driven = {
+            name: DrivenWheel(robot, name, axes[name], scale=scale)
+            for name, scale in zip(named("traction"), scales, strict=True)
+        }
+        """Left and right wheel, by the names of their drives."""
+        self._steering_left, self._steering_right = self.steered.values()
+        self._traction_left, self._traction_right = self.driven.values()
         geometry = robot.geometry
         self.chassis = Chassis(
             wheelbase=true.wheelbase_m or geometry.wheelbase_m,
@@ -192,6 +157,29 @@ class World:
         """Voltage at the drives [V]."""
         return self._supply_voltage
 
+    def drive(self, name: str) -> SimEpos:
+        """The drive of this name in the robot file."""
+        return next(node for node in self.nodes if node.name == name)
+
+    @property
+    def slope(self) -> float:
+        """How steep the ground falls ahead of the robot [rad]; positive pulls it forward."""
+        return self._slope
+
+    @slope.setter
+    def slope(self, slope: float) -> None:
+        self._slope = slope
+        for wheel in self.driven.values():
+            wheel.push(GRAVITY * math.sin(slope))
+
+    def carry(self, x: float, y: float, heading: float) -> None:
+        """Somebody lifts the robot and sets it down `x` [m] ahead, `y` [m] to the left, turned by `heading` [rad]."""
+        vehicle = self._vehicle
+        cos, sin = math.cos(vehicle.heading), math.sin(vehicle.heading)
+        vehicle.x += x * cos - y * sin
+        vehicle.y += x * sin + y * cos
+        vehicle.heading += heading
+
     def advance(self, now: float) -> None:
         """Let time pass until `now` [s]; an earlier time changes nothing."""
         elapsed = now - self.time
@@ -215,8 +203,8 @@ class World:
 
     def _feel(self) -> None:
         noise = self._true.potentiometer_noise_v
-        self._steering_left.feel(self._dice, noise)
-        self._steering_right.feel(self._dice, noise)
+        self._steering_left.feel(self._dice, noise, self.time)
+        self._steering_right.feel(self._dice, noise, self.time)
 
     def _feed(self, dt: float) -> None:
         """Supply voltage after `dt` at the present load: a source behind a resistance, loading a capacitor."""
@@ -225,10 +213,15 @@ class World:
         for axis in self._axes:
             # mA * rpm * V / rpm: torque times speed, the motor constant being nominal voltage per no-load speed
             power += axis.current * axis.velocity / axis.no_load_rpm
-        current = 1e-3 * NOMINAL_VOLTAGE * power / max(self._supply_voltage, 1.0)
-        resistance = supply.source_resistance_ohm if current >= 0.0 else supply.back_feed_resistance_ohm
-        settled = supply.battery_v - current * resistance
-        share = 1.0 - math.exp(-dt / (resistance * supply.capacitance_f))
-        self._supply_voltage += (settled - self._supply_voltage) * share
+        power *= 1e-3 * NOMINAL_VOLTAGE
+        if self.battery_v:
+            current = power / max(self._supply_voltage, 1.0)
+            resistance = supply.source_resistance_ohm if current >= 0.0 else supply.back_feed_resistance_ohm
+            settled = self.battery_v - current * resistance
+            share = 1.0 - math.exp(-dt / (resistance * supply.capacitance_f))
+            self._supply_voltage += (settled - self._supply_voltage) * share
+        else:
+            square = self._supply_voltage**2 - 2.0 * power * dt / supply.capacitance_f
+            self._supply_voltage = math.sqrt(max(0.0, square)) * math.exp(-dt / DISCHARGE)
         for axis in self._axes:
             axis.supply_voltage = self._supply_voltage

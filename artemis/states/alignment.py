@@ -6,16 +6,14 @@ import math
 from collections.abc import Generator
 from dataclasses import replace
 
+from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
 from artemis.states.mode import OFF, ON, Plan, Routine, fail, finish_jobs
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveFeedback, DriveState, Fault, Goal, Job, JobKind, Snapshot, Wish
-from artemis.vehicle import OPERATING_MODES, Potentiometers
+from artemis.vehicle import OPERATING_MODES
 
 READINGS = 100
 """Readings of each potentiometer that are averaged (thesis 4.3.1)."""
-RAIL = 0.02
-"""Within this part of the 0..5 V range from a rail a potentiometer counts as open or shorted."""
-SUPPLY_V = 5.0
 STRAIGHT = math.radians(0.5)
 """A wheel this close to its angle has reached it [rad]."""
 REST = math.radians(0.2)
@@ -31,15 +29,6 @@ STEER_TIME = 12.0
 STEERING_ON = Wish(traction=Goal.DISABLED, steering=Goal.ENABLED)
 Readings = dict[str, tuple[float, float]]
 """Mean voltages of both potentiometers [V], by steering drive."""
-
-
-def wheel_angles(volts: tuple[float, float], calibration: Potentiometers) -> tuple[float, float]:
-    """The wheel's angle [rad] by each of its two potentiometers (two-point calibration, thesis 4.3.1)."""
-    first, second = (
-        math.radians(slope * (volt - zero))
-        for volt, zero, slope in zip(volts, calibration.zero_v, calibration.slope_deg_per_v, strict=True)
-    )
-    return first, second
 
 
 def align(plan: Plan, snapshot: Snapshot) -> Routine:
@@ -76,7 +65,9 @@ def _do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
     results, snapshot = yield from finish_jobs(replace(wish, phase=jobs[0].kind.value), jobs)
     for result in results:
         if not result.ok:
-            return (yield from fail(wish, catalogue.fault("COM-08", result.drive, result.detail)))
+            return (yield from fail(wish, catalogue.fault(result.fault, result.drive, result.detail)))
+        if result.kind is JobKind.CLEAR_TARGET and result.values:
+            snapshot = yield replace(wish, fault=catalogue.fault("COM-06", result.drive, f"{result.values[0]} units"))
     return snapshot
 
 
@@ -151,8 +142,7 @@ def _angles(plan: Plan, name: str, volts: tuple[float, float]) -> tuple[float, f
 
 
 def _implausible(plan: Plan, name: str, volts: tuple[float, float]) -> list[Fault]:
-    margin = RAIL * SUPPLY_V
-    if any(not margin <= volt <= SUPPLY_V - margin for volt in volts):
+    if is_at_a_rail(volts):
         return [catalogue.fault("STE-04", name, f"{volts[0]:.2f} V and {volts[1]:.2f} V")]
     first, second = (math.degrees(angle) for angle in _angles(plan, name, volts))
     if abs(first - second) > plan.robot.calibration.steering.disagreement_deg:

@@ -23,18 +23,21 @@ class FollowMode:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._begun: FollowStep | None = None
+        self._driven = 0.0
         self._fault: Fault | None = None
         self._origin: float | None = None
         self._outside = 0.0
         self._armed = False
 
     def enter(self, snapshot: Snapshot) -> None:
-        """Start the follower, unless it is on its way already."""
+        """Start the follower on what is left of the path, unless it is on its way already."""
         step = self._plan.current
         self._fault, self._origin, self._armed = None, None, False
         if isinstance(step, FollowStep) and step is not self._begun:
+            rest = step.path.rest(self._plan.done)
+            self._driven = step.path.length - rest.length
             try:
-                step.follower.start(step.path, snapshot)
+                step.follower.start(rest, snapshot)
             except Exception as error:  # noqa: BLE001  the border to foreign code: whatever it raises is a fault
                 self._fault = catalogue.fault("PLG-02", "follower", f"start: {error!r}")
             else:
@@ -48,9 +51,10 @@ class FollowMode:
         following = self._ask(step, snapshot) if self._fault is None else self._fault
         if isinstance(following, Fault):
             return _stand(snapshot, fault=following)
-        tracking = following.tracking
+        tracking = self._on_whole_path(following.tracking)
         if fault := self._off_path(tracking, step.max_cross_track):
             return _stand(snapshot, fault=fault, tracking=tracking)
+        self._plan.done = tracking.arc_length
         if following.finished:  # whatever the follower still commands
             if snapshot.standing:
                 self._plan.advance()
@@ -62,6 +66,12 @@ class FollowMode:
             tracking=tracking,
             phase="following",
         )
+
+    def _on_whole_path(self, tracking: Tracking) -> Tracking:
+        """Counted from where the step began, be it in an earlier run."""
+        if not self._driven:
+            return tracking
+        return replace(tracking, arc_length=tracking.arc_length + self._driven, length=tracking.length + self._driven)
 
     def _off_path(self, tracking: Tracking, limit: float) -> Fault | None:
         """Too far away to begin (PTH-05), or lost on the way (PTH-06)."""

@@ -16,6 +16,7 @@ ANSWER_TIME = 1.5
 """Longest time for a state to be reached that needs no motion [s]."""
 HEARTBEATS = 5
 """Ticks with our heartbeat before it is withheld: a drive begins to watch with the first it hears."""
+NO_ANSWER = "COM-08"
 LOST_HEARTBEAT = 0x8130
 """EMCY code of a drive that misses our heartbeat (CiA 301)."""
 
@@ -40,9 +41,11 @@ class InitMode(RoutineMode):
         if all(result.ok for result in results):
             wish = replace(silent, phase=JobKind.CONFIGURE.value)
             results, snapshot = yield from finish_jobs(wish, plan.jobs(JobKind.CONFIGURE, plan.drives()))
-        for result in results:
-            if not result.ok:
-                return (yield from fail(SILENT, catalogue.fault("COM-08", result.drive, result.detail)))
+        failed = [result for result in results if not result.ok]
+        if len(failed) == len(results) and all(result.fault == NO_ANSWER for result in failed):
+            return (yield from fail(SILENT, catalogue.fault("COM-32")))
+        for result in failed[:1]:
+            return (yield from fail(SILENT, catalogue.fault(result.fault, result.drive, result.detail)))
         plan.connected = True
         snapshot = yield from self._prove_watchdog(snapshot)
         while not plan.armed and Request.ARM not in snapshot.sensed.requests:
@@ -50,7 +53,7 @@ class InitMode(RoutineMode):
                 plan.failed = True
                 yield replace(OFF, event=Event.END, phase="nobody there to arm")
             snapshot = yield replace(OFF, phase="waiting for arm")
-        plan.armed = False
+        plan.armed = plan.held = False
         yield from align(plan, snapshot)
         first, plan.aligned, plan.placed = not plan.placed, True, True
         yield replace(ON, event=Event.ALIGNED, reset_pose=first, phase="aligned")

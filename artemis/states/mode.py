@@ -10,7 +10,8 @@ from typing import Protocol
 from artemis.motion.path import Path
 from artemis.motion.perception import STANDING_TIME
 from artemis.plugins.contracts import Follower
-from artemis.values import Action, DriveCommand, Fault, Goal, Job, JobKind, JobResult, Snapshot, Wish
+from artemis.supervision.policy import Policies
+from artemis.values import Action, DriveCommand, Fault, Goal, Job, JobKind, JobResult, Pose, Snapshot, Wish
 from artemis.vehicle import Robot
 
 
@@ -75,7 +76,17 @@ class Plan:
     """The odometry has its origin: where the wheels were aligned first."""
     failed: bool = False
     """A fault or a stop ended the run before its last step."""
+    held: bool = False
+    """A person stopped the robot: nothing but a person lets it go on."""
+    policies: Policies = field(default_factory=dict)
+    """What the mission says about single faults."""
+    resets: dict[str, str] = field(default_factory=dict)
+    """NMT reset that a drive needs before it is brought up again: `communication` or `node`."""
+    start: Pose = field(default_factory=Pose)
+    """Where the odometry begins."""
     index: int = 0
+    done: float = 0.0
+    """How much of the current step is done, here or in an earlier run: way along its path [m], or time [s]."""
     _ids: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
 
     @property
@@ -90,7 +101,7 @@ class Plan:
 
     def advance(self) -> None:
         """The current step is done."""
-        self.index += 1
+        self.index, self.done = self.index + 1, 0.0
 
     def drives(self, role: str | None = None) -> list[str]:
         """Names of all drives, or of those with `role`."""
@@ -162,15 +173,25 @@ def fail(wish: Wish, fault: Fault) -> Routine:
         yield wish
 
 
+RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}
+"""Value of the job SECURE by the NMT reset that goes before."""
+
+
 def secure(plan: Plan, wish: Wish, snapshot: Snapshot) -> Finished:
     """Have every drive stopped and off by jobs, before any process data: traction first, while steering may hold."""
     found: tuple[JobResult, ...] = ()
     for role in ("traction", "steering"):
+        drives = plan.drives(role)
+        resets = [RESETS[plan.resets.pop(drive, "")] for drive in drives]
         results, snapshot = yield from finish_jobs(
-            replace(wish, phase=JobKind.SECURE.value), plan.jobs(JobKind.SECURE, plan.drives(role))
+            replace(wish, phase=JobKind.SECURE.value), plan.jobs(JobKind.SECURE, drives, resets)
         )
         found += results
     return found, snapshot
+
+
+PATIENCE = 600.0
+"""After waiting so long for a person the run ends [s] (OPR-03)."""
 
 
 ROLLING_TIME = 10.0

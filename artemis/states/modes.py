@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from artemis.states.calibrate import CalibrateMode
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
@@ -12,7 +14,7 @@ from artemis.states.mode import ModeLogic, Plan
 from artemis.states.quickstop import QuickstopMode
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
-from artemis.values import Event, Mode, Request, Severity, Snapshot, Wish
+from artemis.values import Action, Event, Goal, Mode, Request, Severity, Snapshot, Wish
 
 
 class Modes:
@@ -44,6 +46,7 @@ class Modes:
         verdict, requests = snapshot.verdict, snapshot.sensed.requests
         stop_at = Severity.QUICK_STOP if self.mode is Mode.QUICKSTOP else Severity.CONTROLLED_STOP
         self._ending = self._ending or Request.END in requests
+        self._plan.held = self._plan.held or Request.QUICKSTOP in requests
         for event in (
             Event.FAULT if verdict.to_fault else None,
             Event.STOP if Request.QUICKSTOP in requests else None,
@@ -60,5 +63,9 @@ class Modes:
         return self.mode
 
     def step(self, snapshot: Snapshot) -> Wish:
-        """What the present mode wants of this tick."""
-        return self._logic[self.mode].step(snapshot)
+        """What the present mode wants of this tick, unless nothing but power off is left."""
+        wish, verdict = self._logic[self.mode].step(snapshot), snapshot.verdict
+        if verdict.severity is Severity.OFF:
+            off = replace(wish.command, action=Action.DISABLE)
+            wish = replace(wish, command=off, traction=Goal.DISABLED, heartbeat=wish.heartbeat and not verdict.alarm)
+        return wish

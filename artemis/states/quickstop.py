@@ -5,7 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 from artemis.states.alignment import enable
-from artemis.states.mode import OFF, ON, STOPPING, Routine, RoutineMode, come_to_rest, fail, finish_jobs, secure
+from artemis.states.mode import (
+    OFF,
+    ON,
+    PATIENCE,
+    STOPPING,
+    Routine,
+    RoutineMode,
+    come_to_rest,
+    fail,
+    finish_jobs,
+    secure,
+)
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveState, Event, JobKind, Request, Severity, Snapshot, Wish
 
@@ -17,8 +28,15 @@ class QuickstopMode(RoutineMode):
     turns a held stop into a quick one and ends a re-arm under way; nothing turns a quick stop into a milder one.
     """
 
+    def enter(self, snapshot: Snapshot) -> None:
+        """Begin anew."""
+        super().enter(snapshot)
+        self._resumes = False
+
     def step(self, snapshot: Snapshot) -> Wish:
         """As the routine says; drives without our configuration exchange nothing, their jobs stop them."""
+        if snapshot.verdict.stops:
+            self._resumes = snapshot.verdict.resumes
         wish = super().step(snapshot)
         return wish if self.plan.connected else replace(wish, heartbeat=False, exchange=False, supervised=False)
 
@@ -34,15 +52,10 @@ class QuickstopMode(RoutineMode):
             hold = snapshot.time < latest
         if plan.connected and not hold:
             snapshot = yield from come_to_rest(plan, STOPPING, snapshot)
-        while True:
-            rest = _ramp(snapshot) if hold else OFF
-            if not snapshot.sensed.attended:
-                plan.failed = True
-                yield replace(rest, event=Event.END, phase="stopped")
-            waits_for = _waits_for(snapshot)
-            if waits_for is None and Request.ARM in snapshot.sensed.requests:
-                break
-            snapshot = yield replace(rest, phase=waits_for or "stopped: arm to go on")
+        latest = snapshot.time + PATIENCE
+        while not self._may_go_on(snapshot):
+            snapshot = yield self._waiting(_ramp(snapshot) if hold else OFF, snapshot, latest)
+        plan.held = False
         if not plan.aligned:
             plan.armed = True
             yield replace(OFF, event=Event.ACKNOWLEDGED)
@@ -50,11 +63,26 @@ class QuickstopMode(RoutineMode):
             results, snapshot = yield from finish_jobs(OFF, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()))
             for result in results:
                 if not result.ok:
-                    return (yield from fail(OFF, catalogue.fault("COM-08", result.drive, result.detail)))
+                    return (yield from fail(OFF, catalogue.fault(result.fault, result.drive, result.detail)))
         snapshot = yield from enable(ON, snapshot)
-        yield replace(_ramp(snapshot), event=Event.REARMED)
+        yield replace(_ramp(snapshot), event=Event.REARMED, phase="armed again")
         while True:
             snapshot = yield _ramp(snapshot)
+
+    def _may_go_on(self, snapshot: Snapshot) -> bool:
+        """Armed by a person, or by a mission that says so where all causes are gone; with the controls released."""
+        if _waits_for(snapshot) is not None:
+            return False
+        return Request.ARM in snapshot.sensed.requests or (self._resumes and not self.plan.held)
+
+    def _waiting(self, rest: Wish, snapshot: Snapshot, latest: float) -> Wish:
+        """At rest, with what it waits for; ends the run where nobody will come."""
+        alone = not snapshot.sensed.attended and not (self._resumes and not self.plan.held)
+        if alone or snapshot.time > latest:
+            self.plan.failed = True
+            expired = None if alone else catalogue.fault("OPR-03")
+            return replace(rest, event=Event.END, fault=expired, phase="stopped")
+        return replace(rest, phase=_waits_for(snapshot) or "stopped: arm to go on")
 
 
 def _asks_to_hold(snapshot: Snapshot) -> bool:
@@ -71,8 +99,11 @@ def _ramp(snapshot: Snapshot) -> Wish:
 
 def _waits_for(snapshot: Snapshot) -> str | None:
     """What the operator has to do before arming; None: nothing."""
-    if snapshot.verdict.stops:
-        return f"acknowledge: {snapshot.verdict.faults[0].text}"
+    verdict = snapshot.verdict
+    if verdict.final:
+        return f"this run cannot go on, end it: {verdict.faults[0].text}"
+    if verdict.stops:
+        return "recovers by itself" if verdict.recovers else f"acknowledge: {verdict.faults[0].text}"
     if not all(sample.neutral for sample in snapshot.sensed.inputs):
         return "release the controls"
     return None

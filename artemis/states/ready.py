@@ -16,8 +16,8 @@ class ReadyMode:
         self._since = 0.0
 
     def enter(self, snapshot: Snapshot) -> None:
-        """A step has ended, or the bring-up."""
-        self._since = snapshot.time
+        """A step has ended, or the bring-up; a wait that was interrupted goes on."""
+        self._since = snapshot.time - self._plan.done
 
     def step(self, snapshot: Snapshot) -> Wish:
         """Stand, and ask for the mode of the plan's current step."""
@@ -34,7 +34,8 @@ class ReadyMode:
                     return replace(stand, phase="release the controls")
                 return replace(stand, event=Event.TELEOP)
             case WaitStep(seconds=seconds):
-                if snapshot.time - self._since >= seconds:
+                self._plan.done = snapshot.time - self._since
+                if self._plan.done >= seconds:
                     self._plan.advance()
                     self._since = snapshot.time
                 return replace(stand, phase="waiting")

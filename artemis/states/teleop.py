@@ -21,8 +21,8 @@ class TeleopMode:
         self._ending = False
 
     def enter(self, snapshot: Snapshot) -> None:
-        """The controls were neutral when the step began."""
-        self._since, self._ending = snapshot.time, False
+        """The controls were neutral when the step began, or went on after it was interrupted."""
+        self._since, self._ending = snapshot.time - self._plan.done, False
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The operator's wish; standing still when the enable button is up; done when asked and at rest."""
@@ -31,7 +31,8 @@ class TeleopMode:
             return replace(ON, event=Event.DONE)
         sample = next((i for i in snapshot.sensed.inputs if i.source == step.input), OperatorInput(source=step.input))
         stand = DriveCommand(steering=snapshot.set_points.steering)
-        over = step.seconds is not None and snapshot.time - self._since >= step.seconds
+        self._plan.done = snapshot.time - self._since
+        over = step.seconds is not None and self._plan.done >= step.seconds
         self._ending = self._ending or over or Request.DONE in sample.requests
         if self._ending and snapshot.standing:
             self._plan.advance()
@@ -39,7 +40,8 @@ class TeleopMode:
         if self._ending:
             return replace(ON, command=stand, phase="stopping")
         if sample.age is None or sample.age > STALE:
-            return replace(ON, command=stand, fault=catalogue.fault("INP-03", step.input))
+            id = "INP-01" if sample.age is None else "INP-03"
+            return replace(ON, command=stand, fault=catalogue.fault(id, step.input))
         if not sample.enabled:
             return replace(ON, command=stand, phase="hold the enable button to drive")
         return replace(ON, command=DriveCommand(speed=sample.speed, steering=sample.steering), phase="driving")

@@ -1,112 +1,201 @@
-"""Sensed values in, verdict out: what is wrong now, latched until it is acknowledged. Pure."""
+"""Sensed values in, verdict out: what is wrong now, latched until its clear condition holds. Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from math import inf
 
-from artemis.motion.perception import stale_age
 from artemis.supervision import catalogue
-from artemis.values import DriveFeedback, DriveState, Fault, Goal, Mode, Nmt, Request, Sensed, Severity, Verdict, Wish
-from artemis.vehicle import OPERATING_MODES, Robot
+from artemis.supervision.catalogue.row import Kind, Row
+from artemis.supervision.measures import DriveMeasures, HostMeasures, Reading
+from artemis.supervision.policy import Policies, stricter
+from artemis.supervision.wheels import Wheels
+from artemis.values import Fault, Mode, Request, Sensed, SetPoints, Severity, Verdict, Wish
+from artemis.vehicle import Robot
 
-LATE, TOO_LATE = 0.02, 0.06
-"""Three ticks in a row that began this late [s], or one TOO_LATE, are a fault (SYS-01)."""
-HEARTBEAT_LOST = 0.25
-"""A node's heartbeat, produced every 100 ms, is lost after this age [s]."""
-ENABLE_TIME = 1.0
-"""A drive that is to be enabled and is not after this time [s] does not enable (COM-03)."""
+STANDING = 0.01
+"""Automatic recovery needs a robot that moves no faster than this [m/s]."""
+ALL_RECOVERIES = 5
+"""Automatic recoveries in a run; then a person is needed."""
+ACKNOWLEDGE_AGAIN = 2.0
+"""A stuck button acknowledges once in this time [s]."""
+NO_SLOWER = "RUN-03"
+_ADAPTER_LOST = "COM-22"
+_STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
+_SILENT = Verdict()
 
-_FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED, DriveState.FAULT_REACTION_ENABLED)
+
+@dataclass(slots=True)
+class _Latched:
+    fault: Fault
+    seen: float
+    """When its cause was there last [s]."""
 
 
 class Supervisor:
-    """Runs the checks at each tick, latches what they find, and gives the worst reaction."""
+    """Runs the measures at each tick, latches what they find, and gives the worst reaction."""
 
-    def __init__(self, robot: Robot, tick: float) -> None:
-        """`tick` is the tick's period [s]: feedback is stale after max(80 ms, 2.5 ticks)."""
-        self._stale = stale_age(tick)
-        self._traction = {name for name, drive in robot.drives.items() if drive.role == "traction"}
-        self._modes = {name: OPERATING_MODES[drive.role] for name, drive in robot.drives.items()}
-        self._latched: dict[tuple[str, str], Fault] = {}
-        self._active: set[tuple[str, str]] = set()
-        self._enabled: set[str] = set()
-        self._enabling_since: dict[str, float] = {}
-        self._verdict = Verdict()
-        self._late = 0
+    def __init__(self, robot: Robot, tick: float, policies: Policies | None = None) -> None:
+        """`tick` is the tick's period [s]; `policies` make rows stricter."""
+        policies = policies or {}
+        self._rows: Mapping[str, Row] = stricter(policies)
+        self._resumes = {id for id, policy in policies.items() if policy.resume == "continue"}
+        self._drives, self._host, self._wheels = DriveMeasures(robot, tick), HostMeasures(), Wheels(robot, tick)
+        self._above: dict[tuple[str, str, int], float] = {}
+        self._latched: dict[tuple[str, str], _Latched] = {}
+        self._occurred: dict[tuple[str, str], list[float]] = {}
+        self._recovered: dict[str, list[float]] = {}
+        self._acknowledged = -inf
+        self._level = Severity.NONE
+        self._alarm = False
+        self._verdict = _SILENT
 
-    def judge(self, sensed: Sensed, last: Wish, mode: Mode) -> Verdict:
-        """The verdict on this tick, knowing the mode and what it wanted in the last one."""
-        found = [*sensed.faults, *self._check_schedule(sensed)]
+    def judge(self, sensed: Sensed, last: Wish, mode: Mode, points: SetPoints) -> Verdict:
+        """The verdict on this tick, knowing the mode, what it wished in the last one, and what then left the gate."""
+        found = [*sensed.faults, *self._emergencies(sensed, last), *self._measured(sensed, last, points)]
         if last.fault is not None:
             found.append(last.fault)
-        for drive in sensed.drives:
-            if last.supervised:
-                found += self._check_drive(drive, sensed.time, last)
-            else:
-                self._forget(drive.name)
-        acknowledged = Request.ACKNOWLEDGE in sensed.requests and mode in (Mode.FAULT, Mode.QUICKSTOP)
-        if found or self._active or acknowledged:
-            self._latch(found, acknowledged)
+        if found or self._latched:
+            self._latch(found, sensed.time)
+            self._forget(sensed, mode)
+            self._verdict = self._worst(sensed.time)
         return self._verdict
 
-    def _check_schedule(self, sensed: Sensed) -> Iterator[Fault]:
-        if not sensed.urgent:
-            self._late = self._late + 1 if sensed.late > LATE else 0
-            if sensed.late > TOO_LATE or self._late >= 3:
-                yield catalogue.fault("SYS-01", detail=f"{sensed.late * 1000:.0f} ms")
+    # ------------------------------------------------------------------------------------------ finding
 
-    def _latch(self, found: list[Fault], acknowledged: bool) -> None:
-        """Keep what was found; an acknowledgment forgets each fault whose cause is gone."""
-        self._active = {(fault.id, fault.device) for fault in found}
+    def _emergencies(self, sensed: Sensed, last: Wish) -> Iterator[Fault]:
+        if last.supervised:
+            for drive in sensed.drives:
+                for code in drive.emergencies:
+                    if code:  # code 0: all errors cleared
+                        yield catalogue.emergency(drive.name, code)
+
+    def _measured(self, sensed: Sensed, last: Wish, points: SetPoints) -> list[Fault]:
+        """The faults among the readings: what is above its limit for long enough."""
+        above: dict[tuple[str, str, int], float] = {}
+        found = [fault for reading in self._readings(sensed, last, points) for fault in self._rise(reading, above)]
+        if above or self._above:
+            now = sensed.time
+            before, self._above = self._above, {key: self._above.get(key, now) for key in above}
+            if sensed.urgent:  # the motion is not looked at between two ticks
+                self._above = {**before, **self._above}
+        return found
+
+    def _readings(self, sensed: Sensed, last: Wish, points: SetPoints) -> Iterator[Reading]:
+        self._now = sensed.time
+        yield from self._host.read(sensed, last)
+        if any(fault.id == _ADAPTER_LOST for fault in sensed.faults):
+            return  # of the drives nothing can be known
+        if last.supervised:
+            explained = {device for id, device in self._latched if id.startswith("DRV")}
+            yield from self._drives.read(sensed, last, explained)
+        else:
+            self._drives.forget()
+        if not sensed.urgent:
+            yield from self._wheels.read(sensed, last, points, self._verdict.stops)
+
+    def _rise(self, reading: Reading, above: dict[tuple[str, str, int], float]) -> Iterator[Fault]:
+        """The worst stage of the row that the reading has been above for long enough."""
+        id, device, value, seen = reading
+        worst: Severity | None = None
+        for number, stage in enumerate(self._rows[id].stages):
+            if value > stage.over:
+                key = id, device, number
+                since = above[key] = self._above.get(key, self._now)
+                if self._now - since >= stage.hold and (worst is None or stage.severity > worst):
+                    worst = stage.severity
+        if worst is not None:
+            yield self._escalated(seen) if id == NO_SLOWER else catalogue.fault(id, device, seen, worst)
+
+    def _escalated(self, seen: str) -> Fault:
+        """The robot does not slow down as it should: one step further each time, S2 -> S1 -> S0 -> alarm."""
+        stops_by = max(self._verdict.severity, self._level, Severity.CONTROLLED_STOP)
+        self._alarm = self._alarm or stops_by is Severity.OFF
+        self._level = min(Severity(stops_by + 1), Severity.OFF) if stops_by < Severity.OFF else Severity.OFF
+        self._wheels.plan_from_here()
+        return replace(catalogue.fault(NO_SLOWER, "", seen), severity=self._level)
+
+    # ------------------------------------------------------------------------------------------ latching
+
+    def _latch(self, found: list[Fault], now: float) -> None:
         for fault in found:
-            self._latched.setdefault((fault.id, fault.device), fault)
-        if acknowledged:
-            self._latched = {key: fault for key, fault in self._latched.items() if key in self._active}
-        faults = tuple(sorted(self._latched.values(), key=lambda fault: -fault.severity))
-        self._verdict = Verdict(
-            severity=faults[0].severity if faults else Severity.NONE,
-            faults=faults,
-            to_fault=any(fault.to_fault for fault in faults),
+            key, row = (fault.id, fault.device), self._rows[fault.id]
+            latched = self._latched.get(key)
+            if fault.severity is catalogue.ROWS[fault.id].severity:
+                fault = replace(fault, severity=row.severity)
+            if latched is None:
+                self._latched[key] = _Latched(replace(fault, final=self._is_final(key, row, now)), now)
+                continue
+            latched.seen = now
+            if fault.severity > latched.fault.severity:
+                latched.fault = replace(fault, final=latched.fault.final)
+
+    def _is_final(self, key: tuple[str, str], row: Row, now: float) -> bool:
+        """Whether this occurrence is one too many for the run."""
+        occurred = self._occurred.setdefault(key, [])
+        occurred.append(now)
+        recent = sum(time > now - row.recovery.window for time in occurred)
+        return row.recovery.kind is Kind.NEVER or 0 < row.recovery.final <= recent
+
+    def _forget(self, sensed: Sensed, mode: Mode) -> None:
+        """Drop what is over: by itself, by an acknowledgment, or automatically."""
+        now, latched = sensed.time, self._latched
+        asked = Request.ACKNOWLEDGE in sensed.requests and mode in _STOPPED
+        asked = asked and now - self._acknowledged >= ACKNOWLEDGE_AGAIN
+        if asked:
+            self._acknowledged = now
+        for key, entry in list(latched.items()):
+            gone = self._is_gone(entry, now)
+            mild = entry.fault.severity < Severity.CONTROLLED_STOP
+            if gone and (mild or (asked and not entry.fault.final)):
+                del latched[key]
+        stopping = {key: entry for key, entry in latched.items() if entry.fault.severity >= Severity.CONTROLLED_STOP}
+        if not stopping:
+            self._level = Severity.NONE
+        elif mode in _STOPPED and self._wheels.speed <= STANDING and self._recover(stopping, now):
+            for key in stopping:
+                del latched[key]
+            for id in {id for id, _ in stopping}:
+                self._recovered.setdefault(id, []).append(now)
+
+    def _is_gone(self, entry: _Latched, now: float) -> bool:
+        """The cause is not there in this tick, and has not been for the row's settling time."""
+        return now > entry.seen and now - entry.seen >= self._rows[entry.fault.id].recovery.settle
+
+    def _recover(self, stopping: Mapping[tuple[str, str], _Latched], now: float) -> bool:
+        return self._recoverable(now) and all(self._is_gone(entry, now) for entry in stopping.values())
+
+    def _recoverable(self, now: float) -> bool:
+        """Whether all that stops the robot may be forgotten without a person, within the budgets."""
+        if sum(map(len, self._recovered.values())) >= ALL_RECOVERIES:
+            return False
+        return all(
+            self._has_budget(id, device, now)
+            for (id, device), entry in self._latched.items()
+            if entry.fault.severity >= Severity.CONTROLLED_STOP
         )
 
-    def _forget(self, name: str) -> None:
-        self._enabled.discard(name)
-        self._enabling_since.pop(name, None)
+    def _has_budget(self, id: str, device: str, now: float) -> bool:
+        recovery = self._rows[id].recovery
+        if recovery.kind is Kind.ITSELF:
+            return True
+        spent = sum(time > now - recovery.window for time in self._recovered.get(id, ()))
+        others = any((other, device) in self._latched for other in recovery.unless)
+        return recovery.kind is Kind.AUTOMATIC and spent < recovery.times and not others
 
-    def _check_drive(self, drive: DriveFeedback, now: float, last: Wish) -> Iterator[Fault]:
-        name = drive.name
-        for code in drive.emergencies:
-            if code:  # code 0: all errors cleared
-                yield catalogue.emergency(name, code)
-        if drive.boots:
-            yield catalogue.fault("COM-26", name)
-        if drive.age is None or drive.age > self._stale:
-            seen = "never heard" if drive.age is None else f"{drive.age * 1000:.0f} ms old"
-            yield catalogue.fault("COM-11", name, seen)
-        if drive.heartbeat_age is None or drive.heartbeat_age > HEARTBEAT_LOST:
-            yield catalogue.fault("COM-28", name)
-        if drive.nmt is not Nmt.OPERATIONAL:
-            yield catalogue.fault("COM-27", name, drive.nmt.name if drive.nmt else "never heard")
-        if drive.state is DriveState.UNKNOWN and drive.age is not None:
-            yield catalogue.fault("COM-05", name, f"0x{drive.statusword:04X}")
-        elif drive.state in _FAULT_STATES and not drive.emergencies and not self._has_reason(name):
-            yield catalogue.fault("COM-01", name)
-        elif drive.age is not None and drive.mode != self._modes[name]:
-            yield catalogue.fault("COM-04", name, f"mode {drive.mode}, expected {self._modes[name]}")
-        yield from self._check_enabling(drive, now, last.traction if name in self._traction else last.steering)
-
-    def _has_reason(self, name: str) -> bool:
-        return any(device == name and id.startswith("DRV") for id, device in self._latched)
-
-    def _check_enabling(self, drive: DriveFeedback, now: float, goal: Goal) -> Iterator[Fault]:
-        """A drive that is to be enabled gets there in time, and stays."""
-        if goal is not Goal.ENABLED:
-            self._forget(drive.name)
-        elif drive.state is DriveState.OPERATION_ENABLE:
-            self._enabled.add(drive.name)
-            self._enabling_since.pop(drive.name, None)
-        elif drive.name in self._enabled:
-            if drive.state not in _FAULT_STATES:
-                yield catalogue.fault("COM-02", drive.name, f"now {drive.state.value}")
-        elif now - self._enabling_since.setdefault(drive.name, now) > ENABLE_TIME:
-            yield catalogue.fault("COM-03", drive.name, f"stuck in {drive.state.value}")
+    def _worst(self, now: float) -> Verdict:
+        faults = tuple(sorted((entry.fault for entry in self._latched.values()), key=lambda fault: -fault.severity))
+        if not faults:
+            return _SILENT
+        stopping = [fault for fault in faults if fault.severity >= Severity.CONTROLLED_STOP]
+        recovers = bool(stopping) and self._recoverable(now)
+        return Verdict(
+            severity=faults[0].severity,
+            faults=faults,
+            to_fault=any(fault.to_fault for fault in faults),
+            final=any(fault.final for fault in stopping),
+            recovers=recovers,
+            resumes=recovers and all(fault.id in self._resumes for fault in stopping),
+            alarm=self._alarm,
+        )

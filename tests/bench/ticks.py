@@ -94,7 +94,7 @@ class _NoBus:
 
     def __init__(self, answers: list[Frame]) -> None:
         self._answers = answers
-        self.sent = 0
+        self.sent = self.error_frames = 0
 
     def send(self, frame: Frame) -> None:
         self.sent += 1

@@ -14,6 +14,7 @@ import pytest
 from frame_bus_suite import FrameBusSuite, Link, Peer
 
 from artemis.devices.can_bus import CanBus, FrameBus
+from artemis.testing.fault_bus import FaultBus
 
 PORT = 20000 + os.getpid() % 20000
 """On one host, groups of the same port hear each other: every test process takes a port of its own."""
@@ -57,7 +58,14 @@ async def open_multicast() -> AsyncIterator[tuple[FrameBus, Peer]]:
         peer.close()
 
 
+@asynccontextmanager
+async def open_wrapped() -> AsyncIterator[tuple[FrameBus, Peer]]:
+    async with open_virtual() as (bus, peer):
+        yield FaultBus(bus), peer
+
+
 LINKS = {
+    "fault_bus": Link(open=open_wrapped, simulated=False),
     "virtual": Link(open=open_virtual, simulated=False),
     "udp_multicast": Link(open=open_multicast, simulated=False),
 }

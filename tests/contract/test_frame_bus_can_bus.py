@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import os
 import socket
 import threading
@@ -16,7 +17,7 @@ from frame_bus_suite import PATIENCE, arrived, bare
 
 from artemis.clock import run
 from artemis.devices.can_bus import CanBus, Frame, check_bus_words
-from artemis.errors import ConfigError, DeviceLost
+from artemis.errors import ConfigError, DeviceBusy, DeviceError, DeviceLost
 
 
 class StandIn(can.BusABC):
@@ -146,11 +147,58 @@ def test_error_of_the_vendors_library_is_not_silent_either(install: Install) -> 
     in_real_time(main())
 
 
-def test_refused_frame_is_lost_with_the_adapters_text(install: Install) -> None:
+def test_refused_frame_is_told_with_the_adapters_text(install: Install) -> None:
     async def main() -> None:
-        bus = CanBus(install("plain", StandIn, send_error=can.CanOperationError("Transmit buffer full")))
-        with pytest.raises(DeviceLost, match="CAN plain 0: frame 0x201 was not sent: Transmit buffer full"):
+        bus = CanBus(install("plain", StandIn, send_error=can.CanOperationError("no such device")))
+        with pytest.raises(DeviceLost, match="CAN plain 0: frame 0x201 was not sent: no such device"):
             bus.send(Frame(0x201, b"\1"))
+        bus.close()
+
+    in_real_time(main())
+
+
+NO_ROOM = [
+    ("socketcan", can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS), DeviceBusy),
+    ("socketcan", can.CanOperationError("Failed to transmit: Try again", errno.EAGAIN), DeviceBusy),
+    ("socketcan", can.CanOperationError("Transmit buffer full"), DeviceBusy),
+    ("socketcan", can.CanOperationError("Failed to transmit: Network is down", errno.ENETDOWN), DeviceLost),
+    ("pcan", can.CanOperationError("Failed to send: The transmit queue is full"), DeviceBusy),
+    ("pcan", can.CanOperationError("Failed to send: The handle is not valid"), DeviceLost),
+    ("kvaser", can.CanOperationError("Function canWrite failed - Transmit buffer overflow", -13), DeviceBusy),
+    ("kvaser", can.CanOperationError("Function canWrite failed - Handle is invalid", -10), DeviceLost),
+    ("vector", can.CanOperationError("xlCanTransmit failed (XL_ERR_QUEUE_IS_FULL)", 11), DeviceBusy),
+    ("systec", can.CanError("UcanWriteCanMsgEx: did not fit into the transmit buffer", 11), DeviceBusy),
+    ("ixxat", can.CanOperationError("canChannelPostMessage failed (the transmit FIFO is full)"), DeviceBusy),
+]
+
+
+@pytest.mark.parametrize(("interface", "error", "expected"), NO_ROOM, ids=str)
+def test_full_transmit_buffer_loses_a_frame_and_not_the_adapter(
+    install: Install, interface: str, error: can.CanError, expected: type[DeviceError]
+) -> None:
+    backend = WithDescriptor if interface == "socketcan" else StandIn
+
+    async def main() -> None:
+        bus = CanBus(install(interface, backend, send_error=error))
+        with pytest.raises(expected) as caught:
+            bus.send(Frame(0x201, b"\1"))
+        assert type(caught.value) is expected
+        globals()["installed"].send_error = None
+        bus.send(Frame(0x201, b"\1"))
+        assert bus.receive() == []
+        bus.close()
+
+    in_real_time(main())
+
+
+def test_frame_that_was_refused_is_not_awaited_as_an_echo(install: Install) -> None:
+    async def main() -> None:
+        words = install("udp_multicast", WithDescriptor, send_error=can.CanOperationError("Transmit buffer full"))
+        bus = CanBus(words)
+        with pytest.raises(DeviceBusy):
+            bus.send(Frame(0x701, b"\5"))
+        globals()["installed"].script.append(message(0x701, b"\5"))
+        assert bare(bus.receive()) == [Frame(0x701, b"\5")]
         bus.close()
 
     in_real_time(main())

@@ -112,6 +112,7 @@ class Wire(canopen.Network):
         self._loop = asyncio.get_running_loop()
         self._inbox: list[Frame] = []
         self._wake: Callable[[], None] = lambda: None
+        self.error_frames = 0
         self.seen: list[Frame] = []
         """Everything that the host sent."""
 

@@ -14,6 +14,7 @@ from local_epos import DISABLED, ENABLED, QUICK_STOP, LocalEpos, Wire
 from artemis.clock import run
 from artemis.devices.drive import Drives
 from artemis.mission.loading import load_mission
+from artemis.plugins.border import Border
 from artemis.robot import Core, Robot
 from artemis.states.mode import ON, STOPPING, Plan
 from artemis.values import (
@@ -49,7 +50,7 @@ class Bench:
             for name, drive in ROBOT.drives.items()
         }
         self.drives = Drives(robot, self.wire)
-        self.drives.listen(self._take_in)
+        self.drives.wire.listen(self._take_in)
 
     def _take_in(self) -> None:
         self.drives.receive()
@@ -72,7 +73,7 @@ class Bench:
             set_points=points,
             verdict=Verdict(),
         )
-        tick = Tick(snapshot=snapshot, mode=Mode.READY, wish=wish, action=wish.command.action, set_points=points)
+        tick = Tick(snapshot=snapshot, mode=Mode.TELEOP, wish=wish, action=wish.command.action, set_points=points)
         for _ in range(count):
             self.drives.write(tick)
             await asyncio.sleep(PERIOD)
@@ -246,7 +247,7 @@ def test_the_whole_bring_up_reaches_ready_and_ends_in_order() -> None:
         bench = Bench()
         plan = Plan(robot=ROBOT, steps=())
         ticks: list[Tick] = []
-        robot = Robot(Core(plan, PERIOD), bench.drives, {}, PERIOD, ticks.append)
+        robot = Robot(Core(plan, PERIOD), bench.drives, Border({}, asyncio.get_running_loop().time), PERIOD, ticks.append)
         await robot.run()
 
         modes = list(dict.fromkeys(tick.mode for tick in ticks))

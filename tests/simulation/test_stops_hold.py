@@ -323,6 +323,7 @@ class RefusingBus:
     def __init__(self, node: int) -> None:
         self.node = node
         self.sent: list[Frame] = []
+        self.error_frames = 0
 
     def send(self, frame: Frame) -> None:
         if frame.id & 0x7F == self.node:

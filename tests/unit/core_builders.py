@@ -229,7 +229,8 @@ class Player:
 
     def _perform(self, job: Job) -> JobResult:
         ok = (job.kind, job.drive) not in self.refused
-        return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, detail="" if ok else "broken in the test")
+        detail, fault = ("", "") if ok else ("broken in the test", "COM-08")
+        return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, detail=detail, fault=fault)
 
 
 def powered(wish: Wish) -> bool:
@@ -283,6 +284,7 @@ class FakeBus:
         self.sent: list[Frame] = []
         self.arrived: list[Frame] = []
         self.lost = False
+        self.error_frames = 0
         self.wake: Callable[[], None] = lambda: None
         self.clock: Callable[[], float] = lambda: 0.0
 

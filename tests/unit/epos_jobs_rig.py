@@ -11,7 +11,7 @@ from core_builders import ROBOT
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
-from artemis.devices.canopen import Expedited, decode_request
+from artemis.devices.canopen import Expedited, decode_request, encode_request
 from artemis.devices.drive import Drives
 from artemis.devices.epos_jobs import EposJobs
 from artemis.errors import ProtocolError
@@ -35,7 +35,7 @@ class Rig:
         self.world = World(ROBOT, STRAIGHT, start=loop.time(), settings=settings)
         self.bus = SimBus(self.world, 1_000_000, loop)
         self.drives = Drives(robot, self.bus)
-        self.drives.listen(lambda: self._receive())
+        self.drives.wire.listen(lambda: self._receive())
         self.epos = next(node for node in self.drives.nodes if node.name == name)
         self.jobs = EposJobs(self.epos)
         self.node: SimEpos = next(node for node in self.world.nodes if node.name == name)
@@ -46,7 +46,7 @@ class Rig:
     def writes(self) -> list[tuple[int, int, bytes]]:
         """SDO writes to the drive since the last call: index, sub-index, data."""
         requests = []
-        for ours, frame in self.drives.take_traffic(0.0):
+        for ours, frame in self.drives.wire.take_traffic(0.0):
             if ours and frame.id == 0x600 + self.node.node_id:
                 requests.append(decode_request(frame.data))
         return [(each.index, each.subindex, each.data) for each in requests if isinstance(each, Expedited)]
@@ -71,7 +71,8 @@ class Rig:
     async def spin(self, rpm: int) -> None:
         """Have the drive turn, as a host did that is gone."""
         for index, size, value in ((0x6060, 1, 3), (0x6040, 2, 6), (0x6040, 2, 15), (0x60FF, 4, rpm), (0x6040, 2, 15)):
-            await self.epos.sdo.write(index, 0, value.to_bytes(size, "little", signed=True))
+            request = Expedited(index=index, subindex=0, data=value.to_bytes(size, "little", signed=True))
+            self.bus.send(Frame(0x600 + self.node.node_id, encode_request(request)))
             await asyncio.sleep(0.05)
         await asyncio.sleep(1.0)
         assert abs(self.node.axis.velocity) == pytest.approx(abs(rpm), rel=0.01)
@@ -99,6 +100,6 @@ def has(rig: Rig, index: int, sub: int = 0) -> Any:  # noqa: ANN401
 
 
 async def bring_up(rig: Rig) -> None:
-    await rig.jobs.secure()
+    await rig.jobs.secure(0.0)
     await rig.jobs.configure()
     await asyncio.sleep(0.001)

@@ -13,6 +13,7 @@ from artemis.clock import SimulatedLoop, run
 from artemis.config import Config
 from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
+from artemis.plugins.border import Border
 from artemis.robot import Core, Robot
 from artemis.states.mode import ON
 from artemis.values import Job, JobResult, Mode, OperatorInput, Request, Sensed, SetPoints, Tick, Wish
@@ -88,8 +89,9 @@ class Rig:
         self.loop, self.bus.clock = loop, loop.time
         self.bus.arrived = [Frame(0x181 + node, ENABLED) for node in range(4)]
         drives = SlowDrives(ROBOT, self.bus)
+        border = Border(self.inputs, loop.time)
         self.robot = Robot(
-            self.core, drives, self.inputs, PERIOD, lambda tick: self.observe(tick), lambda time: self.attended(time)
+            self.core, drives, border, PERIOD, lambda tick: self.observe(tick), lambda time: self.attended(time)
         )
         for time, act in self.acts:
             loop.call_at(time, act)

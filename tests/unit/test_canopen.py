@@ -58,6 +58,14 @@ ANSWERS: list[tuple[str, Answer]] = [
 ]
 
 
+def test_identifiers_are_the_default_ones() -> None:
+    """CiA 301 7.3.3."""
+    assert (canopen.NMT, canopen.SYNC, canopen.EMERGENCY, canopen.HEARTBEAT) == (0x000, 0x080, 0x080, 0x700)
+    assert canopen.TXPDO == (0x180, 0x280, 0x380, 0x480)
+    assert canopen.RXPDO == (0x200, 0x300, 0x400, 0x500)
+    assert (canopen.SDO_ANSWER, canopen.SDO_REQUEST) == (0x580, 0x600)
+
+
 @pytest.mark.parametrize(("wire", "request_"), REQUESTS)
 def test_sdo_request_is_these_bytes(wire: str, request_: Request) -> None:
     assert canopen.encode_request(request_) == bytes.fromhex(wire)
@@ -85,16 +93,41 @@ def test_unknown_command_specifier_is_refused(specifier: int) -> None:
         Expedited(index=0x2000, subindex=0, data=b""),
         Expedited(index=0x2000, subindex=0, data=b"12345"),
         Expedited(index=0x2000, subindex=0, data=b"12", sized=False),
+        Expedited(index=0x2000, subindex=0, data=b"123", sized=False),
         Segment(toggle=False, data=b"12345678", last=False),
         Segmented(index=0x2000, subindex=0, size=2**32),
         Upload(index=0x10000, subindex=0),
         Upload(index=0x1000, subindex=256),
         Abort(index=0x1000, subindex=0, code=-1),
+        Abort(index=0x1000, subindex=0, code=2**32),
     ],
 )
 def test_request_that_does_not_fit_its_frame_is_refused(request_: Request) -> None:
     with pytest.raises(ProtocolError):
         canopen.encode_request(request_)
+
+
+def test_data_that_does_not_fit_is_refused_by_its_length() -> None:
+    with pytest.raises(ProtocolError, match="5 bytes do not fit an expedited transfer"):
+        canopen.encode_answer(Expedited(index=0x2000, subindex=0, data=b"12345"))
+
+
+def test_bits_without_meaning_are_ignored() -> None:
+    assert canopen.decode_request(b"\x6f" + bytes(7)) == NextSegment(toggle=False)
+    assert canopen.decode_answer(b"\x2f" + bytes(7)) == SegmentAccepted(toggle=False)
+    assert canopen.decode_request(b"\x5f" + bytes(7)) == Upload(index=0, subindex=0)
+    assert canopen.decode_answer(b"\x7f" + bytes(7)) == Accepted(index=0, subindex=0)
+
+
+@pytest.mark.parametrize("flag", [False, True])
+def test_flags_are_truth_values(flag: bool) -> None:
+    segment = canopen.decode_request(bytes((flag << 4 | flag,)) + bytes(7))
+    assert isinstance(segment, Segment)
+    assert segment.toggle is flag
+    assert segment.last is flag
+    assert canopen.decode_request(bytes((0x60 | flag << 4,)) + bytes(7)).toggle is flag  # type: ignore[union-attr]
+    assert canopen.decode_answer(bytes((0x20 | flag << 4,)) + bytes(7)).toggle is flag  # type: ignore[union-attr]
+    assert canopen.decode_answer(bytes((0x42 | flag,)) + bytes(7)).sized is flag  # type: ignore[union-attr]
 
 
 def test_abort_names_device_object_and_reason() -> None:
@@ -104,13 +137,20 @@ def test_abort_names_device_object_and_reason() -> None:
 
 
 def test_unknown_abort_code_is_still_shown() -> None:
-    assert "0x12345678" in str(SdoAbort(0x2010, 3, 0x12345678))
+    assert str(SdoAbort(0x2010, 3, 0x12345678)) == "SDO: SDO abort 0x12345678 at 0x2010:3: unknown code"
 
 
 def test_nmt_commands_as_in_the_communication_guide() -> None:
     assert canopen.nmt_frame(NmtCommand.START, 2) == Frame(0x000, b"\x01\x02")
     assert canopen.nmt_frame(NmtCommand.RESET_NODE) == Frame(0x000, b"\x81\x00")
     assert canopen.nmt_from_data(b"\x80\x05") == (NmtCommand.ENTER_PRE_OPERATIONAL, 5)
+    assert {command.name: int(command) for command in NmtCommand} == {
+        "START": 0x01,
+        "STOP": 0x02,
+        "ENTER_PRE_OPERATIONAL": 0x80,
+        "RESET_NODE": 0x81,
+        "RESET_COMMUNICATION": 0x82,
+    }
 
 
 @pytest.mark.parametrize("data", [b"", b"\x01", b"\x01\x02\x03", b"\x03\x00"])
@@ -165,8 +205,9 @@ def test_mapping_entry() -> None:
     statusword = MappedObject(index=0x6041, subindex=0, bits=16)
     assert statusword.entry == 0x60410010
     assert canopen.mapped_from_entry(0x60410010) == statusword
-    with pytest.raises(ProtocolError):
-        canopen.mapped_from_entry(2**32)
+    for entry in (-1, 2**32):
+        with pytest.raises(ProtocolError, match="does not fit 32 bits"):
+            canopen.mapped_from_entry(entry)
 
 
 def test_pdo_fields_are_little_endian_and_signed_by_type() -> None:
@@ -189,9 +230,15 @@ def test_values_that_do_not_fit_the_pdo_are_refused(values: tuple[int, ...]) -> 
         PdoLayout([ObjectType.U16, ObjectType.I8]).pack(*values)
 
 
-@pytest.mark.parametrize("types", [[ObjectType.I64, ObjectType.U8], [ObjectType.STR]])
-def test_mapping_that_no_pdo_can_hold_is_refused(types: list[ObjectType]) -> None:
-    with pytest.raises(ProtocolError):
+@pytest.mark.parametrize(
+    ("types", "problem"),
+    [
+        ([ObjectType.I64, ObjectType.U8], "a PDO holds 8 bytes, these objects need 9"),
+        ([ObjectType.U8, ObjectType.STR], "a string cannot be mapped into a PDO"),
+    ],
+)
+def test_mapping_that_no_pdo_can_hold_is_refused(types: list[ObjectType], problem: str) -> None:
+    with pytest.raises(ProtocolError, match=problem):
         PdoLayout(types)
 
 
@@ -240,11 +287,41 @@ def test_bytes_that_are_not_of_the_type_are_refused(type_: ObjectType, data: byt
         type_.decode(data)
 
 
+def test_types_are_named_by_their_letter_and_only_strings_have_no_size() -> None:
+    assert "".join(type_.value for type_ in ObjectType) == "BHIQbhiqs"
+    assert [type_.size for type_ in ObjectType] == [1, 2, 4, 8, 1, 2, 4, 8, 0]
+
+
 def test_string_loses_its_padding() -> None:
     assert ObjectType.STR.decode(b"EPOS\0\0") == "EPOS"
 
 
-def test_every_abort_code_of_the_firmware_specification_has_a_text() -> None:
-    assert len(canopen.ABORT_TEXTS) == 30
+ABORT_CODES = """
+    05030000 05040000 05040001 05040005 06010000 06010001 06010002 06020000 06040041 06040042 06040043 06040047 06060000
+    06070010 06070012 06070013 06090011 06090030 06090031 06090032 06090036 08000000 08000020 08000021 08000022 0F00FFB9
+    0F00FFBC 0F00FFBE 0F00FFBF 0F00FFC0
+"""
+"""Firmware specification, 12.3."""
+
+
+def test_every_abort_code_of_the_firmware_specification_has_a_text_of_its_own() -> None:
+    assert set(canopen.ABORT_TEXTS) == {int(code, 16) for code in ABORT_CODES.split()}
     assert all(canopen.ABORT_TEXTS.values())
     assert len(set(canopen.ABORT_TEXTS.values())) == 30
+
+
+def test_abort_codes_that_have_names_say_what_they_mean() -> None:
+    named = (
+        canopen.TOGGLE_NOT_ALTERNATED,
+        canopen.SDO_TIMEOUT,
+        canopen.UNKNOWN_COMMAND,
+        canopen.LENGTH_MISMATCH,
+        canopen.GENERAL_ERROR,
+    )
+    assert [canopen.ABORT_TEXTS[code] for code in named] == [
+        "toggle bit not alternated",
+        "SDO protocol timed out",
+        "unknown command specifier",
+        "data type or length does not match",
+        "general error",
+    ]

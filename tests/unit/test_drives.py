@@ -10,6 +10,7 @@ from core_builders import LOST_HEARTBEAT, NAMES, ROBOT, FakeBus, snapshot
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
+from artemis.devices.epos_objects import UNREADABLE
 from artemis.errors import DeviceLost
 from artemis.states.mode import OFF, ON, STOPPING
 from artemis.values import DriveState, Goal, Job, JobKind, JobResult, Mode, SetPoints, Tick, Wish
@@ -32,10 +33,12 @@ class Bench:
         self.bus.arrived.append(Frame(0x180 + node, data))
         self.drives.receive()
 
-    def write(self, wish: Wish, *, urgent: bool = False, points: SetPoints | None = None) -> list[Frame]:
+    def write(
+        self, wish: Wish, *, urgent: bool = False, points: SetPoints | None = None, mode: Mode = Mode.READY
+    ) -> list[Frame]:
         tick = Tick(
             snapshot=snapshot(urgent=urgent),
-            mode=Mode.READY,
+            mode=mode,
             wish=wish,
             action=wish.command.action,
             set_points=points or SetPoints(),
@@ -59,7 +62,8 @@ def test_scheduled_tick_sends_set_points_then_sync_then_the_heartbeat() -> None:
 
 def test_each_wheel_gets_its_own_set_point() -> None:
     points = SetPoints(speed_left=0.1, speed_right=0.2, steering_left=0.01, steering_right=0.02)
-    values = [int.from_bytes(frame.data[2:], "little", signed=True) for frame in Bench().write(ON, points=points)[:4]]
+    frames = Bench().write(ON, points=points, mode=Mode.TELEOP)[:4]
+    values = [int.from_bytes(frame.data[2:], "little", signed=True) for frame in frames]
     assert values == [392, -783, 3011, -6022]  # 3916.67 rpm per m/s, 301120 counts per rad; right sides mirrored
 
 
@@ -169,16 +173,18 @@ def test_garbage_is_counted_and_dropped_and_the_rest_goes_on(garbage: Frame) -> 
     bench.bus.arrived = [garbage, Frame(0x182, bytes.fromhex("37 03 00 00 00 00"))]
     bench.drives.receive()
     after = bench.drives.feedback(0.0)
-    assert bench.drives.malformed == 1
+    sick = (garbage.id & 0x7F) - 1
+    assert [feedback.malformed for feedback in after] == [int(number == sick) for number in range(4)]
     assert after[1].state is DriveState.OPERATION_ENABLE
-    assert (after[0], *after[2:]) == (before[0], *before[2:])
+    unchanged = [replace(feedback, malformed=0, frames=1) for feedback in after]
+    assert (unchanged[0], *unchanged[2:]) == (before[0], *before[2:])
 
 
-def test_emergency_that_cannot_be_read_is_one_of_unknown_code_and_urgent() -> None:
+def test_emergency_that_cannot_be_read_is_marked_and_urgent() -> None:
     bench = Bench(DISABLED)
     bench.bus.arrived = [Frame(0x084, b"\x30\x81")]
     assert bench.drives.receive()
-    assert [feedback.emergencies for feedback in bench.drives.feedback(0.0)] == [(), (), (), (0xFFFF,)]
+    assert [feedback.emergencies for feedback in bench.drives.feedback(0.0)] == [(), (), (), (UNREADABLE,)]
 
 
 @pytest.mark.parametrize("identifier", [0x000, 0x080, 0x085, 0x185, 0x201, 0x381, 0x601, 0x705, 0x77F, 0x7FF])
@@ -187,16 +193,16 @@ def test_frames_of_strangers_are_ignored(identifier: int) -> None:
     before = bench.drives.feedback(0.0)
     bench.bus.arrived = [Frame(identifier, b"\xff" * 8)]
     bench.drives.receive()
-    assert bench.drives.feedback(0.0) == before
-    assert bench.drives.malformed == 0
+    assert bench.drives.feedback(0.0) == tuple(replace(feedback, frames=0) for feedback in before)
 
 
 def test_remote_frames_are_ignored() -> None:
     bench = Bench(DISABLED)
     bench.bus.arrived = [Frame(0x181, b"", rtr=True), Frame(0x701, b"", rtr=True)]
     bench.drives.receive()
-    assert bench.drives.malformed == 0
-    assert bench.drives.feedback(0.0)[0].nmt is None
+    feedback = bench.drives.feedback(0.0)[0]
+    assert feedback.malformed == 0
+    assert feedback.nmt is None
 
 
 def test_answer_nobody_waits_for_is_ignored() -> None:
@@ -224,12 +230,12 @@ def test_only_an_emergency_of_our_drives_that_tells_an_error_is_urgent(frame: Fr
 
 def test_traffic_is_everything_on_the_bus_in_order_once() -> None:
     bench = Bench()
-    bench.drives.take_traffic(0.0)
+    bench.drives.wire.take_traffic(0.0)
     bench.bus.arrived = [Frame(0x7FF, b"\x01")]
     bench.drives.receive()
     bench.write(Wish(exchange=False))
-    assert bench.drives.take_traffic(0.0) == [(False, Frame(0x7FF, b"\x01")), (True, HEARTBEAT)]
-    assert bench.drives.take_traffic(0.0) == []
+    assert bench.drives.wire.take_traffic(0.0) == [(False, Frame(0x7FF, b"\x01")), (True, HEARTBEAT)]
+    assert bench.drives.wire.take_traffic(0.0) == []
 
 
 # ---------------------------------------------------------------------------------------------- a bus that is gone

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from dataclasses import replace
 
 import pytest
 from core_builders import ROBOT
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.epos import EposDrive
+from artemis.devices.epos_objects import UNREADABLE
 from artemis.devices.epos_state import Command
 from artemis.errors import ProtocolError
 from artemis.values import DriveState, Nmt
@@ -92,11 +94,11 @@ def test_drive_that_was_never_heard_is_unknown_without_age() -> None:
 def test_status_frame_bytes_are_statusword_and_position() -> None:
     drive = epos("traction-left")
     drive.on_status(Frame(0x181, bytes.fromhex("37 03 00 00 00 00"), time=1.0))
-    drive.on_status(Frame(0x181, bytes.fromhex("17 03 5c 12 00 00"), time=1.02))  # 0x125C = 4700 counts
+    drive.on_status(Frame(0x181, bytes.fromhex("17 03 5e 00 00 00"), time=1.02))  # 0x5E = 94 counts
     feedback = drive.feedback(1.02)
     assert (feedback.statusword, feedback.state) == (0x0317, DriveState.QUICK_STOP_ACTIVE)
     assert drive.state is DriveState.QUICK_STOP_ACTIVE
-    assert feedback.position == pytest.approx(1.0)
+    assert feedback.position == pytest.approx(0.02)
 
 
 def test_details_of_a_traction_drive_are_velocity_current_and_mode() -> None:
@@ -122,12 +124,12 @@ def test_first_position_is_the_origin_wherever_the_counter_stands() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "metre_or_degree"),
-    [("traction-left", 4700), ("traction-right", -4700), ("steer-left", 52556), ("steer-right", -52556)],
+    ("name", "counts"),
+    [("traction-left", 94), ("traction-right", -94), ("steer-left", 5256), ("steer-right", -5256)],
 )
-def test_forward_and_left_are_positive_whatever_way_the_motor_turns(name: str, metre_or_degree: int) -> None:
-    expected = 1.0 if name.startswith("traction") else math.radians(10.0)
-    assert positions(name, 0, metre_or_degree)[-1] == pytest.approx(expected, rel=1e-4)
+def test_forward_and_left_are_positive_whatever_way_the_motor_turns(name: str, counts: int) -> None:
+    expected = 0.02 if name.startswith("traction") else math.radians(1.0)
+    assert positions(name, 0, counts)[-1] == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize(("start", "step"), [(0x7FFFFFFF - 100, 470), (-0x80000000 + 100, -470)])
@@ -137,11 +139,9 @@ def test_counter_may_wrap_either_way(start: int, step: int) -> None:
     assert positions("traction-left", start, wrapped)[-1] == pytest.approx(step / COUNTS_PER_METRE)
 
 
-@given(
-    start=st.integers(-0x80000000, 0x7FFFFFFF), steps=st.lists(st.integers(-1_000_000_000, 1_000_000_000), max_size=20)
-)
+@given(start=st.integers(0x7FFFF000, 0x80000FFF), steps=st.lists(st.integers(-680, 680), max_size=20))
 def test_position_is_the_sum_of_all_steps_however_often_the_counter_wraps(start: int, steps: list[int]) -> None:
-    counts = [start]
+    counts = [(start + 0x80000000) % 0x100000000 - 0x80000000]
     for step in steps:
         counts.append((counts[-1] + step + 0x80000000) % 0x100000000 - 0x80000000)
     assert positions("traction-left", *counts)[-1] == pytest.approx(sum(steps) / COUNTS_PER_METRE, rel=1e-6, abs=1e-3)
@@ -182,6 +182,74 @@ def test_emergencies_and_boot_ups_are_given_out_once() -> None:
     assert (second.emergencies, second.boots) == ((), 0)
 
 
+def test_unreadable_emergency_is_marked() -> None:
+    drive = epos("steer-left")
+    for length in (0, 2, 7):
+        drive.on_emergency(Frame(0x083, bytes(length)))
+    assert drive.feedback(0.0).emergencies == (UNREADABLE,) * 3
+
+
+# ---------------------------------------------------------------------------------------------- what cannot be
+
+LARGEST = int(1.5 * 3190 / 60 * 72 * (0.02 + 0.1))
+"""Counts that a traction motor at 1.5 times its highest speed, 3190 rpm, turns in a tick and the bus' jitter: 689."""
+
+
+def test_position_that_no_motion_reaches_is_dropped_and_counted() -> None:
+    drive = epos("traction-left")
+    drive.on_details(Frame(0x281, bytes(7)))
+    drive.on_status(status(0))
+    drive.on_status(status(LARGEST, time=0.02))
+    assert drive.feedback(0.02).jumps == 0
+    for number in (1, 2):
+        drive.on_status(status(LARGEST + 100_000, word=0x0317, time=0.02 + 0.02 * number))
+        feedback = drive.feedback(0.02 + 0.02 * number)
+        assert (feedback.jumps, feedback.frames) == (number, 1)
+        assert feedback.position == pytest.approx(LARGEST / COUNTS_PER_METRE)
+        assert feedback.state is DriveState.QUICK_STOP_ACTIVE, "the statusword is believed"
+    drive.on_status(status(LARGEST + 1, time=0.08))
+    feedback = drive.feedback(0.08)
+    assert (feedback.jumps, feedback.age) == (0, 0.08)
+    assert feedback.position == pytest.approx((LARGEST + 1) / COUNTS_PER_METRE)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_largest_step_depends_on_the_time_since_the_last(sign: int) -> None:
+    for elapsed, longest in ((0.02, LARGEST), (0.1, LARGEST * 0.2 / 0.12)):
+        for counts, jumps in ((int(longest) - 1, 0), (int(longest) + 2, 1)):
+            drive = epos("traction-right")
+            drive.on_status(status(0))
+            drive.on_status(status(sign * counts, time=elapsed))
+            assert drive.feedback(elapsed).jumps == jumps
+
+
+def test_age_of_dropped_positions_grows() -> None:
+    drive = epos("traction-left")
+    drive.on_details(Frame(0x281, bytes(7), time=0.1))
+    drive.on_status(status(0))
+    drive.on_status(status(100_000, time=0.1))
+    assert drive.feedback(0.1).age == pytest.approx(0.1)
+
+
+def test_frame_older_than_the_last_is_dropped_and_counted() -> None:
+    drive = epos("traction-left")
+    drive.on_status(status(0, time=1.0))
+    drive.on_status(status(40, word=0x0317, time=0.999))
+    feedback = drive.feedback(1.0)
+    assert (feedback.disordered, feedback.frames, feedback.position) == (1, 1, 0.0)
+    assert feedback.state is DriveState.OPERATION_ENABLE
+    assert drive.feedback(1.0).disordered == 0, "told once"
+    drive.on_status(status(47, time=1.0))
+    assert drive.feedback(1.0).position == pytest.approx(0.01), "at the same time is not older"
+
+
+def test_answers_nobody_waits_for_are_told_once() -> None:
+    drive = epos("steer-left")
+    drive.sdo.receive(Frame(0x583, bytes(8)))
+    drive.sdo.receive(Frame(0x583, bytes(8)))
+    assert [drive.feedback(0.0).stray for _ in range(2)] == [2, 0]
+
+
 # ---------------------------------------------------------------------------------------------- references
 
 
@@ -190,17 +258,17 @@ def test_rebased_drive_counts_from_the_angle_it_was_told() -> None:
     drive.on_status(status(777))
     drive.rebase(math.radians(30.0), 777)
     assert drive.feedback(0.0).position == pytest.approx(math.radians(30.0))
-    drive.on_status(status(777 - 52556, time=0.02))
-    assert drive.feedback(0.02).position == pytest.approx(math.radians(40.0), rel=1e-4)
+    drive.on_status(status(777 - 5256, time=0.02))
+    assert drive.feedback(0.02).position == pytest.approx(math.radians(31.0), rel=1e-4)
 
 
 def test_set_point_at_the_measured_angle_is_the_measured_count() -> None:
     drive = epos("steer-left")
     drive.on_status(status(-12345))
     drive.rebase(math.radians(-20.0), -12345)
-    drive.on_status(status(40211, time=0.02))  # 52556 counts further
+    drive.on_status(status(-7089, time=0.02))  # 5256 counts further
     frame = drive.set_point_frame(ON, drive.feedback(0.02).position)
-    assert struct.unpack("<Hi", frame.data) == (0x0F, 40211)
+    assert struct.unpack("<Hi", frame.data) == (0x0F, -7089)
 
 
 def test_set_point_beyond_the_end_of_the_counter_wraps_as_the_counter_does() -> None:
@@ -215,12 +283,12 @@ def test_restarted_drive_goes_on_from_its_last_position_with_any_counter() -> No
     drive = epos("traction-left")
     drive.on_status(status(0))
     drive.on_details(Frame(0x281, bytes(7)))
-    drive.on_status(status(4700, time=0.02))
+    drive.on_status(status(94, time=0.02))
     drive.restart()
     assert drive.feedback(0.02).age is None, "not heard since"
-    drive.on_status(status(-99, time=0.04))
-    drive.on_status(status(-99 + 4700, time=0.06))
-    assert drive.feedback(0.06).position == pytest.approx(2.0)
+    drive.on_status(status(-9999, time=0.04))
+    drive.on_status(status(-9999 + 94, time=0.06))
+    assert drive.feedback(0.06).position == pytest.approx(0.04)
 
 
 # ---------------------------------------------------------------------------------------------- garbage
@@ -234,7 +302,7 @@ def test_short_status_frame_is_refused_and_changes_nothing(length: int) -> None:
     before = drive.feedback(1.0)
     with pytest.raises(ProtocolError):
         drive.on_status(Frame(0x181, bytes(length), time=2.0))
-    assert drive.feedback(1.0) == before
+    assert drive.feedback(1.0) == replace(before, frames=0)
 
 
 @pytest.mark.parametrize("name", ["traction-left", "steer-left"])

@@ -75,7 +75,7 @@ def test_configuring_again_writes_nothing_that_is_already_right(name: str) -> No
         await bring_up(rig)
         first = rig.writes()
         assert len(first) > 30
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
         rig.node.poke(0x6085, 0, 123)
         rig.writes()
         await rig.jobs.configure()
@@ -88,7 +88,7 @@ def test_configuring_again_writes_nothing_that_is_already_right(name: str) -> No
 def test_pdo_that_is_not_right_is_written_whole_and_no_other() -> None:
     async def test(rig: Rig) -> None:
         await bring_up(rig)
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
         rig.node.poke(0x1A01, 3, 0x60600008)
         rig.writes()
         await rig.jobs.configure()
@@ -105,7 +105,7 @@ def test_value_that_is_not_kept_is_an_error_with_object_and_both_values() -> Non
         values = rig.node._dictionary.values
         rig.node._dictionary.written[key_of(0x6410, 2)] = lambda _: values.__setitem__(key_of(0x6410, 2), 7)
         rig.node.poke(0x6410, 2, 7)
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
         with pytest.raises(DeviceError, match=r"did not keep 0x6410:2: wrote 0x2710, reads 0x7\b"):
             await rig.jobs.configure()
         assert rig.node.nmt is Nmt.PRE_OPERATIONAL, "not started"
@@ -115,7 +115,7 @@ def test_value_that_is_not_kept_is_an_error_with_object_and_both_values() -> Non
 
 def test_value_that_is_refused_is_an_error_with_object_and_reason() -> None:
     async def test(rig: Rig) -> None:
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
         with pytest.raises(DeviceError, match=r"0x06090031 at 0x6410:1: value too high"):
             await rig.jobs.configure()
 
@@ -125,7 +125,7 @@ def test_value_that_is_refused_is_an_error_with_object_and_reason() -> None:
 
 def test_mode_that_is_not_taken_over_is_an_error() -> None:
     async def test(rig: Rig) -> None:
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
         rig.node._dictionary.getters[key_of(0x6061, 0)] = lambda: 1
         with pytest.raises(DeviceError, match=r"shows operating mode 1, not 3"):
             await rig.jobs.configure()

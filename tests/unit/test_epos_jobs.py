@@ -23,7 +23,7 @@ from artemis.values import DriveState, Job, JobKind, Nmt
 def test_secured_drive_is_off_and_watches_nobody(name: str) -> None:
     async def test(rig: Rig) -> None:
         rig.node.poke(0x1016, 1, WATCH)
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
         assert rig.node.state is DriveState.SWITCH_ON_DISABLED
         assert has(rig, 0x1016, 1) == 0
         assert rig.node.nmt is Nmt.PRE_OPERATIONAL
@@ -35,7 +35,7 @@ def test_moving_drive_is_stopped_before_its_power_is_cut() -> None:
     async def test(rig: Rig) -> None:
         await rig.spin(1500)
         speeds = rig.watch_power()
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
         assert rig.node.state is DriveState.SWITCH_ON_DISABLED
         assert len(speeds) == 1
         assert speeds[0] < 1.0
@@ -53,7 +53,7 @@ def test_drive_that_does_not_stop_is_an_error() -> None:
 
         rig.node.axis.load_current, rig.node.axis.after_step = push, roll
         with pytest.raises(DeviceError, match=r"found moving and does not stop within 5 s"):
-            await rig.jobs.secure()
+            await rig.jobs.secure(0.0)
 
     on(LEFT, test)
 
@@ -63,7 +63,7 @@ def test_fault_that_is_found_is_reset() -> None:
         rig.node.emergency(0x2310, asyncio.get_running_loop().time())
         await asyncio.sleep(0.02)
         assert has(rig, 0x6041) & 0x417F == 0x0108
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
         assert has(rig, 0x6041) & 0x417F == 0x0140
 
     on(STEER_LEFT, test)
@@ -74,7 +74,7 @@ def test_fault_that_cannot_be_reset_is_an_error_with_the_history() -> None:
         rig.node.emergency(0xFF04, asyncio.get_running_loop().time())  # only a node reset clears it
         await asyncio.sleep(0.01)
         with pytest.raises(DeviceError, match=r"stays in fault, not switch on disabled; error history: 0xFF04"):
-            await rig.jobs.secure()
+            await rig.jobs.secure(0.0)
 
     on(LEFT, test)
 
@@ -83,7 +83,7 @@ def test_silent_drive_is_a_timeout_that_names_it() -> None:
     async def test(rig: Rig) -> None:
         rig.node.power_off()
         with pytest.raises(DeviceTimeout, match=r"steer-left: no answer"):
-            await rig.jobs.secure()
+            await rig.jobs.secure(0.0)
 
     on(STEER_LEFT, test)
 
@@ -101,7 +101,7 @@ def test_wrong_drive_is_refused_and_told_nothing_but_to_stop(
 ) -> None:
     async def test(rig: Rig) -> None:
         with pytest.raises(DeviceError, match=problem):
-            await rig.jobs.secure()
+            await rig.jobs.secure(0.0)
         assert rig.writes() == [(0x6040, 0, b"\0\0")]
 
     on(LEFT, test, robot=changed(LEFT, **described), settings=settings)
@@ -111,7 +111,7 @@ def test_wrong_drive_is_stopped_if_it_moves() -> None:
     async def test(rig: Rig) -> None:
         await rig.spin(1500)
         with pytest.raises(DeviceError, match="serial number"):
-            await rig.jobs.secure()
+            await rig.jobs.secure(0.0)
         assert rig.node.axis.velocity == 0.0
 
     on(LEFT, test, robot=changed(LEFT, serial_number=0x12345678))
@@ -121,14 +121,14 @@ def test_drive_of_another_maker_is_refused() -> None:
     async def test(rig: Rig) -> None:
         rig.node.poke(0x1018, 1, 0x0000009A)
         with pytest.raises(DeviceError, match=r"node 1 is of vendor 0x9A, not maxon"):
-            await rig.jobs.secure()
+            await rig.jobs.secure(0.0)
 
     on(LEFT, test)
 
 
 def test_oldest_firmware_that_is_new_enough_is_accepted() -> None:
     async def test(rig: Rig) -> None:
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
 
     on(LEFT, test, settings=SimSettings(firmware=0x2032))
 
@@ -136,7 +136,7 @@ def test_oldest_firmware_that_is_new_enough_is_accepted() -> None:
 def test_last_digit_of_the_hardware_version_does_not_matter() -> None:
     async def test(rig: Rig) -> None:
         rig.node.poke(0x2003, 2, 0x6213)
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
 
     on(LEFT, test)
 
@@ -330,7 +330,7 @@ def test_history_is_the_value_of_its_job() -> None:
 
 def test_jobs_of_one_drive_are_done_one_after_the_other() -> None:
     async def test(rig: Rig) -> None:
-        await rig.jobs.secure()
+        await rig.jobs.secure(0.0)
         async with asyncio.TaskGroup() as tasks:
             for number, kind in enumerate((JobKind.CONFIGURE, JobKind.DISARM)):
                 tasks.create_task(rig.drives.perform(Job(id=number, kind=kind, drive=LEFT)))

@@ -34,6 +34,25 @@ CONTROLWORDS = {
 }
 """14.59: bits 7 to 0."""
 
+GOALS = ["disabled", "enabled", "hold", "quick stopped", "fault reset"]
+COMMANDED = {
+    #                                   disabled enabled hold    quick stopped  fault reset
+    "start":                            [0x00,   0x00,   0x00,   0x00,          0x00],
+    "not ready to switch on":           [0x00,   0x00,   0x00,   0x00,          0x00],
+    "switch on disabled":               [0x00,   0x06,   0x00,   0x00,          0x00],
+    "ready to switch on":               [0x00,   0x0F,   0x00,   0x00,          0x00],
+    "switched on":                      [0x00,   0x0F,   0x00,   0x00,          0x00],
+    "refresh":                          [0x00,   0x0F,   0x0F,   0x0B,          0x00],
+    "measure init":                     [0x00,   0x0F,   0x0F,   0x0B,          0x00],
+    "operation enable":                 [0x00,   0x0F,   0x0F,   0x0B,          0x00],
+    "quick stop active":                [0x00,   0x0F,   0x0B,   0x0B,          0x00],
+    "fault reaction active (disabled)": [0x00,   0x00,   0x00,   0x00,          0x00],
+    "fault reaction active (enabled)":  [0x00,   0x0B,   0x0B,   0x0B,          0x0B],
+    "fault":                            [0x00,   0x00,   0x00,   0x00,          0x80],
+    "unknown":                          [0x00,   0x0B,   0x0B,   0x0B,          0x00],
+}  # fmt: skip
+"""Controlword by state and goal: off 00, shutdown 06, enable 0F, quick stop 0B, reset 80."""
+
 
 def words(pattern: str) -> set[int]:
     """Every number that fits a pattern of 0, 1 and x."""
@@ -63,9 +82,12 @@ def test_every_command_is_specified() -> None:
     assert set(CONTROLWORDS) == set(Command)
 
 
-@pytest.mark.parametrize("state", DriveState)
-def test_every_state_has_a_command_for_every_goal(state: DriveState) -> None:
-    assert set(COMMANDS[state]) == set(Goal)
+def test_every_state_has_the_expected_command_for_every_goal() -> None:
+    assert {
+        state.value: [int(COMMANDS[state][Goal[goal.replace(" ", "_").upper()]]) for goal in GOALS]
+        for state in DriveState
+    } == COMMANDED
+    assert all(len(commands) == len(Goal) for commands in COMMANDS.values())
 
 
 @pytest.mark.parametrize("goal", Goal)

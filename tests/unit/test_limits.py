@@ -103,6 +103,12 @@ def test_without_time_nothing_changes(dt: float, stop: bool) -> None:
     assert gate().limit(DriveCommand(speed=-0.5, steering=-1.0), last, dt, stop=stop) is last
 
 
+def test_a_microsecond_is_time() -> None:
+    last, command = moving(0.3, 0.2), DriveCommand(speed=-0.5, steering=-1.0)
+    assert gate().limit(command, last, 0.95e-6) is last
+    assert gate().limit(command, last, 1e-6) != last
+
+
 def test_pause_does_not_open_the_ramps() -> None:
     command = DriveCommand(speed=0.7, steering=1.0)
     assert gate().limit(command, STANDING, 60.0) == gate().limit(command, STANDING, 0.1)
@@ -272,6 +278,33 @@ def test_moving_wheels_that_are_no_pair_stop_before_they_are_aligned() -> None:
     made = gate().limit(DriveCommand(speed=0.5), last, DT)
     assert made.speed == pytest.approx(0.5 - 1.0 * DT)
     assert (made.steering_left, made.steering_right) == (0.5, -0.5)
+
+
+def test_moving_wheels_that_are_no_pair_are_aligned_from_the_step_on_that_ends_at_standstill() -> None:
+    last = SetPoints(speed=1.0 * DT, steering_left=0.5, steering_right=-0.5)
+    made = gate().limit(DriveCommand(speed=0.5), last, DT)
+    assert made.speed == 0.0
+    assert (made.steering_left, made.steering_right) == pytest.approx((0.5 - RATE * DT, -0.5 + RATE * DT))
+
+
+def test_wheels_that_can_just_become_a_pair_are_one_and_drive() -> None:
+    last = SetPoints(steering_left=-RATE * DT, steering_right=RATE * DT)
+    made = gate().limit(DriveCommand(speed=0.5), last, DT)
+    assert (made.steering, made.steering_left, made.steering_right) == (0.0, 0.0, 0.0)
+    assert made.speed == 0.5 * DT
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_rear_wheels_keep_their_limit_while_wheels_found_turned_backwards_come_round(side: float) -> None:
+    geometry = ROBOT.geometry.model_copy(update={"driven_axle": "rear"})
+    limits = ROBOT.limits.model_copy(update={"wheel_speed_m_s": 0.1})
+    made = Gate(ROBOT.model_copy(update={"geometry": geometry, "limits": limits}), dt_max=0.1)
+    left, right = Ackermann(geometry).wheel_angles(side * 2.2)
+    last = SetPoints(steering=side * 2.2, steering_left=left, steering_right=right)
+    for _ in range(200):
+        last = made.limit(DriveCommand(speed=0.7, steering=side * 2.2), last, DT)
+        assert max(abs(last.speed_left), abs(last.speed_right)) <= 0.1 + 1e-12
+    assert last.speed > 0.0
 
 
 def test_rear_driven_robot_is_limited_by_its_outer_rear_wheel() -> None:

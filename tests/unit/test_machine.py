@@ -70,6 +70,11 @@ def test_refusal_is_quiet(caplog: pytest.LogCaptureFixture) -> None:
     assert [record.message for record in caplog.records if record.levelno >= logging.WARNING] == []
 
 
+def test_a_machine_knows_no_way_but_the_events() -> None:
+    machine = ModeMachine()
+    assert set(machine._machine.get_triggers(*Mode)) == set(EVENTS)
+
+
 def test_machines_share_nothing() -> None:
     one, other = ModeMachine(), ModeMachine()
     assert one.fire(Event.FAULT)

@@ -39,6 +39,7 @@ from artemis.values import (
     OperatorInput,
     Request,
     SetPoints,
+    Verdict,
     Wish,
 )
 
@@ -213,7 +214,7 @@ def test_armed_before_the_wheels_were_aligned_leads_to_a_new_bring_up() -> None:
 def in_fault(**state: Any) -> tuple[Player, Plan]:
     steps = plan(CalibrateStep(), **{"connected": True, "armed": True, **state})
     player = Player(FaultMode(steps))
-    player.world["drives"] = drives(state=DriveState.SWITCH_ON_DISABLED)
+    player.world.update(drives=drives(state=DriveState.SWITCH_ON_DISABLED), verdict=verdict("DRV-25"))
     return player, steps
 
 
@@ -252,7 +253,7 @@ def waiting_for_acknowledgment(**state: Any) -> tuple[Player, Plan]:
 
 def test_acknowledged_fault_leads_to_a_bring_up_that_waits_for_arm() -> None:
     player, steps = waiting_for_acknowledgment()
-    wish = player.tick(requests=(Request.ACKNOWLEDGE,))
+    wish = player.tick(requests=(Request.ACKNOWLEDGE,), verdict=Verdict())
     assert wish.event is Event.ACKNOWLEDGED
     assert not powered(wish)
     assert not steps.armed

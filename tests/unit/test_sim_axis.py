@@ -5,7 +5,7 @@ import math
 import pytest
 from sim_epos_rig import STEERING, TRACTION
 
-from artemis.sim.axis import LOADS, POSITION_GAIN, Axis, Load, Regulation
+from artemis.sim.axis import LOADS, POSITION_GAIN, Axis, Failure, Load, Regulation
 
 
 def traction() -> Axis:
@@ -133,7 +133,7 @@ def test_the_output_current_limits_the_acceleration() -> None:
 def test_heat_brings_the_current_down_to_the_continuous_limit() -> None:
     axis = steering()
     axis.thermal_time = 1.0
-    axis.blocked = True
+    axis.failure = Failure(blocked=True)
     axis.regulate(Regulation.VELOCITY, 1000.0)
     run(axis, 0.2)
     assert axis.current == 2000.0
@@ -146,7 +146,7 @@ def test_heat_brings_the_current_down_to_the_continuous_limit() -> None:
 def test_a_blocked_shaft_stands_and_draws_the_limit() -> None:
     axis = steering()
     axis.regulate(Regulation.POSITION, -5000.0)
-    axis.blocked = True
+    axis.failure = Failure(blocked=True)
     run(axis, 0.01)
     assert axis.position == 0.0
     assert axis.current == -2000.0
@@ -233,3 +233,60 @@ def test_the_drive_is_told_after_each_step() -> None:
 
 def test_every_role_has_a_load() -> None:
     assert set(LOADS) == {"traction", "steering"}
+
+
+# ---------------------------------------------------------------------------------------------- failures
+
+
+def ramping(rpm: float, **failure: float) -> Axis:
+    """At constant speed, then with a failure."""
+    axis = traction()
+    axis.acceleration = axis.deceleration = 5000.0
+    axis.regulate(Regulation.VELOCITY, rpm)
+    run(axis, 1.0)
+    assert axis.velocity == pytest.approx(rpm)
+    axis.fail(**failure)
+    return axis
+
+
+@pytest.mark.parametrize("gain", [2.0, 0.5, -1.0])
+def test_gain_multiplies_the_speed_that_is_asked_for(gain: float) -> None:
+    axis = ramping(500.0, gain=gain)
+    run(axis, 0.5)
+    assert axis.velocity == pytest.approx(500.0 * gain)
+    assert axis.demand_velocity == 500.0
+
+
+def test_gain_cannot_exceed_what_the_supply_gives() -> None:
+    axis = ramping(2000.0, gain=5.0)
+    run(axis, 2.0)
+    assert axis.velocity == pytest.approx(0.9 * axis.no_load_rpm)
+
+
+@pytest.mark.parametrize("rpm", [1000.0, -1000.0])
+def test_faded_brake_leaves_this_deceleration(rpm: float) -> None:
+    axis = ramping(rpm, braking=400.0)
+    axis.regulate(Regulation.VELOCITY, 0.0)
+    run(axis, 1.0)
+    assert axis.demand_velocity == 0.0
+    assert abs(axis.velocity) == pytest.approx(600.0, abs=5.0)
+    run(axis, 2.0)
+    assert axis.velocity == pytest.approx(0.0, abs=1e-6)
+
+
+def test_faded_brake_does_not_hinder_the_acceleration() -> None:
+    axis = ramping(500.0, braking=10.0)
+    axis.regulate(Regulation.VELOCITY, 1000.0)
+    run(axis, 0.5)
+    assert axis.velocity == pytest.approx(1000.0, abs=1.0)
+
+
+def test_failures_are_joined_and_mended_one_by_one() -> None:
+    axis = traction()
+    axis.fail(gain=2.0)
+    axis.fail(blocked=True)
+    assert axis.failure == Failure(gain=2.0, blocked=True)
+    axis.fail(gain=1.0)
+    assert axis.failure == Failure(blocked=True)
+    axis.fail(blocked=False)
+    assert axis.failure is None

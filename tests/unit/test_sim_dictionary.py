@@ -10,7 +10,7 @@ def factory(hardware: int = 0x6210, *, power_off: bool = True) -> Dictionary:
     return Dictionary(objects(5, hardware, 0x2033, 87654321), lambda: power_off)
 
 
-def refusal(dictionary: Dictionary, index: int, sub: int, data: bytes) -> AbortCode:
+def refusal(dictionary: Dictionary, index: int, sub: int, data: bytes) -> int:
     with pytest.raises(Abort) as caught:
         dictionary.download(index, sub, data)
     return caught.value.code

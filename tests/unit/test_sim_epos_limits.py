@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from sim_epos_rig import STEERING, Rig
 
+from artemis.sim.axis import Failure
+
 POSITION_LIMIT, FOLLOWING_ERROR = 0xFF09, 0x8611
 
 
@@ -60,7 +62,7 @@ def test_position_limits_that_were_not_stored_are_gone_after_a_restart() -> None
 def test_the_following_limit_acts_as_it_is_written() -> None:
     rig = Rig(STEERING)
     rig.enable(-1)
-    rig.axis.blocked = True
+    rig.axis.failure = Failure(blocked=True)
     rig.write(0x2062, 0, "i", 1500)
     rig.run(0.01)
     assert rig.emergencies() == []

@@ -5,6 +5,7 @@ import struct
 import pytest
 from sim_epos_rig import STEERING, TRACTION, Rig
 
+from artemis.sim.axis import Failure
 from artemis.sim.epos import SimSettings
 from artemis.values import DriveState
 
@@ -257,7 +258,7 @@ def test_the_following_limit_can_be_switched_off() -> None:
 
 def test_a_blocked_axis_ends_in_a_following_error_with_bit_13() -> None:
     rig = enabled(1)
-    rig.axis.blocked = True
+    rig.axis.failure = Failure(blocked=True)
     rig.write(0x607A, 0, "i", 20000)
     rig.control(START_LATER)
     rig.run(0.5)
@@ -269,7 +270,7 @@ def test_a_blocked_axis_ends_in_a_following_error_with_bit_13() -> None:
 
 def test_the_following_error_can_be_read() -> None:
     rig = enabled(-1)
-    rig.axis.blocked = True
+    rig.axis.failure = Failure(blocked=True)
     rig.write(0x2062, 0, "i", -1900)
     rig.run(0.002)
     assert rig.read(0x20F4, 0, "h") == -1900
@@ -476,7 +477,7 @@ def test_the_thermal_limit_shows_in_bit_11() -> None:
     rig.write(0x6410, 5, "H", 10)
     rig.write(0x6065, 0, "I", 0xFFFFFFFF)
     rig.enable(-1)
-    rig.axis.blocked = True
+    rig.axis.failure = Failure(blocked=True)
     rig.write(0x2062, 0, "i", 50000)
     rig.run(0.1)
     assert not rig.status & BIT_11

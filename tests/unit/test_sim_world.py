@@ -214,3 +214,77 @@ def test_drives_boot_and_answer_on_the_simulated_bus(robot: Robot) -> None:
         assert 0.23e-3 < answer.time - sent < 0.27e-3  # two frames and nothing else
 
     run(main(), simulated=True)
+
+
+# ---------------------------------------------------------------------------------------------- failures
+
+
+def test_robot_rolls_down_a_slope_without_power_and_not_on_flat_ground(robot: Robot) -> None:
+    world = World(robot, STRAIGHT)
+    world.slope = math.radians(0.5)  # friction holds it
+    world.advance(1.0)
+    assert world.pose.x == 0.0
+    world.slope = math.radians(5.0)
+    world.advance(2.0)
+    assert world.pose.x > 0.2
+    assert world.pose.y == pytest.approx(0.0, abs=1e-9)
+    world.slope = 0.0
+    world.advance(12.0)
+    assert world.speed == 0.0
+    world.slope = math.radians(-5.0)
+    world.advance(13.0)
+    assert world.speed < -0.2
+
+
+def test_slope_accelerates_by_gravity_less_friction(robot: Robot) -> None:
+    world = World(robot, STRAIGHT)
+    world.slope = math.radians(5.0)
+    world.advance(1.0)
+    # 300 mA of friction are 0.12 m/s2; the rest is g sin 5 degrees = 0.855
+    assert 0.6 < world.speed < 0.75
+
+
+def test_emergency_stop_takes_the_supply_from_all_drives_and_gives_it_back(robot: Robot) -> None:
+    world = World(robot, STRAIGHT)
+    world.advance(0.1)
+    for node in world.nodes:
+        node.advance(0.1)  # it boots
+    battery, world.battery_v = world.battery_v, 0.0
+    for step in range(1, 11):
+        world.advance(0.1 + 0.005 * step)
+    assert world.supply_voltage < 1.0
+    for node in world.nodes:
+        node.advance(0.15)
+        assert node.read(0x1003, 1) == 0x3220
+    world.battery_v = battery
+    world.advance(0.5)
+    assert world.supply_voltage == pytest.approx(battery, abs=0.1)
+
+
+def test_braking_into_an_open_switch_raises_no_more_than_its_energy(robot: Robot) -> None:
+    world = World(robot, STRAIGHT)
+    world.advance(0.1)
+    roll(world, robot, 1500.0, -1500.0)
+    world.advance(2.0)
+    roll(world, robot, 0.0, 0.0)
+    world.battery_v = 0.0
+    highest = 0.0
+    for step in range(100):
+        world.advance(2.0 + 0.001 * step)
+        highest = max(highest, world.supply_voltage)
+    assert highest < 40.0
+    assert world.supply_voltage < 5.0
+
+
+def test_carried_robot_stands_elsewhere_and_no_wheel_has_turned(robot: Robot) -> None:
+    world = World(robot, straight(x_m=1.0, y_m=2.0, heading_deg=90.0))
+    counts = axis_at(world, robot, "traction", LEFT).position
+    world.carry(0.5, 0.2, math.radians(30.0))
+    assert (world.pose.x, world.pose.y) == pytest.approx((0.8, 2.5))
+    assert world.pose.heading == pytest.approx(math.radians(120.0))
+    world.advance(1.0)
+    assert axis_at(world, robot, "traction", LEFT).position == counts
+
+
+def test_drive_is_found_by_its_name(robot: Robot) -> None:
+    assert World(robot).drive("steer-left").node_id == robot.drives["steer-left"].node_id

@@ -1,0 +1,141 @@
+"""What the monitor expects of each injected fault: as what it shows, how soon, and when at all.
+
+Written from the fault catalogue's requirements, not from the table that runs: that table is under test.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+
+class When(Enum):
+    """In which situation the fault has to be noticed."""
+
+    WATCHED = "in every mode with the drives in use"
+    ENABLED = "while the traction drives are enabled"
+    MOVING = "while both driven wheels are commanded to move"
+    BY_HAND = "while driving by hand"
+    FOLLOWING = "while following a path"
+    FROM_START = "there from the beginning: before the robot is ready"
+    HARMLESS = "never: nothing may come of it"
+    UNTOLD = "it depends"
+
+
+class Expected(NamedTuple):
+    """How one injected fault shows."""
+
+    when: When
+    within: float = 0.02
+    """Worst case [s]; the period of a tick comes on top."""
+    shows: tuple[str, ...] = ()
+    """Any of these rows, before any other."""
+    stop: str = "S1"
+    """Reaction: S1 (quick stop), S2 (controlled stop), or nothing for milder ones."""
+    coasts: bool = False
+    """A drive cuts its power: its wheel rolls out."""
+
+
+W, E, M, H, F, START = When.WATCHED, When.ENABLED, When.MOVING, When.BY_HAND, When.FOLLOWING, When.FROM_START
+HARMLESS, UNTOLD = Expected(When.HARMLESS, stop=""), Expected(When.UNTOLD, stop="")
+_CUT = ("01", "02", "03", "04", "05", "06", "07", "08", "11", "12", "13", "14", "15", "28", "31")
+"""Drive errors after which the drive is off at once (EPOS firmware specification 2010, 12.2)."""
+_BRAKED = ("16", "18", "19", "20", "21", "22", "23", "24", "25", "26", "27")
+"""Those after which it stops by its own ramp first."""
+UNHEARD = Expected(W, 0.1, ("COM-01",), coasts=True)
+"""Any drive error whose EMCY is lost."""
+STALLED = ("SYS-03", "DRV-20", "SYS-01", "COM-31", "PLG-03", "PTH-09")
+LOST = ("COM-22",)
+
+EXPECTED: dict[str, Expected] = {
+    **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",), coasts=True) for number in _CUT},
+    **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",)) for number in _BRAKED},
+    "DRV-30": HARMLESS,
+    "DRV-32": Expected(W, 0.02, ("DRV-32",)),
+    "DRV-33": Expected(W, 0.04, ("DRV-02", "DRV-33"), coasts=True),
+    "COM-01": Expected(W, 0.1, ("COM-01",), coasts=True),
+    "COM-02": Expected(E, 0.1, ("COM-02", "RUN-06"), coasts=True),
+    "COM-03": Expected(START, shows=("COM-03",)),
+    "COM-04": Expected(W, 0.1, ("COM-04",)),
+    "COM-05": Expected(W, 0.1, ("COM-05",)),
+    "COM-06": UNTOLD,
+    "COM-07": Expected(START, shows=("COM-07",)),
+    "COM-08": Expected(START, shows=("COM-08",)),
+    "COM-09": UNTOLD,
+    "COM-10": Expected(START, shows=("COM-10",)),
+    "COM-11": Expected(W, 0.1, ("COM-11",)),
+    "COM-12": UNTOLD,
+    "COM-13": HARMLESS,
+    "COM-14": Expected(W, 1.02, ("COM-14",), stop="S2"),
+    "COM-15": Expected(W, 0.12, ("COM-15", "COM-11", "COM-16")),
+    "COM-16": Expected(W, 0.1, ("COM-16",), stop="S2"),
+    "COM-17": Expected(W, 0.02, ("COM-17",)),
+    "COM-18": Expected(W, 0.02, ("COM-17", "COM-18")),
+    "COM-19": UNTOLD,
+    "COM-20": Expected(W, 0.1, ("COM-20",), stop=""),
+    "COM-21": Expected(W, 0.1, LOST),
+    "COM-22": Expected(W, 0.1, LOST),
+    "COM-23": Expected(W, 0.1, LOST),
+    "COM-24": Expected(W, 0.06, LOST),
+    "COM-25": Expected(W, 0.08, ("COM-25",)),
+    "COM-26": Expected(W, 0.1, ("COM-26",), coasts=True),
+    "COM-27": Expected(W, 0.27, ("COM-27", "COM-11")),
+    "COM-28": Expected(W, 0.27, ("COM-28",)),
+    "COM-29": Expected(W, 0.12, ("COM-29",)),
+    "COM-30": Expected(START, shows=("COM-30",)),
+    "COM-31": Expected(W, 0.15, STALLED, stop="S2"),
+    "COM-32": Expected(START, shows=("COM-32",)),
+    "COM-33": Expected(START, shows=("COM-33", "COM-08")),
+    "COM-34": UNTOLD,
+    "RUN-01": Expected(M, 0.14, ("RUN-01",)),
+    "RUN-02": UNTOLD,
+    "RUN-03": UNTOLD,
+    "RUN-04": Expected(M, 1.0, ("RUN-04", "RUN-05", "DRV-02", "DRV-25"), stop="S2"),
+    "RUN-05": Expected(M, 0.35, ("RUN-01", "RUN-05"), stop=""),
+    "RUN-06": Expected(M, 0.1, ("RUN-06", "COM-02"), coasts=True),
+    "RUN-09": UNTOLD,
+    "RUN-10": UNTOLD,
+    "RUN-11": Expected(F, 0.02, ("RUN-11",), stop="S2"),
+    "RUN-12": Expected(F, 1.02, ("RUN-12", "PTH-06"), stop=""),
+    "STE-01": UNTOLD,
+    "STE-02": UNTOLD,
+    "STE-03": Expected(W, 0.12, ("STE-03",)),
+    "STE-04": Expected(W, 0.06, ("STE-04",)),
+    "STE-05": Expected(E, 0.22, ("STE-05",)),
+    "STE-06": UNTOLD,
+    "STE-07": UNTOLD,
+    "CAL-01": Expected(START, shows=("CAL-01", "STE-01", "STE-02", "DRV-25", "DRV-02")),
+    "PTH-06": UNTOLD,
+    "PTH-07": Expected(M, 1.0, ("RUN-04", "PTH-07", "DRV-02", "DRV-25"), stop="S2"),
+    "PTH-08": UNTOLD,
+    "PTH-09": Expected(F, 0.08, ("PTH-09", "PLG-03"), stop="S2"),
+    "INP-01": Expected(H, 0.06, ("INP-01",), stop="S2"),
+    "INP-03": Expected(H, 0.17, ("INP-03",), stop="S2"),
+    "INP-04": Expected(H, 0.17, ("INP-03",), stop="S2"),
+    "INP-05": Expected(H, 0.17, ("INP-03",), stop="S2"),
+    "INP-06": Expected(H, 1.02, ("INP-06",), stop="S2"),
+    "INP-07": UNTOLD,
+    "INP-08": UNTOLD,
+    "INP-09": HARMLESS,
+    "INP-10": HARMLESS,
+    "INP-11": HARMLESS,
+    "INP-12": UNTOLD,
+    "PLG-02": Expected(F, 0.02, ("PLG-02",), stop="S2"),
+    "PLG-03": Expected(F, 0.08, ("PTH-09", "PLG-03"), stop="S2"),
+    "PLG-04": Expected(F, 1.04, STALLED),
+    "PLG-06": Expected(F, 0.02, ("PLG-06", "RUN-11"), stop="S2"),
+    "PWR-01": UNTOLD,
+    "PWR-02": UNTOLD,
+    "PWR-03": UNTOLD,
+    "SYS-01": Expected(W, 0.08, STALLED, stop="S2"),
+    "SYS-03": Expected(W, 1.04, STALLED),
+    "SYS-04": UNTOLD,
+    "SYS-07": Expected(W, 1.04, STALLED),
+    "SYS-09": Expected(W, 0.12, ("COM-29",), coasts=True),
+    "SYS-10": UNTOLD,
+    "EST-01": Expected(W, 0.04, ("DRV-04", "EST-01"), coasts=True),
+    "EST-03": Expected(W, 0.04, ("DRV-04", "EST-01"), coasts=True),
+    "EST-04": Expected(W, 0.04, ("DRV-04", "EST-01"), coasts=True),
+    "OPR-01": HARMLESS,
+    "OPR-02": HARMLESS,
+}

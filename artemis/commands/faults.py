@@ -1,0 +1,147 @@
+"""`artemis faults`: the fault table, for people: all of it, or single rows."""
+
+from __future__ import annotations
+
+import sys
+from math import inf
+
+from artemis.errors import ConfigError
+from artemis.mission.problems import nearest
+from artemis.supervision.catalogue import ROWS
+from artemis.supervision.catalogue.row import SHORT, Found, Kind, Recovery, Row, Stage
+from artemis.values import Severity
+
+SECTIONS = {
+    "DRV": "What a drive reports by itself",
+    "COM": "Drive states and the CAN bus",
+    "RUN": "Motion",
+    "STE": "Steering",
+    "CAL": "Calibration",
+    "INP": "Inputs",
+    "NET": "Inputs over a network",
+    "LAS": "Laser scanner",
+    "LOC": "Localisation",
+    "PTH": "Paths",
+    "MIS": "Mission files",
+    "PLG": "Plugins",
+    "SYS": "Computer and process",
+    "DSK": "Disk",
+    "PWR": "Battery",
+    "EST": "Emergency stop",
+    "OPR": "Operator",
+}
+_NOTHING = "-"
+
+
+def show_faults(ids: list[str], markdown: bool) -> None:
+    """Print the rows `ids`, or one line for each row of the table; `markdown`: the documentation's page.
+
+    Raises:
+        ConfigError: there is no such row.
+    """
+    wanted = [id.upper() for id in ids]
+    if unknown := [id for id in wanted if id not in ROWS]:
+        raise ConfigError([f"no such fault: {id}{nearest(id, ROWS, 'faults')}" for id in unknown])
+    if markdown:
+        sys.stdout.write(page())
+    elif wanted:
+        sys.stdout.write("\n".join(_described(id, ROWS[id]) for id in wanted))
+    else:
+        for id, row in ROWS.items():
+            sys.stdout.write(f"{id}  {_reaction(row):12}  {row.name}\n")
+
+
+def page() -> str:
+    """The fault table as a page of the documentation."""
+    lines = []
+    for prefix, title in SECTIONS.items():
+        lines += [f"## {title}", "", "| fault | noticed | within | reaction | recovery | the operator reads |"]
+        lines.append("|---|---|---|---|---|---|")
+        for id, row in ROWS.items():
+            if id.startswith(prefix):
+                cells = (
+                    f"**{id}** {row.name}",
+                    _noticed(row),
+                    _within(row),
+                    _reaction(row),
+                    _recovery(row),
+                    _words(row),
+                )
+                lines.append(f"| {' | '.join(cells)} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _described(id: str, row: Row) -> str:
+    lines = [
+        f"{id}  {row.name}",
+        f"  says      {_words(row)}",
+        f"  noticed   {_noticed(row)}; within {_within(row)}",
+        f"  reaction  {_reaction(row)}",
+        f"  recovery  {_recovery(row)}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _noticed(row: Row) -> str:
+    match row.found:
+        case Found.EMERGENCY if row.codes:
+            return "EMCY " + ", ".join(f"0x{code:04X}" for code in row.codes)
+        case Found.EMERGENCY:
+            return "EMCY"
+        case Found.ELSEWHERE:
+            return f"shows as {', '.join(row.shows_as)}: {row.reason}"
+        case Found.ABSENT | Found.DESIGN:
+            return f"{row.found.value}: {row.reason}" if row.found is Found.ABSENT else row.reason
+        case Found.MEASURED if row.of:
+            return f"{row.of}: {'; '.join(_limit(stage, row) for stage in row.stages)}"
+    return str(row.found.value)
+
+
+def _limit(stage: Stage, row: Row) -> str:
+    above = f"above {stage.over:.3g}" if stage.over else "at any"
+    what = f"{above} for {stage.hold:.3g} s" if stage.hold else above
+    return f"{what}: {SHORT[stage.severity]}" if len(row.stages) > 1 else what
+
+
+def _within(row: Row) -> str:
+    if row.found in (Found.ABSENT, Found.DESIGN):
+        return _NOTHING
+    if not row.within:
+        return "before motion"
+    return f"{row.within:.3g} s" if row.within >= 1.0 else f"{row.within * 1000:.0f} ms"
+
+
+def _reaction(row: Row) -> str:
+    if row.found is Found.LOADING:
+        return "refused"
+    if row.severity is Severity.NONE:
+        return _NOTHING
+    if row.found is Found.ABSENT:
+        return SHORT[row.severity]
+    leads = "" if row.severity < Severity.CONTROLLED_STOP else " → fault" if row.to_fault else " → quickstop"
+    return SHORT[row.severity] + leads
+
+
+def _recovery(row: Row) -> str:
+    recovery = row.recovery
+    if row.found is Found.LOADING:
+        return "mend the file"
+    words = recovery.kind.value
+    if recovery.kind is Kind.AUTOMATIC:
+        words = f"automatic, {recovery.times} in {_span(recovery)}, then acknowledge"
+    if recovery.reset and recovery.kind is not Kind.CONFIGURED:
+        words += f", after NMT reset {recovery.reset}"
+    if recovery.final:
+        words += f"; not in this run after {recovery.final} in {_span(recovery)}"
+    if recovery.settle > 1.0:
+        words += f"; once gone for {recovery.settle:g} s"
+    return words
+
+
+def _span(recovery: Recovery) -> str:
+    return "a run" if recovery.window == inf else f"{recovery.window / 60:g} min"
+
+
+def _words(row: Row) -> str:
+    return f"{row.text} ({row.advice})" if row.advice else row.text or _NOTHING

@@ -1,0 +1,144 @@
+"""The last line in software before the wire: which frames may leave in which mode. Default is silence.
+
+Each identifier has a rule for length and content. A frame that breaks it is a fault of the program: it is held back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from artemis.devices.can_bus import Frame
+from artemis.devices.canopen import HEARTBEAT, NMT, RXPDO, SDO_REQUEST, SYNC, NmtCommand
+from artemis.devices.epos_objects import CONTROLWORD, TARGET_VELOCITY, Units
+from artemis.devices.epos_state import Command
+from artemis.values import Mode, Nmt
+from artemis.vehicle import Robot
+
+DRIVING = frozenset({Mode.TELEOP, Mode.FOLLOW})
+"""Targets of the driven wheels may rise."""
+FALLING = frozenset({Mode.READY, Mode.CALIBRATE, Mode.QUICKSTOP})
+"""They may only fall, to zero."""
+SERVICE = frozenset({Mode.INIT, Mode.QUICKSTOP, Mode.FAULT, Mode.END})
+"""NMT commands may leave."""
+QUIET = frozenset({Mode.READY, Mode.TELEOP, Mode.FOLLOW})
+"""No SDO transfer: it waits until the robot is at rest in another mode."""
+MARGIN = 0.05
+"""A wheel's target may rise by this much while the robot slows down: it no longer rolls about its kingpin [m/s]."""
+TOLERANCE = 1.02
+"""Of the wheel speed's limit."""
+MOST = 2
+"""Frames of one identifier in a tick, but for SDO."""
+_OFF_WORDS = frozenset({Command.DISABLE_VOLTAGE, Command.QUICK_STOP, Command.FAULT_RESET})
+_DOWNLOAD, _SPECIFIER = 0x20, 0xE0
+"""Client command "initiate download" in the first byte of a request (CiA 301 7.2.4.3.3)."""
+
+Rule = Callable[[bytes], str | None]
+"""Given a frame's data: what is wrong with it, or None."""
+
+
+class AllowList:
+    """Judges every frame that is about to leave. `begin` tells it the mode at each tick."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._mode = Mode.INIT
+        self._ceiling = 0.0
+        self._asked: dict[int, float] = {}
+        self._sent: dict[int, int] = {}
+        self._nodes = {0, *(drive.node_id for drive in robot.drives.values())}
+        self._top = TOLERANCE * robot.limits.wheel_speed_m_s
+        self._rules: dict[int, Rule] = {
+            NMT: self._nmt,
+            SYNC: _of_length(0),
+            HEARTBEAT + robot.host_node_id: _exactly(bytes((Nmt.OPERATIONAL.value,))),
+        }
+        for drive in robot.drives.values():
+            node, driven = drive.node_id, drive.role == "traction"
+            rpm = abs(Units(robot, drive).rpm) if driven else 0.0
+            self._rules[RXPDO[0] + node] = self._set_point(node, rpm)
+            self._rules[RXPDO[1] + node] = self._stop
+            self._rules[SDO_REQUEST + node] = self._sdo
+
+    def begin(self, mode: Mode) -> None:
+        """A tick in `mode` begins to write."""
+        self._sent.clear()
+        fastest = max(self._asked.values(), default=0.0)
+        if mode in DRIVING:
+            self._ceiling = self._top
+        elif mode in FALLING:
+            self._ceiling = min(self._ceiling, fastest + MARGIN) if fastest else 0.0
+        else:
+            self._ceiling = 0.0
+        self._mode = mode
+
+    def is_ours(self, identifier: int) -> bool:
+        """Whether nobody but us may send this identifier."""
+        return identifier in self._rules
+
+    def problem(self, frame: Frame) -> str | None:
+        """Why `frame` must not leave now; None: it may."""
+        rule = self._rules.get(frame.id)
+        if rule is None or frame.rtr:
+            return self._told(frame, "is none of ours")
+        if frame.id < SDO_REQUEST or frame.id >= HEARTBEAT:
+            sent = self._sent[frame.id] = self._sent.get(frame.id, 0) + 1
+            if sent > MOST and frame.id != NMT:
+                return self._told(frame, f"was sent {sent} times in one tick")
+        wrong = rule(frame.data)
+        return None if wrong is None else self._told(frame, wrong)
+
+    def _told(self, frame: Frame, wrong: str) -> str:
+        return f"0x{frame.id:03X} [{frame.data.hex(' ')}] in {self._mode.value}: {wrong}"
+
+    def _nmt(self, data: bytes) -> str | None:
+        if len(data) != 2 or data[1] not in self._nodes:
+            return "is no NMT command to a node of ours"
+        if data[0] == NmtCommand.STOP:
+            return "NMT Stop also stops the drive's messages: never"
+        return None if self._mode in SERVICE else "NMT commands only while nothing drives"
+
+    def _set_point(self, node: int, rpm: float) -> Rule:
+        """Controlword and set-point of a node; `rpm`: motor rpm per m/s of a driven wheel, 0 for a steered one."""
+
+        def judge(data: bytes) -> str | None:
+            if len(data) != 6:
+                return "is no set-point"
+            if not rpm:
+                return None
+            if self._mode in (Mode.FAULT, Mode.END) and data[0] not in _OFF_WORDS:
+                return "may only stop, switch off or reset"
+            speed = abs(int.from_bytes(data[2:], "little", signed=True)) / rpm
+            self._asked[node] = speed
+            if speed > self._ceiling + 1.0 / rpm * bool(self._ceiling):  # rounded to whole rpm
+                return f"target of {speed:.2f} m/s, at most {self._ceiling:.2f}"
+            return None
+
+        return judge
+
+    def _stop(self, data: bytes) -> str | None:
+        return None if data == _word(Command.QUICK_STOP) else "is no quick stop"
+
+    def _sdo(self, data: bytes) -> str | None:
+        if len(data) != 8:
+            return "is no SDO request"
+        if self._mode in QUIET:
+            return "no SDO transfer while the robot may move"
+        if data[0] & _SPECIFIER != _DOWNLOAD:
+            return None
+        index, value = int.from_bytes(data[1:3], "little"), data[4:]
+        if index == TARGET_VELOCITY.index and any(value):
+            return "a target velocity other than 0 goes through the gate"
+        if index == CONTROLWORD.index and value[0] not in _OFF_WORDS:
+            return "a drive is enabled by its set-point frame alone"
+        return None
+
+
+def _word(command: Command) -> bytes:
+    return int(command).to_bytes(2, "little")
+
+
+def _of_length(length: int) -> Rule:
+    return lambda data: None if len(data) == length else "has the wrong length"
+
+
+def _exactly(content: bytes) -> Rule:
+    return lambda data: None if data == content else "has the wrong content"

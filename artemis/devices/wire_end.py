@@ -1,0 +1,83 @@
+"""The host's end of the wire: everything that leaves passes here, and everything that arrives is written down."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+
+from artemis.devices.allow_list import AllowList
+from artemis.devices.can_bus import Frame, FrameBus
+from artemis.errors import DeviceBusy
+from artemis.values import BusHealth, Mode
+from artemis.vehicle import Robot
+
+_WELL = BusHealth()
+
+
+class WireEnd:
+    """The only owner of the bus. Holds back what must not leave in the present mode."""
+
+    def __init__(self, robot: Robot, bus: FrameBus) -> None:
+        self._bus = bus
+        self._allow = AllowList(robot)
+        self._traffic: list[tuple[bool, Frame]] = []
+        self._foreign: list[int] = []
+        self._blocked: list[str] = []
+        self._refused, self._error_frames = 0, bus.error_frames
+
+    def begin(self, mode: Mode) -> None:
+        """A tick in `mode` begins to write."""
+        self._allow.begin(mode)
+
+    def listen(self, wake: Callable[[], None]) -> None:
+        """Have `wake` called when frames wait between ticks that may be urgent."""
+        self._bus.listen(wake)
+
+    def send(self, frame: Frame) -> None:
+        """Queue a frame, if it may leave; one that the adapter has no room for is dropped and counted.
+
+        Raises:
+            DeviceLost: the adapter is gone.
+        """
+        if (problem := self._allow.problem(frame)) is not None:
+            self._blocked.append(f"{problem}; {_where_from()}")
+            return
+        try:
+            self._bus.send(frame)
+        except DeviceBusy:
+            self._refused += 1
+        else:
+            self._traffic.append((True, frame))
+
+    def receive(self) -> list[Frame]:
+        """Every frame that waits, oldest first; those that only we may send are noticed.
+
+        Raises:
+            DeviceLost: the adapter is gone.
+        """
+        frames = self._bus.receive()
+        for frame in frames:
+            self._traffic.append((False, frame))
+            if self._allow.is_ours(frame.id):
+                self._foreign.append(frame.id)
+        return frames
+
+    def health(self) -> BusHealth:
+        """How the bus has been since the last call."""
+        errors, self._error_frames = self._bus.error_frames - self._error_frames, self._bus.error_frames
+        if not (errors or self._foreign or self._refused or self._blocked):
+            return _WELL
+        foreign, blocked, refused = tuple(self._foreign), tuple(self._blocked), self._refused
+        self._foreign, self._blocked, self._refused = [], [], 0
+        return BusHealth(foreign=foreign, refused=refused, error_frames=errors, blocked=blocked)
+
+    def take_traffic(self, now: float) -> list[tuple[bool, Frame]]:
+        """Every frame on the bus since the last call, each with whether we sent it: those at the latest at `now`."""
+        traffic, self._traffic = self._traffic, []
+        return [(sent, frame._replace(time=now) if sent else frame) for sent, frame in traffic]
+
+
+def _where_from() -> str:
+    """The places in the program that led to the frame, innermost first."""
+    stack = traceback.extract_stack(limit=8)[:-2]
+    return " < ".join(f"{place.name}:{place.lineno}" for place in reversed(stack))

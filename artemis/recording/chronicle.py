@@ -1,0 +1,346 @@
+"""From ticks to the entries of a journal: what happened, why, and the frames that show it. Pure."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from artemis.devices.can_bus import Frame
+from artemis.devices.canopen import NMT
+from artemis.recording.journal import Entry, Level
+from artemis.supervision.catalogue import EMERGENCIES, ROWS, emergency
+from artemis.supervision.catalogue.row import SHORT
+from artemis.supervision.supervisor import ALL_RECOVERIES
+from artemis.values import (
+    DriveFeedback,
+    Event,
+    Fault,
+    Job,
+    JobKind,
+    JobResult,
+    Mode,
+    Request,
+    Sensed,
+    Severity,
+    Tick,
+    Verdict,
+)
+
+EVIDENCE_TIME = 2.0
+"""Frames of so many seconds are kept for a fault's entry."""
+STORM, STORM_TIME = 20, 1.0
+"""More emergencies of a drive in this time [s] are only counted (DRV-33)."""
+_STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
+_Key = tuple[str, str]
+
+
+class Chronicle:
+    """Sees every tick with its frames and tells what is new."""
+
+    def __init__(self, nodes: Mapping[str, int]) -> None:
+        """`nodes`: the drives' node ids by their names."""
+        self._nodes = nodes
+        self._previous: Tick | None = None
+        self._verdict = Verdict()
+        self._recent: deque[tuple[float, Sequence[tuple[bool, Frame]]]] = deque()
+        self._origin = 0.0
+        self._end_requested = False
+        self._recovered: Counter[str] = Counter()
+        self._recoveries = 0
+        self._storms: dict[str, _Storm] = {}
+
+    @property
+    def time(self) -> float:
+        """Run time of the last tick [s]."""
+        return self._previous.snapshot.time if self._previous else 0.0
+
+    def observe(self, tick: Tick, frames: Sequence[tuple[bool, Frame]], now: float) -> list[Entry]:
+        """What is new in `tick`. Costs little where nothing is.
+
+        Args:
+            tick: its values.
+            frames: every frame of the tick, each with "sent by us"; kept, not copied.
+            now: the time of the tick [s] by the clock of the frames.
+        """
+        previous, self._previous = self._previous, tick
+        sensed = tick.snapshot.sensed
+        if previous is None:
+            self._origin = now - sensed.time
+        self._keep(sensed.time, frames)
+        entries: list[Entry] = []
+        if sensed.requests:
+            entries += self._requests(sensed, previous.mode if previous else tick.mode)
+        for drive in sensed.drives:
+            if drive.emergencies or drive.boots:
+                entries += self._said(sensed.time, drive)
+        if self._storms:
+            entries += self._passed(sensed.time)
+        if tick.snapshot.verdict is not self._verdict:
+            entries += self._judged(previous, tick)
+        if previous is None or tick.mode is not previous.mode:
+            entries += self._changed(previous, tick)
+        if tick.wish.phase and (previous is None or tick.wish.phase != previous.wish.phase):
+            entries.append(Entry(time=sensed.time, kind="phase", text=tick.wish.phase))
+        if sensed.results or tick.wish.jobs:
+            entries += _jobs(tick)
+        return entries
+
+    def end(self) -> list[Entry]:
+        """What was still to be told when the last tick was seen."""
+        return [storm.entry(drive) for drive, storm in self._storms.items() if storm.untold]
+
+    # -------------------------------------------------------------------------------------------------- frames
+
+    def _keep(self, time: float, frames: Sequence[tuple[bool, Frame]]) -> None:
+        recent = self._recent
+        recent.append((time, frames))
+        while recent[0][0] < time - EVIDENCE_TIME:
+            recent.popleft()
+
+    def _frames(self, time: float, faults: Sequence[Fault]) -> Entry:
+        """The last frames of the nodes that the faults are about; of all, where one is about no node."""
+        names = dict.fromkeys(fault.device for fault in faults)
+        if not names or not all(name in self._nodes for name in names):
+            names = dict.fromkeys(self._nodes)
+        ids = {self._nodes[name] for name in names}
+        found = [
+            [round(at - self._origin, 6), "tx" if sent else "rx", f"{identifier:03X}", data.hex().upper()]
+            for _, frames in self._recent
+            for sent, (identifier, data, _, at) in frames
+            if identifier & 0x7F in ids or identifier == NMT
+        ]
+        text = f"{', '.join(names)}: {len(found)} frames of the last {EVIDENCE_TIME:g} s"
+        return Entry(time=time, kind="frames", text=text, data={"drives": list(names), "frames": found})
+
+    # -------------------------------------------------------------------------------------------------- requests
+
+    def _requests(self, sensed: Sensed, mode: Mode) -> Iterator[Entry]:
+        """Who asked for what, in which mode; what it leads to, other entries tell."""
+        self._end_requested = self._end_requested or Request.END in sensed.requests
+        by_input = [(request, sample.source) for sample in sensed.inputs for request in sample.requests]
+        by_operator = Counter(sensed.requests) - Counter(request for request, _ in by_input)
+        for request, source in [*((request, "") for request in by_operator.elements()), *by_input]:
+            data = {"request": request.value, "by": source or "operator", "mode": mode.value}
+            text = f"{request.value} (by {source})" if source else request.value
+            yield Entry(time=sensed.time, kind="request", text=text, data=data)
+
+    # -------------------------------------------------------------------------------------------------- the verdict
+
+    def _judged(self, previous: Tick | None, tick: Tick) -> Iterator[Entry]:
+        """Faults that came, grew worse or went, by whom they were forgotten, and what follows from those left."""
+        time, sensed, verdict = tick.snapshot.time, tick.snapshot.sensed, tick.snapshot.verdict
+        before, self._verdict = self._verdict, verdict
+        old, new = _by_key(before), _by_key(verdict)
+        for key, fault in new.items():
+            if key not in old or (fault.severity, fault.final) != (old[key].severity, old[key].final):
+                yield _fault(time, fault, sensed)
+        gone = [fault for key, fault in old.items() if key not in new]
+        stopped = [fault for fault in gone if fault.severity >= Severity.CONTROLLED_STOP]
+        asked = previous is not None and previous.mode in _STOPPED and Request.ACKNOWLEDGE in sensed.requests
+        for fault in gone:
+            by = ("person" if asked else "artemis") if fault in stopped else "itself"
+            data = {"id": fault.id, "device": fault.device, "by": by}
+            yield Entry(time=time, kind="cleared", text=named(fault), data=data)
+        if asked:
+            yield _acknowledged(time, stopped, verdict)
+        elif stopped:
+            yield self._recovery(time, stopped)
+        if _reaction(before) != _reaction(verdict):
+            yield _verdict(time, verdict)
+
+    def _recovery(self, time: float, faults: Sequence[Fault]) -> Entry:
+        """Artemis itself forgot what stopped the robot: how often it did so."""
+        self._recoveries += 1
+        told = []
+        for id in dict.fromkeys(fault.id for fault in faults):
+            self._recovered[id] += 1
+            times = ROWS[id].recovery.times
+            told.append(f"{id} {self._recovered[id]} of {times} times" if times else id)
+        text = f"by itself: {', '.join(told)}; recovery {self._recoveries} of {ALL_RECOVERIES} in this run"
+        data = {"faults": _listed(faults), "recoveries": self._recoveries, "at_most": ALL_RECOVERIES}
+        return Entry(time=time, kind="recovered", text=text, level=Level.WARNING, data=data)
+
+    # -------------------------------------------------------------------------------------------------- the mode
+
+    def _changed(self, previous: Tick | None, tick: Tick) -> Iterator[Entry]:
+        """The mode, with what changed it; into a stop by a verdict also the frames that led there."""
+        time, verdict = tick.snapshot.time, tick.snapshot.verdict
+        before = previous.mode.value if previous else None
+        cause, words = self._cause(previous, tick)
+        level = {Mode.FAULT: Level.ERROR, Mode.QUICKSTOP: Level.WARNING}.get(tick.mode, Level.INFO)
+        text = f"{before} -> {tick.mode.value}" if before else tick.mode.value
+        text += f": {words}" if words else ""
+        data = {"from": before, "to": tick.mode.value, "cause": cause}
+        yield Entry(time=time, kind="mode", text=text, level=level, data=data)
+        if tick.mode in _STOPPED and "faults" in cause:
+            yield self._frames(time, _stopping(verdict))
+
+    def _cause(self, previous: Tick | None, tick: Tick) -> tuple[dict[str, Any], str]:
+        """What `Modes.advance` changed the mode for, in its order of urgency: data, and words."""
+        verdict, requests = tick.snapshot.verdict, tick.snapshot.sensed.requests
+        if previous is None:
+            return {"event": "start"}, ""
+        if tick.mode is Mode.QUICKSTOP and Request.QUICKSTOP in requests:
+            return {"request": Request.QUICKSTOP.value}, Request.QUICKSTOP.value
+        if tick.mode in _STOPPED:
+            faults = [fault for fault in _stopping(verdict) if fault.to_fault or not verdict.to_fault]
+            return {"faults": _listed(faults)}, ", ".join(map(named, faults))
+        if tick.mode is Mode.END and self._end_requested:
+            return {"request": Request.END.value}, Request.END.value
+        event = previous.wish.event
+        left = _stopping(verdict) if event is Event.END else []  # nobody came to acknowledge these
+        words = ", ".join([*([event.value] if event else []), *map(named, left)])
+        return {"event": event.value if event else None, **({"faults": _listed(left)} if left else {})}, words
+
+    # -------------------------------------------------------------------------------------------------- the drives
+
+    def _said(self, time: float, drive: DriveFeedback) -> Iterator[Entry]:
+        """Emergencies and boot-ups of a drive; of a storm of emergencies only the first."""
+        if drive.emergencies:
+            storm = self._storms.setdefault(drive.name, _Storm(time))
+            for code in drive.emergencies:
+                if storm.tells(code):
+                    yield _emergency(time, drive.name, code)
+        if drive.boots:
+            yield Entry(time=time, kind="boot-up", text=drive.name, data={"drive": drive.name})
+
+    def _passed(self, time: float) -> Iterator[Entry]:
+        for drive, storm in list(self._storms.items()):
+            if time >= storm.begun + STORM_TIME:
+                del self._storms[drive]
+                if storm.untold:
+                    yield storm.entry(drive)
+
+
+class _Storm:
+    """The emergencies of one drive in a second."""
+
+    def __init__(self, begun: float) -> None:
+        self.begun = begun
+        self.untold: Counter[int] = Counter()
+        self._told = 0
+
+    def tells(self, code: int) -> bool:
+        """Whether it gets an entry of its own; else it is counted."""
+        if self._told < STORM:
+            self._told += 1
+            return True
+        self.untold[code] += 1
+        return False
+
+    def entry(self, drive: str) -> Entry:
+        """The one for all that had none."""
+        codes = {code_name(code): count for code, count in sorted(self.untold.items())}
+        text = f"{drive}: {self.untold.total()} more: " + ", ".join(f"{code} x {n}" for code, n in codes.items())
+        data = {"drive": drive, "count": self.untold.total(), "codes": codes}
+        return Entry(time=self.begun + STORM_TIME, kind="emergencies", text=text, level=Level.WARNING, data=data)
+
+
+# -------------------------------------------------------------------------------------------------- single entries
+
+
+def named(fault: Fault) -> str:
+    """Row and device."""
+    return f"{fault.id} {fault.device}".rstrip()
+
+
+def code_name(code: int) -> str:
+    """An EMCY error code for people; a negative one: the message was damaged."""
+    return f"EMCY 0x{code:04X}" if code >= 0 else "damaged EMCY"
+
+
+def meaning(code: int) -> str:
+    """An error code of a drive, and what it means."""
+    return f"0x{code:04X} {ROWS[EMERGENCIES[code]].name}" if code in EMERGENCIES else f"0x{code:04X} unknown"
+
+
+def _fault(time: float, fault: Fault, sensed: Sensed) -> Entry:
+    row = ROWS[fault.id]
+    level = Level.ERROR if fault.severity >= Severity.CONTROLLED_STOP else Level.WARNING
+    data: dict[str, Any] = {
+        "id": fault.id,
+        "device": fault.device,
+        "severity": fault.severity.name,
+        "recovery": "not in this run" if fault.final else row.recovery.kind.value,
+        "text": fault.text,
+    }
+    codes = [code for drive in sensed.drives if drive.name == fault.device for code in drive.emergencies]
+    for code in codes:
+        if code and emergency(fault.device, code).id == fault.id:
+            data["code"] = code
+    return Entry(time=time, kind="fault", text=f"{fault.id} {fault.text}", level=level, data=data)
+
+
+def _acknowledged(time: float, forgotten: Sequence[Fault], verdict: Verdict) -> Entry:
+    """A person acknowledged: what was forgotten, and what is still there."""
+    left = _stopping(verdict)
+    kind = "acknowledged" if forgotten else "refused"
+    text = ", ".join(map(named, forgotten)) if forgotten else "acknowledge"
+    text += f"; still there: {', '.join(map(named, left))}" if left else ""
+    level = Level.WARNING if left else Level.INFO
+    return Entry(
+        time=time, kind=kind, text=text, level=level, data={"faults": _listed(forgotten), "left": _listed(left)}
+    )
+
+
+def _verdict(time: float, verdict: Verdict) -> Entry:
+    words = [SHORT.get(verdict.severity, "nothing is wrong")]
+    words += ["leads to fault"] * verdict.to_fault
+    words += ["recovers by itself"] * verdict.recovers + ["and goes on"] * verdict.resumes
+    words += ["not in this run"] * verdict.final
+    words += ["PRESS THE EMERGENCY STOP: the robot does not stop"] * verdict.alarm
+    data = {
+        "severity": verdict.severity.name,
+        "faults": _listed(verdict.faults),
+        "to_fault": verdict.to_fault,
+        "final": verdict.final,
+        "recovers": verdict.recovers,
+        "resumes": verdict.resumes,
+        "alarm": verdict.alarm,
+    }
+    level = Level.ERROR if verdict.alarm else Level.WARNING if verdict.stops else Level.INFO
+    return Entry(time=time, kind="verdict", text=", ".join(words), level=level, data=data)
+
+
+def _emergency(time: float, drive: str, code: int) -> Entry:
+    level = Level.WARNING if code else Level.INFO  # code 0 says that the error is gone
+    data = {"drive": drive, "code": code}
+    return Entry(time=time, kind="emergency", text=f"{drive}: {code_name(code)}", level=level, data=data)
+
+
+def _jobs(tick: Tick) -> Iterator[Entry]:
+    time = tick.snapshot.time
+    for result in tick.snapshot.sensed.results:
+        outcome = "done" if result.ok else "failed"
+        text = f"{result.kind.value} {result.drive}: {outcome}" + (f", {result.detail}" if result.detail else "")
+        if result.kind is JobKind.READ_HISTORY and result.ok:
+            text += ": " + (", ".join(map(meaning, result.values)) or "empty")
+        level = Level.INFO if result.ok else Level.WARNING
+        data = {**_order(result), "ok": result.ok, "values": list(result.values)}
+        if result.fault:
+            data["fault"] = result.fault
+        yield Entry(time=time, kind="result", text=text, level=level, data=data)
+    for job in tick.wish.jobs:
+        data = {**_order(job), "value": job.value}
+        yield Entry(time=time, kind="job", text=f"{job.kind.value} {job.drive}", data=data)
+
+
+def _order(job: Job | JobResult) -> dict[str, Any]:
+    return {"id": job.id, "job": job.kind.value, "drive": job.drive}
+
+
+def _by_key(verdict: Verdict) -> dict[_Key, Fault]:
+    return {(fault.id, fault.device): fault for fault in verdict.faults}
+
+
+def _reaction(verdict: Verdict) -> tuple[object, ...]:
+    return verdict.severity, verdict.to_fault, verdict.final, verdict.recovers, verdict.resumes, verdict.alarm
+
+
+def _stopping(verdict: Verdict) -> list[Fault]:
+    return [fault for fault in verdict.faults if fault.severity >= Severity.CONTROLLED_STOP]
+
+
+def _listed(faults: Sequence[Fault]) -> list[dict[str, str]]:
+    return [{"id": fault.id, "device": fault.device} for fault in faults]

@@ -1,0 +1,42 @@
+"""The fault table. Every fault is one row, in `drives`, `communication`, `motion`, `inputs`, `surroundings`, `host`."""
+
+from __future__ import annotations
+
+from artemis.supervision.catalogue.communication import COMMUNICATION
+from artemis.supervision.catalogue.drives import DRIVES
+from artemis.supervision.catalogue.host import HOST
+from artemis.supervision.catalogue.inputs import INPUTS
+from artemis.supervision.catalogue.motion import MOTION
+from artemis.supervision.catalogue.row import Row
+from artemis.supervision.catalogue.surroundings import SURROUNDINGS
+from artemis.values import Fault, Severity
+
+ROWS: dict[str, Row] = {**DRIVES, **COMMUNICATION, **MOTION, **INPUTS, **SURROUNDINGS, **HOST}
+"""Every row by its id."""
+
+EMERGENCIES: dict[int, str] = {code: id for id, row in ROWS.items() for code in row.codes}
+"""EMCY error code -> row. A code that is not here is UNKNOWN_CODE, never ignored."""
+
+UNKNOWN_CODE, DAMAGED_EMERGENCY, EMERGENCY_STORM = "DRV-31", "DRV-32", "DRV-33"
+
+
+def fault(id: str, device: str = "", detail: str = "", severity: Severity | None = None) -> Fault:
+    """The fault of row `id` for `device`, with what was seen in `detail`; `severity`: of a milder stage."""
+    row = ROWS[id]
+    severity = row.severity if severity is None else severity
+    who = f"{device}: " if device else ""
+    what = f" ({detail})" if detail else ""
+    return Fault(
+        id=id,
+        severity=severity,
+        text=f"{who}{row.text or row.name}{what}",
+        device=device,
+        to_fault=row.to_fault and severity >= row.severity,
+    )
+
+
+def emergency(device: str, code: int) -> Fault:
+    """The fault that an EMCY error code of a drive stands for; a negative code: the message was damaged."""
+    if code < 0:
+        return fault(DAMAGED_EMERGENCY, device)
+    return fault(EMERGENCIES.get(code, UNKNOWN_CODE), device, f"EMCY 0x{code:04X}")

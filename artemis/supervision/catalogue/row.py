@@ -1,0 +1,112 @@
+"""What a row of the fault table says, and the words in which rows are written."""
+
+from __future__ import annotations
+
+from enum import Enum
+from math import inf
+from typing import NamedTuple
+
+from artemis.values import Severity
+
+WARN, LIMIT, S2, S1, S0 = (
+    Severity.WARN,
+    Severity.LIMIT,
+    Severity.CONTROLLED_STOP,
+    Severity.QUICK_STOP,
+    Severity.OFF,
+)
+SHORT = {WARN: "W", LIMIT: "L", S2: "S2", S1: "S1", S0: "S0"}
+"""How reactions are written in tables and missions."""
+
+
+class Kind(Enum):
+    """How a fault is forgotten."""
+
+    ITSELF = "by itself"
+    """Once its cause is gone."""
+    AUTOMATIC = "automatic"
+    """By artemis, a limited number of times, when the robot stands and the cause is gone; then acknowledged."""
+    ACKNOWLEDGED = "acknowledge"
+    """By a person, when the cause is gone."""
+    CALIBRATED = "acknowledge, align again"
+    """Acknowledged; where the wheels stand is measured again before motion."""
+    CONFIGURED = "acknowledge, configure again"
+    """Acknowledged; the node is reset and configured from scratch."""
+    NEVER = "not in this run"
+
+
+class Recovery(NamedTuple):
+    """How a fault is forgotten, and how often."""
+
+    kind: Kind
+    times: int = 0
+    """Automatic recoveries in `window` [s]."""
+    window: float = inf
+    final: int = 0
+    """The how manieth occurrence on one device in `window` is the last: then it is NEVER (0: none)."""
+    reset: str = ""
+    """NMT reset that the drive needs before: `communication` or `node`."""
+    unless: tuple[str, ...] = ()
+    """Not automatic while one of these is there, too."""
+    settle: float = 0.0
+    """The cause must have been gone for so long [s]."""
+
+
+ITSELF, K, X = Recovery(Kind.ITSELF, settle=0.5), Recovery(Kind.ACKNOWLEDGED), Recovery(Kind.NEVER)
+CAL = Recovery(Kind.CALIBRATED)
+BOOT = Recovery(Kind.CONFIGURED, reset="node")
+MINUTE = 60.0
+
+
+def automatic(times: int, window: float = inf, *, unless: tuple[str, ...] = ()) -> Recovery:
+    """At most `times` in `window` [s] (in the run, if no window is given)."""
+    return Recovery(Kind.AUTOMATIC, times, window, unless=unless, settle=0.5)
+
+
+class Stage(NamedTuple):
+    """A measured value above `over` for longer than `hold` [s] calls for `severity`."""
+
+    severity: Severity
+    over: float = 0.0
+    hold: float = 0.0
+
+
+class Found(Enum):
+    """Where a fault is noticed."""
+
+    EMERGENCY = "the drive says so (EMCY)"
+    MEASURED = "measured by the supervisor at every tick"
+    MODE = "found by the mode that runs"
+    BRING_UP = "found while the drives are brought up"
+    EDGE = "found where artemis meets devices, plugins and files"
+    LOADING = "refused before the run"
+    ELSEWHERE = "shows as another row"
+    DESIGN = "has no effect, by design"
+    ABSENT = "not built"
+
+
+class Row(NamedTuple):
+    """One fault: what it is, how it is noticed, what follows, how it goes on."""
+
+    name: str
+    found: Found
+    severity: Severity = Severity.NONE
+    recovery: Recovery = K
+    text: str = ""
+    """For the operator, after the device's name."""
+    advice: str = ""
+    """What to look for or do next."""
+    to_fault: bool = False
+    """Leads to the mode `fault`; else a stop leads to `quickstop`."""
+    within: float = 0.02
+    """Worst case from the cause to the reaction [s]; 0 before a run."""
+    stages: tuple[Stage, ...] = ()
+    """Of a measured row: limits of its measure, mildest first. Empty: anything above 0 at once."""
+    of: str = ""
+    """What a measured row's limits are limits of, with the unit."""
+    codes: tuple[int, ...] = ()
+    """EMCY error codes of the first generation."""
+    shows_as: tuple[str, ...] = ()
+    """Rows as which it is seen, where it has no mark of its own."""
+    reason: str = ""
+    """Why it has no effect, or what it would need to be noticed."""

@@ -1,0 +1,69 @@
+"""Faults of what tells where the robot is and where it shall go: scanner, localisation, path."""
+
+from __future__ import annotations
+
+from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S2, Found, K, Row, Stage, automatic
+
+_TEN = 10 * MINUTE
+_ABSENT, _LOADING = Found.ABSENT, Found.LOADING
+_LASER, _LOCALISATION = "needs a laser scanner", "needs a localisation"
+
+SURROUNDINGS: dict[str, Row] = {
+    "LAS-01": Row("scanner lost", _ABSENT, S2, automatic(5, _TEN), reason=_LASER),
+    "LAS-02": Row("scanner frozen", _ABSENT, S2, automatic(5, _TEN), reason=_LASER),
+    "LAS-03": Row("garbage telegram", _ABSENT, S2, ITSELF, reason=_LASER),
+    "LAS-04": Row("split telegrams", _ABSENT, S2, ITSELF, reason=_LASER),
+    "LAS-05": Row("scanner not well", _ABSENT, LIMIT, automatic(2, _TEN), reason=_LASER),
+    "LAS-06": Row("ranges implausible", _ABSENT, S2, ITSELF, reason=_LASER),
+    "LAS-07": Row("scanner clock drifts", _ABSENT, S2, ITSELF, reason=_LASER),
+    "LAS-08": Row("obstacle", _ABSENT, S2, ITSELF, reason=_LASER),
+    "LOC-01": Row("pose stale", _ABSENT, S2, automatic(3, _TEN), reason=_LOCALISATION),
+    "LOC-02": Row("pose jump", _ABSENT, S2, automatic(2, _TEN), reason=_LOCALISATION),
+    "LOC-03": Row("divergence", _ABSENT, S2, automatic(1, _TEN), reason=_LOCALISATION),
+    "LOC-04": Row("pose is not a number", _ABSENT, S2, ITSELF, reason=_LOCALISATION),
+    "LOC-05": Row("poses go back in time", _ABSENT, S2, ITSELF, reason=_LOCALISATION),
+    "PTH-01": Row("path missing", _LOADING, recovery=K, within=0.0),
+    "PTH-02": Row("path with wrong points", _LOADING, recovery=K, within=0.0),
+    "PTH-03": Row("path too sharp", _LOADING, recovery=K, within=0.0),
+    "PTH-04": Row("path with gaps", _LOADING, recovery=K, within=0.0),
+    "PTH-05": Row(
+        "start too far from the path",
+        Found.MODE,
+        S2,
+        K,
+        "start pose too far from the path",
+        "place the robot at the path, heading along it",
+        within=0.02,
+    ),
+    "PTH-06": Row(
+        "off the path",
+        Found.MODE,
+        S2,
+        K,
+        "off the path",
+        "follower, speed, slip; odometry against the true pose",
+        within=0.32,
+        stages=(Stage(LIMIT, 0.3, 0.3),),
+    ),
+    "PTH-07": Row(
+        "no progress",
+        Found.MEASURED,
+        S2,
+        automatic(1),
+        "makes no progress along the path",
+        "follower, blocked wheel",
+        within=3.02,
+        of="less than 1 cm of way while driving",
+        stages=(Stage(S2, 0.0, 3.0),),
+    ),
+    "PTH-08": Row(
+        "end of the path missed",
+        Found.MODE,
+        S2,
+        K,
+        "did not reach the end of the path in time",
+        "follower, speed",
+        within=0.02,
+    ),
+    "PTH-09": Row("follower late", Found.EDGE, S2, K, "answered late", "it must return within 15 ms", within=0.08),
+}

@@ -1,0 +1,1 @@
+"""Makes things go wrong, on purpose and repeatably: a bus, drives, plugins and inputs that fail when told to."""

@@ -1,0 +1,155 @@
+"""Runs a module's tests against each of its mutants, every one in a process of its own."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.abc
+import importlib.util
+import multiprocessing
+import os
+import resource
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from importlib.machinery import ModuleSpec
+from multiprocessing.connection import wait
+from multiprocessing.context import ForkProcess
+from pathlib import Path
+from types import ModuleType
+
+import hypothesis
+import pytest
+
+from .mutants import Mutant, mutants
+
+ROOT = Path(__file__).parents[2]
+PATIENCE, GRACE = 3, 10
+"""Times that a mutant may take of what the module itself takes, and seconds more; of the processor."""
+MEMORY = 4 << 30
+"""Bytes that a mutant may take."""
+_STILLBORN = 97
+
+
+class Outcome(Enum):
+    """What became of a mutant."""
+
+    KILLED = "killed"
+    TIMED_OUT = "timed out"
+    SURVIVED = "survived"
+    STILLBORN = "stillborn"
+    """It cannot be imported: proves nothing about the tests, and counts nowhere."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """A module, and the tests that have to notice every change of it."""
+
+    name: str
+    """As it is imported."""
+    path: Path
+    tests: Sequence[Path]
+
+
+def examine(subject: Subject, workers: int) -> Iterator[tuple[Mutant, Outcome]]:
+    """Each mutant with its outcome, in the order in which they become known.
+
+    Raises:
+        RuntimeError: the tests fail without a mutant, or cannot be run.
+    """
+    source = subject.path.read_text(encoding="utf-8")
+    begun = _processor_time()
+    if _outcome(_begin(subject, source)) is not Outcome.SURVIVED:
+        raise RuntimeError(f"fails without a mutant, run it by hand: {' '.join(map(str, subject.tests))}")
+    limit = GRACE + PATIENCE * round(_processor_time() - begun)
+    waiting = mutants(source, vars(_imported(subject)))
+    running: dict[ForkProcess, Mutant] = {}
+    while waiting or running:
+        while waiting and len(running) < workers:
+            mutant = waiting.pop(0)
+            running[_begin(subject, mutant.source, limit)] = mutant
+        wait([process.sentinel for process in running])
+        for process in [process for process in running if not process.is_alive()]:
+            yield running.pop(process), _outcome(process)
+
+
+def tested(tests: Sequence[Path], *options: str) -> int:
+    """Exit status of these tests, in this process; property tests always try the same."""
+    phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
+    hypothesis.settings.register_profile("same", database=None, deadline=None, derandomize=True, phases=phases)
+    hypothesis.settings.load_profile("same")
+    where = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), "-p", "no:cacheprovider"]
+    return pytest.main([*where, "-q", "-n", "0", "--assert=plain", *options, *map(str, tests)])
+
+
+def _processor_time() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _imported(subject: Subject) -> ModuleType:
+    """The module; what it imports from others is then there for all mutants."""
+    spec = importlib.util.spec_from_file_location(subject.name, subject.path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[subject.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _begin(subject: Subject, source: str, limit: int = resource.RLIM_INFINITY) -> ForkProcess:
+    process = multiprocessing.get_context("fork").Process(target=_test, args=(subject, source, limit), daemon=True)
+    process.start()
+    return process
+
+
+def _outcome(process: ForkProcess) -> Outcome:
+    process.join()
+    match process.exitcode:
+        case pytest.ExitCode.OK:
+            return Outcome.SURVIVED
+        case pytest.ExitCode.NO_TESTS_COLLECTED | pytest.ExitCode.USAGE_ERROR:
+            raise RuntimeError("pytest found no tests")
+        case code if code == _STILLBORN:
+            return Outcome.STILLBORN
+        case code if code == -signal.SIGXCPU:
+            return Outcome.TIMED_OUT
+    return Outcome.KILLED
+
+
+# ---------------------------------------------------------------------------------------------- in the new process
+
+
+class _Planted(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
+    """Whoever imports the module gets this source of it."""
+
+    def __init__(self, subject: Subject, source: str) -> None:
+        self._subject = subject
+        self._source = source
+
+    def find_spec(self, fullname: str, *_: object) -> ModuleSpec | None:
+        if fullname != self._subject.name:
+            return None
+        return importlib.util.spec_from_loader(fullname, self, origin=str(self._subject.path))
+
+    def get_source(self, _: str) -> str:
+        return self._source
+
+
+def _test(subject: Subject, source: str, limit: int) -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
+    for name in list(sys.modules):
+        if name == subject.name or name.split(".")[0] == "artemis":
+            del sys.modules[name]
+    sys.meta_path.insert(0, _Planted(subject, source))
+    try:
+        importlib.import_module(subject.name)
+    except Exception:  # noqa: BLE001  # a mutant may raise anything
+        os._exit(_STILLBORN)
+    os._exit(tested(subject.tests, "-x"))
