@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test check bench coverage picture clean
+.PHONY: demo test check bench host-death coverage core-coverage mutation fuzz picture clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
@@ -22,10 +22,22 @@ check: $(READY)
 bench: $(READY)
 	@$(BIN)/python -m tests.bench
 
+host-death: $(READY)
+	@$(BIN)/python -m tests.host_death --cases 200
+
 coverage: $(READY)
 	@$(BIN)/coverage erase
 	@$(BIN)/coverage run -m pytest; status=$$?; \
 	$(BIN)/coverage combine --quiet && $(BIN)/coverage report && exit $$status
+
+core-coverage: $(READY)
+	@$(BIN)/python -m tests.mutation.coverage
+
+mutation: $(READY)
+	@$(BIN)/python -m tests.mutation
+
+fuzz: $(READY)
+	@$(BIN)/python -m tests.fuzz --seconds $(or $(SECONDS),60)
 
 picture: $(READY)
 	@$(BIN)/python docs/images/figure_eight.py

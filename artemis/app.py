@@ -4,27 +4,34 @@ from __future__ import annotations
 
 import asyncio
 import signal
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from artemis import clock
 from artemis.devices.can_bus import CanBus, FrameBus
 from artemis.devices.drive import Drives
+from artemis.devices.host import HostWatch
+from artemis.errors import RecordingError
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.policies import policies_from
-from artemis.mission.schema import BusWords, Calibrate, Follow, PluginUse, Teleop, Wait
+from artemis.mission.schema import BusWords, Calibrate, Follow, PluginUse, Stop, Teleop, Wait
 from artemis.motion.path import Path, path_from_csv
-from artemis.motion.poses import seen_from
 from artemis.plugins.border import Border
 from artemis.plugins.contracts import InputDevice, Setup
+from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Journal
-from artemis.recording.mcap_writer import Provenance, Recorder
+from artemis.recording.mcap_writer import Recorder
+from artemis.recording.provenance import Provenance, Resumption, first_entries
+from artemis.recording.resume import BROKEN, DONE, where_it_stopped
 from artemis.recording.run_folder import RunFolder, create_run_folder
 from artemis.robot import Core, Robot
 from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
-from artemis.values import Pose, Request, Tick
+from artemis.supervision import catalogue
+from artemis.values import Pose, Request, Severity, Tick
 
 if TYPE_CHECKING:
     from artemis.sim.bus import Surroundings
@@ -53,6 +60,8 @@ class Outcome:
     """Run time [s]."""
     elapsed: float
     """Seconds on the wall."""
+    troubles: tuple[str, ...] = ()
+    """What the disk did to the recording."""
 
     @property
     def exit_status(self) -> int:
@@ -88,11 +97,12 @@ def plan_from(loaded: LoadedMission) -> Plan:
     return Plan(robot=loaded.robot, steps=tuple(steps), policies=policies)
 
 
-def core_from(loaded: LoadedMission) -> Core:
+def core_from(loaded: LoadedMission, resumption: Resumption | None = None) -> Core:
     """The robot's mind for a mission: what runs, and what a replay runs again."""
     plan = plan_from(loaded)
     if is_simulated(loaded):
         _let_followers_fail(plan, loaded)
+    _go_on(plan, resumption)
     return Core(plan, 1 / loaded.mission.tick_hz)
 
 
@@ -101,6 +111,28 @@ def _let_followers_fail(plan: Plan, loaded: LoadedMission) -> None:
         from artemis.testing.injections import failing_followers
 
         plan.steps = failing_followers(plan.steps, loaded.mission.simulation.faults)
+
+
+def _go_on(plan: Plan, resumption: Resumption | None) -> None:
+    """Begin where an earlier run stopped, in its frame of the odometry."""
+    if resumption is not None:
+        plan.index, plan.done = resumption.step, resumption.done
+        plan.start, plan.placed = resumption.pose, True
+
+
+def resumption_from(loaded: LoadedMission, source: FilePath, run: FilePath) -> tuple[Resumption, list[str]]:
+    """Where the run in folder `run` stopped, for going on with it; and what an operator should know before.
+
+    Raises:
+        ConfigError: it cannot be resumed.
+    """
+    steps = sum(not isinstance(step.action, Stop) for step in loaded.mission.steps)
+    return where_it_stopped(run, _files(loaded, source), steps)
+
+
+def _files(loaded: LoadedMission, source: FilePath) -> dict[str, bytes]:
+    """The mission's file and all that it names."""
+    return {**loaded.files, source.name: source.read_bytes()}
 
 
 def _setup(loaded: LoadedMission, name: str) -> Setup:
@@ -118,21 +150,6 @@ def _inputs(loaded: LoadedMission, simulated: bool) -> dict[str, InputDevice]:
     return devices
 
 
-class _Truth:
-    """Where the simulated robot really is, in the frame `odom`: its origin is the true pose where that was reset."""
-
-    def __init__(self, world: World | None) -> None:
-        self._world = world
-        self._origin = Pose()
-
-    def pose(self, tick: Tick) -> Pose | None:
-        if self._world is None:
-            return None
-        if tick.wish.reset_pose:
-            self._origin = self._world.pose
-        return seen_from(self._origin, self._world.pose)
-
-
 class _Run:
     """Everything that exists for one run."""
 
@@ -140,48 +157,67 @@ class _Run:
         self,
         loaded: LoadedMission,
         source: FilePath,
+        *,
         simulated: bool,
         watch: Callable[[Tick], None],
         operator: Operator | None,
         witness: Callable[[World], Surroundings],
+        start: datetime | None,
+        resumption: Resumption | None,
+        disk: Disk,
     ) -> None:
         mission = loaded.mission
         self._loaded, self._watch, self._operator, self._witness = loaded, watch, operator, witness
         self._plan = plan_from(loaded)
         if simulated:
             _let_followers_fail(self._plan, loaded)
-        self._simulated = simulated
+        _go_on(self._plan, resumption)
+        self._simulated, self._resumption, self._disk = simulated, resumption, disk
         self._virtual = simulated and mission.simulation.pace == "fast"
         self._last_act = max((act.at_s for act in mission.simulation.operator), default=-OPERATOR_GRACE)
-        start = clock.wall_date()
-        files = {**loaded.files, source.name: source.read_bytes()}
-        self.run = create_run_folder(loaded.folder / mission.record, mission.mission, start, files)
+        start = start or clock.wall_date()
+        root = loaded.folder / mission.record
+        warning = low_disk(root, disk)
+        if warning and not (self._virtual or operator or (simulated and mission.simulation.operator)):
+            raise RecordingError(warning)
+        files = _files(loaded, source)
+        self.run = create_run_folder(root, mission.mission, start, files)
         provenance = Provenance(
             start=start,
             mission=mission.model_dump_json().encode(),
             robot=loaded.robot.model_dump_json().encode(),
             files=files,
+            resumption=resumption,
         )
-        journal = Journal(self.run.journal)
-        self._recorder = Recorder(self.run.recording, provenance, threaded=not self._virtual, journal=journal)
+        self._recorder = Recorder(
+            self.run.recording,
+            provenance,
+            threaded=not self._virtual,
+            journal=Journal(self.run.journal, disk),
+            nodes={name: drive.node_id for name, drive in loaded.robot.drives.items()},
+            disk=disk,
+        )
+        for entry in first_entries(mission.mission, loaded.robot.robot, provenance, warning):
+            self._recorder.note(entry)
         self._interrupted: int | None = None
         self._time = 0.0
 
     def go(self) -> Outcome:
         """Run to the end."""
         begun = clock.stopwatch()
-        problem = "did not end in order"
+        outcome = BROKEN
         try:
             clock.run(self._main(), simulated=self._virtual)
-            problem = "failed" if self._plan.failed else "done"
+            outcome = "failed" if self._plan.failed else DONE
         finally:
-            self._recorder.close(problem)
+            self._recorder.close(outcome)
         return Outcome(
             failed=self._plan.failed,
             interrupted=self._interrupted,
             run=self.run,
             duration=self._time,
             elapsed=clock.stopwatch() - begun,
+            troubles=tuple(trouble.detail for trouble in self._recorder.troubles()),
         )
 
     async def _main(self) -> None:
@@ -194,18 +230,25 @@ class _Run:
             for step in self._plan.steps
         )
         drives = Drives(self._loaded.robot, bus)
-        truth = _Truth(world)
+        true_pose = self._true_pose(world)
 
         def observe(tick: Tick) -> None:
-            self._time = tick.snapshot.time
-            self._recorder.observe(tick, drives.wire.take_traffic(loop.time()), truth.pose(tick))
+            self._time, now = tick.snapshot.time, loop.time()
+            self._recorder.observe(tick, drives.wire.take_traffic(now), true_pose(tick), now)
+            self._report_disk(robot, tick)
+            if not self._virtual and (grown := host.look(self._time)) is not None:
+                robot.report(catalogue.fault("PLG-05", detail=grown))
             self._watch(tick)
 
+        host = HostWatch()
         period = 1 / self._loaded.mission.tick_hz
         core = Core(self._plan, period)
         robot = Robot(core, drives, border, period, observe, self._attended)
         if world is not None and self._loaded.mission.simulation.faults:
-            self._let_fail(loop, bus, world, inputs, robot)
+            from artemis.testing.injections import schedule, stage_of
+
+            stage = stage_of(self._loaded.robot, world, bus, inputs, self._disk, robot.request)
+            schedule(stage, self._loaded.mission.simulation.faults, self._recorder.note)
         stop_listening = self._listen(loop, robot)
         try:
             self._show_paths()
@@ -221,10 +264,13 @@ class _Run:
         if isinstance(mission.bus, BusWords) and not self._simulated:
             return CanBus(mission.bus.words), None
         from artemis.sim.bus import SimBus
+        from artemis.sim.truth import moved_to
         from artemis.sim.world import World
 
         seed = mission.simulation.seed
-        world = World(robot, self._loaded.true_robot, seed=seed, start=loop.time())
+        true, resumed = self._loaded.true_robot, self._resumption
+        true = moved_to(true, resumed.true_pose or resumed.pose) if resumed else true
+        world = World(robot, true, seed=seed, start=loop.time())
         bus = SimBus(self._witness(world), robot.bitrate, loop)
         if not mission.simulation.faults:
             return bus, world
@@ -232,25 +278,20 @@ class _Run:
 
         return FaultBus(bus, seed=seed), world
 
-    def _let_fail(
-        self,
-        loop: asyncio.AbstractEventLoop,
-        bus: FrameBus,
-        world: World,
-        inputs: dict[str, InputDevice],
-        robot: Robot,
-    ) -> None:
-        """Schedule what the mission wants to go wrong, and write it to the journal as it happens."""
-        from artemis.testing.bad_plugins import BadInput
-        from artemis.testing.fault_bus import FaultBus
-        from artemis.testing.injections import schedule
-        from artemis.testing.stage import Stage
+    def _true_pose(self, world: World | None) -> Callable[[Tick], Pose | None]:
+        """Tells where the simulated robot really is; nobody knows of a real one."""
+        if world is None:
+            return lambda tick: None
+        from artemis.sim.truth import Truth, origin_of
 
-        assert isinstance(bus, FaultBus)
-        bad = {name: BadInput(device) for name, device in inputs.items()}
-        inputs.update(bad)
-        stage = Stage(robot=self._loaded.robot, world=world, bus=bus, loop=loop, inputs=bad, request=robot.request)
-        schedule(stage, self._loaded.mission.simulation.faults, self._recorder.note)
+        return Truth(world, origin_of(self._loaded.true_robot) if self._resumption else Pose()).pose
+
+    def _report_disk(self, robot: Robot, tick: Tick) -> None:
+        """What the disk refuses is a fault; a run without a journal and without anybody there is not gone on with."""
+        for trouble in self._recorder.troubles():
+            stops = trouble.journal and not tick.snapshot.sensed.attended
+            severity = Severity.CONTROLLED_STOP if stops else None
+            robot.report(catalogue.fault(trouble.id, detail=trouble.detail, severity=severity))
 
     def _attended(self, time: float) -> bool:
         return self._operator is not None or time <= self._last_act + OPERATOR_GRACE
@@ -267,8 +308,9 @@ class _Run:
             if again:
                 robot.request(Request.QUICKSTOP)
 
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, interrupt, number)
+        if threading.current_thread() is threading.main_thread():  # no other hears signals
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, interrupt, number)
         return self._operator(robot.request) if self._operator is not None else lambda: None
 
     def _show_paths(self) -> None:
@@ -297,6 +339,9 @@ def run_mission(
     watch: Callable[[Tick], None] = lambda tick: None,
     operator: Operator | None = None,
     witness: Callable[[World], Surroundings] = lambda world: world,
+    start: datetime | None = None,
+    resumption: Resumption | None = None,
+    disk: Disk | None = None,
 ) -> Outcome:
     """Run a mission to its ordered end and leave its folder behind, with recording and journal.
 
@@ -307,5 +352,31 @@ def run_mission(
         watch: Sees every tick, for people.
         operator: Somebody at a terminal; None: nobody can acknowledge and arm.
         witness: Puts itself around the simulated world: hears every frame on its wire and sees what truly moves.
+        start: Date and time on the wall at run time 0; None: now.
+        resumption: The run to go on with.
+        disk: What the run is recorded on; None: the computer's.
+
+    Raises:
+        DeviceLost: the bus cannot be opened.
+        RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
-    return _Run(loaded, source, is_simulated(loaded, simulate), watch, operator, witness).go()
+    return _Run(
+        loaded,
+        source,
+        simulated=is_simulated(loaded, simulate),
+        watch=watch,
+        operator=operator,
+        witness=witness,
+        start=start,
+        resumption=resumption,
+        disk=disk or _disk(loaded),
+    ).go()
+
+
+def _disk(loaded: LoadedMission) -> Disk:
+    """The computer's; one that can be told to fail where the mission wants faults."""
+    if not loaded.mission.simulation.faults:
+        return Disk()
+    from artemis.testing.failing_disk import FailingDisk
+
+    return FailingDisk(free=Disk().free(loaded.folder))

@@ -32,11 +32,12 @@ RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run,
 def run(
     mission: MissionFile,
     simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
+    resume: Annotated[Path | None, typer.Option(metavar="RUN", help="Go on where that run of it stopped.")] = None,
 ) -> None:
     """Run a mission: bring the drives up, align, do its steps, stop, leave a recording and a report."""
     from artemis.commands.run import run_and_report
 
-    raise typer.Exit(run_and_report(mission, simulate))
+    raise typer.Exit(run_and_report(mission, simulate, resume))
 
 
 @app.command()

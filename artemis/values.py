@@ -125,6 +125,8 @@ class JobKind(Enum):
 
     SECURE = "secure"
     """Find the drive as it is: identity, state; stop it if it moves; disable it."""
+    HALT = "halt"
+    """Stop and switch off by SDO a drive that no longer takes part in the exchange of process data."""
     CONFIGURE = "configure"
     """Write the configuration, read it back, arm the heartbeat consumer, start the node."""
     REFERENCE = "reference"
@@ -168,7 +170,7 @@ class BusHealth:
     foreign: tuple[int, ...] = ()
     """Identifiers that only we may send, heard from somebody else."""
     refused: int = 0
-    """Frames that the adapter did not take."""
+    """Most frames in a row that the adapter did not take."""
     error_frames: int = 0
     blocked: tuple[str, ...] = ()
     """Frames of ours that the allow-list held back, each with its reason and where it came from."""

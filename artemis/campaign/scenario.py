@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import random
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -62,10 +61,10 @@ class Scenario:
         acts = [entry["at_s"] for entry in (*self.faults, *self.operator)]
         return max(acts, default=0.0) + GRACE + 75.0
 
-    def write(self, folder: Path, robot: Path) -> Path:
-        """Lay the mission out in `folder`, with a copy of the robot file; its path."""
+    def write(self, folder: Path, robot: bytes) -> Path:
+        """Lay the mission out in `folder`, with the robot file's content; its path."""
         folder.mkdir(parents=True, exist_ok=True)
-        shutil.copy(robot, folder / "robot.yaml")
+        (folder / "robot.yaml").write_bytes(robot)
         for name, text in self.files.items():
             (folder / name).write_text(text)
         path = folder / MISSION
@@ -121,7 +120,7 @@ Part = tuple[list[dict[str, Any]], dict[str, str], dict[str, Any], float]
 
 
 def _follow(dice: random.Random) -> Part:
-    shape = dice.choice((_straight, _straight, _circle, _arc, _slalom, _eight))
+    shape = dice.choice((_straight, _straight, _straight, _arc, _arc, _slalom, _eight, _circle))
     points, speed, laps, length = shape(dice)
     table = "x,y\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in points)
     follow: dict[str, Any] = {"path": "path.csv", "follower": {"plugin": "indiveri", "speed_m_s": speed}, "laps": laps}
@@ -142,13 +141,13 @@ def _straight(dice: random.Random) -> Shape:
 
 
 def _arc(dice: random.Random) -> Shape:
-    speed = round(dice.uniform(0.15, 0.5), 2)
-    length, radius = max(0.5, speed * dice.uniform(2.0, 5.0)), dice.choice((-1, 1)) * dice.uniform(1.5, 4.0)
+    speed = round(dice.uniform(0.15, 0.45), 2)
+    length, radius = max(0.5, speed * dice.uniform(2.0, 5.0)), dice.choice((-1, 1)) * dice.uniform(3.0, 6.0)
     return _sampled(lambda way: 1.0 / radius, length), speed, 1, length
 
 
 def _circle(dice: random.Random) -> Shape:
-    radius, speed, laps = dice.uniform(0.7, 1.0), round(dice.uniform(0.4, 0.6), 2), dice.choice((1, 1, 1, 2))
+    radius, speed, laps = dice.uniform(0.7, 0.8), round(dice.uniform(0.5, 0.6), 2), dice.choice((1, 1, 1, 1, 2))
     side, count = dice.choice((-1, 1)), 120
     turns = [math.tau * part / count for part in range(count)]
     points = [(radius * math.sin(turn), side * radius * (1.0 - math.cos(turn))) for turn in turns]
@@ -200,7 +199,7 @@ def _teleop(dice: random.Random) -> Part:
     stick: dict[str, Any] = {"plugin": "scripted", "file": "stick.csv"}
     if dice.uniform(0, 1) < 0.4:
         stick["max_speed_m_s"] = round(dice.uniform(0.2, 0.7), 2)
-    teleop = {"input": "stick", "until": {"button": "done"}}
+    teleop = {"input": "stick", "until": {"seconds": round(rows[-1][0] - BRING_UP, 2)}}
     return [{"teleop": teleop}], {"stick.csv": table}, {"stick": stick}, rows[-1][0]
 
 
@@ -239,10 +238,15 @@ def _fault(dice: random.Random, id: str, at: float) -> dict[str, Any]:
     if needs in _DRIVES:
         fault["node"] = dice.choice(_DRIVES[needs])
     keys = injection.parameters.model_fields
-    if issubclass(injection.parameters, Lasting) and dice.uniform(0, 1) < 0.5:
+    ends = id.startswith("INP") or dice.uniform(0, 1) < 0.5  # controls that never rest would keep the robot for ever
+    if issubclass(injection.parameters, Lasting) and ends:
         fault["duration_s"] = round(dice.choice((dice.uniform(0.02, 0.3), dice.uniform(0.3, 2.5))), 3)
     if "count" in keys and dice.uniform(0, 1) < 0.3:
         fault["count"] = dice.randint(1, 8)
+    if "seconds" in keys:
+        fault["seconds"] = round(dice.choice((dice.uniform(0.02, 0.2), dice.uniform(0.2, 1.5))), 3)
+    if id == "COM-25" and "duration_s" in fault:
+        fault["times"] = None
     if "heard" in keys and dice.uniform(0, 1) < 0.25:
         fault["heard"] = False
     return fault

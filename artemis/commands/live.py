@@ -12,7 +12,10 @@ from threading import Thread
 from types import TracebackType
 from typing import Self
 
-from artemis.values import Fault, Mode, Severity, Tick, Verdict
+from artemis.recording.chronicle import values_of
+from artemis.report.fault_words import DID, next_step
+from artemis.supervision.catalogue import ROWS
+from artemis.values import Fault, JobKind, Mode, Severity, Tick, Verdict
 
 REFRESH = 0.1
 """Seconds on the wall between two refreshes of the changing line."""
@@ -21,6 +24,8 @@ LONGEST_BAR = 30
 
 _RED, _YELLOW, _GREEN, _DIM, _BOLD = "31", "33", "32", "2", "1"  # SGR parameters (ECMA-48, 8.3.117)
 _MODE_COLOURS = {Mode.FAULT: _RED, Mode.QUICKSTOP: _YELLOW}
+_MARGIN = 21
+"""Characters before the text of a line."""
 _WIPE = "\r\x1b[2K"
 
 
@@ -74,8 +79,8 @@ class LiveView:
             self._compare(sensed.time, tick.snapshot.verdict)
         for result in sensed.results:
             if result.values:
-                codes = ", ".join(f"0x{code:04X}" for code in result.values)
-                self._say(sensed.time, "history", f"{result.drive}: {codes}", _YELLOW)
+                label = "history" if result.kind is JobKind.READ_HISTORY else "target"
+                self._say(sensed.time, label, f"{result.drive}: {values_of(result)}", _YELLOW)
         if tick.wish.phase and (tick.mode, tick.wish.phase) != self._shown:
             self._shown = tick.mode, tick.wish.phase
             self._say(sensed.time, tick.mode.value, tick.wish.phase, _MODE_COLOURS.get(tick.mode))
@@ -85,11 +90,21 @@ class LiveView:
         old, new = _by_key(before), _by_key(verdict)
         for key, fault in new.items():
             if key not in old:
-                colour = _RED if fault.severity >= Severity.CONTROLLED_STOP else _YELLOW
-                self._say(time, "FAULT", f"{fault.id} {fault.text}", colour)
+                self._explain(time, fault)
         for key, fault in old.items():
             if key not in new:
-                self._say(time, "cleared", f"{fault.id} {fault.device}", _GREEN)
+                self._say(time, "cleared", f"{fault.id} {fault.device}".rstrip(), _GREEN)
+        if verdict.alarm and not before.alarm:
+            self._say(time, "ALARM", "the robot does not stop: PRESS THE EMERGENCY STOP", _RED)
+
+    def _explain(self, time: float, fault: Fault) -> None:
+        """What failed, where to look, what artemis did, what to do next."""
+        row = ROWS[fault.id]
+        self._say(time, "FAULT", f"{fault.id} {fault.text}", _severity_colour(fault))
+        told = {"look": row.advice, "artemis": DID.get(fault.severity, ""), "next": next_step(row, fault.final)}
+        for label, text in told.items():
+            if text:
+                self._lines.put(self._styled(f"{label:>{_MARGIN}}  {text}", _DIM))
 
     def _say(self, time: float, kind: str, text: str, colour: str | None = None) -> None:
         self._lines.put(self._styled(f"{time:8.2f} s  {kind:9}  {text}", colour))
@@ -146,6 +161,10 @@ def status(tick: Tick, width: int) -> str:
         done = min(max(tracking.arc_length / tracking.length, 0.0), 1.0) if tracking.length else 1.0
         line += "  " + ("█" * round(bar * done)).ljust(bar, "░")
     return line[:width]
+
+
+def _severity_colour(fault: Fault) -> str:
+    return _RED if fault.severity >= Severity.CONTROLLED_STOP else _YELLOW
 
 
 def _by_key(verdict: Verdict) -> dict[tuple[str, str], Fault]:

@@ -23,7 +23,7 @@ def replay_run(run: Path) -> int:
     """
     recording = Recording(run)
     with tempfile.TemporaryDirectory() as folder:
-        result = replay(recording, core_from(load_mission(_unpack(recording, Path(folder)))))
+        result = replay(recording, core_from(load_mission(_unpack(recording, Path(folder))), recording.resumption))
     if not result.ticks:
         raise RecordingError(f"{recording.path}: holds no tick; {recording.missing or 'nothing to recompute'}")
     if recording.missing:

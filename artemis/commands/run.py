@@ -5,42 +5,76 @@ from __future__ import annotations
 import signal
 import sys
 from functools import partial
+from math import degrees
 from pathlib import Path
+from shlex import quote
 
-from artemis.app import Outcome, is_simulated, run_mission
+from artemis.app import Outcome, is_simulated, resumption_from, run_mission
 from artemis.commands.live import LiveView
 from artemis.commands.terminal import HINT, listen_to_keys, somebody_is_there
 from artemis.errors import RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
-from artemis.mission.schema import BusWords
+from artemis.mission.schema import BusWords, Follow
+from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
+from artemis.recording.provenance import Resumption
+from artemis.recording.resume import unfinished_run
 from artemis.report.page import write_report
 from artemis.report.summary import Summary, summary
 
 
-def run_and_report(source: Path, simulate: bool) -> int:
+def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> int:
     """Run the mission in `source`, print the summary, write its page. Returns the exit status.
 
+    `resume` is an earlier run of it, to go on with where that stopped.
+
     Raises:
-        ConfigError: the mission is refused; nothing has moved.
+        ConfigError: the mission, or its resumption, is refused; nothing has moved.
         DeviceLost: the bus cannot be opened; nothing has moved.
-        RecordingError: the run's folder cannot be made; nothing has moved.
+        RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
     loaded = load_mission(source)
+    resumption = _resumption(loaded, source, resume)
     simulated = is_simulated(loaded, simulate)
     fast = simulated and loaded.mission.simulation.pace == "fast"
     operator = listen_to_keys if somebody_is_there() and not fast else None
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
+    if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
+        _print("warning", warning)
     with LiveView(_title(loaded, simulated), HINT if operator else "", terminate) as view:
-        try:
-            outcome = run_mission(loaded, source, simulate=simulate, watch=view.show, operator=operator)
-        except RecordingError as error:
-            if not view.begun:
-                raise
-            sys.stderr.write(f"artemis: {error}\n")
-            return 1
-    _conclude(outcome)
+        outcome = run_mission(
+            loaded, source, simulate=simulate, watch=view.show, operator=operator, resumption=resumption
+        )
+    try:
+        _conclude(outcome)
+    except RecordingError as error:  # how the run ended is known all the same
+        _print("report", f"none: {error}")
+    if outcome.failed:
+        _print("go on", _command(source, outcome.run.path))
     return outcome.exit_status
+
+
+def _resumption(loaded: LoadedMission, source: Path, resume: Path | None) -> Resumption | None:
+    """Where to go on, told to whoever starts it; without an earlier run, whether the last one was left unfinished."""
+    if resume is None:
+        if left := unfinished_run(loaded.folder / loaded.mission.record, loaded.mission.mission):
+            run, until = left
+            _print("last run", f"ended without shutdown at {until:.2f} s; to go on with it: {_command(source, run)}")
+        return None
+    found, notes = resumption_from(loaded, source, resume)
+    action = loaded.mission.steps[found.step].action
+    done, what = f"{found.done:.2f} {'m' if isinstance(action, Follow) else 's'}", type(action).__name__.lower()
+    _print("resuming", f"{found.run}: step {found.step + 1} ({what}), {done} of it done")
+    pose = found.pose
+    _print("", f"where it stopped: x {pose.x:.2f} m, y {pose.y:.2f} m, heading {degrees(pose.heading):.0f} deg")
+    _print("", "the robot must not have been moved since: the odometry goes on from there")
+    for note in notes:
+        _print("warning", note)
+    return found
+
+
+def _command(source: Path, run: Path) -> str:
+    return f"artemis run {quote(str(source))} --resume {quote(str(run))}"
 
 
 def write_page(run: Path) -> str:
@@ -73,6 +107,8 @@ def _conclude(outcome: Outcome) -> None:
     speed = outcome.duration / outcome.elapsed
     _print("run time", f"{outcome.duration:.1f} s in {outcome.elapsed:.2f} s: {speed:.1f} x real time")
     _print("run folder", str(outcome.run.path))
+    for trouble in outcome.troubles:
+        _print("recording", f"ended early: {trouble}")
     write_report(recording, outcome.run.report)
     _print("report", str(outcome.run.report))
 

@@ -27,7 +27,10 @@ MARGIN = 0.05
 TOLERANCE = 1.02
 """Of the wheel speed's limit."""
 MOST = 2
-"""Frames of one identifier in a tick, but for SDO."""
+"""Frames of one identifier in a tick, but for NMT and SDO."""
+_FUNCTION = 0x780
+"""Function code of an identifier; the rest is the node id (CiA 301 7.3.3)."""
+_NMT_COMMANDS = frozenset(NmtCommand)
 _OFF_WORDS = frozenset({Command.DISABLE_VOLTAGE, Command.QUICK_STOP, Command.FAULT_RESET})
 _DOWNLOAD, _SPECIFIER = 0x20, 0xE0
 """Client command "initiate download" in the first byte of a request (CiA 301 7.2.4.3.3)."""
@@ -79,9 +82,9 @@ class AllowList:
         rule = self._rules.get(frame.id)
         if rule is None or frame.rtr:
             return self._told(frame, "is none of ours")
-        if frame.id < SDO_REQUEST or frame.id >= HEARTBEAT:
+        if frame.id & _FUNCTION not in (NMT, SDO_REQUEST):
             sent = self._sent[frame.id] = self._sent.get(frame.id, 0) + 1
-            if sent > MOST and frame.id != NMT:
+            if sent > MOST:
                 return self._told(frame, f"was sent {sent} times in one tick")
         wrong = rule(frame.data)
         return None if wrong is None else self._told(frame, wrong)
@@ -90,7 +93,7 @@ class AllowList:
         return f"0x{frame.id:03X} [{frame.data.hex(' ')}] in {self._mode.value}: {wrong}"
 
     def _nmt(self, data: bytes) -> str | None:
-        if len(data) != 2 or data[1] not in self._nodes:
+        if len(data) != 2 or data[0] not in _NMT_COMMANDS or data[1] not in self._nodes:
             return "is no NMT command to a node of ours"
         if data[0] == NmtCommand.STOP:
             return "NMT Stop also stops the drive's messages: never"

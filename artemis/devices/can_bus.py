@@ -234,7 +234,7 @@ class CanBus:
             self._loop.call_soon_threadsafe(act)
 
     def _take(self, messages: Iterable[can.Message], *, wake: bool) -> None:
-        now, date = self._loop.time(), clock.wall_date().timestamp()
+        date, now = clock.wall_date().timestamp(), self._loop.time()  # in this order: never too early
         urgent = False
         for message in messages:
             if message.is_error_frame:

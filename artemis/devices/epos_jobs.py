@@ -30,7 +30,7 @@ from artemis.devices.epos_objects import (
     settings,
 )
 from artemis.devices.epos_state import Command, state_from_statusword
-from artemis.errors import DeviceError, DeviceTimeout, NotKept, WrongDevice
+from artemis.errors import DeviceError, DeviceLost, DeviceTimeout, NotKept, WrongDevice
 from artemis.motion.ackermann import Ackermann
 from artemis.values import DriveState, JobKind
 from artemis.vehicle import OPERATING_MODES
@@ -51,6 +51,7 @@ _MOVING = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState
 _FAULTS: dict[type[DeviceError], str] = {
     SdoAbort: "COM-07",
     DeviceTimeout: "COM-08",
+    DeviceLost: "COM-22",
     WrongDevice: "COM-33",
     NotKept: "COM-10",
 }
@@ -79,6 +80,8 @@ class EposJobs:
         match kind:
             case JobKind.SECURE:
                 await self.secure(value)
+            case JobKind.HALT:
+                await self._switch_off()
             case JobKind.CONFIGURE:
                 await self.configure()
             case JobKind.REFERENCE:

@@ -23,7 +23,8 @@ class WireEnd:
         self._traffic: list[tuple[bool, Frame]] = []
         self._foreign: list[int] = []
         self._blocked: list[str] = []
-        self._refused, self._error_frames = 0, bus.error_frames
+        self._refused = self._refused_now = 0
+        self._error_frames = bus.error_frames
 
     def begin(self, mode: Mode) -> None:
         """A tick in `mode` begins to write."""
@@ -45,8 +46,10 @@ class WireEnd:
         try:
             self._bus.send(frame)
         except DeviceBusy:
-            self._refused += 1
+            self._refused_now += 1
+            self._refused = max(self._refused, self._refused_now)
         else:
+            self._refused_now = 0
             self._traffic.append((True, frame))
 
     def receive(self) -> list[Frame]:

@@ -23,11 +23,12 @@ class Perception:
     """Keeps the odometry from tick to tick. Deterministic: the same feedback gives the same snapshots."""
 
     def __init__(self, robot: Robot, tick: float, start: Pose | None = None) -> None:
-        """`tick`: period of the scheduled ticks [s]; `dt` never passes two of them. `start`: where `reset` begins."""
+        """`tick`: period of the scheduled ticks [s]; `dt` never passes two of them. `start`: where the robot is."""
         self._start = start or Pose()
         self._dt_max = 2 * tick
         self._stale = stale_age(tick)
-        self._odometer, self._odometry = Odometer(robot.geometry), Odometry()
+        self._odometer, self._odometry = Odometer(robot.geometry), Odometry(pose=self._start)
+        self.reset()
         self._ackermann = Ackermann(robot.geometry)
         names = list(robot.drives)
         places = [(role, side) for role in ("traction", "steering") for side in ("left", "right")]

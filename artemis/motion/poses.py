@@ -4,8 +4,18 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from artemis.motion.angles import difference
+from artemis.motion.angles import difference, wrap
 from artemis.values import Pose
+
+
+def placed(origin: Pose, pose: Pose) -> Pose:
+    """`pose`, which is seen from `origin`, in the frame of `origin` itself: the inverse of `seen_from`."""
+    c, s = cos(origin.heading), sin(origin.heading)
+    return Pose(
+        x=origin.x + c * pose.x - s * pose.y,
+        y=origin.y + s * pose.x + c * pose.y,
+        heading=wrap(origin.heading + pose.heading),
+    )
 
 
 def seen_from(origin: Pose, pose: Pose) -> Pose:

@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import isfinite
-from typing import ClassVar
+from typing import ClassVar, TypeGuard
 
 from artemis.config import Config
+from artemis.errors import DeviceLost
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Follower, Following, InputDevice
 from artemis.values import OperatorInput, Request, Snapshot
@@ -21,7 +22,8 @@ MISSES = 3
 """As many late answers in a row are a fault."""
 BAD_SAMPLES, BAD_TIME = 5, 1.0
 """As many samples out of range within this time [s] are a fault."""
-RAISED, LATE_INPUT, GARBAGE, OUT_OF_RANGE, LATE_FOLLOWER = "PLG-02", "PLG-03", "PLG-06", "INP-06", "PTH-09"
+LOST, OUT_OF_RANGE = "INP-01", "INP-06"
+RAISED, LATE_INPUT, GARBAGE, LATE_FOLLOWER = "PLG-02", "PLG-03", "PLG-06", "PTH-09"
 
 Problem = tuple[str, str, str]
 """Row of the fault table, plugin, what was seen."""
@@ -32,15 +34,15 @@ class Border:
 
     def __init__(self, inputs: Mapping[str, InputDevice], clock: Callable[[], float]) -> None:
         """`clock` measures the plugins [s]."""
-        self._inputs, self._clock = inputs, clock
+        self.inputs, self._clock = inputs, clock
         self._last: dict[str, tuple[float, OperatorInput]] = {}
-        self._late: dict[str, int] = {}
+        self._late: dict[tuple[str, str], int] = {}
         self._bad: dict[str, list[float]] = {}
         self._problems: list[Problem] = []
 
     def read(self, now: float) -> tuple[OperatorInput, ...]:
         """The newest sample of each input at run time `now` [s]; those that gave none, or garbage, are missing."""
-        return tuple(sample for name in self._inputs if (sample := self._ask(name, now)) is not None)
+        return tuple(sample for name in self.inputs if (sample := self._ask(name, now)) is not None)
 
     def take_problems(self) -> list[Problem]:
         """What plugins did wrong since the last call."""
@@ -54,33 +56,35 @@ class Border:
     def _ask(self, name: str, now: float) -> OperatorInput | None:
         begun = self._clock()
         try:
-            sample = self._inputs[name].read(now)
+            sample = self.inputs[name].read(now)
+        except DeviceLost as error:
+            self._problems.append((LOST, name, error.problem))
+            return None
         except Exception as error:  # noqa: BLE001
             self._problems.append((RAISED, name, repr(error)))
             return None
         self._judge_time(LATE_INPUT, name, self._clock() - begun)
-        if not isinstance(sample, OperatorInput):
+        if not is_whole_input(sample):
             self._problems.append((GARBAGE, name, repr(sample)[:80]))
             return None
-        if not is_whole_input(sample):
+        if not is_in_range(sample):
             return self._instead_of(sample, name, now)
         self._last[name] = now, sample
         return sample
 
-    def _instead_of(self, sample: OperatorInput, name: str, now: float) -> OperatorInput | None:
-        """The last good sample, grown older; too many bad ones are a fault."""
+    def _instead_of(self, sample: OperatorInput, name: str, now: float) -> OperatorInput:
+        """The last good sample, grown older; too many bad ones are a fault. A stop is obeyed whatever comes with it."""
         bad = self._bad[name] = [time for time in self._bad.get(name, []) if time > now - BAD_TIME] + [now]
         if len(bad) >= BAD_SAMPLES:
             self._problems.append((OUT_OF_RANGE, name, repr(sample)[:200]))
-        if name not in self._last:
-            return None
-        then, last = self._last[name]
-        return replace(last, requests=(), age=None if last.age is None else last.age + now - then)
+        stops = tuple(request for request in sample.requests if request is Request.QUICKSTOP)
+        then, last = self._last.get(name, (now, OperatorInput(source=name)))
+        return replace(last, requests=stops, age=None if last.age is None else last.age + now - then)
 
     def _judge_time(self, id: str, name: str, took: float) -> None:
-        self._late[name] = self._late.get(name, 0) + 1 if took > LATE else 0
-        if self._late[name] >= MISSES:
-            self._problems.append((id, name, f"{took * 1000:.0f} ms, {self._late[name]} times in a row"))
+        late = self._late[id, name] = self._late.get((id, name), 0) + 1 if took > LATE else 0
+        if late >= MISSES:
+            self._problems.append((id, name, f"{took * 1000:.0f} ms, {late} times in a row"))
 
 
 class _WatchedFollower:
@@ -104,18 +108,26 @@ class _WatchedFollower:
             self._judge(LATE_FOLLOWER, "follower", self._clock() - begun)
 
 
-def is_whole_input(sample: OperatorInput) -> bool:
-    """Whether a sample's numbers are finite and in range, and its requests and buttons are some."""
+def is_whole_input(answer: object) -> TypeGuard[OperatorInput]:
+    """Whether an input's answer is a sample, with numbers, buttons and requests in it."""
+    if not isinstance(answer, OperatorInput):
+        return False
+    numbers = (answer.speed, answer.steering, 0.0 if answer.age is None else answer.age)
+    flags = (answer.enabled, answer.neutral)
+    parts = ((answer.axes, (int, float)), (answer.buttons, bool), (flags, bool), (answer.requests, Request))
+    return (
+        all(isinstance(number, int | float) for number in numbers)
+        and all(isinstance(found, tuple) and all(isinstance(part, kind) for part in found) for found, kind in parts)
+        and isinstance(answer.source, str)
+    )
+
+
+def is_in_range(sample: OperatorInput) -> bool:
+    """Whether a sample's numbers are finite, and its axes between -1 and 1."""
     try:
-        numbers = (sample.speed, sample.steering, *(() if sample.age is None else (sample.age,)))
-        return (
-            all(isfinite(number) for number in numbers)
-            and all(-1.0 <= axis <= 1.0 for axis in sample.axes)
-            and all(isinstance(button, bool) for button in sample.buttons)
-            and all(isinstance(request, Request) for request in sample.requests)
-            and isinstance(sample.source, str)
-        )
-    except (TypeError, OverflowError):
+        numbers = (sample.speed, sample.steering, 0.0 if sample.age is None else sample.age)
+        return all(map(isfinite, numbers)) and all(-1.0 <= axis <= 1.0 for axis in sample.axes)
+    except OverflowError:  # a whole number too large for a float
         return False
 
 

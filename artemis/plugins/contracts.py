@@ -41,7 +41,11 @@ class InputDevice(Protocol):
     Config: ClassVar[type[Config]]
 
     def read(self, now: float) -> OperatorInput:
-        """The newest sample, at run time `now` [s]; its age counts from the sample's arrival. Never waits."""
+        """The newest sample, at run time `now` [s]; its age counts from the sample's arrival. Never waits.
+
+        Raises:
+            DeviceLost: the device is gone (unplugged); asked again at the next tick.
+        """
 
     def close(self) -> None:
         """Give the device back; harmless when repeated."""

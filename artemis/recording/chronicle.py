@@ -255,6 +255,16 @@ def meaning(code: int) -> str:
     return f"0x{code:04X} {ROWS[EMERGENCIES[code]].name}" if code in EMERGENCIES else f"0x{code:04X} unknown"
 
 
+def values_of(result: JobResult) -> str:
+    """What a job brought back, in words."""
+    match result.kind:
+        case JobKind.READ_HISTORY if result.ok:
+            return ", ".join(map(meaning, result.values)) or "empty"
+        case JobKind.CLEAR_TARGET if result.values:
+            return f"stale set-point {result.values[0]} cleared"
+    return ""
+
+
 def _fault(time: float, fault: Fault, sensed: Sensed) -> Entry:
     row = ROWS[fault.id]
     level = Level.ERROR if fault.severity >= Severity.CONTROLLED_STOP else Level.WARNING
@@ -263,7 +273,6 @@ def _fault(time: float, fault: Fault, sensed: Sensed) -> Entry:
         "device": fault.device,
         "severity": fault.severity.name,
         "recovery": "not in this run" if fault.final else row.recovery.kind.value,
-        "text": fault.text,
     }
     codes = [code for drive in sensed.drives if drive.name == fault.device for code in drive.emergencies]
     for code in codes:
@@ -314,8 +323,8 @@ def _jobs(tick: Tick) -> Iterator[Entry]:
     for result in tick.snapshot.sensed.results:
         outcome = "done" if result.ok else "failed"
         text = f"{result.kind.value} {result.drive}: {outcome}" + (f", {result.detail}" if result.detail else "")
-        if result.kind is JobKind.READ_HISTORY and result.ok:
-            text += ": " + (", ".join(map(meaning, result.values)) or "empty")
+        if told := values_of(result):
+            text += f": {told}"
         level = Level.INFO if result.ok else Level.WARNING
         data = {**_order(result), "ok": result.ok, "values": list(result.values)}
         if result.fault:

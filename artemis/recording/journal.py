@@ -81,7 +81,7 @@ class Journal:
         Raises:
             OSError: the disk refuses.
         """
-        line = _Line(self._sequence, entry.time, entry.kind, entry.level, entry.text, entry.data)
+        line = _Line(self._sequence, round(entry.time, 6), entry.kind, entry.level, entry.text, entry.data)
         self._sequence += 1
         content = msgspec.json.encode(line)[:-1]
         content += _CHECKSUM + b"%d}\n" % crc32(content)
@@ -141,7 +141,7 @@ def _checked(raw: bytes) -> _Line | None:
         return None
     try:
         return msgspec.json.decode(content + b"}", type=_Line)
-    except msgspec.DecodeError:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return None
 
 

@@ -111,9 +111,10 @@ class McapFile:
         record = _bytes(Metadata(name, content))
         self._metadata.append(MetadataIndex(offset=self._write(record), length=len(record), name=name))
 
-    def waiting(self, channel_id: int) -> int:
-        """Messages of a channel that are not in the file yet."""
-        return len(self._places.get(channel_id, ())) // 2
+    def first_waiting(self, channel_id: int) -> int | None:
+        """Sequence number of a channel's first message that is not in the file yet; None: all are."""
+        place = self._places.get(channel_id)
+        return None if place is None else int(_MESSAGE.unpack_from(self._chunk, place[1])[3])
 
     def flush(self) -> None:
         """Write everything, including the chunk that is not full yet."""

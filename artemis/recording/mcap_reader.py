@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -25,7 +26,8 @@ from pydantic import ValidationError
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
 from artemis.recording import schemas
-from artemis.recording.journal import Entry, Level
+from artemis.recording.journal import Entry, JournalContent, Level, read_journal
+from artemis.recording.provenance import Resumption
 from artemis.recording.schemas import TickRecord
 from artemis.values import Pose, Sensed
 from artemis.vehicle import Robot
@@ -34,8 +36,12 @@ _RECORD = struct.Struct("<BQ")
 """Kind and length of a record (MCAP specification, "Records")."""
 _MESSAGE = struct.Struct("<HIQ8x")
 """Channel, sequence and log time at the beginning of a message; the publishing time is the same."""
-_DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError)
-"""What a damaged file makes the mcap package raise (checksums: ValueError)."""
+_DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
+"""What a damaged file makes the mcap package raise (checksums: ValueError; absurd lengths: the last two)."""
+_NOT_UNDERSTOOD = (msgspec.DecodeError, ValueError, RecursionError)
+"""What bytes raise that are not the JSON that they should be (not UTF-8, an unknown value: ValueError)."""
+_PLACED = b'"reset_pose":true'
+"""In the record of the tick in which the odometry gets its origin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,11 +89,16 @@ class Recording:
         if "artemis" not in self._metadata or "robot.json" not in self.attachments:
             raise RecordingError(f"{self.path}: {damage or 'not written by artemis'}; nothing of a run can be read")
         self.versions = self._metadata["artemis"]
-        self._start = int(self.versions["start_ns"])
-        self.start = datetime.fromisoformat(self.versions["start"])
         end = self._metadata.get("end", {})
         self.outcome = end.get("outcome", "")
-        self.wall_duration = float(end["wall_s"]) if "wall_s" in end else None
+        try:
+            self._start = int(self.versions["start_ns"])
+            if self._start >> 64:
+                raise ValueError("start_ns does not fit 64 bits")
+            self.start = datetime.fromisoformat(self.versions["start"])
+            self.wall_duration = float(end["wall_s"]) if "wall_s" in end else None
+        except (KeyError, ValueError) as error:
+            raise RecordingError(f"{self.path}: {damage or 'damaged'}; its times cannot be read: {error!r}") from error
         self.missing = self._missing(damage)
 
     # ----------------------------------------------------------------------------------------------------- content
@@ -112,8 +123,8 @@ class Recording:
             RecordingError: it is damaged.
         """
         try:
-            return msgspec.json.decode(self.attachments["mission.json"], type=dict[str, Any])
-        except msgspec.DecodeError as error:
+            return msgspec.json.decode(self.attachments.get("mission.json", b""), type=dict[str, Any])
+        except _NOT_UNDERSTOOD as error:
             raise RecordingError(f"{self.path}: mission.json in it is damaged: {error}") from error
 
     @property
@@ -128,47 +139,112 @@ class Recording:
         Raises:
             RecordingError: a tick holds other values than this version of artemis knows.
         """
+        for sensed, tick in self._pairs():
+            yield self._decoded(sensed, tick)
+
+    def last_tick(self) -> RecordedTick | None:
+        """The last of them; None: there is none.
+
+        Raises:
+            RecordingError: as `ticks`.
+        """
+        pair = None
+        for pair in self._pairs():  # noqa: B007  (the last one is what counts)
+            pass
+        return self._decoded(*pair) if pair else None
+
+    def places_robot(self) -> bool:
+        """Whether the odometry got its origin in this run: before, its poses mean nothing."""
+        return any(_PLACED in message.data for message in self._messages("/tick"))
+
+    @cached_property
+    def resumption(self) -> Resumption | None:
+        """The run that this one goes on with.
+
+        Raises:
+            RecordingError: its description is damaged.
+        """
+        record = self.attachments.get("resumption.json")
+        try:
+            return msgspec.json.decode(record, type=Resumption) if record is not None else None
+        except _NOT_UNDERSTOOD as error:
+            raise RecordingError(f"{self.path}: resumption.json in it is damaged: {error}") from error
+
+    def frame_arrays(self) -> Iterator[tuple[int, NDArray[np.void]]]:
+        """The index of each tick with frames, and these as an array of dtype `schemas.FRAME_RECORD`.
+
+        Raises:
+            RecordingError: as `ticks` does.
+        """
+        for message in self._messages("/frames"):
+            with self._understanding(message):
+                packed = msgspec.json.decode(message.data, type=schemas.Frames)
+                array = schemas.frame_array(packed.data)
+            yield packed.tick, array
+
+    def frames(self) -> Iterator[tuple[int, list[tuple[bool, Frame]]]]:
+        """The index of each tick with frames, and these, each with "sent by us". Raises as `ticks` does."""
+        for index, array in self.frame_arrays():
+            yield index, schemas.unpack_frames(array.tobytes())
+
+    def entries(self) -> Iterator[Entry]:
+        """What happened: the log (the journal holds the same, with data for machines). Raises as `ticks` does."""
+        for message in self._messages("/log"):
+            with self._understanding(message):
+                line = msgspec.json.decode(message.data, type=schemas.Log)
+                level = Level(line.level)
+            time = (message.time_ns - self._start) / 1e9
+            yield Entry(time=time, kind=line.name, text=line.message, level=level)
+
+    @cached_property
+    def journal(self) -> JournalContent | None:
+        """The journal beside it; None where there is none that begins like this run."""
+        try:
+            content = read_journal(self.path.parent / "journal.jsonl")
+        except RecordingError:
+            return None
+        begun = content.entries[0].data.get("date") if content.entries else None
+        return content if begun == self.versions["start"] else None
+
+    def events(self) -> tuple[Entry, ...]:
+        """What happened, with data: the journal. Where that is lost, or less whole than the recording: the log."""
+        journal = self.journal
+        if journal is None or (journal.missing and not self.missing):
+            return tuple(self.entries())
+        return journal.entries
+
+    def true_poses(self) -> Iterator[tuple[float, Pose]]:
+        """Run time [s] and true pose (frame `odom`) of every tick that has one. Raises as `ticks` does."""
+        for tick in self.ticks():
+            if tick.record.true_pose is not None:
+                yield tick.record.time, tick.record.true_pose
+
+    def _pairs(self) -> Iterator[tuple[_Message, _Message]]:
+        """Both halves of every tick that has them."""
         sensed = None
         for message in self._messages("/sensed", "/tick"):
             if message.topic == "/sensed":
                 sensed = message
             elif sensed and sensed.sequence == message.sequence:
-                yield self._decoded(sensed, message)
-
-    def frame_arrays(self) -> Iterator[tuple[int, NDArray[np.void]]]:
-        """The index of each tick with frames, and these as an array of dtype `schemas.FRAME_RECORD`."""
-        for message in self._messages("/frames"):
-            packed = msgspec.json.decode(message.data, type=schemas.Frames)
-            yield packed.tick, schemas.frame_array(packed.data)
-
-    def frames(self) -> Iterator[tuple[int, list[tuple[bool, Frame]]]]:
-        """The index of each tick with frames, and these, each with "sent by us"."""
-        for index, array in self.frame_arrays():
-            yield index, schemas.unpack_frames(array.tobytes())
-
-    def entries(self) -> Iterator[Entry]:
-        """What happened: the log (the journal holds the same, with data for machines)."""
-        for message in self._messages("/log"):
-            line = msgspec.json.decode(message.data, type=schemas.Log)
-            time = (message.time_ns - self._start) / 1e9
-            yield Entry(time=time, kind=line.name, text=line.message, level=Level(line.level))
-
-    def true_poses(self) -> Iterator[tuple[float, Pose]]:
-        """Run time [s] and true pose (frame `odom`) of every tick that has one."""
-        for tick in self.ticks():
-            if tick.record.true_pose is not None:
-                yield tick.record.time, tick.record.true_pose
+                yield sensed, message
 
     def _decoded(self, sensed: _Message, tick: _Message) -> RecordedTick:
-        try:
+        with self._understanding(tick):
             return RecordedTick(
                 sensed=schemas.sensed_from_record(sensed.data),
                 record=schemas.tick_from_record(tick.data),
                 raw=tick.data,
             )
-        except msgspec.ValidationError as error:
+
+    @contextmanager
+    def _understanding(self, message: _Message) -> Iterator[None]:
+        """Turns what decoding a message raises into a RecordingError."""
+        try:
+            yield
+        except _NOT_UNDERSTOOD as error:
+            what = f"{message.topic.removeprefix('/')} {message.sequence}"
             version = self.versions.get("artemis", "?")
-            problem = f"tick {tick.sequence} is not understood ({error}); it was written by artemis {version}"
+            problem = f"{what} is not understood ({error}); it was written by artemis {version}"
             raise RecordingError(f"{self.path}: {problem}") from error
 
     # --------------------------------------------------------------------------------------------------- the file
@@ -210,6 +286,8 @@ class Recording:
             if opcode == Opcode.CHANNEL:
                 channel = Channel.read(ReadDataStream(BytesIO(content[start:end])))
                 self._topics[channel.id] = channel.topic
+            elif opcode == Opcode.MESSAGE and end - start < _MESSAGE.size:
+                raise ValueError(f"a message of {end - start} bytes")
 
     def _messages(self, *topics: str) -> Iterator[_Message]:
         """All messages of some topics, in the order written."""
@@ -250,5 +328,7 @@ def _records(content: bytes) -> Iterator[tuple[int, int, int]]:
     while offset < len(content):
         opcode, length = _RECORD.unpack_from(content, offset)
         offset += _RECORD.size
+        if offset + length > len(content):
+            raise ValueError("a record is longer than its chunk")
         yield opcode, offset, offset + length
         offset += length

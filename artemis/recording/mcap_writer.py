@@ -202,8 +202,9 @@ class Recorder:
                 action(*arguments)
             except OSError as error:
                 self._data_trouble = trouble(error, self._path)
-                waited = self._writer.waiting(self._channels["/sensed"])
-                self._lost.add(self._index - waited + 1, waited)
+                halves = [self._writer.first_waiting(self._channels[topic]) for topic in ("/sensed", "/tick")]
+                first = min((index for index in halves if index is not None), default=self._index + 1)
+                self._lost.add(first, self._index + 1 - first)
 
     def _write_entry(self, entry: Entry) -> None:
         self._keep(self._write_log, entry)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from importlib.metadata import version
 
+from artemis.recording.journal import Entry, Level
 from artemis.values import Pose
 
 
@@ -39,3 +41,17 @@ class Provenance:
     """Contents of every file that the mission names, by the name there."""
     resumption: Resumption | None = None
     """The run that is gone on with."""
+
+
+def first_entries(mission: str, robot: str, provenance: Provenance, warning: str | None) -> list[Entry]:
+    """How a journal begins: of what it is, and since when; which run goes on; what was wrong before the start."""
+    facts = {"mission": mission, "robot": robot, "artemis": version("artemis-robot")}
+    facts["date"] = provenance.start.isoformat()
+    entries = [Entry(time=0.0, kind="start", text=f"mission {mission}: {robot}", data=dict(facts))]
+    if (resumed := provenance.resumption) is not None:
+        pose = [resumed.pose.x, resumed.pose.y, resumed.pose.heading]
+        data = {"run": resumed.run, "step": resumed.step, "done": resumed.done, "pose": pose}
+        entries.append(Entry(time=0.0, kind="resume", text=f"goes on with {resumed.run}", data=data))
+    if warning:
+        entries.append(Entry(time=0.0, kind="warning", text=warning, level=Level.WARNING))
+    return entries

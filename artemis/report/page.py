@@ -10,9 +10,12 @@ from pathlib import Path
 from artemis.errors import RecordingError
 from artemis.recording.journal import Entry, Level
 from artemis.recording.mcap_reader import Recording
+from artemis.report.fault_words import explained, histories
 from artemis.report.series import read_series
 from artemis.report.summary import Summary, summary
 
+MAX_FAULTS = 20
+"""Rows of the table of faults."""
 MAX_ENTRIES = 300
 """Rows of the table of events; the journal holds all."""
 
@@ -70,11 +73,12 @@ def _page(facts: Summary, figures: Sequence[str], entries: Sequence[Entry], reco
     parts = [
         f"<h1>{escape(facts.mission or 'Run')}</h1>",
         f"<p>{escape(facts.robot)} · {facts.start:%Y-%m-%d %H:%M:%S} UTC · {escape(facts.result)}</p>",
+        f"<p>Goes on with {escape(facts.resumed)}.</p>" if facts.resumed else "",
         missing,
         '<div class="cards">',
         *(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for name, value in _cards(facts)),
         "</div>",
-        *(f'<p class="warning">{escape(fault)}</p>' for fault in facts.faults[:10]),
+        _faults_section(entries),
         *figures,
         "<h2>Summary</h2>",
         _table(("", ""), (("", (name, value)) for name, value in _rows(facts)), numbers=0),
@@ -89,6 +93,17 @@ def _page(facts: Summary, figures: Sequence[str], entries: Sequence[Entry], reco
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<style>\n{_STYLE}\n</style>\n</head>\n<body>\n" + "\n".join(filter(None, parts)) + "\n</body>\n</html>\n"
     )
+
+
+def _faults_section(entries: Sequence[Entry]) -> str:
+    """Every fault with what to look for and what comes next, and what the drives remember of theirs."""
+    rows = [("error", (what, advice, did, then, time)) for time, what, advice, did, then in explained(entries)]
+    if not rows:
+        return ""
+    table = _table(("fault", "look for", "artemis", "next", "run time [s]"), rows[:MAX_FAULTS], numbers=1)
+    more = f"<p>{len(rows) - MAX_FAULTS} more are among the events.</p>" if len(rows) > MAX_FAULTS else ""
+    told = "".join(f"<p>Error history of {escape(history)}</p>" for history in histories(entries))
+    return f"<h2>Faults</h2>\n{table}{more}{told}"
 
 
 def _cards(facts: Summary) -> list[tuple[str, str]]:

@@ -104,7 +104,7 @@ def read_series(recording: Recording) -> Series:
         steps=tuple(interval for interval in modes if interval.value in doing),
         drive_states={name: _intervals(time, states) for name, states in table.states.items()},
         paths=tuple(paths),
-        entries=tuple(recording.entries()),
+        entries=recording.events(),
         frames=frames,
         bus_time=bus_time,
         bus_load=bus_load,

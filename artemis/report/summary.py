@@ -52,6 +52,8 @@ class Summary:
     steps: tuple[Interval, ...]
     faults: tuple[str, ...]
     """Each fault as it came."""
+    resumed: str | None
+    """The run that this one goes on with."""
 
 
 def summary(recording: Recording, series: Series | None = None) -> Summary:
@@ -61,6 +63,7 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
     wall = recording.wall_duration
     rms, worst = _rms_and_max(run.cross_track)
     true_rms, true_worst = _rms_and_max(run.true_cross_track)
+    journal = recording.journal
     apart = np.hypot(*(run.estimated - run.true)[:, :2].T)
     known = apart[np.isfinite(apart)]
     return Summary(
@@ -68,7 +71,7 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         robot=recording.robot.robot,
         start=recording.start,
         result=_result(recording, run),
-        missing=recording.missing,
+        missing="; ".join(filter(None, (recording.missing, journal.missing if journal else None))) or None,
         ticks=len(run.time),
         duration=duration,
         wall_duration=wall,
@@ -88,12 +91,14 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         max_late=_largest(run.late),
         steps=run.steps,
         faults=tuple(entry.text for entry in run.entries if entry.kind == "fault"),
+        resumed=recording.resumption.run if recording.resumption else None,
     )
 
 
 def _result(recording: Recording, run: Series) -> str:
-    if recording.outcome:
-        return recording.outcome
+    ends = [entry.text for entry in run.entries if entry.kind == "end"]  # a recording may end before the run does
+    if outcome := recording.outcome or "".join(ends[-1:]):
+        return outcome
     if run.finished:
         return "ended in order"
     mode = run.modes[-1].value if run.modes else "the beginning"

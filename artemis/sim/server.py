@@ -18,7 +18,7 @@ from artemis.errors import DeviceBusy
 from artemis.sim.bus import RESOLUTION, Surroundings
 from artemis.sim.wire import frame_bits
 
-PERIOD = 2e-3
+PERIOD = 4e-3
 """The world moves, and the bus is looked at, at least this often [s]."""
 
 LONGEST_GAP = 0.1

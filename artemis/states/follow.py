@@ -15,6 +15,8 @@ START_DISTANCE, START_ANGLE = 1.0, math.radians(60)
 """A path is not begun from further away or more askew than this [m, rad] (PTH-05)."""
 ARMING_WAY, CONVERGENCE_WAY = 1.0, 5.0
 """The limit of the cross-track error counts once it was kept for the first way [m], at the latest after the second."""
+AT_END, OVERRUN = 0.01, 0.2
+"""So close to its end [m] the path is over; a follower must not drive on for more than the second [m] (PTH-08)."""
 
 
 class FollowMode:
@@ -28,11 +30,12 @@ class FollowMode:
         self._origin: float | None = None
         self._outside = 0.0
         self._armed = False
+        self._over: float | None = None
 
     def enter(self, snapshot: Snapshot) -> None:
         """Start the follower on what is left of the path, unless it is on its way already."""
         step = self._plan.current
-        self._fault, self._origin, self._armed = None, None, False
+        self._fault, self._origin, self._armed, self._over = None, None, False, None
         if isinstance(step, FollowStep) and step is not self._begun:
             rest = step.path.rest(self._plan.done)
             self._driven = step.path.length - rest.length
@@ -59,6 +62,8 @@ class FollowMode:
             if snapshot.standing:
                 self._plan.advance()
             return _stand(snapshot, event=Event.DONE if snapshot.standing else None, tracking=tracking)
+        if fault := self._overrun(tracking, snapshot.odometry.distance):
+            return _stand(snapshot, fault=fault, tracking=tracking)
         return Wish(
             command=following.command,
             traction=Goal.ENABLED,
@@ -85,6 +90,15 @@ class FollowMode:
         within, way = tracking.arc_length - self._outside, tracking.arc_length - self._origin
         self._armed = self._armed or within >= ARMING_WAY or way >= CONVERGENCE_WAY
         return catalogue.fault("PTH-06", "", _seen(tracking)) if self._armed and away > limit else None
+
+    def _overrun(self, tracking: Tracking, distance: float) -> Fault | None:
+        """Driven on after the end; `distance`: way of the robot [m]."""
+        if tracking.length - tracking.arc_length > AT_END:
+            self._over = None
+            return None
+        self._over = distance if self._over is None else self._over
+        beyond = abs(distance - self._over)
+        return catalogue.fault("PTH-08", "", f"{beyond:.2f} m beyond the end") if beyond > OVERRUN else None
 
     def _ask(self, step: FollowStep, snapshot: Snapshot) -> Following | Fault:
         try:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from artemis.states.alignment import align
 from artemis.states.mode import OFF, ON, Routine, RoutineMode, fail, finish_jobs, secure
 from artemis.supervision import catalogue
+from artemis.supervision.supervisor import LOST_HEARTBEAT
 from artemis.values import DriveFeedback, DriveState, Event, Goal, JobKind, Nmt, Request, Snapshot, Wish
 
 LISTEN = 0.3
@@ -17,8 +18,6 @@ ANSWER_TIME = 1.5
 HEARTBEATS = 5
 """Ticks with our heartbeat before it is withheld: a drive begins to watch with the first it hears."""
 NO_ANSWER = "COM-08"
-LOST_HEARTBEAT = 0x8130
-"""EMCY code of a drive that misses our heartbeat (CiA 301)."""
 
 SILENT = Wish(heartbeat=False, exchange=False, supervised=False)
 WAKING = Wish(supervised=False, phase="first contact")
@@ -96,6 +95,7 @@ class InitMode(RoutineMode):
                 return snapshot
             if snapshot.time > latest:
                 seen = f"{problem}; state {waiting[0].state.value}"
+                id = "COM-01" if waiting[0].state is DriveState.FAULT else id
                 return (yield from fail(SILENT, catalogue.fault(id, waiting[0].name, seen)))
 
 

@@ -201,21 +201,23 @@ ROLLING_TIME = 10.0
 def come_to_rest(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
     """Yield `wish` until the robot stands; traction is off at the latest after the plan's stop time.
 
-    Steering holds for longer: a robot that rolls without power shall not turn on its own. It ends sooner where no
-    drive is heard any more. What stood a moment ago may just have begun to move: standing counts after a while.
+    Steering holds for longer: a robot that rolls without power shall not turn on its own. It ends sooner where a
+    driven wheel is not heard any more. What stood a moment ago may just have begun to move: standing counts after a
+    while.
     """
     begun = snapshot.time
     while True:
         passed = snapshot.time - begun
-        limit = ROLLING_TIME if _is_heard(snapshot) else plan.stop_time
+        limit = ROLLING_TIME if _is_heard(plan, snapshot) else plan.stop_time
         if passed >= limit or (snapshot.standing and passed >= STANDING_TIME):
             return snapshot
         snapshot = yield wish if passed < plan.stop_time else replace(wish, traction=Goal.DISABLED)
 
 
-def _is_heard(snapshot: Snapshot) -> bool:
-    """Whether any drive still sends feedback."""
-    return any(drive.age is not None and drive.age < HEARD for drive in snapshot.sensed.drives)
+def _is_heard(plan: Plan, snapshot: Snapshot) -> bool:
+    """Whether the driven wheels still tell how they roll."""
+    driven = plan.drives("traction")
+    return all(d.age is not None and d.age < HEARD for d in snapshot.sensed.drives if d.name in driven)
 
 
 HEARD = 0.5

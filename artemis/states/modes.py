@@ -45,7 +45,7 @@ class Modes:
         """Change the mode by the most urgent event that the present one expects; `wished`: what the mode asked for."""
         verdict, requests = snapshot.verdict, snapshot.sensed.requests
         stop_at = Severity.QUICK_STOP if self.mode is Mode.QUICKSTOP else Severity.CONTROLLED_STOP
-        self._ending = self._ending or Request.END in requests
+        self._ending = self._ending or Request.END in requests or wished is Event.END
         self._plan.held = self._plan.held or Request.QUICKSTOP in requests
         for event in (
             Event.FAULT if verdict.to_fault else None,
@@ -55,7 +55,7 @@ class Modes:
             wished,
         ):
             if event is not None and self._machine.fire(event):
-                if event is Event.END and self._plan.current is not None:
+                if event is Event.END and (self._plan.current is not None or verdict.stops):
                     self._plan.failed = True
                 self._stopped_for = verdict.severity if self.mode is Mode.QUICKSTOP else Severity.NONE
                 self._logic[self.mode].enter(snapshot)

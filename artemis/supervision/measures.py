@@ -20,6 +20,8 @@ FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED, DriveState
 UNDER_VOLTAGE = 0x3220
 TOGETHER = 0.04
 """Drives that lose their supply within this time [s] lost it for one reason."""
+PRODUCER = 0x700
+"""Identifier of a heartbeat, less the node's (CiA 301 7.3.3)."""
 HAND = 1.2
 """No hand moves an axis (-1 to 1) this far between two reports."""
 
@@ -110,9 +112,11 @@ class DriveMeasures:
 class HostMeasures:
     """The bus, the schedule, the drives' messages and the inputs: watched at all times."""
 
-    def __init__(self) -> None:
+    def __init__(self, host_node_id: int) -> None:
+        self._heartbeat = PRODUCER + host_node_id
         self._malformed, self._stray, self._emergencies = Rate(1.0), Rate(1.0), Rate(1.0)
-        self._errors, self._supply, self._jumps = Rate(0.1), Rate(TOGETHER), Rate(0.5)
+        self._errors, self._jumps = Rate(0.1), Rate(0.5)
+        self._supply_lost: dict[str, float] = {}
         self._last_beat: float | None = None
         self._axes: dict[str, tuple[float, ...]] = {}
 
@@ -122,7 +126,11 @@ class HostMeasures:
         if not sensed.urgent:
             yield from self._schedule(sensed, last)
         if bus.foreign:
-            yield "COM-17", "", 1.0, ", ".join(f"0x{identifier:03X}" for identifier in bus.foreign[:4])
+            id = "COM-18" if self._heartbeat in bus.foreign else "COM-17"
+            yield id, "", 1.0, ", ".join(f"0x{identifier:03X}" for identifier in bus.foreign[:4])
+        malformed = self._malformed.count("", sum(drive.malformed for drive in sensed.drives), now)
+        if malformed:
+            yield "COM-14", "", float(malformed), f"{malformed} in a second"
         if bus.refused:
             yield "COM-25", "", float(bus.refused), ""
         for reason in bus.blocked:
@@ -131,6 +139,8 @@ class HostMeasures:
             yield "COM-20", "", float(errors), f"{errors} error frames"
         for drive in sensed.drives:
             yield from self._messages(drive, now)
+        if lost := sum(time > now - TOGETHER for time in self._supply_lost.values()):
+            yield "EST-01", "", float(lost), f"{lost} drives"
         for sample in sensed.inputs:
             yield from self._input(sample, now)
 
@@ -145,16 +155,14 @@ class HostMeasures:
 
     def _messages(self, drive: DriveFeedback, now: float) -> Iterator[Reading]:
         name = drive.name
-        if malformed := self._malformed.count(name, drive.malformed, now):
-            yield "COM-14", name, float(malformed), f"{malformed} in a second"
         if stray := self._stray.count(name, drive.stray, now):
             yield "COM-19", name, float(stray), f"{stray} answers too many in a second"
             if drive.stray:
                 yield "COM-09", name, 1.0, ""
         if number := self._emergencies.count(name, len(drive.emergencies), now):
             yield "DRV-33", name, float(number), f"{number} in a second"
-        if lost := self._supply.count("", drive.emergencies.count(UNDER_VOLTAGE), now):
-            yield "EST-01", "", float(lost), f"{lost} drives"
+        if UNDER_VOLTAGE in drive.emergencies:
+            self._supply_lost[name] = now
 
     def _input(self, sample: OperatorInput, now: float) -> Iterator[Reading]:
         before = self._axes.get(sample.source, sample.axes)

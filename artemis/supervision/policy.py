@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 from artemis.supervision.catalogue import ROWS
-from artemis.supervision.catalogue.row import SHORT, Found, Kind, Row, Stage
+from artemis.supervision.catalogue.row import SHORT, Found, Kind, Row
 from artemis.values import Severity
 
 LONG = {short: severity for severity, short in SHORT.items()}
@@ -60,13 +60,10 @@ def stricter(policies: Policies) -> dict[str, Row]:
 
 
 def _stricter(row: Row, policy: Policy) -> Row:
-    severity = row.severity if policy.reaction is None else policy.reaction
-    stages = row.stages
-    if stages:
-        last = stages[-1]
-        hold = last.hold if policy.after_s is None else policy.after_s
-        stages = (*stages[:-1], Stage(max(last.severity, severity), last.over, hold))
-    recovery = row.recovery
-    if recovery.kind is Kind.AUTOMATIC and policy.retries is not None:
-        recovery = recovery._replace(times=policy.retries)
-    return row._replace(severity=severity, stages=stages, recovery=recovery)
+    if policy.reaction is not None:
+        row = row._replace(severity=policy.reaction)
+    if policy.after_s is not None:
+        row = row._replace(stages=(*row.stages[:-1], row.stages[-1]._replace(hold=policy.after_s)))
+    if policy.retries is not None:
+        row = row._replace(recovery=row.recovery._replace(times=policy.retries))
+    return row

@@ -11,7 +11,7 @@ from artemis.supervision.catalogue.row import Kind, Row
 from artemis.supervision.measures import DriveMeasures, HostMeasures, Reading
 from artemis.supervision.policy import Policies, stricter
 from artemis.supervision.wheels import Wheels
-from artemis.values import Fault, Mode, Request, Sensed, SetPoints, Severity, Verdict, Wish
+from artemis.values import Action, Fault, Mode, Request, Sensed, SetPoints, Severity, Verdict, Wish
 from artemis.vehicle import Robot
 
 STANDING = 0.01
@@ -20,10 +20,18 @@ ALL_RECOVERIES = 5
 """Automatic recoveries in a run; then a person is needed."""
 ACKNOWLEDGE_AGAIN = 2.0
 """A stuck button acknowledges once in this time [s]."""
+LOST_HEARTBEAT = 0x8130
+"""EMCY code of a drive that misses our heartbeat (CiA 301)."""
 NO_SLOWER = "RUN-03"
 _ADAPTER_LOST = "COM-22"
 _STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
 _SILENT = Verdict()
+_STOPS_BY = {
+    Action.RUN: Severity.CONTROLLED_STOP,
+    Action.QUICKSTOP: Severity.QUICK_STOP,
+    Action.DISABLE: Severity.OFF,
+}
+"""How a robot comes to rest that shall, by how it was commanded."""
 
 
 @dataclass(slots=True)
@@ -41,7 +49,11 @@ class Supervisor:
         policies = policies or {}
         self._rows: Mapping[str, Row] = stricter(policies)
         self._resumes = {id for id, policy in policies.items() if policy.resume == "continue"}
-        self._drives, self._host, self._wheels = DriveMeasures(robot, tick), HostMeasures(), Wheels(robot, tick)
+        self._drives, self._host, self._wheels = (
+            DriveMeasures(robot, tick),
+            HostMeasures(robot.host_node_id),
+            Wheels(robot, tick),
+        )
         self._above: dict[tuple[str, str, int], float] = {}
         self._latched: dict[tuple[str, str], _Latched] = {}
         self._occurred: dict[tuple[str, str], list[float]] = {}
@@ -65,25 +77,22 @@ class Supervisor:
     # ------------------------------------------------------------------------------------------ finding
 
     def _emergencies(self, sensed: Sensed, last: Wish) -> Iterator[Fault]:
-        if last.supervised:
+        """Of drives that exchange process data; in bring-up and release a lost heartbeat is no news."""
+        if last.exchange:
             for drive in sensed.drives:
                 for code in drive.emergencies:
-                    if code:  # code 0: all errors cleared
+                    if code and (last.supervised or code != LOST_HEARTBEAT):
                         yield catalogue.emergency(drive.name, code)
 
     def _measured(self, sensed: Sensed, last: Wish, points: SetPoints) -> list[Fault]:
         """The faults among the readings: what is above its limit for long enough."""
+        self._now, self._stops_by = sensed.time, _STOPS_BY[last.command.action]
         above: dict[tuple[str, str, int], float] = {}
         found = [fault for reading in self._readings(sensed, last, points) for fault in self._rise(reading, above)]
-        if above or self._above:
-            now = sensed.time
-            before, self._above = self._above, {key: self._above.get(key, now) for key in above}
-            if sensed.urgent:  # the motion is not looked at between two ticks
-                self._above = {**before, **self._above}
+        self._above = {**self._above, **above} if sensed.urgent else above  # between two ticks not all is measured
         return found
 
     def _readings(self, sensed: Sensed, last: Wish, points: SetPoints) -> Iterator[Reading]:
-        self._now = sensed.time
         yield from self._host.read(sensed, last)
         if any(fault.id == _ADAPTER_LOST for fault in sensed.faults):
             return  # of the drives nothing can be known
@@ -110,9 +119,9 @@ class Supervisor:
 
     def _escalated(self, seen: str) -> Fault:
         """The robot does not slow down as it should: one step further each time, S2 -> S1 -> S0 -> alarm."""
-        stops_by = max(self._verdict.severity, self._level, Severity.CONTROLLED_STOP)
+        stops_by = max(self._verdict.severity, self._level, self._stops_by)
         self._alarm = self._alarm or stops_by is Severity.OFF
-        self._level = min(Severity(stops_by + 1), Severity.OFF) if stops_by < Severity.OFF else Severity.OFF
+        self._level = Severity(min(stops_by + 1, Severity.OFF))
         self._wheels.plan_from_here()
         return replace(catalogue.fault(NO_SLOWER, "", seen), severity=self._level)
 
@@ -133,10 +142,11 @@ class Supervisor:
 
     def _is_final(self, key: tuple[str, str], row: Row, now: float) -> bool:
         """Whether this occurrence is one too many for the run."""
+        if not row.recovery.final:
+            return row.recovery.kind is Kind.NEVER
         occurred = self._occurred.setdefault(key, [])
         occurred.append(now)
-        recent = sum(time > now - row.recovery.window for time in occurred)
-        return row.recovery.kind is Kind.NEVER or 0 < row.recovery.final <= recent
+        return sum(time > now - row.recovery.window for time in occurred) >= row.recovery.final
 
     def _forget(self, sensed: Sensed, mode: Mode) -> None:
         """Drop what is over: by itself, by an acknowledgment, or automatically."""

@@ -26,6 +26,9 @@ RELATIVE = 0.2
 """A runaway is faster than commanded by this part, or by the row's limit if that is more."""
 PUSHED, MOVING, FAST, STILL = 0.02, 0.05, 0.1, 0.03
 """Rolling speeds [m/s]: worth a look, moving, clearly moving, not moving."""
+ASTRAY = 0.2
+"""Distance from the path that is worth a look [m]."""
+_POWERED = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
 PROGRESS = 0.01
 """A robot on its way along a path gets further by this [m] within the row's time."""
 
@@ -125,12 +128,13 @@ class Wheels:
     def _traction(self, drives: list[DriveFeedback], last: Wish, stops: bool) -> Iterator[Reading]:
         if self.speed <= PUSHED and self._planned <= PUSHED:
             return
-        excess = self.speed - self._planned
-        if self._planned == 0.0 and self.speed > MOVING:
-            yield "RUN-02", "", self.speed, f"{self.speed:.2f} m/s"
+        scrub = self._car.scrub_radius * max(abs(drive.velocity) for drive in drives[2:])
+        if self._planned == 0.0 and self.speed - scrub > MOVING:  # wheels that are steered at standstill roll
+            yield "RUN-02", "", self.speed - scrub, f"{self.speed:.2f} m/s"
         if stops or not self._driven:
+            excess = self._braked_speed(drives) - self._planned
             if excess > MOVING and (self._driven or self._braking):
-                yield "RUN-03", "", excess, f"{self.speed:.2f} m/s, {self._planned:.2f} planned"
+                yield "RUN-03", "", excess, f"{excess + self._planned:.2f} m/s, {self._planned:.2f} planned"
             return
         for side, (drive, speed) in enumerate(zip(drives[:2], self._speeds, strict=True), 1):
             asked = [moment[side] for moment in self._asked]
@@ -144,8 +148,13 @@ class Wheels:
         if last.traction is Goal.ENABLED and on[0] is not on[1] and self.speed > MOVING:
             yield "RUN-06", drives[on.index(True)].name, 1.0, ""
 
+    def _braked_speed(self, drives: list[DriveFeedback]) -> float:
+        """Of the faster wheel that has a drive to brake it [m/s]; one without rolls until friction stops it."""
+        braked = [abs(v) for drive, v in zip(drives[:2], self._speeds, strict=True) if drive.state in _POWERED]
+        return max(braked, default=self.speed)
+
     def _slip(self, drives: list[DriveFeedback]) -> Iterator[Reading]:
-        if self.speed <= FAST:
+        if self.speed <= FAST or not self._driven:
             return
         rates = drives[2].velocity, drives[3].velocity
         steering = self._car.steering_from_wheel_angles(drives[2].position, drives[3].position)
@@ -212,9 +221,12 @@ class Wheels:
             beyond = max(abs(command.speed) / limits.speed_m_s, reach) - 1.0
             if beyond > 0.0:
                 yield "RUN-12", "", beyond, f"{command.speed:+.2f} m/s, {degrees(command.steering):+.0f} degrees"
-        if last.tracking is None or abs(command.speed) < MOVING:
+        tracking = last.tracking
+        if tracking is not None and abs(tracking.cross_track) > ASTRAY:
+            yield "PTH-06", "", abs(tracking.cross_track), f"{tracking.cross_track:+.2f} m"
+        if tracking is None or abs(command.speed) < MOVING:
             self._mark = None
-        elif self._mark is None or abs(last.tracking.arc_length - self._mark) > PROGRESS:
-            self._mark = last.tracking.arc_length
+        elif self._mark is None or abs(tracking.arc_length - self._mark) > PROGRESS:
+            self._mark = tracking.arc_length
         else:
             yield "PTH-07", "", 1.0, f"at {self._mark:.2f} m"

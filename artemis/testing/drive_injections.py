@@ -181,7 +181,7 @@ def _emcy_codes(codes: tuple[int, ...]) -> type[Emergency]:
 
     def check(code: int) -> int:
         if code not in codes:
-            raise ValueError(f"expected {' or '.join(f'0x{known:04X}' for known in codes)}")
+            raise ValueError(f"expected {' or '.join(f'0x{known:04X}' for known in codes)}, found 0x{code:04X}")
         return code
 
     return create_model("Emergency", __base__=Emergency, code=(Annotated[int, AfterValidator(check)], codes[0]))

@@ -16,9 +16,8 @@ from artemis.devices.can_bus import Frame, FrameBus
 from artemis.errors import DeviceError, DeviceLost
 
 EVERYTHING, PROCESS_DATA = range(0x800), range(0x180, 0x580)
-TX_PDO_1, TX_PDO_2, RX_PDO_1, RX_PDO_2 = (range(first, first + 0x80) for first in (0x180, 0x280, 0x200, 0x300))
-EMERGENCIES, SDO_ANSWERS, HEARTBEATS = range(0x081, 0x100), range(0x580, 0x600), range(0x700, 0x780)
-"""Identifiers of the predefined connection set (CiA 301 7.3.3), for `Rule.ids`."""
+TX_PDO_1, RX_PDO_1 = range(0x180, 0x200), range(0x200, 0x280)
+"""Identifiers of the predefined connection set (CiA 301 7.3.3), for `Rule.ids`: what a drive tells, and is told."""
 
 
 class Direction(Enum):
@@ -188,13 +187,6 @@ class FaultBus:
         with suppress(DeviceError):
             self._bus.receive()
         self._lost = None
-
-    def heal(self) -> None:
-        """End everything that was asked for; frames that are late still come."""
-        self._rules.clear()
-        self._send_errors = self._receive_errors = iter(())
-        if self._lost is not None:
-            self.restore()
 
     # ------------------------------------------------------------------------------------------ what becomes of a frame
 

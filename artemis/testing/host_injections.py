@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import signal
 from collections.abc import Callable
@@ -80,6 +81,12 @@ class Stall(Config):
     """How long the computer does nothing."""
 
     seconds: Positive = 1.0
+
+
+class Files(Lasting):
+    """Which files cannot be written."""
+
+    files: Literal["recording", "journal", "both"] = "recording"
 
 
 class Presses(Config):
@@ -214,6 +221,16 @@ def _have_a_bug(stage: Stage, node: str | None, _: Nothing) -> None:
     stage.loop.call_soon(fail)
 
 
+def _refuse_to_write(error: int) -> Callable[[Stage, str | None, Files], Undo]:
+    def refuse(stage: Stage, node: str | None, p: Files) -> Undo:
+        if stage.disk is None:
+            raise ValueError("needs a run that is recorded on a disk which can fail")
+        stage.disk.fail("" if p.files == "both" else p.files, error)  # the beginning of their names
+        return stage.disk.heal
+
+    return refuse
+
+
 def _send_signal(stage: Stage, node: str | None, p: Signal) -> None:
     signal.raise_signal(signal.Signals[p.signal])
 
@@ -249,6 +266,8 @@ HOST_INJECTIONS: dict[str, Injection] = {
     "SYS-04": Injection("the program fails", _have_a_bug),
     "SYS-05": Injection("the process is asked to end", _send_signal, parameters=Signal),
     "SYS-07": _stalls("the process is stopped and goes on", 1.0),
+    "DSK-02": Injection("the disk is full", _refuse_to_write(errno.ENOSPC), parameters=Files),
+    "DSK-05": Injection("the disk fails", _refuse_to_write(errno.EIO), parameters=Files),
     "OPR-01": Injection("the operator acknowledges", _acknowledge),
     "OPR-02": Injection("the operator acknowledges on and on", _acknowledge_on_and_on, parameters=Presses),
 }

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
+from artemis.devices.can_bus import FrameBus
+from artemis.plugins.contracts import InputDevice
+from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry
+from artemis.sim.world import World
 from artemis.states.mode import FollowStep, Step
-from artemis.testing.bad_plugins import BadFollower, FollowerBehaviour
+from artemis.testing.bad_plugins import BadFollower, BadInput, FollowerBehaviour
 from artemis.testing.bus_injections import BUS_INJECTIONS
 from artemis.testing.drive_injections import DRIVE_INJECTIONS
+from artemis.testing.failing_disk import FailingDisk
+from artemis.testing.fault_bus import FaultBus
 from artemis.testing.host_injections import HOST_INJECTIONS
 from artemis.testing.motion_injections import MOTION_INJECTIONS
 from artemis.testing.stage import Injection, Stage, Undo
+from artemis.values import Request
+from artemis.vehicle import Robot
 
 INJECTIONS: dict[str, Injection] = dict(
     sorted({**DRIVE_INJECTIONS, **BUS_INJECTIONS, **MOTION_INJECTIONS, **HOST_INJECTIONS}.items())
@@ -51,7 +60,8 @@ NOT_INJECTED: dict[str, str] = {
     "SYS-06": _PROCESS,
     "SYS-08": _PROCESS,
     "SYS-11": "no common way to read a computer's temperature",
-    **dict.fromkeys(("DSK-01", "DSK-02", "DSK-03", "DSK-05"), "needs a disk that fails; the run's is the computer's"),
+    "DSK-01": "is looked for before a run",
+    "DSK-03": "in virtual time a recording waits for its disk, however slow",
     "DSK-04": "is found when a journal is read",
     "EST-02": "needs an input pair",
     "OPR-03": "happens by itself when nobody acts",
@@ -96,6 +106,29 @@ class Order(Protocol):
     @property
     def options(self) -> Mapping[str, Any]:
         """Parameters of the row."""
+
+
+def stage_of(
+    robot: Robot,
+    world: World,
+    bus: FrameBus,
+    inputs: dict[str, InputDevice],
+    disk: Disk,
+    request: Callable[[Request], None],
+) -> Stage:
+    """The stage of a run that is about to begin on the running loop; its inputs are wrapped where they lie."""
+    assert isinstance(bus, FaultBus)
+    bad = {name: BadInput(device) for name, device in inputs.items()}
+    inputs.update(bad)
+    return Stage(
+        robot=robot,
+        world=world,
+        bus=bus,
+        loop=asyncio.get_running_loop(),
+        inputs=bad,
+        disk=disk if isinstance(disk, FailingDisk) else None,
+        request=request,
+    )
 
 
 def schedule(stage: Stage, orders: Iterable[Order], note: Callable[[Entry], None]) -> None:

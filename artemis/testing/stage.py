@@ -14,6 +14,7 @@ from artemis.config import Config
 from artemis.sim.epos import SimEpos
 from artemis.sim.world import World
 from artemis.testing.bad_plugins import BadFollower, BadInput, FollowerBehaviour
+from artemis.testing.failing_disk import FailingDisk
 from artemis.testing.fault_bus import FaultBus, Rule
 from artemis.values import Nmt, Request
 from artemis.vehicle import Robot
@@ -34,6 +35,8 @@ class Stage:
     loop: asyncio.AbstractEventLoop
     inputs: Mapping[str, BadInput] = field(default_factory=dict)
     followers: Sequence[BadFollower] = ()
+    disk: FailingDisk | None = None
+    """What the run is recorded on."""
     request: Callable[[Request], None] = lambda request: None
     """Where an operator's requests go."""
 

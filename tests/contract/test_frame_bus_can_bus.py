@@ -8,6 +8,7 @@ import os
 import socket
 import threading
 from collections.abc import Callable, Coroutine
+from datetime import UTC, datetime
 from typing import Any
 
 import can
@@ -15,6 +16,7 @@ import pytest
 from can.interfaces import BACKENDS
 from frame_bus_suite import PATIENCE, arrived, bare
 
+from artemis import clock
 from artemis.clock import run
 from artemis.devices.can_bus import CanBus, Frame, check_bus_words
 from artemis.errors import ConfigError, DeviceBusy, DeviceError, DeviceLost
@@ -332,6 +334,29 @@ def test_own_frame_that_got_lost_does_not_swallow_an_equal_one_later(install: In
         await asyncio.sleep(1.1)
         globals()["installed"].script.append(message(0x601, b"\1"))
         assert bare(bus.receive()) == [Frame(0x601, b"\1")]
+        bus.close()
+
+    run(main(), simulated=True)
+
+
+@pytest.mark.parametrize(("clock_set", "time"), [(0.0, 0.9), (3600.0, 0.5), (-3600.0, 1.0)])
+def test_frame_bears_the_time_at_which_the_kernel_took_it_in_whoever_sets_the_clock(
+    install: Install, monkeypatch: pytest.MonkeyPatch, clock_set: float, time: float
+) -> None:
+    epoch = 1.7e9
+
+    async def main() -> None:
+        now = asyncio.get_running_loop().time
+        bus = CanBus(install("socketcan", WithDescriptor, readable=False))
+        await asyncio.sleep(0.5)
+        assert bus.receive() == []
+        await asyncio.sleep(0.5)
+        late = message(0x181)
+        late.timestamp = epoch + 0.9
+        globals()["installed"].script.append(late)
+        monkeypatch.setattr(clock, "wall_date", lambda: datetime.fromtimestamp(epoch + now() + clock_set, UTC))
+        (frame,) = bus.receive()
+        assert frame.time == pytest.approx(time, abs=1e-5)
         bus.close()
 
     run(main(), simulated=True)

@@ -30,6 +30,8 @@ from artemis.plugins.registry import CONTRACTS as PLUGIN_CONTRACTS
 from artemis.plugins.registry import INPUTS, _breaches, load
 from artemis.sim.world import TrueRobot
 from artemis.states.machine import mermaid
+from artemis.testing.injections import INJECTIONS, NOT_INJECTED
+from artemis.testing.stage import Needs
 from artemis.values import OperatorInput, Request
 
 ROOT = Path(__file__).parents[2]
@@ -191,10 +193,26 @@ def test_every_key_of_a_file_is_in_the_docs(model: type[BaseModel]) -> None:
     assert keys - named == set()
 
 
-def test_plugin_of_the_docs_works(tmp_path: Path) -> None:
-    (block,) = (block for block in BLOCKS if block.kind == "python")
+def names_in_the_program_of(page: str) -> dict[str, Any]:
+    """What the only Python block of a page defines."""
+    (block,) = (block for block in BLOCKS if block.kind == "python" and relative(block.page) == page)
     names: dict[str, Any] = {"__name__": "my_package"}
     exec(compile(block.text, str(block), "exec"), names)
+    return names
+
+
+def test_every_program_of_the_docs_is_tried() -> None:
+    pages = [relative(block.page) for block in BLOCKS if block.kind == "python"]
+    assert sorted(pages) == ["docs/plugins.md", "docs/testing.md"]
+
+
+def test_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    names_in_the_program_of("docs/testing.md")["test_mute_drive_is_noticed"]()
+
+
+def test_plugin_of_the_docs_works(tmp_path: Path) -> None:
+    names = names_in_the_program_of("docs/plugins.md")
     plugin = names["StraightInput"]
     assert _breaches(plugin, PLUGIN_CONTRACTS[INPUTS]) == []
     robot = load_mission(ROOT / "missions" / "figure_eight.yaml").robot
@@ -250,6 +268,29 @@ def test_mode_diagram_is_the_table_that_runs() -> None:
 
 def test_fault_table_is_the_catalogue() -> None:
     assert between("docs/faults.md", "faults") == faults.page()
+
+
+def test_injection_table_is_the_code() -> None:
+    rows = ["| fault | what happens | to | parameters (defaults) |\n|---|---|---|---|\n"]
+    for id, injection in INJECTIONS.items():
+        fields = injection.parameters.model_fields.items()
+        parameters = ", ".join(parameter(name, field.get_default()) for name, field in fields) or "-"
+        where = "-" if injection.needs is Needs.NOTHING else injection.needs.value
+        rows.append(f"| {id} | {injection.text} | {where} | {parameters} |\n")
+    reasons: dict[str, list[str]] = {}
+    for id, reason in NOT_INJECTED.items():
+        reasons.setdefault(reason, []).append(id)
+    rows.append("\n| fault | why it cannot be injected |\n|---|---|\n")
+    rows += [f"| {', '.join(ids)} | {reason} |\n" for reason, ids in reasons.items()]
+    assert between("docs/testing.md", "injections") == "".join(rows)
+
+
+def parameter(name: str, default: object) -> str:
+    if default is None:
+        return f"`{name}`"
+    if isinstance(default, int) and name in ("code", "index", "statusword"):
+        return f"`{name}` (0x{default:0{4 if default < 0x10000 else 8}X})"
+    return f"`{name}` ({str(default).lower() if isinstance(default, bool) else default})"
 
 
 def test_decisions_are_numbered_and_have_their_parts() -> None:

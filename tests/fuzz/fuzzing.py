@@ -108,7 +108,8 @@ def _part(data: bytes, random: Random) -> bytes:
 
 _WORDS = re.compile(r"\n *|[ \t]+|[\w.]+|.", re.DOTALL)
 _TOKENS = (
-    *": - [ ] { } [] {} , & * &a *a &b *b <<: ? | > |- >+ ! !!int !!float !!python/object:os.system ' \" # --- ...".split(),
+    *": - [ ] { } [] {} , & * &a *a &b *b <<: ? | > |- >+ ! !!int !!float !!python/object:os.system".split(),
+    *"' \" # --- ...".split(),
     *"% @ ` ~ null true false True yes on 0 -0 00 1e400 -1e400 1e-400 .inf -.inf .nan 0x10 0o17 0b1 1_000 1:30".split(),
     *'2026-01-01 99999999999999999999999 0.1 -1 1e3 "" \'\' "\\x00" "\\ud800" "\\U00110000" . .. / é'.split(),
     *"steps follow calibrate teleop wait stop mission robot bus simulation path laps plugin follower inputs".split(),

@@ -42,15 +42,20 @@ def main() -> int:
     parser.add_argument("--module", action="append", choices=CORE, help="only this module of artemis (repeatable)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
-    subjects = {
+    chosen = {module: subject for module, subject in subjects().items() if module in (options.module or CORE)}
+    return judge(chosen, listed(SURVIVORS), options.workers)
+
+
+def subjects() -> dict[str, Subject]:
+    """The modules of the safety core with their tests."""
+    return {
         module: Subject(
             name="artemis." + module.removesuffix(".py").replace("/", "."),
             path=ROOT / "artemis" / module,
-            tests=[ROOT / "tests" / test for test in CORE[module]],
+            tests=[ROOT / "tests" / test for test in tests],
         )
-        for module in options.module or CORE
+        for module, tests in CORE.items()
     }
-    return judge(subjects, listed(SURVIVORS), options.workers)
 
 
 def listed(path: Path) -> list[Survivor]:
@@ -58,13 +63,13 @@ def listed(path: Path) -> list[Survivor]:
     return [Survivor(**entry) for entry in tomllib.loads(path.read_text(encoding="utf-8")).get("survivor", [])]
 
 
-def judge(subjects: Mapping[str, Subject], known: Sequence[Survivor], workers: int) -> int:
+def judge(examined: Mapping[str, Subject], known: Sequence[Survivor], workers: int) -> int:
     """Examine modules and print what was found; 1 if a survivor is new or gone, or if there are too many."""
-    reasons = {(each.module, each.where, each.change): each.reason for each in known if each.module in subjects}
+    reasons = {(each.module, each.where, each.change): each.reason for each in known if each.module in examined}
     gone = set(reasons)
     new = 0
     rows: list[tuple[str, Counter[Outcome], float]] = []
-    for module, subject in subjects.items():
+    for module, subject in examined.items():
         begun = stopwatch()
         counts: Counter[Outcome] = Counter()
         for mutant, outcome in examine(subject, workers):

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from itertools import takewhile
 from typing import Any
 
@@ -55,12 +56,15 @@ _Variants = Iterator[ast.AST]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mutant:
-    """One change: the line of the original, the function, class or table around it, the change in words, the source."""
+    """One change of a module."""
 
     line: int
     where: str
+    """The functions, classes and tables around it."""
     change: str
-    source: str
+    """In words; these and the place are its name."""
+    source: Callable[[], str]
+    """The module with the change."""
 
 
 def mutants(source: str, names: Mapping[str, object]) -> list[Mutant]:
@@ -78,17 +82,18 @@ def mutants(source: str, names: Mapping[str, object]) -> list[Mutant]:
             change = _change(site, variant)
             seen[site.where, change] += 1
             number = seen[site.where, change]
-            site.put(variant)
-            found.append(
-                Mutant(
-                    line=site.line,
-                    where=site.where,
-                    change=change if number == 1 else f"{change} ({number})",
-                    source=ast.unparse(tree),
-                )
-            )
-            site.put(site.node)
+            change = change if number == 1 else f"{change} ({number})"
+            changed = partial(_changed, tree, site, variant)
+            found.append(Mutant(line=site.line, where=site.where, change=change, source=changed))
     return found
+
+
+def _changed(tree: ast.Module, site: _Site, variant: ast.AST) -> str:
+    site.put(variant)
+    try:
+        return ast.unparse(tree)
+    finally:
+        site.put(site.node)
 
 
 # ---------------------------------------------------------------------------------------------- where
@@ -309,7 +314,7 @@ def _change(site: _Site, variant: ast.AST) -> str:
     """The change with as much around it as fits a line."""
     shown = site.node
     for outer in reversed(site.around):
-        if hasattr(outer, "body") and not isinstance(outer, ast.IfExp | ast.Lambda):
+        if isinstance(outer, ast.Match) or (hasattr(outer, "body") and not isinstance(outer, ast.IfExp | ast.Lambda)):
             break
         if isinstance(outer, ast.expr | ast.stmt):
             if len(ast.unparse(outer)) > _WIDTH:

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from importlib.machinery import ModuleSpec
+from math import ceil
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkProcess
 from pathlib import Path
@@ -25,7 +26,7 @@ import pytest
 from .mutants import Mutant, mutants
 
 ROOT = Path(__file__).parents[2]
-PATIENCE, GRACE = 3, 10
+PATIENCE, GRACE = 3.0, 1.0
 """Times that a mutant may take of what the module itself takes, and seconds more; of the processor."""
 MEMORY = 4 << 30
 """Bytes that a mutant may take."""
@@ -62,13 +63,13 @@ def examine(subject: Subject, workers: int) -> Iterator[tuple[Mutant, Outcome]]:
     begun = _processor_time()
     if _outcome(_begin(subject, source)) is not Outcome.SURVIVED:
         raise RuntimeError(f"fails without a mutant, run it by hand: {' '.join(map(str, subject.tests))}")
-    limit = GRACE + PATIENCE * round(_processor_time() - begun)
+    limit = ceil(GRACE + PATIENCE * (_processor_time() - begun))
     waiting = mutants(source, vars(_imported(subject)))
     running: dict[ForkProcess, Mutant] = {}
     while waiting or running:
         while waiting and len(running) < workers:
             mutant = waiting.pop(0)
-            running[_begin(subject, mutant.source, limit)] = mutant
+            running[_begin(subject, mutant.source(), limit)] = mutant
         wait([process.sentinel for process in running])
         for process in [process for process in running if not process.is_alive()]:
             yield running.pop(process), _outcome(process)

@@ -39,6 +39,7 @@ from artemis import app, clock
 from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
 from artemis.mission.loading import LoadedMission, load_mission
+from artemis.plugins.border import Border
 from artemis.plugins.contracts import Follower, InputDevice
 from artemis.recording.replay import Replayed, replay
 from artemis.robot import Core, Robot
@@ -331,14 +332,14 @@ class Rig:
         self,
         core: Core,
         drives: Drives,
-        inputs: dict[str, InputDevice],
+        border: Border,
         period: float,
         observe: Callable[[Tick], None],
         attended: Callable[[float], bool],
     ) -> Robot:
         if self._input is not None:
-            inputs.update(dict.fromkeys(inputs, self._input))
-        self.robot = Robot(core, drives, inputs, period, observe, attended)
+            border.inputs = dict.fromkeys(border.inputs, self._input)
+        self.robot = Robot(core, drives, border, period, observe, attended)
         return self.robot
 
     def _make_plan(self, loaded: LoadedMission) -> Plan:

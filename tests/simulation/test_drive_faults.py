@@ -92,7 +92,7 @@ def assert_history_was_read(seen: Run, name: str, code: int) -> None:
 
 def test_an_error_code_that_nobody_knows_stops_the_robot_too(tmp_path: Path) -> None:
     seen = run_with_emergency(tmp_path, "traction-left", 0x9ABC)
-    assert seen.faults[0].id == "DRV-99"
+    assert seen.faults[0].id == "DRV-31"
     assert "0x9ABC" in seen.faults[0].text
     assert (seen.status, standing(seen.world.truth)) == (1, True)
 

@@ -81,13 +81,14 @@ def snapshot(
     standing: bool = True,
     verdict: Verdict | None = None,
     set_points: SetPoints | None = None,
+    odometry: Odometry | None = None,
     **changes: Any,
 ) -> Snapshot:
     """A snapshot of a healthy robot; `changes` are those of what was sensed."""
     return Snapshot(
         sensed=sensed(time, **changes),
         dt=PERIOD,
-        odometry=Odometry(),
+        odometry=odometry or Odometry(),
         standing=standing,
         set_points=set_points or SetPoints(),
         verdict=verdict or Verdict(),

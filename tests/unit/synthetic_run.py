@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,7 +12,9 @@ import msgspec
 
 from artemis.devices.can_bus import Frame
 from artemis.motion.path import path_from_csv
-from artemis.recording.mcap_writer import Provenance, Recorder
+from artemis.recording.journal import Journal
+from artemis.recording.mcap_writer import Recorder
+from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.values import (
     Action,
     DriveCommand,
@@ -57,7 +59,6 @@ class Observed:
     tick: Tick
     frames: list[tuple[bool, Frame]]
     true_pose: Pose
-    late_s: float
 
 
 def robot() -> Robot:
@@ -97,10 +98,21 @@ def run(laps: int = 1, *, hz: float = 50.0, fault_at: float | None = None) -> It
             return
 
 
-def record(path: Path, observed: Iterator[Observed], *, threaded: bool = False, outcome: str = "done") -> Path:
-    recorder = Recorder(path, provenance(), threaded=threaded)
+def record(
+    path: Path,
+    observed: Iterator[Observed],
+    *,
+    threaded: bool = False,
+    outcome: str = "done",
+    journal: Journal | None = None,
+    resumption: Resumption | None = None,
+) -> Path:
+    made_from = replace(provenance(), resumption=resumption)
+    recorder = Recorder(path, made_from, threaded=threaded, journal=journal)
+    for entry in first_entries("circle", "ARTEMIS", made_from, None) if journal else []:
+        recorder.note(entry)
     for each in observed:
-        recorder.observe(each.tick, each.frames, each.true_pose, each.late_s)
+        recorder.observe(each.tick, each.frames, each.true_pose)
     recorder.close(outcome)
     return path
 
@@ -121,7 +133,9 @@ def _observed(
     )
     set_points = _set_points(speed, steering if mode is Mode.FOLLOW else 0.0, way)
     sensed = _sensed(index, time, mode, set_points)
-    faults = (Fault(id="DRV-25", severity=Severity.OFF, text="following error <too large>", device="steer-left"),)
+    faults = (
+        Fault(id="DRV-25", severity=Severity.OFF, text="steer-left: following error <too large>", device="steer-left"),
+    )
     verdict = Verdict(severity=Severity.OFF, faults=faults, to_fault=True) if mode is Mode.FAULT else Verdict()
     odometry = Odometry(pose=estimated, speed=speed, steering=set_points.steering, distance=way, slip=0.001)
     snapshot = Snapshot(
@@ -144,7 +158,7 @@ def _observed(
     )
     action = Action.DISABLE if mode is Mode.FAULT else Action.RUN
     tick = Tick(snapshot=snapshot, mode=mode, wish=wish, action=action, set_points=set_points)
-    return Observed(tick=tick, frames=_frames(index, time, sensed), true_pose=true, late_s=0.0)
+    return Observed(tick=tick, frames=_frames(index, time, sensed), true_pose=true)
 
 
 def _set_points(speed: float, steering: float, way: float) -> SetPoints:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import ast
 import re
+from math import inf
 from pathlib import Path
 
 import pytest
 
+from artemis.states.mode import RESETS
 from artemis.supervision import catalogue
+from artemis.supervision.catalogue.row import Found, Kind, Row, automatic
+from artemis.supervision.policy import WATCHED
 from artemis.values import Severity
 
 CODES = [
@@ -18,70 +22,210 @@ CODES = [
 ]  # fmt: skip
 """Device errors, EPOS firmware specification 2010, 12.2."""
 
-SOURCES = Path(catalogue.__file__).parents[1]
+SUPERVISION = Path(catalogue.__file__).parents[1]
+TABLES = sorted(Path(catalogue.__file__).parent.glob("*.py"))
+MEASURES = [SUPERVISION / "measures.py", SUPERVISION / "wheels.py"]
+PROGRAM = [
+    path for path in SUPERVISION.parent.rglob("*.py")
+    if path not in TABLES and not {"testing", "campaign"} & set(path.relative_to(SUPERVISION.parent).parts)
+]  # fmt: skip
 ID = re.compile(r"[A-Z]{3}-\d{2}")
+STOPS = Severity.CONTROLLED_STOP
+
+
+def rows(*kinds: Found) -> pytest.MarkDecorator:
+    """Every row that is found so, or every row at all."""
+    chosen = {id: row for id, row in catalogue.ROWS.items() if row.found in (kinds or tuple(Found))}
+    return pytest.mark.parametrize(("id", "row"), chosen.items(), ids=list(chosen))
 
 
 def written_rows() -> list[str]:
-    """Keys of the table as they stand in the source, where a dict would hide one that is there twice."""
-    tree = ast.parse(Path(catalogue.__file__).read_text(encoding="utf-8"))
-    for node in tree.body:
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.target.id == "ROWS":
-            assert isinstance(node.value, ast.Dict)
-            return [str(ast.literal_eval(key)) for key in node.value.keys if key is not None]
-    raise AssertionError("no table")
+    """Keys of the tables as they stand in the source, where a dict would hide one that is there twice."""
+    keys = [
+        key.value
+        for path in TABLES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Dict)
+        for key in node.keys
+        if isinstance(key, ast.Constant) and isinstance(key.value, str)
+    ]
+    return [key for key in keys if ID.fullmatch(key)]
 
 
-def raised_ids() -> set[str]:
-    """Every fault id that stands as a string in the program."""
-    found: set[str] = set()
-    for path in SOURCES.rglob("*.py"):
-        if path.name != "catalogue.py":
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.Constant) and isinstance(node.value, str) and ID.fullmatch(node.value):
-                    found.add(node.value)
-    return found
+def ids_in(paths: list[Path]) -> set[str]:
+    """Every fault id that stands as a string in these files."""
+    return {
+        node.value
+        for path in paths
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and ID.fullmatch(node.value)
+    }
 
 
-def test_every_error_code_of_the_first_generation_has_its_row() -> None:
-    assert sorted(catalogue.EMERGENCIES) == CODES
-    for id in catalogue.EMERGENCIES.values():
-        assert id.startswith("DRV-")
-        assert id != "DRV-99"
-        assert id in catalogue.ROWS
+# ---------------------------------------------------------------------------------------------- ids and codes
 
 
 def test_no_row_is_there_twice() -> None:
     assert sorted(written_rows()) == sorted(catalogue.ROWS)
 
 
-@pytest.mark.parametrize(("id", "row"), catalogue.ROWS.items())
-def test_every_row_has_an_id_a_reaction_and_words(id: str, row: catalogue.Row) -> None:
-    assert ID.fullmatch(id)
-    assert row.severity > Severity.NONE
-    assert row.text == row.text.strip() != ""
-    if row.to_fault:
-        assert row.severity >= Severity.CONTROLLED_STOP, "a fault that does not even stop the robot"
+def test_rows_of_a_group_are_numbered_without_gaps() -> None:
+    groups: dict[str, list[int]] = {}
+    for id in catalogue.ROWS:
+        assert ID.fullmatch(id)
+        groups.setdefault(id[:3], []).append(int(id[4:]))
+    for numbers in groups.values():
+        assert sorted(numbers) == list(range(1, len(numbers) + 1))
 
 
-def test_texts_are_different() -> None:
-    texts = [row.text for row in catalogue.ROWS.values()]
-    assert len(set(texts)) == len(texts)
-
-
-def test_drive_faults_stop_at_once_and_need_the_operator() -> None:
-    for id, row in catalogue.ROWS.items():
-        if id.startswith("DRV"):
-            assert (row.severity, row.to_fault) == (Severity.QUICK_STOP, True)
+def test_every_error_code_of_the_first_generation_has_exactly_one_row() -> None:
+    assert sorted(code for row in catalogue.ROWS.values() for code in row.codes) == CODES
+    assert sorted(catalogue.EMERGENCIES) == CODES
+    assert all(code in catalogue.ROWS[id].codes for code, id in catalogue.EMERGENCIES.items())
 
 
 def test_program_raises_only_faults_of_the_table() -> None:
-    assert raised_ids() <= set(catalogue.ROWS)
+    assert ids_in(PROGRAM) <= set(catalogue.ROWS)
 
 
-def test_every_row_is_raised_somewhere() -> None:
-    unused = set(catalogue.ROWS) - raised_ids() - set(catalogue.EMERGENCIES.values()) - {"DRV-99"}
-    assert unused == set()
+@rows(Found.MODE, Found.BRING_UP, Found.EDGE)
+def test_what_is_noticed_in_the_program_is_raised_there(id: str, row: Row) -> None:
+    assert row.reason or id in ids_in(PROGRAM)
+
+
+def test_what_is_measured_is_what_the_measures_yield() -> None:
+    measured = {id for id, row in catalogue.ROWS.items() if row.found is Found.MEASURED}
+    partly = {id for id, row in catalogue.ROWS.items() if row.found is Found.MODE and row.stages}
+    assert ids_in(MEASURES) == measured | partly
+    assert partly == {"PTH-06"}
+
+
+# ---------------------------------------------------------------------------------------------- every row is complete
+
+
+@rows()
+def test_row_has_a_name_and_a_time(id: str, row: Row) -> None:
+    assert row.name == row.name.strip() != ""
+    assert 0.0 <= row.within < inf
+    for words in (row.text, row.advice, row.reason):
+        assert words == words.strip()
+        assert not words.endswith(".")
+
+
+@rows(*WATCHED)
+def test_row_that_is_noticed_has_a_reaction_and_words(id: str, row: Row) -> None:
+    assert row.severity > Severity.NONE
+    assert row.text or row.reason
+    assert row.shows_as == ()
+
+
+@rows(Found.EMERGENCY)
+def test_error_of_a_drive_stops_all_and_leads_to_fault(id: str, row: Row) -> None:
+    assert (row.severity, row.to_fault, row.stages) == (Severity.QUICK_STOP, True, ())
+    assert row.text and row.advice
+    assert row.codes or id in (catalogue.UNKNOWN_CODE, catalogue.DAMAGED_EMERGENCY)
+    assert 0.0 < row.within <= 0.02
+
+
+@rows(Found.MEASURED)
+def test_measured_row_has_limits_mildest_first(id: str, row: Row) -> None:
+    assert row.text and row.advice
+    severities = [stage.severity for stage in row.stages]
+    assert severities == sorted(severities)
+    assert severities[-1] is row.severity
+    for stage in row.stages:
+        assert stage.over >= 0.0
+        assert 0.0 <= stage.hold
+    assert min(stage.hold for stage in row.stages) <= row.within
+    assert row.within > 0.0, "it is noticed in a run"
+
+
+@rows(Found.MODE)
+def test_what_a_mode_finds_takes_time(id: str, row: Row) -> None:
+    assert row.text
+    assert row.within > 0.0
+
+
+@rows(Found.BRING_UP, Found.EDGE)
+def test_what_edge_and_bring_up_find_has_no_limits(id: str, row: Row) -> None:
+    assert (row.stages, row.codes) == ((), ())
+
+
+@rows(Found.LOADING)
+def test_what_is_refused_is_refused_before_the_run(id: str, row: Row) -> None:
+    assert row.within == 0.0
+    assert row.severity is Severity.NONE
+    assert (row.stages, row.codes, row.shows_as, row.text) == ((), (), (), "")
+
+
+@rows(Found.ELSEWHERE)
+def test_row_that_shows_as_another_says_as_which_and_why(id: str, row: Row) -> None:
+    assert row.reason
+    assert row.shows_as
+    assert (row.stages, row.codes, row.text) == ((), (), "")
+    for other in row.shows_as:
+        assert catalogue.ROWS[other].found in WATCHED
+
+
+@rows(Found.DESIGN, Found.ABSENT)
+def test_row_that_is_never_noticed_says_why(id: str, row: Row) -> None:
+    assert row.reason
+    assert (row.stages, row.codes, row.shows_as, row.text) == ((), (), (), "")
+
+
+def test_texts_are_different() -> None:
+    texts = [row.text for row in catalogue.ROWS.values() if row.text]
+    assert len(set(texts)) == len(texts)
+
+
+# ---------------------------------------------------------------------------------------------- how it goes on
+
+
+@rows()
+def test_row_that_leads_to_fault_stops_the_robot(id: str, row: Row) -> None:
+    if row.to_fault:
+        assert row.severity >= STOPS
+
+
+@rows(*WATCHED)
+def test_row_after_which_a_bring_up_is_needed_leads_there(id: str, row: Row) -> None:
+    if row.recovery.kind in (Kind.CALIBRATED, Kind.CONFIGURED) or row.recovery.reset:
+        assert row.to_fault
+
+
+@rows(*WATCHED)
+def test_recovery_is_well_formed(id: str, row: Row) -> None:
+    recovery = row.recovery
+    assert recovery.reset in RESETS
+    assert (recovery.kind is Kind.CONFIGURED) <= (recovery.reset == "node")
+    assert recovery.window > 0.0
+    assert recovery.final in (0, 2)
+    if recovery.kind is Kind.AUTOMATIC:
+        assert recovery.times >= 1
+        assert recovery.settle > 0.0, "nothing flaps"
+    else:
+        assert (recovery.times, recovery.unless) == (0, ())
+    if recovery.kind is Kind.ITSELF:
+        assert recovery.settle > 0.0
+    for other in recovery.unless:
+        assert other in catalogue.ROWS
+        assert other != id
+
+
+@rows(*WATCHED)
+def test_mild_rows_need_nobody(id: str, row: Row) -> None:
+    if row.severity < STOPS:
+        assert row.recovery.kind is Kind.ITSELF
+
+
+def test_automatic_recovery_needs_the_cause_to_be_gone_for_half_a_second() -> None:
+    recovery = automatic(2, 600.0, unless=("COM-11",))
+    assert (recovery.kind, recovery.times, recovery.window) == (Kind.AUTOMATIC, 2, 600.0)
+    assert (recovery.unless, recovery.settle, recovery.final, recovery.reset) == (("COM-11",), 0.5, 0, "")
+    assert automatic(1).window == inf
+
+
+# ---------------------------------------------------------------------------------------------- faults of rows
 
 
 def test_fault_names_its_device_and_what_was_seen() -> None:
@@ -92,8 +236,30 @@ def test_fault_names_its_device_and_what_was_seen() -> None:
         Severity.QUICK_STOP,
         True,
     )
+    assert not fault.final
     assert fault.text == "steer-left: feedback lost (90 ms old)"
     assert catalogue.fault("COM-22").text == "CAN adapter lost"
+    assert catalogue.fault("COM-22", detail="unplugged").text == "CAN adapter lost (unplugged)"
+    assert catalogue.fault("INP-03", "stick").text == "stick: input frozen: nothing new from it"
+
+
+def test_row_without_words_for_the_operator_gives_its_name() -> None:
+    assert catalogue.fault("SYS-04").text == catalogue.ROWS["SYS-04"].name
+
+
+@pytest.mark.parametrize(
+    ("severity", "to_fault"),
+    [(Severity.WARN, False), (STOPS, False), (Severity.QUICK_STOP, True), (Severity.OFF, True)],
+)
+def test_milder_stage_of_a_row_does_not_lead_to_fault(severity: Severity, to_fault: bool) -> None:
+    fault = catalogue.fault("STE-01", severity=severity)
+    assert (fault.severity, fault.to_fault) == (severity, to_fault)
+
+
+@rows(*WATCHED)
+def test_fault_of_a_row_has_its_reaction(id: str, row: Row) -> None:
+    fault = catalogue.fault(id)
+    assert (fault.id, fault.severity, fault.to_fault, fault.device) == (id, row.severity, row.to_fault, "")
 
 
 def test_unknown_id_is_a_bug_of_ours() -> None:
@@ -112,5 +278,11 @@ def test_known_code_is_its_row_and_the_code_is_shown(code: int) -> None:
 @pytest.mark.parametrize("code", [0x0001, 0x2320, 0x8250, 0xF001, 0xFFFF])
 def test_unknown_code_is_a_fault_as_well(code: int) -> None:
     fault = catalogue.emergency("traction-left", code)
-    assert (fault.id, fault.severity, fault.to_fault) == ("DRV-99", Severity.QUICK_STOP, True)
+    assert (fault.id, fault.severity, fault.to_fault) == ("DRV-31", Severity.QUICK_STOP, True)
     assert f"0x{code:04X}" in fault.text
+
+
+def test_message_that_cannot_be_read_is_a_fault_as_well() -> None:
+    fault = catalogue.emergency("traction-left", -1)
+    assert (fault.id, fault.severity, fault.to_fault) == ("DRV-32", Severity.QUICK_STOP, True)
+    assert fault.text == "traction-left: damaged error message"

@@ -1,14 +1,15 @@
 from __future__ import annotations
 
-from dataclasses import replace
+import errno
+import os
 from pathlib import Path
 
 import pytest
-import synthetic_run
 
 from artemis.errors import RecordingError
-from artemis.recording.journal import Entry, Journal, Level, entries_between, read_journal
-from artemis.values import Fault, JobKind, JobResult, Mode, OperatorInput, Request, Severity, Tick, Verdict
+from artemis.recording import journal as module
+from artemis.recording.journal import Entry, Journal, Level, read_journal
+from artemis.testing.failing_disk import FailingDisk
 
 ENTRIES = (
     Entry(time=0.0, kind="start", text="mission circle", data={"robot": "ARTEMIS"}),
@@ -88,79 +89,103 @@ def test_a_missing_journal_is_said(tmp_path: Path) -> None:
         read_journal(tmp_path / "journal.jsonl")
 
 
-def test_a_full_disk_is_said() -> None:
-    journal = Journal.__new__(Journal)
-    journal._path, journal._sequence, journal._file = Path("journal.jsonl"), 0, open("/dev/full", "wb", buffering=0)
-    with pytest.raises(RecordingError, match="cannot write: No space left on device; is the disk full"):
+def test_a_time_is_written_to_the_microsecond(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "journal.jsonl")
+    journal.write(Entry(time=0.1 + 0.2, kind="note", text=""))
+    journal.close()
+
+    assert b'"time_s":0.3,' in (tmp_path / "journal.jsonl").read_bytes()
+
+
+# ------------------------------------------------------------------------------------------- room of its own
+
+
+def killed(tmp_path: Path, entries: tuple[Entry, ...] = ENTRIES) -> bytes:
+    """What is in the file while the run still goes on: it was never closed."""
+    journal = Journal(tmp_path / "killed.jsonl")
+    for entry in entries:
+        journal.write(entry)
+    content = (tmp_path / "killed.jsonl").read_bytes()
+    journal.close()
+    return content
+
+
+def test_a_journal_has_room_of_its_own_until_it_is_closed(tmp_path: Path) -> None:
+    content = killed(tmp_path)
+
+    assert len(content) == module.PREALLOCATED == 16 * 1024 * 1024
+    assert content.rstrip(b"\0") == (tmp_path / "killed.jsonl").read_bytes()
+
+
+def test_of_a_killed_run_nothing_is_lost(tmp_path: Path) -> None:
+    (tmp_path / "journal.jsonl").write_bytes(killed(tmp_path))
+
+    content = read_journal(tmp_path / "journal.jsonl")
+
+    assert (content.entries, content.missing) == (ENTRIES, None)
+
+
+def test_a_run_killed_while_a_line_was_written_loses_that_line_only(tmp_path: Path) -> None:
+    whole = killed(tmp_path).rstrip(b"\0")
+    ends = [index for index, byte in enumerate(whole) if byte == ord("\n")]
+    path = tmp_path / "journal.jsonl"
+    for size in range(len(whole)):
+        path.write_bytes(whole[:size] + bytes(50))
+        content = read_journal(path)
+        count = sum(end <= size for end in ends)
+        assert content.entries == ENTRIES[:count], size
+        assert (content.missing is None) == (size in {0, *ends, *(end + 1 for end in ends)}), size
+
+
+def test_where_no_room_can_be_reserved_the_journal_does_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unsupported(*arguments: object) -> None:
+        raise OSError(errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
+
+    monkeypatch.setattr(os, "posix_fallocate", unsupported)
+    content = killed(tmp_path)
+
+    assert content == (tmp_path / "killed.jsonl").read_bytes()
+
+
+# ------------------------------------------------------------------------------------------- a disk that refuses
+
+
+def test_a_disk_that_refuses_is_said(tmp_path: Path) -> None:
+    disk = FailingDisk()
+    journal = Journal(tmp_path / "journal.jsonl", disk)
+    disk.fail("journal", errno.EIO)
+
+    with pytest.raises(OSError, match="Input/output error"):
         journal.write(ENTRIES[0])
+    journal.close()
     journal.close()
 
 
-# ------------------------------------------------------------------------------------------- entries from ticks
+@pytest.mark.parametrize("taken", [0, 1, 40, 10_000])
+def test_what_the_disk_refused_is_missing_and_what_came_after_is_there(tmp_path: Path, taken: int) -> None:
+    """However much of the refused line got into the file: a longer and a shorter one follow."""
+    disk = FailingDisk()
+    journal = Journal(tmp_path / "journal.jsonl", disk)
+    journal.write(ENTRIES[0])
+    disk.fail("journal", errno.ENOSPC, after=taken)
+    with pytest.raises(OSError, match="No space left"):
+        journal.write(Entry(time=1.0, kind="lost", text="x" * 20_000))
+    disk.heal()
+    journal.write(ENTRIES[1])
+    journal.close()
+
+    content = read_journal(tmp_path / "journal.jsonl")
+    assert content.entries == ENTRIES[:2]
+    assert content.missing == "journal.jsonl: entries 1 to 1 are missing before line 2"
 
 
-def tick(**sensed: object) -> Tick:
-    base = next(synthetic_run.run()).tick
-    return replace(base, snapshot=replace(base.snapshot, sensed=replace(base.snapshot.sensed, **sensed)))  # type: ignore[arg-type]
+def test_a_disk_that_takes_a_few_bytes_at_a_time_loses_nothing(tmp_path: Path) -> None:
+    disk = FailingDisk(at_once=7)
+    journal = Journal(tmp_path / "journal.jsonl", disk)
+    for entry in ENTRIES:
+        journal.write(entry)
+    journal.close()
 
-
-def described(previous: Tick | None, now: Tick) -> list[tuple[str, str, Level]]:
-    return [(entry.kind, entry.text, entry.level) for entry in entries_between(previous, now)]
-
-
-def test_a_tick_like_the_last_one_is_no_news() -> None:
-    assert entries_between(tick(), tick(time=0.02)) == []
-
-
-def test_the_first_tick_names_mode_and_phase() -> None:
-    assert described(None, tick()) == [("mode", "init", Level.INFO), ("phase", "listen", Level.INFO)]
-
-
-def test_a_change_to_fault_is_an_error() -> None:
-    changed = replace(tick(), mode=Mode.FAULT)
-
-    assert described(tick(), changed) == [("mode", "init -> fault", Level.ERROR)]
-    assert entries_between(tick(), changed)[0].data == {"from": "init", "to": "fault"}
-
-
-def with_faults(*faults: Fault) -> Tick:
-    base = tick()
-    return replace(base, snapshot=replace(base.snapshot, verdict=Verdict(faults=faults)))
-
-
-def test_faults_are_told_when_they_come_and_when_they_go() -> None:
-    mild = Fault(id="INP-02", severity=Severity.WARN, text="stick is old", device="stick")
-    severe = Fault(id="BUS-01", severity=Severity.OFF, text="bus off")
-
-    assert described(with_faults(mild), with_faults(severe, mild)) == [("fault", "BUS-01: bus off", Level.ERROR)]
-    assert described(with_faults(), with_faults(mild)) == [("fault", "INP-02 stick: stick is old", Level.WARNING)]
-    assert described(with_faults(severe, mild), with_faults(severe)) == [("cleared", "INP-02 stick", Level.INFO)]
-
-
-def test_requests_are_told_with_their_source() -> None:
-    asked = tick(requests=(Request.ARM,), inputs=(OperatorInput(source="stick", requests=(Request.QUICKSTOP,)),))
-
-    assert described(tick(), asked) == [
-        ("request", "arm", Level.INFO),
-        ("request", "quick stop (by stick)", Level.INFO),
-    ]
-
-
-def test_a_failed_job_is_a_warning_with_its_detail() -> None:
-    result = JobResult(id=7, kind=JobKind.CONFIGURE, drive="steer-left", ok=False, detail="no answer", values=(1, 2))
-    (entry,) = entries_between(tick(), tick(results=(result,)))
-
-    assert (entry.kind, entry.text) == ("result", "configure steer-left: failed, no answer")
-    assert entry.level is Level.WARNING
-    assert entry.data == {"id": 7, "job": "configure", "drive": "steer-left", "ok": False, "values": [1, 2]}
-
-
-def test_emergencies_and_boots_of_a_drive_are_told() -> None:
-    base = tick()
-    drive = replace(base.snapshot.sensed.drives[0], emergencies=(0x8130, 0), boots=1)
-
-    assert described(base, tick(drives=(drive,))) == [
-        ("emergency", "traction-left: EMCY 0x8130", Level.WARNING),
-        ("emergency", "traction-left: EMCY 0x0000", Level.INFO),
-        ("boot-up", "traction-left", Level.INFO),
-    ]
+    assert read_journal(tmp_path / "journal.jsonl").entries == ENTRIES

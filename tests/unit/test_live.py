@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,11 @@ from artemis.values import (
 )
 
 OVERHEATED = Fault(id="DRV-06", severity=Severity.QUICK_STOP, text="steer-left: too hot", device="steer-left")
+EXPLAINED = [
+    "                 look  wait five minutes; is a wheel dragging?",
+    "              artemis  quick stop by the drives, then off",
+    "                 next  mend the cause, acknowledge, arm",
+]
 
 
 def tick(
@@ -82,13 +88,35 @@ def test_the_cause_comes_before_its_effect_and_each_fault_once(capsys: pytest.Ca
         "    1.00 s  request    quick stop",
         "    1.00 s  quickstop  stopping",
         "    2.00 s  FAULT      DRV-06 steer-left: too hot",
+        *EXPLAINED,
         "    2.00 s  fault      stopping",
-        "    2.10 s  history    steer-left: 0x4210",
+        "    2.10 s  history    steer-left: 0x4210 over-temperature",
         "    3.00 s  cleared    DRV-06 steer-left",
         "    3.00 s  init       listening",
         "    4.00 s  FAULT      DRV-06 steer-left: too hot",
+        *EXPLAINED,
         "    4.00 s  fault      stopping",
     ]
+
+
+def test_a_fault_that_came_once_too_often_says_that_this_run_is_over(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = said(capsys, tick(1.0, faults=(replace(OVERHEATED, final=True),)))
+    assert lines[3] == "                 next  not in this run: mend the cause, then go on with --resume"
+
+
+def test_a_stale_set_point_that_was_cleared_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    cleared = JobResult(id=1, kind=JobKind.CLEAR_TARGET, drive="traction-left", ok=True, values=(250,))
+    lines = said(capsys, tick(1.0, results=(cleared,)))
+    assert lines[0] == "    1.00 s  target     traction-left: stale set-point 250 cleared"
+
+
+def test_a_robot_that_does_not_stop_raises_the_alarm_once(capsys: pytest.CaptureFixture[str]) -> None:
+    def alarmed(time: float) -> Tick:
+        seen = tick(time)
+        return replace(seen, snapshot=replace(seen.snapshot, verdict=Verdict(alarm=True)))
+
+    lines = said(capsys, tick(1.0), alarmed(2.0), alarmed(3.0))
+    assert lines[1:] == ["    2.00 s  ALARM      the robot does not stop: PRESS THE EMERGENCY STOP"]
 
 
 @pytest.mark.parametrize("width", [0, 5, 30, 60, 75, 76, 77, 78, 100, 200])

@@ -28,6 +28,7 @@ from artemis.states.mode import FollowStep, Plan
 from artemis.values import (
     DriveCommand,
     Event,
+    Odometry,
     SetPoints,
     Snapshot,
     Wish,
@@ -156,6 +157,31 @@ def test_limit_of_the_error_counts_from_the_first_metre_that_kept_it() -> None:
     assert fault_of(lost) == ("PTH-06", "")
 
 
+def driven(player: Player, *ways: tuple[float, float]) -> list[bool]:
+    """Ticks with these arc lengths and ways of the robot; whether each ended with the fault of an overrun path."""
+    found = []
+    for arc_length, distance in ways:
+        player.mode._plan.current.follower.answer = lambda arc=arc_length: following(arc_length=arc)  # type: ignore[attr-defined]
+        wish = player.tick(odometry=Odometry(distance=distance))
+        found.append(wish.fault is not None and wish.fault.id == "PTH-08")
+        assert (wish.command.speed == 0.0) is found[-1]
+    return found
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_follower_that_drives_on_beyond_the_end_is_a_fault(sign: int) -> None:
+    player, _, _ = follow()
+    ways = [(3.9, 3.9), (3.98, 9.0), (3.991, 10.0), (4.0, 10.15), (4.0, 10.199), (4.0, 10.21)]
+    assert driven(player, *((arc, sign * way) for arc, way in ways)) == [False] * 5 + [True]
+
+
+def test_way_beyond_the_end_counts_anew_after_the_robot_came_back_to_the_path() -> None:
+    player, _, _ = follow()
+    assert driven(player, (4.0, 1.0), (4.0, 1.15), (3.9, 1.3), (4.0, 1.4), (4.0, 1.55)) == [False] * 5
+    player.enter()
+    assert driven(player, (4.0, 9.0), (4.0, 9.15), (4.0, 9.25)) == [False, False, True]
+
+
 def test_follow_is_done_when_the_follower_has_finished_and_the_robot_stands() -> None:
     player, _, steps = follow(lambda: following(finished=True))
     assert player.tick(standing=False).event is None
@@ -190,3 +216,60 @@ def test_same_step_twice_in_a_plan_is_started_twice() -> None:
     player.enter()
     player.tick()
     assert follower.starts == 2
+
+
+# ---------------------------------------------------------------------------------------------- going on with a path
+
+
+class PathTaker(StubFollower):
+    """Keeps the path that it was given, and says that it is 0.5 m on its way along it."""
+
+    def start(self, path: Path, snapshot: Snapshot) -> None:
+        super().start(path, snapshot)
+        self.path = path
+
+    def step(self, snapshot: Snapshot) -> Following:
+        answer = following(arc_length=0.5)
+        return replace(answer, tracking=replace(answer.tracking, length=self.path.length))
+
+
+def test_a_path_of_which_an_earlier_run_has_driven_a_part_is_begun_there() -> None:
+    follower = PathTaker()
+    steps = plan(FollowStep(path=PATH, follower=follower), done=1.25)
+    wish = Player(FollowMode(steps)).tick()
+
+    assert follower.path.at(0.0).x == pytest.approx(1.25, abs=PATH.spacing)
+    assert follower.path.at(follower.path.length).x == pytest.approx(PATH.at(PATH.length).x)
+    assert wish.tracking is not None
+    assert wish.tracking.arc_length == pytest.approx(1.25 + 0.5, abs=PATH.spacing)
+    assert wish.tracking.length == pytest.approx(PATH.length)
+
+
+def test_the_next_path_is_begun_at_its_start() -> None:
+    first, second = PathTaker(), PathTaker()
+    first.answer = lambda: following(finished=True)
+    first.step = lambda snapshot: following(finished=True)  # type: ignore[method-assign]
+    steps = plan(FollowStep(path=PATH, follower=first), FollowStep(path=PATH, follower=second), done=1.25)
+    player = Player(FollowMode(steps))
+    player.tick()
+    player.enter()
+    wish = player.tick()
+
+    assert second.path is PATH
+    assert wish.tracking is not None
+    assert (wish.tracking.arc_length, wish.tracking.length) == (0.5, PATH.length)
+
+
+def test_progress_is_kept_in_the_plan_and_begins_anew_with_the_next_step() -> None:
+    player, follower, steps = follow(lambda: following(arc_length=0.75))
+    player.tick()
+    assert steps.done == 0.75
+    follower.answer = lambda: following(arc_length=0.8, finished=True)
+    player.tick()
+    assert (steps.index, steps.done) == (1, 0.0)
+
+
+def test_a_path_that_is_too_far_away_to_begin_counts_as_no_progress() -> None:
+    player, _, steps = follow(lambda: following(arc_length=0.75, cross_track=1.5))
+    player.tick()
+    assert steps.done == 0.0

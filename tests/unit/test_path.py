@@ -11,7 +11,7 @@ import pytest
 from artemis.errors import ConfigError
 from artemis.motion import path as path_module
 from artemis.motion import table as table_module
-from artemis.motion.path import Path, check_drivable, path_from_csv, path_from_points
+from artemis.motion.path import Path, PathPoint, check_drivable, path_from_csv, path_from_points
 from artemis.vehicle import Robot
 from artemis.yaml_file import load
 
@@ -335,3 +335,89 @@ def test_too_fast_for_the_steering_says_how_fast_is_possible(robot: Robot) -> No
     assert "possible 33 deg/s; drive at most 0.57 m/s" in problem
     slow = path_from_points(path.x, path.y, speed=np.full(len(path.x), 0.3))
     assert check_drivable(slow, robot, 0.7) == []
+
+
+# ---------------------------------------------------------------------------------------------- the rest of a path
+
+
+def wave() -> Path:
+    """Open, with a speed at every point."""
+    x = np.linspace(0.0, 6.0, 61)
+    return path_from_points(x, 0.3 * np.sin(2 * x), speed=0.2 + 0.02 * x)
+
+
+def ring(laps: int = 1) -> Path:
+    angles = np.linspace(0.0, math.tau, 80, endpoint=False)
+    points = 1.5 * np.sin(angles), 1.0 - np.cos(angles)
+    return path_from_points(*points, speed=0.3 + 0.1 * np.sin(angles)).with_laps(laps)
+
+
+def assert_same_point(rest: PathPoint, whole: PathPoint) -> None:
+    """Half-way between two samples rounding decides from which of them a point is reached: 1 um apart at most."""
+    assert (rest.x, rest.y) == pytest.approx((whole.x, whole.y), abs=1e-6)
+    assert math.remainder(rest.heading - whole.heading, math.tau) == pytest.approx(0.0, abs=1e-4)
+    assert rest.curvature == pytest.approx(whole.curvature, abs=1e-2)
+
+
+@pytest.mark.parametrize("path", [wave(), ring(), ring(3)], ids=["open", "lap", "three laps"])
+@pytest.mark.parametrize("share", [0.001, 0.2, 0.5, 0.9, 0.999])
+def test_the_rest_of_a_path_is_the_same_curve_to_the_same_end(path: Path, share: float) -> None:
+    rest = path.rest(share * path.length)
+    begin = path.length - rest.length
+
+    assert begin == pytest.approx(share * path.length, abs=path.spacing)
+    assert begin <= share * path.length + 1e-9
+    assert rest.closed == path.closed
+    for way in np.linspace(0.0, rest.length, 57):
+        assert_same_point(rest.at(float(way)), path.at(float(begin + way)))
+        assert rest.speed_at(float(way)) == pytest.approx(path.speed_at(float(begin + way)), abs=2e-3)
+        point = path.at(float(begin + way))
+        beside = rest.project(point.x - 0.05 * math.sin(point.heading), point.y + 0.05 * math.cos(point.heading), way)
+        assert beside.cross_track == pytest.approx(0.05, abs=1e-4)
+        assert beside.arc_length == pytest.approx(way, abs=1e-3)
+
+
+@pytest.mark.parametrize("path", [wave(), ring(3)], ids=["open", "laps"])
+def test_samples_of_the_rest_are_samples_of_the_path(path: Path) -> None:
+    rest = path.rest(0.7 * path.length / path.laps)
+    first = round((path.length - rest.length) / path.spacing)
+
+    count = len(path.x) - first
+    assert np.array_equal(rest.x[:count], path.x[first:])
+    assert np.array_equal(rest.y[:count], path.y[first:])
+    assert np.array_equal(rest.heading[:count], path.heading[first:])
+    assert np.all(np.abs(np.diff(rest.heading)) < 0.1)  # continuous, also over the seam
+    assert rest.x[0] == (rest.x[-1] if path.closed else path.x[first])
+
+
+def test_the_rest_of_laps_counts_those_that_are_left() -> None:
+    path = ring(5)
+    lap = path.length / 5
+
+    assert [path.rest(way * lap).laps for way in (0.5, 1.5, 4.5)] == [5, 4, 1]
+    assert path.rest(2.25 * lap).length == pytest.approx(2.75 * lap, abs=path.spacing)
+
+
+def test_the_rest_of_a_rest_is_the_rest() -> None:
+    for path in (wave(), ring(3)):
+        once = path.rest(0.6 * path.length)
+        twice = path.rest(0.25 * path.length)
+        twice = twice.rest(0.6 * path.length - (path.length - twice.length))
+        assert twice.length == pytest.approx(once.length, abs=path.spacing + 1e-9)
+        assert_same_point(twice.at(twice.length), once.at(once.length))
+        assert_same_point(twice.at(0.5), once.at(once.length - twice.length + 0.5))
+
+
+@pytest.mark.parametrize("way", [0.0, -0.4, 0.01])
+def test_nothing_driven_leaves_the_path_itself(way: float) -> None:
+    path = wave()
+    assert path.rest(way) is path
+
+
+@pytest.mark.parametrize("path", [wave(), ring(2)], ids=["open", "laps"])
+@pytest.mark.parametrize("beyond", [0.0, 0.3])
+def test_of_a_path_that_is_driven_the_last_piece_is_left(path: Path, beyond: float) -> None:
+    rest = path.rest(path.length + beyond)
+
+    assert rest.length == pytest.approx(path.spacing)
+    assert_same_point(rest.at(rest.length), path.at(path.length))

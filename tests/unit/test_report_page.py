@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import islice
 from pathlib import Path
@@ -11,12 +12,15 @@ import pytest
 import synthetic_run
 
 from artemis.errors import RecordingError
-from artemis.recording.journal import Entry
+from artemis.recording.journal import Entry, Journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder
+from artemis.recording.provenance import Resumption
 from artemis.report import figures
 from artemis.report.figures import thinned
-from artemis.report.page import MAX_ENTRIES, write_report
+from artemis.report.page import MAX_ENTRIES, MAX_FAULTS, write_report
+from artemis.supervision.catalogue import ROWS
+from artemis.values import JobKind, JobResult, Pose
 
 VOID = {"meta", "!doctype"}
 
@@ -89,6 +93,58 @@ def test_text_from_a_run_is_escaped(tmp_path: Path) -> None:
     assert "following error <too large>" in page.text
 
 
+HISTORY = JobResult(id=1, kind=JobKind.READ_HISTORY, drive="steer-left", ok=True, values=(0x8611,))
+
+
+@pytest.mark.usefixtures("text_only")
+@pytest.mark.parametrize("journalled", [True, False])
+def test_a_fault_is_explained(tmp_path: Path, journalled: bool) -> None:
+    observed = list(synthetic_run.run(hz=10.0, fault_at=3.0))
+    tick = observed[-1].tick
+    told = replace(tick, snapshot=replace(tick.snapshot, sensed=replace(tick.snapshot.sensed, results=(HISTORY,))))
+    observed[-1] = replace(observed[-1], tick=told)
+    journal = Journal(tmp_path / "journal.jsonl") if journalled else None
+    synthetic_run.record(tmp_path / "recording.mcap", iter(observed), journal=journal)
+    write_report(Recording(tmp_path), tmp_path / "report.html")
+
+    text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
+    assert text.count("DRV-25 steer-left: following error <too large>") == 2  # and among the events
+    assert ROWS["DRV-25"].advice in text
+    assert ("drives off: the robot can roll" if journalled else "quick stop by the drives, then off") in text
+    assert "mend the cause, acknowledge, arm" in text
+    assert "Error history of steer-left: 0x8611 following error" in text
+
+
+@pytest.mark.usefixtures("text_only")
+def test_a_run_without_a_fault_has_no_table_of_them(tmp_path: Path) -> None:
+    html, _ = report(tmp_path, 20)
+
+    assert "<h2>Faults</h2>" not in html
+
+
+@pytest.mark.usefixtures("text_only")
+def test_many_faults_are_cut_short(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "recording.mcap", synthetic_run.provenance(), threaded=False)
+    for number in range(MAX_FAULTS + 2):
+        for _ in range(3):
+            recorder.note(Entry(time=0.5 * number, kind="fault", text=f"DRV-25 drive-{number}: blocked"))
+    recorder.close()
+    write_report(Recording(tmp_path), tmp_path / "report.html")
+
+    table = (tmp_path / "report.html").read_text().partition("<h2>Faults</h2>")[2].partition("</table>")[0]
+    assert table.count("blocked (3 times)") == MAX_FAULTS
+    assert table.index("drive-0:") < table.index("drive-1:")
+
+
+@pytest.mark.usefixtures("text_only")
+def test_the_page_of_a_resumed_run_names_the_run_before(tmp_path: Path) -> None:
+    resumption = Resumption(run="20260301T110000Z-circle", step=0, done=1.5, pose=Pose())
+    path = synthetic_run.record(tmp_path / "recording.mcap", islice(synthetic_run.run(), 5), resumption=resumption)
+    write_report(Recording(path), tmp_path / "report.html")
+
+    assert "Goes on with 20260301T110000Z-circle." in (tmp_path / "report.html").read_text()
+
+
 @pytest.mark.parametrize("count", [0, 1, 19])
 def test_a_run_that_stopped_early_has_a_page(tmp_path: Path, count: int) -> None:
     _, page = report(tmp_path, count)
@@ -118,7 +174,7 @@ def test_many_events_are_cut_short(tmp_path: Path) -> None:
     text = (tmp_path / "report.html").read_text()
     assert f"note number {MAX_ENTRIES - 1}<" in text
     assert f"note number {MAX_ENTRIES}<" not in text
-    assert "7 more are in journal.jsonl." in text
+    assert "8 more are in journal.jsonl." in text
 
 
 @pytest.mark.usefixtures("text_only")

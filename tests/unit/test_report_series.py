@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import timedelta
 from itertools import islice
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 import synthetic_run
 from synthetic_run import Observed
 
+from artemis.recording.journal import Journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder
 from artemis.report.series import Interval, read_series
@@ -177,3 +179,38 @@ def test_a_path_that_is_no_file_of_the_mission_has_no_projection(tmp_path: Path)
     assert np.isfinite(run.cross_track).any()
     assert not np.isfinite(run.true_cross_track).any()
     assert run.paths == ()
+
+
+def test_how_a_run_ended_is_known_from_the_journal_where_the_recording_is_cut_off(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "journal.jsonl")
+    path = synthetic_run.record(tmp_path / "recording.mcap", synthetic_run.run(fault_at=3.0), journal=journal)
+    path.write_bytes(path.read_bytes()[:-20_000])
+    facts = summary(Recording(tmp_path))
+
+    assert facts.result == "done"
+    assert facts.missing is not None
+    assert facts.faults == ("DRV-25 steer-left: following error <too large>",)
+
+
+def test_a_journal_that_is_not_whole_gives_way_to_a_whole_recording_and_is_named(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "journal.jsonl")
+    synthetic_run.record(tmp_path / "recording.mcap", synthetic_run.run(fault_at=3.0), journal=journal)
+    whole = (tmp_path / "journal.jsonl").read_bytes()
+    (tmp_path / "journal.jsonl").write_bytes(whole[: len(whole) // 2])
+    facts = summary(Recording(tmp_path))
+
+    assert facts.faults == ("DRV-25 steer-left: following error <too large>",)
+    assert facts.missing is not None
+    assert "journal.jsonl: line" in facts.missing
+
+
+def test_the_journal_of_another_run_is_not_believed(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "journal.jsonl")
+    synthetic_run.record(tmp_path / "recording.mcap", synthetic_run.run(fault_at=3.0), journal=journal)
+    path = tmp_path / "other.mcap"
+    Recorder(
+        path, replace(synthetic_run.provenance(), start=synthetic_run.START + timedelta(days=1)), threaded=False
+    ).close("failed")
+
+    assert Recording(path).journal is None
+    assert summary(Recording(path)).faults == ()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from typing import Any, NamedTuple
 
 from artemis.campaign.monitor.journal_reader import Journal
-from artemis.campaign.monitor.wire import Wire
-from artemis.campaign.witness import Heard, Look
+from artemis.campaign.monitor.wire import TARGET_VELOCITY, Asked, SetPoint, Wire
+from artemis.campaign.witness import SIDES, Heard, Look
 from artemis.vehicle import Robot
 
 
@@ -35,7 +37,7 @@ class Injected(NamedTuple):
     @property
     def until(self) -> float:
         """When it ended [s]; infinite if it did not."""
-        return self.time + float(self.options.get("duration_s") or "inf")
+        return self.time + float(self.options.get("duration_s") or inf)
 
 
 class Stick(NamedTuple):
@@ -74,9 +76,46 @@ class Evidence:
         nodes = [drive.node_id for drive in self.robot.drives.values()]
         return Wire(self.heard, nodes, self.robot.host_node_id)
 
+    @cached_property
+    def targets(self) -> dict[str, list[tuple[float, float]]]:
+        """Every target speed that was sent to each side's driven wheel: time [s] and m/s, forward positive."""
+        found: dict[str, list[tuple[float, float]]] = {}
+        for side in SIDES:
+            scale, sent = self.metres_per_rpm(side), found.setdefault(side, [])
+            for event in self.wire.nodes[self.node("traction", side)].events:
+                if isinstance(event, SetPoint):
+                    sent.append((event.time, event.target * scale))
+                elif isinstance(event, Asked) and event.object == TARGET_VELOCITY:
+                    sent.append((event.time, (event.value - (event.value >> 31 << 32)) * scale))
+        return found
+
+    def metres_per_rpm(self, side: str) -> float:
+        """Rolling speed of a driven wheel [m/s] per rpm of its motor, signed."""
+        _, drive = self.robot.drive_at("traction", side)
+        scale = self.robot.metres_per_count(side) * drive.sensor.counts_per_turn / 60.0
+        return -scale if drive.mirrored else scale
+
     def node(self, role: str, side: str) -> int:
         """Node id of a drive."""
         return self.robot.drive_at(role, side)[1].node_id
+
+    @cached_property
+    def _look_times(self) -> list[float]:
+        return [look.time for look in self.looks]
+
+    def looks_between(self, begin: float, end: float) -> Sequence[Look]:
+        """What was seen of the machine in this time [s]."""
+        return self.looks[bisect_left(self._look_times, begin) : bisect_right(self._look_times, end)]
+
+    def look_at(self, time: float) -> Look | None:
+        """The machine as it was last seen."""
+        number = bisect_right(self._look_times, time)
+        return self.looks[number - 1] if number else None
+
+    def beat_before(self, time: float) -> float:
+        """When the host's heartbeat was heard last [s]; minus infinity: never."""
+        number = bisect_left(self.wire.beats, time)
+        return self.wire.beats[number - 1] if number else -inf
 
     def acts(self, what: str) -> list[float]:
         """When a person did this."""

@@ -8,6 +8,8 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
+from artemis.campaign.monitor.evidence import Injected
+
 
 class When(Enum):
     """In which situation the fault has to be noticed."""
@@ -44,7 +46,10 @@ _BRAKED = ("16", "18", "19", "20", "21", "22", "23", "24", "25", "26", "27")
 """Those after which it stops by its own ramp first."""
 UNHEARD = Expected(W, 0.1, ("COM-01",), coasts=True)
 """Any drive error whose EMCY is lost."""
-STALLED = ("SYS-03", "DRV-20", "SYS-01", "COM-31", "PLG-03", "PTH-09")
+STALL = Expected(W, 0.02, ("SYS-03", "DRV-20", "SYS-01", "COM-31", "PLG-03", "PTH-09"), stop="S2")
+"""The computer does nothing for a while; noticed as soon as it goes on."""
+LATE = 0.06
+"""One tick so much too late [s] has to be noticed."""
 LOST = ("COM-22",)
 
 EXPECTED: dict[str, Expected] = {
@@ -77,17 +82,17 @@ EXPECTED: dict[str, Expected] = {
     "COM-22": Expected(W, 0.1, LOST),
     "COM-23": Expected(W, 0.1, LOST),
     "COM-24": Expected(W, 0.06, LOST),
-    "COM-25": Expected(W, 0.08, ("COM-25",)),
+    "COM-25": UNTOLD,
     "COM-26": Expected(W, 0.1, ("COM-26",), coasts=True),
     "COM-27": Expected(W, 0.27, ("COM-27", "COM-11")),
     "COM-28": Expected(W, 0.27, ("COM-28",)),
     "COM-29": Expected(W, 0.12, ("COM-29",)),
     "COM-30": Expected(START, shows=("COM-30",)),
-    "COM-31": Expected(W, 0.15, STALLED, stop="S2"),
+    "COM-31": STALL,
     "COM-32": Expected(START, shows=("COM-32",)),
     "COM-33": Expected(START, shows=("COM-33", "COM-08")),
     "COM-34": UNTOLD,
-    "RUN-01": Expected(M, 0.14, ("RUN-01",)),
+    "RUN-01": Expected(M, 0.2, ("RUN-01",)),  # of which the wheel needs 0.06 s to run away
     "RUN-02": UNTOLD,
     "RUN-03": UNTOLD,
     "RUN-04": Expected(M, 1.0, ("RUN-04", "RUN-05", "DRV-02", "DRV-25"), stop="S2"),
@@ -122,20 +127,33 @@ EXPECTED: dict[str, Expected] = {
     "INP-12": UNTOLD,
     "PLG-02": Expected(F, 0.02, ("PLG-02",), stop="S2"),
     "PLG-03": Expected(F, 0.08, ("PTH-09", "PLG-03"), stop="S2"),
-    "PLG-04": Expected(F, 1.04, STALLED),
+    "PLG-04": STALL._replace(when=F),
     "PLG-06": Expected(F, 0.02, ("PLG-06", "RUN-11"), stop="S2"),
     "PWR-01": UNTOLD,
     "PWR-02": UNTOLD,
     "PWR-03": UNTOLD,
-    "SYS-01": Expected(W, 0.08, STALLED, stop="S2"),
-    "SYS-03": Expected(W, 1.04, STALLED),
+    "SYS-01": STALL,
+    "SYS-03": STALL,
     "SYS-04": UNTOLD,
-    "SYS-07": Expected(W, 1.04, STALLED),
+    "SYS-07": STALL,
     "SYS-09": Expected(W, 0.12, ("COM-29",), coasts=True),
     "SYS-10": UNTOLD,
+    "DSK-02": UNTOLD,
+    "DSK-05": UNTOLD,
     "EST-01": Expected(W, 0.04, ("DRV-04", "EST-01"), coasts=True),
     "EST-03": Expected(W, 0.04, ("DRV-04", "EST-01"), coasts=True),
     "EST-04": Expected(W, 0.04, ("DRV-04", "EST-01"), coasts=True),
     "OPR-01": HARMLESS,
     "OPR-02": HARMLESS,
 }
+
+
+def expectation(injected: Injected, tick: float) -> Expected:
+    """What to expect of this one; `tick`: period of the host's ticks [s]."""
+    expected = EXPECTED[injected.id]
+    if injected.options.get("heard") is False:
+        return UNHEARD
+    seconds = injected.options.get("seconds")
+    if seconds is None or expected.shows != STALL.shows:
+        return expected
+    return expected._replace(within=expected.within + seconds) if seconds > LATE + tick else UNTOLD

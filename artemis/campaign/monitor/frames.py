@@ -13,11 +13,9 @@ from artemis.campaign.monitor.wire import (
     HISTORY,
     LOST_HEARTBEAT,
     MODE_SHOWN,
-    TARGET_VELOCITY,
     VENDOR,
     VERSION,
     WATCHED_HOST,
-    Asked,
     Boot,
     Emergency,
     Event,
@@ -36,7 +34,7 @@ SCRUB = 0.05
 TOLERANCE = 1.02
 WINDOW = 5
 """Accelerations are looked at over so many set-points: the steering's own share of a wheel's speed evens out."""
-STEERED = 0.008
+STEERED = 0.016
 """What that share may still change of the mean of both wheels [m/s]."""
 JITTER = 0.004
 """Between two ticks' frames on the wire [s]."""
@@ -52,25 +50,6 @@ SILENCE = 0.15
 """A pause of the host's heartbeat this long [s] is no jitter."""
 
 
-def traction_targets(e: Evidence, side: str) -> list[tuple[float, float]]:
-    """Every target speed that was sent to a driven wheel: time [s] and m/s, forward positive."""
-    found: list[tuple[float, float]] = []
-    metres_per_rpm = _metres_per_rpm(e, side)
-    for event in e.wire.nodes[e.node("traction", side)].events:
-        if isinstance(event, SetPoint):
-            found.append((event.time, event.target * metres_per_rpm))
-        elif isinstance(event, Asked) and event.index == TARGET_VELOCITY:
-            target = event.value - (event.value >> 31 << 32)
-            found.append((event.time, target * metres_per_rpm))
-    return found
-
-
-def _metres_per_rpm(e: Evidence, side: str) -> float:
-    _, drive = e.robot.drive_at("traction", side)
-    scale = e.robot.metres_per_count(side) * drive.sensor.counts_per_turn / 60.0
-    return -scale if drive.mirrored else scale
-
-
 # ---------------------------------------------------------------------------------------------- I1, I2
 
 
@@ -78,7 +57,7 @@ def targets_at_rest(e: Evidence) -> Iterator[Violation]:
     """I1: no target but zero in `init`, `fault`, `end`; elsewhere outside driving it only falls, to zero."""
     for side in SIDES:
         last = 0.0
-        for time, target in traction_targets(e, side):
+        for time, target in e.targets[side]:
             before, last = abs(last), target
             if target == 0.0:
                 continue
@@ -101,20 +80,21 @@ def loss_of_input(e: Evidence) -> Iterator[Violation]:
     losses = [
         (i.time + _INPUT_LOST[i.id] + 1.5 * e.tick, f"{i.id} at {i.time:.3f} s")
         for i in e.injected
-        if i.id in _INPUT_LOST and i.until > i.time + _INPUT_LOST[i.id] + 0.2
-        and e.journal.mode_at(i.time) == "teleop"
+        if i.id in _INPUT_LOST and i.until > i.time + _INPUT_LOST[i.id] + 0.2 and e.journal.mode_at(i.time) == "teleop"
     ]
-    for row, next_row in zip(e.stick, [*e.stick[1:], None], strict=True):
-        again = next_row.time if next_row is not None and next_row.held else inf
+    for row, after in zip(e.stick, [*e.stick[1:], None], strict=False):
+        again = after.time if after is not None and after.held else inf
         if not row.held and again - row.time > 1.5:
             losses.append((row.time + 2.5 * e.tick, f"release of the enable button at {row.time:.3f} s"))
-    stall = [i for i in e.injected if i.id.startswith(("SYS", "COM-31"))]
+    if any(i.id in ("INP-07", "INP-08", "INP-12") for i in e.injected):
+        losses = []  # then the stick is not what moves the robot
+    stall = [i for i in e.injected if "seconds" in i.options]
     for since, why in losses:
         until = min([*(row.time for row in e.stick if row.held and row.time > since), inf])
         if e.journal.mode_at(since) not in {"teleop", "quickstop"} or any(abs(i.time - since) < 1.5 for i in stall):
             continue
         for side in SIDES:
-            targets = [(time, abs(v)) for time, v in traction_targets(e, side) if since <= time < until]
+            targets = [(time, abs(v)) for time, v in e.targets[side] if since <= time < until]
             if not targets:
                 continue
             zero_by = since + targets[0][1] / e.robot.limits.deceleration_m_s2 + 0.1 + e.tick
@@ -144,19 +124,18 @@ class _Known:
 def enabling(e: Evidence) -> Iterator[Violation]:
     """I5: a drive is enabled only after all that has to be known of it, since it booted or was in fault."""
     for name, drive in e.robot.drives.items():
-        known, enabled, position = _Known(), False, 0
+        known, last = _Known(), Status(0.0, 0, 0)
         watch = e.robot.host_node_id << 16 | WATCH_MS
         for event in e.wire.nodes[drive.node_id].events:
             if isinstance(event, Status):
-                position = event.position
-                if event.enabled and not enabled and not _forced(e, name, event.time):
-                    off = abs(known.target - position) if known.target is not None else -1
+                if event.enabled and not last.enabled and not _forced(e, name, event.time):
+                    off = abs(known.target - event.position) if known.target is not None else -1
                     wrong = _unknown(known, drive.role, watch, off, drive.sensor.counts_per_turn * drive.gear_ratio)
                     if wrong:
                         yield Violation("I5", event.time, f"{name} was enabled without {', '.join(wrong)}")
-                if event.faulty and not _proving(e, event.time):
+                if event.faulty and not last.faulty and not _proving(e, event.time):
                     known = _Known()
-                enabled = event.enabled
+                last = event
             else:
                 known = _learned(e, known, event)
 
@@ -173,7 +152,7 @@ def _learned(e: Evidence, known: _Known, event: Event) -> _Known:
             known.mode = mode
         case SetPoint(target=target):
             known.target = target
-        case Transfer(index=index, sub=sub, value=value):
+        case Transfer(object=index, sub=sub, value=value):
             known.vendor = known.vendor or (index, sub) == (VENDOR, 1)
             known.version = known.version or (index, sub) == (VERSION, 1)
             known.proof = known.proof or (index == HISTORY and sub > 0 and value & 0xFFFF == LOST_HEARTBEAT)
@@ -200,12 +179,10 @@ def _unknown(known: _Known, role: str, watch: int, off: int, counts_per_turn: fl
 
 def _proving(e: Evidence, time: float) -> bool:
     """The host's heartbeat pauses on purpose: in `init`, with no drive enabled."""
-    beats = e.wire.beats
-    last = max((beat for beat in beats if beat < time), default=-inf)
-    look = next((look for look in reversed(e.looks) if look.time <= time), None)
+    look = e.look_at(time)
     return (
         "init" in e.journal.modes_between(time - 0.5, time)
-        and time - last > SILENCE
+        and time - e.beat_before(time) > SILENCE
         and (look is None or not any(look.enabled))
     )
 
@@ -254,10 +231,10 @@ def _true_speed(e: Evidence) -> Iterator[Violation]:
 
 
 def _speed_targets(e: Evidence) -> Iterator[Violation]:
-    bounds, quantum = e.robot.limits, 2 * abs(_metres_per_rpm(e, "left"))
+    bounds, quantum = e.robot.limits, 2 * abs(e.metres_per_rpm("left"))
     run: list[_Asked] = []
     left, right = (e.wire.nodes[e.node("traction", side)].all(SetPoint) for side in SIDES)
-    scales = [_metres_per_rpm(e, side) for side in SIDES]
+    scales = [e.metres_per_rpm(side) for side in SIDES]
     others = {round(point.time / QUEUED): point for point in right}
     for point in left:
         slot = round(point.time / QUEUED)

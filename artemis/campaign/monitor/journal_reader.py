@@ -34,15 +34,14 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self.lines: list[Line] = []
         self.problems: list[str] = []
-        for number, raw in enumerate(path.read_bytes().splitlines(), 1):
-            content, mark, checksum = raw.rpartition(b',"crc32":')
-            if not mark or checksum != b"%d}" % zlib.crc32(content):
+        content = path.read_bytes().rstrip(b"\0")  # room that a killed run had not used yet
+        for number, raw in enumerate(content.splitlines(), 1):
+            entry, mark, checksum = raw.rpartition(b',"crc32":')
+            if not mark or checksum != b"%d}" % zlib.crc32(entry):
                 self.problems.append(f"line {number} has no valid checksum")
                 continue
-            entry = json.loads(content + b"}")
-            self.lines.append(
-                Line(entry["sequence"], entry["time_s"], entry["kind"], entry["text"], entry["data"])
-            )
+            line = json.loads(entry + b"}")
+            self.lines.append(Line(line["sequence"], line["time_s"], line["kind"], line["text"], line["data"]))
         self._modes = [(line.time, str(line.data["to"])) for line in self.of("mode")]
 
     def of(self, *kinds: str) -> Iterator[Line]:

@@ -56,7 +56,7 @@ class Transfer(NamedTuple):
 
     time: float
     write: bool
-    index: int
+    object: int
     sub: int
     value: int
     """Unsigned."""
@@ -93,7 +93,7 @@ class Asked(NamedTuple):
     """A request to write an object, whatever becomes of it."""
 
     time: float
-    index: int
+    object: int
     value: int
     """Unsigned."""
 

@@ -195,13 +195,13 @@ COMMUNICATION: dict[str, Row] = {
     ),
     "COM-18": Row(
         "second copy of artemis",
-        Found.EDGE,
+        _SEEN,
         S1,
         X,
         "another artemis uses this bus",
         "end the other one",
         to_fault=True,
-        within=0.0,
+        stages=(Stage(S1),),
     ),
     "COM-19": Row(
         "node answers twice",
@@ -275,9 +275,9 @@ COMMUNICATION: dict[str, Row] = {
         "CAN adapter takes no more frames",
         "is any node on the bus to acknowledge them? bus load?",
         to_fault=True,
-        within=0.08,
-        of="frames refused in a tick",
-        stages=(Stage(S1, 0.0, 0.039),),
+        within=0.04,
+        of="frames refused in a row",
+        stages=(Stage(S1, 2.0),),
     ),
     "COM-26": Row(
         "node restarted",

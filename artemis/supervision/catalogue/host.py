@@ -19,7 +19,16 @@ HOST: dict[str, Row] = {
     "MIS-07": Row("stopping way too long", _LOADING, recovery=K, within=0.0),
     "PLG-01": Row("plugin cannot be made", _LOADING, recovery=K, within=0.0),
     "PLG-02": Row("plugin raised", _EDGE, S2, automatic(1), "plugin raised an error", "see the error; mend the plugin"),
-    "PLG-03": Row("plugin late", _EDGE, S2, K, "plugin answered late", "it must return within 15 ms", within=0.08),
+    "PLG-03": Row(
+        "plugin late",
+        _EDGE,
+        S2,
+        K,
+        "plugin answered late",
+        "it must return within 15 ms",
+        within=0.08,
+        shows_as=("PTH-09",),
+    ),
     "PLG-04": Row(
         "plugin holds the interpreter",
         Found.ELSEWHERE,

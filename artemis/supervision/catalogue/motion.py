@@ -70,6 +70,7 @@ MOTION: dict[str, Row] = {
         within=1.0,
         of="below 0.03 m/s where more than 0.1 m/s is commanded",
         stages=(Stage(S2, 0.0, 0.94),),
+        shows_as=("RUN-05",),
     ),
     "RUN-05": Row(
         "wheel slip",
@@ -81,6 +82,7 @@ MOTION: dict[str, Row] = {
         within=0.35,
         of="difference of both wheels as part of the speed",
         stages=(Stage(LIMIT, 0.25, 0.26), Stage(S2, 0.25, 2.0), Stage(S2, 0.5, 0.26)),
+        shows_as=("RUN-01",),
     ),
     "RUN-06": Row(
         "one driven wheel pushes alone",
@@ -93,6 +95,7 @@ MOTION: dict[str, Row] = {
         within=0.1,
         of="one driven wheel off, the other on and moving",
         stages=(Stage(S1, 0.0, 0.059),),
+        shows_as=("COM-02", "COM-01"),
     ),
     "RUN-07": Row("odometry against localisation", Found.ABSENT, S2, automatic(2, _TEN), reason="needs a localisation"),
     "RUN-08": Row(
@@ -199,6 +202,7 @@ MOTION: dict[str, Row] = {
         within=0.22,
         of="difference from a pair [rad]",
         stages=(Stage(S1, radians(4.0), 0.18),),
+        shows_as=("STE-05", "STE-01"),
     ),
     "STE-07": Row(
         "potentiometer frozen",
@@ -211,9 +215,17 @@ MOTION: dict[str, Row] = {
         within=0.5,
         of="turned without a new voltage [rad]",
         stages=(Stage(S1, radians(10.0)),),
+        shows_as=("STE-03", "STE-05"),
     ),
     "CAL-01": Row(
-        "alignment fails", Found.MODE, S1, K, "alignment failed", "is the wheel free? repeat", to_fault=True, within=5.0
+        "alignment fails",
+        Found.ELSEWHERE,
+        S1,
+        K,
+        to_fault=True,
+        within=12.0,
+        shows_as=("STE-01", "STE-02", "STE-03", "STE-04", "STE-05", "COM-03", "DRV-02", "DRV-25"),
+        reason="each step of the alignment says what failed",
     ),
     "CAL-02": Row(
         "motion before calibration",

@@ -64,7 +64,7 @@ def automatic(times: int, window: float = inf, *, unless: tuple[str, ...] = ()) 
 
 
 class Stage(NamedTuple):
-    """A measured value above `over` for longer than `hold` [s] calls for `severity`."""
+    """A measured value above `over` for as long as `hold` [s] calls for `severity`."""
 
     severity: Severity
     over: float = 0.0
@@ -101,12 +101,12 @@ class Row(NamedTuple):
     within: float = 0.02
     """Worst case from the cause to the reaction [s]; 0 before a run."""
     stages: tuple[Stage, ...] = ()
-    """Of a measured row: limits of its measure, mildest first. Empty: anything above 0 at once."""
+    """Of a measured row: limits of its measure, mildest first."""
     of: str = ""
     """What a measured row's limits are limits of, with the unit."""
     codes: tuple[int, ...] = ()
     """EMCY error codes of the first generation."""
     shows_as: tuple[str, ...] = ()
-    """Rows as which it is seen, where it has no mark of its own."""
+    """Rows as which it may be seen, or is where it has no mark of its own."""
     reason: str = ""
     """Why it has no effect, or what it would need to be noticed."""

@@ -1,0 +1,170 @@
+"""A mission's `simulation.faults`: what it asks for happens at its time, is in the journal, and replays."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rig import CALIBRATE, MISSIONS, STICK, TELEOP, Run, follow, run, stick, write_mission
+
+from artemis.clock import run as run_loop
+from artemis.devices.can_bus import Frame
+from artemis.errors import ConfigError
+from artemis.mission import load_mission, mission_schema
+from artemis.plugins.contracts import InputDevice
+from artemis.recording.disk import Disk
+from artemis.recording.journal import Entry, read_journal
+from artemis.sim.bus import SimBus
+from artemis.sim.world import World
+from artemis.testing.fault_bus import FaultBus
+from artemis.testing.injections import INJECTIONS, schedule, stage_of
+from artemis.testing.stage import Needs
+from artemis.values import DriveState
+
+
+def faulty(folder: Path, *faults: dict[str, Any], by_hand: bool = False) -> Run:
+    """A run that brings up, aligns and drives at 0.2 m/s, with these faults."""
+    rows = [(0.0, 0.0, 0.0, 0), (9.0, 0.0, 0.5, 1), (14.0, 0.0, 0.0, 0)]
+    steps = [CALIBRATE, TELEOP if by_hand else follow()]
+    files = {"stick.csv": stick(*rows)}
+    return run(write_mission(folder, steps, files, inputs=STICK, simulation={"seed": 3, "faults": list(faults)}))
+
+
+def injected(done: Run) -> list[Entry]:
+    assert done.outcome is not None
+    return [entry for entry in read_journal(done.outcome.run.journal).entries if entry.kind == "injected"]
+
+
+def test_injection_is_written_to_the_journal_at_its_run_time(tmp_path: Path) -> None:
+    done = faulty(
+        tmp_path,
+        {"at_s": 9.013, "inject": "COM-13", "node": "steer-left", "duration_s": 0.5},
+        {"at_s": 10.0, "inject": "DRV-25", "node": "steer-right", "heard": False},
+    )
+    first, second = injected(done)
+    assert first.time == pytest.approx(9.013)
+    assert second.time == pytest.approx(10.0)
+    assert first.text == "COM-13 steer-left: feedback arrives twice"
+    assert first.data == {"id": "COM-13", "device": "steer-left", "duration_s": 0.5}
+    assert second.data == {"id": "DRV-25", "device": "steer-right", "heard": False}
+    state = next(truth.states[3] for truth in done.truth_from(10.02))
+    assert state in (DriveState.FAULT, DriveState.FAULT_REACTION_ENABLED)
+    assert not [frame for frame in done.bus.heard if frame.id == 0x084 and frame.data[:2] == b"\x11\x86"]
+
+
+def test_fault_at_zero_is_there_before_the_first_tick(tmp_path: Path) -> None:
+    done = faulty(tmp_path, {"at_s": 0.0, "inject": "COM-32"})
+    (entry,) = injected(done)
+    assert entry.time == 0.0
+    assert not done.bus.heard
+
+
+FOLLOWER_FAULTS: list[dict[str, Any]] = [
+    {"inject": "PLG-02"},
+    {"inject": "PLG-03", "seconds": 0.03},
+    {"inject": "PLG-06", "returns": "a text"},
+    {"inject": "RUN-11", "value": "inf"},
+    {"inject": "RUN-12", "duration_s": 0.5},
+    {"inject": "PTH-08", "duration_s": 6.0},
+]
+
+
+@pytest.mark.parametrize("fault", FOLLOWER_FAULTS, ids=lambda fault: str(fault["inject"]))
+def test_fault_of_a_follower_replays_bit_for_bit(tmp_path: Path, fault: dict[str, Any]) -> None:
+    done = faulty(tmp_path, {"at_s": 9.5, **fault})
+    assert len(injected(done)) == 1
+    before = [seen.tick.wish.command for seen in done.seen if 9.0 < seen.time < 9.49]
+    after = [seen.tick.wish.command for seen in done.seen if 9.49 < seen.time < 14.0]
+    assert {round(command.speed, 3) for command in before} == {0.2}
+    drives_on = fault["inject"] == "PTH-08"  # the path would have ended at 13.5 s
+    assert ({round(command.speed, 3) for command in after} == {0.2}) is drives_on
+    assert done.recompute().difference is None
+
+
+def test_fault_of_an_input_happens_and_ends(tmp_path: Path) -> None:
+    done = faulty(tmp_path, {"at_s": 10.0, "inject": "INP-09", "duration_s": 0.5}, by_hand=True)
+    held = {round(seen.time, 2): seen.tick.snapshot.sensed.inputs[0].enabled for seen in done.seen if seen.time > 9.5}
+    assert [held[time] for time in (9.9, 10.04, 10.4, 10.56)] == [True, False, False, True]
+
+
+def test_same_seed_makes_the_same_run(tmp_path: Path) -> None:
+    fault = {"at_s": 9.0, "inject": "COM-14", "bits": 2, "length": None, "probability": 0.5, "count": None}
+    one, two = (faulty(tmp_path / name, fault) for name in ("one", "two"))
+    assert one.bus.heard == two.bus.heard
+    assert [tick.snapshot.sensed for tick in one.ticks] == [tick.snapshot.sensed for tick in two.ticks]
+
+
+def test_mission_may_name_every_injection(tmp_path: Path) -> None:
+    node = {Needs.DRIVE: "steer-left", Needs.TRACTION: "traction-left", Needs.STEERING: "steer-left"}
+    faults = [
+        {"at_s": 1.0, "inject": id, **({"node": node[injection.needs]} if injection.needs in node else {})}
+        for id, injection in INJECTIONS.items()
+    ]
+    steps = [CALIBRATE, follow(), TELEOP]
+    mission = write_mission(
+        tmp_path, steps, {"stick.csv": stick((0.0, 0.0, 0.0, 0))}, inputs=STICK, simulation={"faults": faults}
+    )
+    assert [fault.inject for fault in load_mission(mission).mission.simulation.faults] == list(INJECTIONS)
+
+
+def test_fault_of_a_plugin_that_the_mission_does_not_have_is_refused(tmp_path: Path) -> None:
+    faults = [{"at_s": 1.0, "inject": "INP-03"}, {"at_s": 1.0, "inject": "PTH-09"}]
+    with pytest.raises(ConfigError) as caught:
+        load_mission(write_mission(tmp_path, [CALIBRATE], simulation={"faults": faults}))
+    assert [problem.split(": ", 2)[2] for problem in caught.value.problems] == [
+        "INP-03 needs an input: the mission has none",
+        "PTH-09 needs a follower: no step is a follow",
+    ]
+
+
+def test_schema_knows_what_can_be_injected() -> None:
+    schema: dict[str, Any] = mission_schema()
+    assert schema["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] == list(INJECTIONS)
+
+
+def test_mission_without_faults_loads_none_of_it() -> None:
+    code = f"""
+import sys, tempfile
+from pathlib import Path
+from artemis.errors import ConfigError
+from artemis.mission import load_mission, mission_schema
+load_mission(Path({str(MISSIONS / "figure_eight.yaml")!r}))
+import artemis.app
+sys.exit(any(name.startswith("artemis.testing") for name in sys.modules))
+"""
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_mission_without_faults_has_its_bus_as_it_is(tmp_path: Path) -> None:
+    done = faulty(tmp_path)
+    assert done.status == 0
+    assert injected(done) == []
+
+
+# ---------------------------------------------------------------------------------------------- without a mission
+
+
+def test_stage_of_a_run_wraps_its_inputs_where_they_lie() -> None:
+    robot = load_mission(MISSIONS / "figure_eight.yaml").robot
+
+    class Order:
+        at_s, inject, node, options = 0.0, "COM-22", None, dict[str, Any]()
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        world = World(robot)
+        bus = FaultBus(SimBus(world, robot.bitrate, loop))
+        inputs: dict[str, InputDevice] = {}
+        stage = stage_of(robot, world, bus, inputs, Disk(), lambda request: None)
+        assert (stage.inputs, stage.disk) == (inputs, None)
+        noted: list[Entry] = []
+        schedule(stage, [Order()], noted.append)
+        with pytest.raises(ConnectionError, match="unplugged"):
+            bus.send(Frame(0x080))
+        assert [entry.text for entry in noted] == ["COM-22: the adapter is unplugged"]
+
+    run_loop(main(), simulated=True)

@@ -1,0 +1,340 @@
+"""What plugins do instead of an answer, and what becomes of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from core_builders import PATH, StubFollower, following, snapshot
+from robot_rig import StubInput
+
+from artemis.errors import DeviceLost
+from artemis.motion.path import Path
+from artemis.plugins.border import Border, is_in_range, is_whole_following, is_whole_input
+from artemis.values import DriveCommand, OperatorInput, Request, Snapshot
+
+GOOD = OperatorInput(source="stick", speed=0.3, steering=-0.1, enabled=True, neutral=False, age=0.01, axes=(0.5, -1.0))
+
+
+class Desk:
+    """A border with one clock that plugins may spend."""
+
+    def __init__(self, **inputs: Callable[[float], Any]) -> None:
+        self.time = 0.0
+        self.border = Border({name: StubInput(answer) for name, answer in inputs.items()}, lambda: self.time)
+
+    def read(self, now: float = 0.0) -> tuple[OperatorInput, ...]:
+        return self.border.read(now)
+
+    def problems(self) -> list[tuple[str, str]]:
+        return [(id, name) for id, name, _ in self.border.take_problems()]
+
+    def slow(self, *times: float) -> Callable[[float], OperatorInput]:
+        """An input that takes these times, one after the other."""
+        left = list(times)
+
+        def answer(now: float) -> OperatorInput:
+            self.time += left.pop(0)
+            return GOOD
+
+        return answer
+
+
+# ---------------------------------------------------------------------------------------------- inputs
+
+
+def test_good_samples_pass_as_they_are_in_the_order_of_the_inputs() -> None:
+    desk = Desk(b=lambda now: replace(GOOD, age=now), a=lambda now: GOOD)
+    assert desk.read(0.1) == (replace(GOOD, age=0.1), GOOD)
+    assert desk.problems() == []
+
+
+def test_input_that_raises_is_a_problem_with_its_error_and_the_others_are_read() -> None:
+    def broken(now: float) -> OperatorInput:
+        raise OSError("unplugged")
+
+    desk = Desk(stick=broken, other=lambda now: GOOD)
+    assert desk.read() == (GOOD,)
+    assert desk.border.take_problems() == [("PLG-02", "stick", "OSError('unplugged')")]
+    assert desk.problems() == [], "each is told once"
+
+
+@pytest.mark.parametrize("garbage", [None, 42, "left", object(), (), {"speed": 1.0}, [GOOD]])
+def test_what_is_no_sample_is_garbage_and_shown(garbage: object) -> None:
+    desk = Desk(stick=lambda now: garbage)
+    assert desk.read() == ()
+    assert desk.border.take_problems() == [("PLG-06", "stick", repr(garbage)[:80])]
+
+
+def test_garbage_is_shown_up_to_a_length() -> None:
+    desk = Desk(stick=lambda now: "x" * 1000)
+    desk.read()
+    assert [len(seen) for _, _, seen in desk.border.take_problems()] == [80]
+
+
+PARTS: list[dict[str, Any]] = [
+    {"speed": "fast"},
+    {"steering": None},
+    {"age": "now"},
+    {"axes": None},
+    {"axes": [0.5]},
+    {"axes": ("left",)},
+    {"buttons": (1,)},
+    {"buttons": None},
+    {"enabled": "no"},
+    {"enabled": None},
+    {"neutral": 1},
+    {"requests": ("quick stop",)},
+    {"requests": None},
+    {"requests": [Request.END]},
+    {"source": None},
+]
+
+
+@pytest.mark.parametrize("part", PARTS, ids=str)
+def test_sample_with_a_part_of_another_kind_is_garbage(part: dict[str, Any]) -> None:
+    garbage = replace(GOOD, **part)
+    assert not is_whole_input(garbage)
+    desk = Desk(stick=lambda now: garbage)
+    assert desk.read() == ()
+    assert desk.problems() == [("PLG-06", "stick")]
+
+
+def test_device_that_is_gone_is_lost_and_asked_again() -> None:
+    def unplugged(now: float) -> OperatorInput:
+        if now < 1.0:
+            raise DeviceLost("stick", "unplugged")
+        return GOOD
+
+    desk = Desk(stick=unplugged)
+    assert desk.read(0.0) == ()
+    assert desk.border.take_problems() == [("INP-01", "stick", "unplugged")]
+    assert desk.read(1.0) == (GOOD,)
+
+
+# ---------------------------------------------------------------------------------------------- out of range
+
+BAD: list[dict[str, Any]] = [
+    {"speed": math.nan},
+    {"speed": math.inf},
+    {"steering": -math.inf},
+    {"age": math.nan},
+    {"speed": 10**400},
+    {"axes": (0.0, 1.0001)},
+    {"axes": (-1.0001,)},
+    {"axes": (math.nan,)},
+]
+
+
+@pytest.mark.parametrize("bad", BAD, ids=str)
+def test_sample_out_of_range_is_whole_all_the_same(bad: dict[str, Any]) -> None:
+    sample = replace(GOOD, **bad)
+    assert is_whole_input(sample)
+    assert not is_in_range(sample)
+
+
+@pytest.mark.parametrize(
+    "good",
+    [
+        {},
+        {"axes": (-1.0, 1.0, 0)},
+        {"age": None},
+        {"speed": 10**6},
+        {"buttons": (True, False)},
+        {"requests": (Request.END,)},
+    ],
+    ids=str,
+)
+def test_sample_within_range_is_good(good: dict[str, Any]) -> None:
+    sample = replace(GOOD, **good)
+    assert is_whole_input(sample)
+    assert is_in_range(sample)
+
+
+@pytest.mark.parametrize("bad", BAD, ids=str)
+def test_bad_sample_is_replaced_by_the_last_good_one_which_grows_older(bad: dict[str, Any]) -> None:
+    said = [GOOD, replace(GOOD, **bad), replace(GOOD, **bad), replace(GOOD, speed=0.1)]
+    desk = Desk(stick=lambda now: said.pop(0))
+    ages = []
+    for now in (1.0, 1.02, 1.05):
+        (sample,) = desk.read(now)
+        assert replace(sample, age=None) == replace(GOOD, age=None)
+        ages.append(sample.age)
+    assert ages == pytest.approx([0.01, 0.03, 0.06])
+    assert desk.read(1.07) == (replace(GOOD, speed=0.1),)
+    assert desk.problems() == [], "two are forgiven"
+
+
+def test_last_good_sample_whose_age_is_unknown_stays_so() -> None:
+    said = [replace(GOOD, age=None), replace(GOOD, speed=math.nan)]
+    desk = Desk(stick=lambda now: said.pop(0))
+    desk.read(0.0)
+    assert [sample.age for sample in desk.read(0.5)] == [None]
+
+
+def test_requests_of_the_last_good_sample_are_not_made_again() -> None:
+    said = [replace(GOOD, requests=(Request.ARM,)), replace(GOOD, speed=math.nan)]
+    desk = Desk(stick=lambda now: said.pop(0))
+    assert [sample.requests for now in (0.0, 0.02) for sample in desk.read(now)] == [(Request.ARM,), ()]
+
+
+@pytest.mark.parametrize("first", [GOOD, None], ids=["later", "from the first"])
+def test_stop_of_a_bad_sample_is_obeyed_and_nothing_else_of_it(first: OperatorInput | None) -> None:
+    bad = replace(GOOD, speed=math.nan, requests=(Request.ARM, Request.QUICKSTOP))
+    said = [first, bad] if first else [bad]
+    desk = Desk(stick=lambda now: said.pop(0))
+    samples = [sample for now in (0.0, 0.02)[: len(said)] for sample in desk.read(now)]
+    assert samples[-1].requests == (Request.QUICKSTOP,)
+    assert samples[-1].age == (None if first is None else pytest.approx(0.03))
+
+
+def test_bad_sample_with_no_good_one_before_says_nothing() -> None:
+    desk = Desk(stick=lambda now: replace(GOOD, speed=math.nan))
+    assert desk.read() == (OperatorInput(source="stick"),)
+
+
+@pytest.mark.parametrize(
+    ("times", "faults"),
+    [
+        ((0.0, 0.2, 0.4, 0.6, 0.8), [5]),
+        ((0.0, 0.2, 0.4, 0.6), []),
+        ((0.0, 0.25, 0.5, 0.75, 1.0), []),  # four within any second
+        ((0.0, 0.2, 0.4, 0.6, 0.8, 1.0), [5, 6]),
+        ((0.0, 0.1, 0.2, 0.3, 5.0, 5.1, 5.2, 5.3, 5.4), [9]),
+    ],
+)
+def test_five_bad_samples_within_a_second_are_a_problem(times: tuple[float, ...], faults: list[int]) -> None:
+    desk = Desk(stick=lambda now: replace(GOOD, axes=(2.0,)))
+    told = []
+    for number, now in enumerate(times, 1):
+        desk.read(now)
+        told += [(number, problem) for problem in desk.problems()]
+    assert told == [(number, ("INP-06", "stick")) for number in faults]
+
+
+def test_bad_samples_are_counted_for_each_input() -> None:
+    desk = Desk(a=lambda now: replace(GOOD, axes=(2.0,)), b=lambda now: replace(GOOD, axes=(2.0,)))
+    for now in (0.0, 0.1, 0.2, 0.3):
+        desk.read(now)
+    assert desk.problems() == []
+    desk.read(0.4)
+    assert desk.problems() == [("INP-06", "a"), ("INP-06", "b")]
+
+
+# ---------------------------------------------------------------------------------------------- late
+
+JUST, TOO = 0.0149, 0.0151
+"""What is still in time, and what is not [s]."""
+
+
+@pytest.mark.parametrize(
+    ("took", "problems"),
+    [
+        ((TOO, TOO), 0),
+        ((TOO, TOO, TOO), 1),
+        ((TOO, TOO, JUST, TOO, TOO), 0),
+        ((JUST,) * 5, 0),
+        ((TOO,) * 5, 3),
+    ],
+)
+def test_input_that_is_late_three_times_in_a_row_is_a_problem(took: tuple[float, ...], problems: int) -> None:
+    desk = Desk()
+    desk.border = Border({"stick": StubInput(desk.slow(*took))}, lambda: desk.time)
+    for _ in took:
+        assert desk.read() == (GOOD,), "a late answer is one"
+    assert desk.problems() == [("PLG-03", "stick")] * problems
+
+
+def test_late_input_says_how_long_it_took() -> None:
+    desk = Desk()
+    desk.border = Border({"stick": StubInput(desk.slow(0.1, 0.2, 0.3))}, lambda: desk.time)
+    for _ in range(3):
+        desk.read()
+    assert desk.border.take_problems() == [("PLG-03", "stick", "300 ms, 3 times in a row")]
+
+
+class SlowFollower(StubFollower):
+    """Takes its time."""
+
+    def __init__(self, desk: Desk, took: float) -> None:
+        super().__init__()
+        self.desk, self.took = desk, took
+
+    def start(self, path: Path, snapshot: Snapshot) -> None:
+        super().start(path, snapshot)
+        self.desk.time += 1.0
+
+    def step(self, snapshot: Snapshot) -> Any:  # noqa: ANN401
+        self.desk.time += self.took
+        return super().step(snapshot)
+
+
+def test_follower_is_watched_like_an_input() -> None:
+    desk = Desk()
+    slow = SlowFollower(desk, TOO)
+    watched = desk.border.watched(slow)
+    watched.start(PATH, snapshot())
+    answers = [watched.step(snapshot()) for _ in range(3)]
+    assert answers == [following()] * 3
+    assert (slow.starts, slow.steps) == (1, 3)
+    assert desk.border.take_problems() == [("PTH-09", "follower", "15 ms, 3 times in a row")]
+    slow.took = JUST
+    watched.step(snapshot())
+    slow.took = TOO
+    watched.step(snapshot())
+    assert desk.problems() == []
+
+
+def test_follower_that_raises_late_is_late_and_its_error_goes_on() -> None:
+    desk = Desk()
+
+    def fail() -> None:
+        desk.time += TOO
+        raise ZeroDivisionError("in the follower")
+
+    watched = desk.border.watched(StubFollower(fail))
+    for _ in range(3):
+        with pytest.raises(ZeroDivisionError, match="in the follower"):
+            watched.step(snapshot())
+    assert desk.problems() == [("PTH-09", "follower")]
+
+
+def test_input_called_follower_and_the_follower_are_two() -> None:
+    desk = Desk()
+    desk.border = Border({"follower": StubInput(desk.slow(TOO, TOO))}, lambda: desk.time)
+    watched = desk.border.watched(SlowFollower(desk, TOO))
+    for _ in range(2):
+        desk.read()
+        watched.step(snapshot())
+    assert desk.problems() == []
+
+
+# ---------------------------------------------------------------------------------------------- a follower's answer
+
+
+@pytest.mark.parametrize("garbage", [None, 3, "go", following().command])
+def test_what_is_no_answer_is_not_whole(garbage: object) -> None:
+    assert not is_whole_following(garbage)
+
+
+@pytest.mark.parametrize("field", ["arc_length", "length", "cross_track", "heading_error"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, None, "far", 10**400])
+def test_answer_with_tracking_that_is_no_number_is_not_whole(field: str, value: Any) -> None:  # noqa: ANN401
+    answer = following()
+    assert not is_whole_following(replace(answer, tracking=replace(answer.tracking, **{field: value})))
+
+
+@pytest.mark.parametrize("field", ["speed", "steering"])
+@pytest.mark.parametrize(("value", "whole"), [(math.nan, True), (math.inf, True), (None, False), ("left", False)])
+def test_numbers_of_a_command_are_judged_by_the_gate_and_what_is_none_here(field: str, value: Any, whole: bool) -> None:  # noqa: ANN401
+    answer = replace(following(), command=DriveCommand(**{field: value}))
+    assert is_whole_following(answer) is whole
+
+
+@pytest.mark.parametrize("part", ["command", "tracking"])
+def test_answer_that_misses_a_part_is_not_whole(part: str) -> None:
+    missing: dict[str, Any] = {part: None}
+    assert not is_whole_following(replace(following(), **missing))

@@ -1,0 +1,127 @@
+"""The host's end of the wire: what leaves, what is held back, and what is counted."""
+
+from __future__ import annotations
+
+import pytest
+from core_builders import ROBOT, FakeBus
+
+from artemis.devices.can_bus import Frame
+from artemis.devices.wire_end import WireEnd
+from artemis.errors import DeviceBusy, DeviceLost
+from artemis.values import BusHealth, Mode
+
+SYNC, STOP_NMT, HEARTBEAT = Frame(0x080), Frame(0x000, b"\x02\x01"), Frame(0x77F, b"\x05")
+READ_STATUS = Frame(0x601, b"\x40\x41\x60\0\0\0\0\0")
+
+
+class Bench:
+    """The end of a fake bus."""
+
+    def __init__(self) -> None:
+        self.bus = FakeBus()
+        self.bus.error_frames = 40
+        self.wire = WireEnd(ROBOT, self.bus)
+
+    def arrive(self, *frames: Frame) -> list[Frame]:
+        self.bus.arrived = list(frames)
+        return self.wire.receive()
+
+
+def test_what_may_leave_leaves_and_is_written_down_with_the_time() -> None:
+    bench = Bench()
+    bench.wire.send(SYNC)
+    bench.arrive(Frame(0x181, bytes(6), time=0.98))
+    bench.wire.send(HEARTBEAT)
+    assert [frame.id for frame in bench.bus.sent] == [0x080, 0x77F]
+    assert bench.wire.take_traffic(1.0) == [
+        (True, SYNC._replace(time=1.0)),
+        (False, Frame(0x181, bytes(6), time=0.98)),
+        (True, HEARTBEAT._replace(time=1.0)),
+    ]
+    assert bench.wire.take_traffic(1.0) == [], "each once"
+    assert bench.wire.health() == BusHealth()
+
+
+def test_what_must_not_leave_is_held_back_and_told_with_its_place_in_the_program() -> None:
+    bench = Bench()
+    bench.wire.send(STOP_NMT)
+    assert bench.bus.sent == []
+    assert bench.wire.take_traffic(0.0) == []
+    (told,) = bench.wire.health().blocked
+    reason, place = told.split("; ")
+    assert reason == "0x000 [02 01] in init: NMT Stop also stops the drive's messages: never"
+    assert place.startswith("test_what_must_not_leave_is_held_back_and_told_with_its_place_in_the_program:")
+    assert bench.wire.health() == BusHealth(), "told once"
+
+
+def test_mode_decides_what_may_leave() -> None:
+    bench = Bench()
+    bench.wire.begin(Mode.TELEOP)
+    bench.wire.send(READ_STATUS)
+    bench.wire.begin(Mode.QUICKSTOP)
+    bench.wire.send(READ_STATUS)
+    assert bench.bus.sent == [READ_STATUS]
+    assert len(bench.wire.health().blocked) == 1
+
+
+def test_frame_for_which_there_is_no_room_is_counted_and_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench()
+
+    def full(frame: Frame) -> None:
+        raise DeviceBusy("CAN", "transmit buffer full")
+
+    monkeypatch.setattr(bench.bus, "send", full)
+    bench.wire.send(SYNC)
+    bench.wire.send(HEARTBEAT)
+    assert bench.wire.take_traffic(0.0) == [], "they were never on the bus"
+    assert bench.wire.health() == BusHealth(refused=2)
+    assert bench.wire.health() == BusHealth()
+
+
+@pytest.mark.parametrize("identifier", [0x000, 0x080, 0x201, 0x204, 0x302, 0x603, 0x77F])
+def test_frames_that_only_we_may_send_are_noticed(identifier: int) -> None:
+    bench = Bench()
+    assert bench.arrive(Frame(identifier), Frame(0x181), Frame(0x705), Frame(identifier)) == [
+        Frame(identifier),
+        Frame(0x181),
+        Frame(0x705),
+        Frame(identifier),
+    ]
+    assert bench.wire.health() == BusHealth(foreign=(identifier, identifier))
+    assert bench.wire.health() == BusHealth()
+
+
+def test_error_frames_are_those_since_the_last_look() -> None:
+    bench = Bench()
+    assert bench.wire.health() == BusHealth(), "those before the run are no news"
+    bench.bus.error_frames += 3
+    assert bench.wire.health() == BusHealth(error_frames=3)
+    assert bench.wire.health() == BusHealth()
+    bench.bus.error_frames += 1
+    assert bench.wire.health() == BusHealth(error_frames=1)
+
+
+def test_lost_adapter_is_told_to_whoever_reads_or_writes() -> None:
+    bench = Bench()
+    bench.bus.lost = True
+    with pytest.raises(DeviceLost):
+        bench.wire.send(SYNC)
+    with pytest.raises(DeviceLost):
+        bench.wire.receive()
+    assert bench.wire.take_traffic(0.0) == []
+    assert bench.wire.health() == BusHealth()
+
+
+def test_held_back_frame_does_not_ask_the_adapter() -> None:
+    bench = Bench()
+    bench.bus.lost = True
+    bench.wire.send(STOP_NMT)
+    assert len(bench.wire.health().blocked) == 1
+
+
+def test_wake_goes_to_the_bus() -> None:
+    bench = Bench()
+    woken: list[bool] = []
+    bench.wire.listen(lambda: woken.append(True))
+    bench.bus.wake()
+    assert woken == [True]
