@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
+from math import inf
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from artemis import clock
 from artemis.devices.can_bus import CanBus, FrameBus
 from artemis.devices.drive import Drives
 from artemis.devices.host import HostWatch
+from artemis.devices.reopening import ReopeningBus
 from artemis.errors import RecordingError
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.policies import policies_from
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
     from artemis.sim.bus import Surroundings
     from artemis.sim.world import World
 
+SLACK = 10.0
+"""A path may take twice its time and this [s] (PTH-08)."""
 OPERATOR_GRACE = 5.0
 """A scripted operator counts as present until this long after its last act [s]."""
 REQUESTS = {
@@ -92,7 +96,15 @@ def plan_from(loaded: LoadedMission) -> Plan:
                 path = path_from_csv(text, action.path).with_laps(action.laps)
                 plugin, config = plugin_from("artemis.followers", action.follower)
                 follower = plugin(config, _setup(loaded, action.follower.plugin))
-                steps.append(FollowStep(path=path, follower=follower, max_cross_track=action.max_cross_track_m))
+                speed: float | None = getattr(config, "speed_m_s", None)
+                steps.append(
+                    FollowStep(
+                        path=path,
+                        follower=follower,
+                        max_cross_track=action.max_cross_track_m,
+                        longest=inf if speed is None else 2 * path.length / speed + SLACK,
+                    )
+                )
     policies = policies_from(loaded.mission.recovery)
     return Plan(robot=loaded.robot, steps=tuple(steps), policies=policies)
 
@@ -262,7 +274,8 @@ class _Run:
     def _open_bus(self, loop: asyncio.AbstractEventLoop) -> tuple[FrameBus, World | None]:
         mission, robot = self._loaded.mission, self._loaded.robot
         if isinstance(mission.bus, BusWords) and not self._simulated:
-            return CanBus(mission.bus.words), None
+            words = mission.bus.words
+            return ReopeningBus(lambda: CanBus(words), loop.time), None
         from artemis.sim.bus import SimBus
         from artemis.sim.truth import moved_to
         from artemis.sim.world import World

@@ -88,6 +88,17 @@ def replay(run: RunFolder) -> None:
 
 
 @app.command()
+def campaign(
+    file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (YAML).")],
+    seed: Annotated[int | None, typer.Option(help="Run only this seed, in sight, and keep its folder.")] = None,
+) -> None:
+    """Do many seeded runs with everything that may go wrong, and have each judged from outside."""
+    from artemis.commands.campaign import run_all, run_one
+
+    raise typer.Exit(run_all(file) if seed is None else run_one(file, seed))
+
+
+@app.command()
 def graph() -> None:
     """Print the robot's modes as a Mermaid diagram, from the table that runs."""
     from artemis.states.machine import mermaid

@@ -8,7 +8,7 @@ import os
 import signal
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class CampaignWords(Config):
     """Processes on this computer; auto: one for each of its processors."""
     cluster: str | None = None
     """Address of a Dask scheduler, as tcp://host:8786; then its workers do the runs."""
-    results: FileName = "campaigns/"
+    results: FileName = "runs/"
     """Folder for the results' folders."""
 
 
@@ -56,7 +56,8 @@ class Campaign:
     """A campaign that may run."""
 
     words: CampaignWords
-    robot: bytes
+    robot: Robot
+    robot_source: bytes
     """Content of the robot file."""
     folder: Path
     """Of the results: the same campaign for the same robot has the same."""
@@ -78,22 +79,21 @@ def load_campaign(path: Path) -> Campaign:
         ConfigError: everything that is wrong in one of them.
     """
     words = load_model(path, CampaignWords)
-    robot = path.parent / words.robot
-    load_model(robot, Robot)
-    content = robot.read_bytes()
-    same = json.dumps([words.first_seed, words.runs]).encode() + content
+    file = path.parent / words.robot
+    robot, source = load_model(file, Robot), file.read_bytes()
+    same = json.dumps([words.first_seed, words.runs]).encode() + source
     name = f"{words.campaign}-{sha256(same).hexdigest()[:8]}"
-    return Campaign(words=words, robot=content, folder=path.parent / words.results / name)
+    return Campaign(words=words, robot=robot, robot_source=source, folder=path.parent / words.results / name)
 
 
 # ---------------------------------------------------------------------------------------------- one seed
 
 
-def run_seed(seed: int, robot: bytes) -> Result:
-    """Run one seed in a folder that is gone afterwards: what a worker does."""
+def run_seed(seed: int, robot: Robot, source: bytes) -> Result:
+    """Run one seed in a folder that is gone afterwards: what a worker does. `source`: the robot file's content."""
     try:
         with tempfile.TemporaryDirectory(prefix="artemis-campaign-") as folder:
-            return run_scenario(scenario(seed), robot, Path(folder), replayed=seed % REPLAYED == 0)
+            return run_scenario(scenario(seed, robot), source, Path(folder), replayed=seed % REPLAYED == 0)
     except Exception as error:
         error.add_note(f"in seed {seed} of a campaign")
         raise
@@ -144,7 +144,7 @@ def run_campaign(
         waiting: set[Future[Result]] = set()
         while waiting or (left and not stop()):
             while left and len(waiting) < AHEAD * workers and not stop():
-                waiting.add(executor.submit(run_seed, left.pop(), campaign.robot))
+                waiting.add(executor.submit(run_seed, left.pop(), campaign.robot, campaign.robot_source))
             done, waiting = wait(waiting, LOOK, FIRST_COMPLETED)
             for future in done:
                 results.add(future.result())
@@ -203,7 +203,7 @@ class Line:
     """Runs with it in which an invariant broke."""
 
 
-def table(results: Iterator[Result]) -> list[Line]:
+def table(results: Iterable[Result]) -> list[Line]:
     """One line for each kind of fault that happened."""
     runs: Counter[str] = Counter()
     failed: Counter[str] = Counter()

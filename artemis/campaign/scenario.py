@@ -10,8 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from artemis.motion.path import check_drivable, path_from_csv
 from artemis.testing.injections import INJECTIONS
 from artemis.testing.stage import Lasting, Needs
+from artemis.vehicle import Robot
 
 NOT_DRAWN = {
     "SYS-05": "a signal ends the whole process; an operator's `end` is the same path",
@@ -21,13 +23,18 @@ NOT_DRAWN = {
 MISSION = "mission.yaml"
 BRING_UP = 5.0
 """About how long it takes from the start to the first step [s]."""
+ENDING = ("INP", "RUN-12")
+"""Faults that have to end for the run to end: controls that never rest, a follower that never arrives."""
+SLOWEST = 0.05
+"""A path that is too fast is driven slower, down to this speed [m/s]."""
 GRACE = 5.0
 """The robot waits so long for an operator who no longer acts [s]."""
 _PLUGIN = ("PLG-", "PTH-08", "PTH-09", "RUN-11", "RUN-12")
-_DRIVES = {
-    Needs.DRIVE: ("traction-left", "traction-right", "steer-left", "steer-right"),
-    Needs.TRACTION: ("traction-left", "traction-right"),
-    Needs.STEERING: ("steer-left", "steer-right"),
+_ROLES = {
+    Needs.DRIVE: ("traction", "steering"),
+    Needs.SOME_DRIVE: ("traction", "steering"),
+    Needs.TRACTION: ("traction",),
+    Needs.STEERING: ("steering",),
 }
 
 
@@ -72,13 +79,13 @@ class Scenario:
         return path
 
 
-def scenario(seed: int) -> Scenario:
-    """The scenario of a seed: the same for ever, as long as nothing is added here."""
+def scenario(seed: int, robot: Robot) -> Scenario:
+    """The scenario of a seed for a robot: always the same, until something is added here or to the injections."""
     dice = random.Random(seed)
     draw = _follow if dice.uniform(0, 1) < 0.6 else _teleop
     tick_hz = dice.choice((50, 50, 50, 50, 50, 50, 25, 40, 80, 100))
-    steps, files, inputs, length = draw(dice)
-    faults = _faults(dice, length, by_hand=bool(inputs))
+    steps, files, inputs, length = draw(dice, robot)
+    faults = _faults(dice, robot, length, by_hand=bool(inputs))
     operator = _operator(dice, [fault["at_s"] for fault in faults], length)
     mission = {
         "mission": f"seed-{seed}",
@@ -119,10 +126,13 @@ Part = tuple[list[dict[str, Any]], dict[str, str], dict[str, Any], float]
 """Steps, files, inputs, and about how long the run takes [s]."""
 
 
-def _follow(dice: random.Random) -> Part:
+def _follow(dice: random.Random, robot: Robot) -> Part:
     shape = dice.choice((_straight, _straight, _straight, _arc, _arc, _slalom, _eight, _circle))
     points, speed, laps, length = shape(dice)
     table = "x,y\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in points)
+    path, speed = path_from_csv(table, "path.csv"), min(speed, robot.limits.speed_m_s)
+    while check_drivable(path, robot, speed) and speed > SLOWEST:
+        speed = round(0.75 * speed, 3)
     follow: dict[str, Any] = {"path": "path.csv", "follower": {"plugin": "indiveri", "speed_m_s": speed}, "laps": laps}
     steps: list[dict[str, Any]] = [{"calibrate": {"steering": "from_potentiometers"}}, {"follow": follow}]
     if dice.uniform(0, 1) < 0.1:
@@ -180,7 +190,7 @@ def _sampled(curvature: Callable[[float], float], length: float) -> list[tuple[f
     return points[::3]
 
 
-def _teleop(dice: random.Random) -> Part:
+def _teleop(dice: random.Random, robot: Robot) -> Part:
     """A person at a stick; rows: time, x to the right, y ahead, enable button."""
     time = BRING_UP
     rows: list[tuple[float, float, float, int]] = [(0.0, 0.0, 0.0, 0)]
@@ -198,7 +208,7 @@ def _teleop(dice: random.Random) -> Part:
     table = "time_s,x,y,enable\n" + "".join(f"{t:.3f},{x:.3f},{y:.3f},{on}\n" for t, x, y, on in rows)
     stick: dict[str, Any] = {"plugin": "scripted", "file": "stick.csv"}
     if dice.uniform(0, 1) < 0.4:
-        stick["max_speed_m_s"] = round(dice.uniform(0.2, 0.7), 2)
+        stick["max_speed_m_s"] = round(dice.uniform(0.3, 1.0) * robot.limits.speed_m_s, 2)
     teleop = {"input": "stick", "until": {"seconds": round(rows[-1][0] - BRING_UP, 2)}}
     return [{"teleop": teleop}], {"stick.csv": table}, {"stick": stick}, rows[-1][0]
 
@@ -206,7 +216,7 @@ def _teleop(dice: random.Random) -> Part:
 # ---------------------------------------------------------------------------------------------- what goes wrong
 
 
-def _faults(dice: random.Random, length: float, *, by_hand: bool) -> list[dict[str, Any]]:
+def _faults(dice: random.Random, robot: Robot, length: float, *, by_hand: bool) -> list[dict[str, Any]]:
     """In all phases of the run; more than one may be there at once."""
     number = dice.choices((0, 1, 2, 3, 4), (12, 48, 22, 12, 6))[0]
     fitting = [id for id in INJECTIONS if id not in NOT_DRAWN and _fits(id, by_hand)]
@@ -221,7 +231,7 @@ def _faults(dice: random.Random, length: float, *, by_hand: bool) -> list[dict[s
             at = length + dice.uniform(-1.0, 2.0)  # at the end
         else:
             at = dice.uniform(BRING_UP, length)
-        faults.append(_fault(dice, dice.choice(fitting), round(at, 4)))
+        faults.append(_fault(dice, robot, dice.choice(fitting), round(at, 4)))
     return sorted(faults, key=lambda fault: fault["at_s"])
 
 
@@ -231,14 +241,14 @@ def _fits(id: str, by_hand: bool) -> bool:
     return not id.startswith(_PLUGIN) or not by_hand
 
 
-def _fault(dice: random.Random, id: str, at: float) -> dict[str, Any]:
+def _fault(dice: random.Random, robot: Robot, id: str, at: float) -> dict[str, Any]:
     injection = INJECTIONS[id]
     fault: dict[str, Any] = {"at_s": at, "inject": id}
-    needs = Needs.DRIVE if injection.needs is Needs.SOME_DRIVE else injection.needs
-    if needs in _DRIVES:
-        fault["node"] = dice.choice(_DRIVES[needs])
+    if injection.needs in _ROLES:
+        roles = _ROLES[injection.needs]
+        fault["node"] = dice.choice([name for name, drive in robot.drives.items() if drive.role in roles])
     keys = injection.parameters.model_fields
-    ends = id.startswith("INP") or dice.uniform(0, 1) < 0.5  # controls that never rest would keep the robot for ever
+    ends = id.startswith(ENDING) or dice.uniform(0, 1) < 0.5
     if issubclass(injection.parameters, Lasting) and ends:
         fault["duration_s"] = round(dice.choice((dice.uniform(0.02, 0.3), dice.uniform(0.3, 2.5))), 3)
     if "count" in keys and dice.uniform(0, 1) < 0.3:

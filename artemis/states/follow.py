@@ -31,6 +31,7 @@ class FollowMode:
         self._outside = 0.0
         self._armed = False
         self._over: float | None = None
+        self._spent = 0.0
 
     def enter(self, snapshot: Snapshot) -> None:
         """Start the follower on what is left of the path, unless it is on its way already."""
@@ -44,7 +45,7 @@ class FollowMode:
             except Exception as error:  # noqa: BLE001  the border to foreign code: whatever it raises is a fault
                 self._fault = catalogue.fault("PLG-02", "follower", f"start: {error!r}")
             else:
-                self._begun = step
+                self._begun, self._spent = step, 0.0
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
@@ -62,7 +63,8 @@ class FollowMode:
             if snapshot.standing:
                 self._plan.advance()
             return _stand(snapshot, event=Event.DONE if snapshot.standing else None, tracking=tracking)
-        if fault := self._overrun(tracking, snapshot.odometry.distance):
+        self._spent += snapshot.dt
+        if fault := self._overrun(tracking, snapshot.odometry.distance, step.longest):
             return _stand(snapshot, fault=fault, tracking=tracking)
         return Wish(
             command=following.command,
@@ -91,8 +93,10 @@ class FollowMode:
         self._armed = self._armed or within >= ARMING_WAY or way >= CONVERGENCE_WAY
         return catalogue.fault("PTH-06", "", _seen(tracking)) if self._armed and away > limit else None
 
-    def _overrun(self, tracking: Tracking, distance: float) -> Fault | None:
-        """Driven on after the end; `distance`: way of the robot [m]."""
+    def _overrun(self, tracking: Tracking, distance: float, longest: float) -> Fault | None:
+        """Driven on after the end, or for longer than `longest` [s]; `distance`: way of the robot [m]."""
+        if self._spent > longest:
+            return catalogue.fault("PTH-08", "", f"{tracking.arc_length:.2f} m after {self._spent:.0f} s")
         if tracking.length - tracking.arc_length > AT_END:
             self._over = None
             return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Generator, Iterable
 from dataclasses import dataclass, field, replace
+from math import inf
 from typing import Protocol
 
 from artemis.motion.path import Path
@@ -40,6 +41,8 @@ class FollowStep:
     path: Path
     follower: Follower
     max_cross_track: float = 0.6
+    longest: float = inf
+    """Time after which it counts as failed [s] (PTH-08)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,6 +22,8 @@ ACKNOWLEDGE_AGAIN = 2.0
 """A stuck button acknowledges once in this time [s]."""
 LOST_HEARTBEAT = 0x8130
 """EMCY code of a drive that misses our heartbeat (CiA 301)."""
+ROUNDING = 1e-6
+"""Ticks are so far from exact in floating point [s]; a hold of so many ticks takes just as many."""
 NO_SLOWER = "RUN-03"
 _ADAPTER_LOST = "COM-22"
 _STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
@@ -112,7 +114,7 @@ class Supervisor:
             if value > stage.over:
                 key = id, device, number
                 since = above[key] = self._above.get(key, self._now)
-                if self._now - since >= stage.hold and (worst is None or stage.severity > worst):
+                if self._now - since >= stage.hold - ROUNDING and (worst is None or stage.severity > worst):
                     worst = stage.severity
         if worst is not None:
             yield self._escalated(seen) if id == NO_SLOWER else catalogue.fault(id, device, seen, worst)

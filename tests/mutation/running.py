@@ -28,6 +28,8 @@ from .mutants import Mutant, mutants
 ROOT = Path(__file__).parents[2]
 PATIENCE, GRACE = 3.0, 1.0
 """Times that a mutant may take of what the module itself takes, and seconds more; of the processor."""
+STUCK = 600
+"""Seconds of the wall after which a test is given up that only waits."""
 MEMORY = 4 << 30
 """Bytes that a mutant may take."""
 _STILLBORN = 97
@@ -77,11 +79,18 @@ def examine(subject: Subject, workers: int) -> Iterator[tuple[Mutant, Outcome]]:
 
 def tested(tests: Sequence[Path], *options: str) -> int:
     """Exit status of these tests, in this process; property tests always try the same."""
-    phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
-    hypothesis.settings.register_profile("same", database=None, deadline=None, derandomize=True, phases=phases)
+    hypothesis.settings.register_profile(
+        "same",
+        database=None,
+        deadline=None,
+        derandomize=True,
+        phases=(hypothesis.Phase.explicit, hypothesis.Phase.generate),
+        suppress_health_check=list(hypothesis.HealthCheck),  # they ask the clock
+    )
     hypothesis.settings.load_profile("same")
     where = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), "-p", "no:cacheprovider"]
-    return pytest.main([*where, "-q", "-n", "0", "--assert=plain", *options, *map(str, tests)])
+    how = ["-q", "-n", "0", "--assert=plain", f"--timeout={STUCK}"]
+    return pytest.main([*where, *how, *options, *map(str, tests)])
 
 
 def _processor_time() -> float:

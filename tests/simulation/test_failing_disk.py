@@ -78,8 +78,10 @@ def journal(outcome: app.Outcome) -> tuple[Entry, ...]:
 # ---------------------------------------------------------------------------------------------- in a run
 
 
-@pytest.mark.parametrize("attended", [False, True])
-@pytest.mark.parametrize(("error", "id"), [(errno.ENOSPC, "DSK-02"), (errno.EIO, "DSK-05"), (errno.EROFS, "DSK-05")])
+@pytest.mark.parametrize(
+    ("error", "id", "attended"),
+    [(errno.ENOSPC, "DSK-02", False), (errno.EIO, "DSK-05", True), (errno.EROFS, "DSK-05", False)],
+)
 def test_a_recording_that_the_disk_refuses_is_a_warning_and_the_run_goes_on(
     tmp_path: Path, error: int, id: str, attended: bool
 ) -> None:

@@ -15,10 +15,12 @@ I5  A drive is enabled only when since its last start or fault its identity was 
     mode seen, and a harmless target sent; traction only with the wheels straight; driving by hand only begins with the
     controls released.
 I6  After an acknowledgment nothing moves until the robot is armed.
-I7  Whatever becomes of the host, each drive begins to stop 200 ms after its last heartbeat.
-I8  A driven wheel does not push for longer than 120 ms while the other's drive is off.
+I7  Whatever becomes of the host, each drive begins to stop 200 ms after its last heartbeat; and no heartbeat is sent
+    without a tick.
+I8  A driven wheel does not push for longer than 120 ms while the other's drive is off. No steering drive is switched
+    off while the robot moves.
 I9  Speed, acceleration, steering angle and rate of the set-points stay within the robot's limits + 2 %; the true speed,
-    too, unless the injected fault makes the machine misbehave.
+    too, unless the injected fault makes the machine misbehave. All wheels are sent about one turning point.
 I10 Faults that need a person wait for one, final ones for ever; automatic recoveries stay within budget.
 I11 The journal has no gaps; each change of the mode is one that may be, and has its cause. (That a replay gives the
     same commands, and I12, that nothing grows from run to run, is checked by whoever does the runs.)
@@ -28,7 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from artemis.campaign.monitor import faults, frames, motion
+from artemis.campaign.monitor import faults, frames, motion, set_points
 from artemis.campaign.monitor.evidence import Evidence, Violation
 
 INVARIANTS: tuple[Callable[[Evidence], Iterator[Violation]], ...] = (
@@ -43,8 +45,10 @@ INVARIANTS: tuple[Callable[[Evidence], Iterator[Violation]], ...] = (
     frames.controls_released,
     motion.moves_after_acknowledgment,
     motion.drives_watch,
+    motion.heartbeats_of_ticks,
     motion.pushes_alone,
-    frames.limits,
+    motion.steering_holds,
+    set_points.limits,
     faults.recoveries,
     faults.journal_whole,
 )

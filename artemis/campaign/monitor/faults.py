@@ -111,8 +111,17 @@ def noticed(e: Evidence) -> Iterator[Violation]:
                 yield Violation("I3", injected.time, text)
         elif alone and others[0].time < line.time and others[0].data["id"] not in expected.shows:
             yield Violation("I3", injected.time, f"{what} showed as {others[0].data['id']} first")
+    yield from _obeyed(e)
     yield from _from_start(e)
     yield from _without_cause(e)
+
+
+def _obeyed(e: Evidence) -> Iterator[Violation]:
+    """I4: what calls for a stop stops the robot, at once."""
+    for line in e.journal.of("fault"):
+        driving = e.journal.mode_at(line.time - 1e-6) in DRIVING
+        if driving and line.stops and e.journal.modes_between(line.time, line.time + 1.5 * e.tick) <= DRIVING:
+            yield Violation("I4", line.time, f"{line.text}: and the robot is not stopped")
 
 
 def _from_start(e: Evidence) -> Iterator[Violation]:

@@ -1,15 +1,13 @@
-"""Invariants of what is on the wire: I1, I2, I5, I9."""
+"""Invariants of what is on the wire: I1, I2, I5."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import atan2, cos, degrees, inf, pi, radians, sin
-from typing import NamedTuple
+from math import inf
 
 from artemis.campaign.monitor.evidence import Evidence, Violation
 from artemis.campaign.monitor.wire import (
-    ENABLE,
     HISTORY,
     LOST_HEARTBEAT,
     MODE_SHOWN,
@@ -31,17 +29,6 @@ QUEUED = 0.006
 """A frame may wait so long for the wire [s]: it can belong to the mode before."""
 SCRUB = 0.05
 """A wheel's target may rise by this much while the robot slows down: it no longer rolls about its kingpin [m/s]."""
-TOLERANCE = 1.02
-WINDOW = 5
-"""Accelerations are looked at over so many set-points: the steering's own share of a wheel's speed evens out."""
-STEERED = 0.016
-"""What that share may still change of the mean of both wheels [m/s]."""
-JITTER = 0.004
-"""Between two ticks' frames on the wire [s]."""
-TRUE_MARGIN = 0.05
-"""The true speed may be so much above the limit: regulators overshoot, wheels differ from their calibration [m/s]."""
-ZERO_ERROR = radians(1.5)
-"""The wheels' true angle and the believed one may differ by this much [rad]."""
 WATCH_MS = 200
 """A drive watches the host's heartbeat with this time-out."""
 MODES = {"traction": 3, "steering": -1}
@@ -202,101 +189,3 @@ def controls_released(e: Evidence) -> Iterator[Violation]:
         recent = [row for row in rows if row.time >= time - 2 * e.tick] or rows[-1:]
         if not any(row.neutral for row in (*recent, *rows[-1:])):
             yield Violation("I5", time, "driving by hand began with the controls held")
-
-
-# ---------------------------------------------------------------------------------------------- I9
-
-
-class _Asked(NamedTuple):
-    time: float
-    speed: float
-    """Mean of both driven wheels [m/s]."""
-    wheels: tuple[float, float]
-
-
-def limits(e: Evidence) -> Iterator[Violation]:
-    """I9: speed, acceleration, steering angle and rate stay within the limits of the robot file."""
-    yield from _true_speed(e)
-    yield from _speed_targets(e)
-    for side in SIDES:
-        yield from _steering_targets(e, side)
-
-
-def _true_speed(e: Evidence) -> Iterator[Violation]:
-    top = TOLERANCE * e.robot.limits.speed_m_s + TRUE_MARGIN
-    for look in e.looks:
-        if abs(look.speed) > top and not e.active(look.time, "RUN-01", "RUN-02", "RUN-05", "SYS-10", after=1.5):
-            yield Violation("I9", look.time, f"the robot drives {look.speed:+.2f} m/s, limit {top:.2f}")
-            return
-
-
-def _speed_targets(e: Evidence) -> Iterator[Violation]:
-    bounds, quantum = e.robot.limits, 2 * abs(e.metres_per_rpm("left"))
-    run: list[_Asked] = []
-    left, right = (e.wire.nodes[e.node("traction", side)].all(SetPoint) for side in SIDES)
-    scales = [e.metres_per_rpm(side) for side in SIDES]
-    others = {round(point.time / QUEUED): point for point in right}
-    for point in left:
-        slot = round(point.time / QUEUED)
-        other = next((others[near] for near in (slot, slot + 1, slot - 1) if near in others), None)
-        driving = e.journal.modes_between(point.time - QUEUED, point.time) <= DRIVING
-        if other is None or not driving or {point.controlword, other.controlword} != {ENABLE}:
-            run.clear()
-            continue
-        wheels = point.target * scales[0], other.target * scales[1]
-        run.append(_Asked(point.time, sum(wheels) / 2, wheels))
-        if max(map(abs, wheels)) > TOLERANCE * bounds.wheel_speed_m_s + quantum:
-            yield Violation("I9", point.time, f"wheel targets {wheels[0]:+.2f}, {wheels[1]:+.2f} m/s")
-            return
-        if abs(run[-1].speed) > TOLERANCE**2 * bounds.speed_m_s + STEERED:
-            yield Violation("I9", point.time, f"target speed {run[-1].speed:+.2f} m/s")
-            return
-        if len(run) > WINDOW:
-            first, last = run[-1 - WINDOW], run[-1]
-            passed, gain = last.time - first.time + JITTER, abs(last.speed) - abs(first.speed)
-            most = bounds.acceleration_m_s2 if gain > 0 else bounds.deceleration_m_s2
-            if first.speed * last.speed >= 0 and abs(gain) > TOLERANCE * most * passed + STEERED + quantum:
-                yield Violation("I9", last.time, f"target changes by {gain:+.3f} m/s in {passed:.3f} s")
-                return
-
-
-def _steering_targets(e: Evidence, side: str) -> Iterator[Violation]:
-    _, drive = e.robot.drive_at("steering", side)
-    scale = (-1 if drive.mirrored else 1) * 2 * pi / (drive.sensor.counts_per_turn * drive.gear_ratio)
-    rate = TOLERANCE * radians(e.robot.limits.steering_rate_wheel_deg_s)
-    low, high = _reach(e, side)
-    looks = iter(e.looks)
-    look, index = next(looks, None), SIDES.index(side)
-    position, last = 0, None
-    odd = any(i.id in ("STE-05", "STE-06", "RUN-09", "RUN-10", "STE-03") for i in e.injected)
-    for event in e.wire.nodes[drive.node_id].events:
-        if isinstance(event, Status):
-            position = event.position
-            while look is not None and look.time < event.time - 0.002:
-                look = next(looks, None)
-        if not isinstance(event, SetPoint):
-            continue
-        calm = e.journal.modes_between(event.time - QUEUED, event.time) <= {"teleop", "follow"}
-        if not calm or event.controlword != ENABLE or look is None or not look.enabled[2 + index]:
-            last = None
-            continue
-        angle = look.angles[index] + (event.target - position) * scale
-        if not odd and not low - ZERO_ERROR <= angle <= high + ZERO_ERROR:
-            yield Violation("I9", event.time, f"{side} wheel is sent to {degrees(angle):+.1f} degrees")
-            return
-        if last is not None:
-            turned, passed = abs(event.target - last.target) * abs(scale), event.time - last.time + JITTER
-            if turned > rate * passed:
-                speed = degrees(turned / passed)
-                yield Violation("I9", event.time, f"{side} wheel is steered with {speed:.0f} degrees a second")
-                return
-        last = event
-
-
-def _reach(e: Evidence, side: str) -> tuple[float, float]:
-    """Angles [rad] of one wheel at which the virtual front wheel stands at its limits."""
-    geometry, most = e.robot.geometry, TOLERANCE * radians(e.robot.limits.steering_deg)
-    half = geometry.kingpin_distance_m / 2 / geometry.wheelbase_m
-    inward = -half if side == "left" else half
-    ends = [atan2(sin(angle), cos(angle) + inward * sin(angle)) for angle in (-most, most)]
-    return ends[0], ends[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import inf
@@ -9,11 +10,14 @@ from math import inf
 from artemis.campaign.monitor.evidence import Evidence, Injected, Violation
 from artemis.campaign.monitor.expected import Expected, When, expectation
 from artemis.campaign.monitor.frames import DRIVING, WATCH_MS
-from artemis.campaign.monitor.wire import WATCHED_HOST, Boot, Transfer
+from artemis.campaign.monitor.wire import ENABLE, WATCHED_HOST, Boot, SetPoint, Status, Transfer
 from artemis.campaign.witness import SIDES, Look
 
+STOPPED = ("fault", "quickstop", "end")
 MOVING = 0.01
 """A robot that is faster moves [m/s]."""
+ROLLING = 0.05
+"""A robot that is slower than this [m/s] may lose its steering."""
 WORTH = 0.1
 """Stopping ways are judged from this speed on [m/s]."""
 REACTION = 0.06
@@ -174,6 +178,37 @@ def pushes_alone(e: Evidence) -> Iterator[Violation]:
             if look.time - since > longest + (WATCH_MS / 1000 if helpless else 0.0):
                 yield Violation("I8", look.time, f"the {SIDES[side]} wheel pushes alone since {since:.3f} s")
                 break
+
+
+def steering_holds(e: Evidence) -> Iterator[Violation]:
+    """I8: while the robot moves, the host switches no sound steering drive off; it has done so after `t_stop_max`."""
+    longest = 1.0 + 2.0 * e.robot.limits.speed_m_s / e.robot.limits.quick_stop_deceleration_m_s2
+    for number, side in enumerate(SIDES, 2):
+        enabled = False
+        for event in e.wire.nodes[e.node("steering", side)].events:
+            if isinstance(event, Status):
+                enabled = event.enabled
+            if not isinstance(event, SetPoint) or not enabled or event.controlword == ENABLE:
+                continue
+            look = e.look_at(event.time)
+            if look is None or not look.enabled[number] or abs(look.speed) < ROLLING:
+                continue
+            since = max((time for time, mode in e.journal.modes if mode in STOPPED and time <= event.time), default=0.0)
+            if event.time - since < longest:
+                text = f"the {side} steering drive is told 0x{event.controlword:02X} at {look.speed:+.2f} m/s"
+                yield Violation("I8", event.time, text)
+                break
+
+
+def heartbeats_of_ticks(e: Evidence) -> Iterator[Violation]:
+    """I7: a heartbeat is the last act of a tick: in the modes that exchange set-points each follows a SYNC."""
+    if any(i.id in ("COM-18", "COM-25") for i in e.injected):
+        return  # another host's heartbeats, or a SYNC that the adapter did not take
+    for before, beat in pairwise(e.wire.beats):
+        exchanging = e.journal.modes_between(before - 0.01, beat) <= {"ready", "calibrate", *DRIVING}
+        if exchanging and bisect_right(e.wire.syncs, before) == bisect_right(e.wire.syncs, beat):
+            yield Violation("I7", beat, "a heartbeat without a tick")
+            return
 
 
 def aligned(e: Evidence) -> Iterator[Violation]:

@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeVar
 
 from artemis.campaign.witness import Heard
 
+SYNC = 0x080
 OPERATION_ENABLE, QUICK_STOP_ACTIVE = 0x0137, 0x0117
 STATE_BITS = 0x417F
 """Of a statusword (table 1 of the specification)."""
@@ -120,6 +121,8 @@ class Wire:
         self.nodes = {node: NodeTalk() for node in nodes}
         self.beats: list[float] = []
         """When the host's heartbeat was heard [s]."""
+        self.syncs: list[float] = []
+        """When a SYNC was heard [s]."""
         self._pending: dict[int, bytes] = {}
         self._host = 0x700 + host
         for frame in heard:
@@ -127,8 +130,8 @@ class Wire:
 
     def _take(self, frame: Heard) -> None:
         time, identifier, data = frame
-        if identifier == self._host:
-            self.beats.append(time)
+        if identifier in (self._host, SYNC):
+            (self.beats if identifier == self._host else self.syncs).append(time)
             return
         talk = self.nodes.get(identifier & 0x7F)
         if talk is None:

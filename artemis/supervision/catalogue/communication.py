@@ -139,7 +139,7 @@ COMMUNICATION: dict[str, Row] = {
         Found.ELSEWHERE,
         S1,
         K,
-        within=0.2,
+        within=0.42,
         shows_as=("RUN-01", "RUN-03", "RUN-04", "STE-01", "COM-03", "COM-02", "STE-06"),
         reason="the drive goes on with its last target: the motion tells",
     ),
@@ -172,6 +172,7 @@ COMMUNICATION: dict[str, Row] = {
         within=0.12,
         of="feedback frames in one tick",
         stages=(Stage(S1, 2.0, 0.08),),
+        shows_as=("COM-11",),
     ),
     "COM-16": Row(
         "reordered frames",

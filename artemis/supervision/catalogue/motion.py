@@ -46,7 +46,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.24,
         of="wheel speed [m/s]",
-        stages=(Stage(S1, 0.05, 0.2),),
+        stages=(Stage(S1, 0.05, 0.18),),
     ),
     "RUN-03": Row(
         "does not slow down",
@@ -58,7 +58,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.24,
         of="wheel speed above the planned ramp [m/s]",
-        stages=(Stage(S1, 0.15, 0.2),),
+        stages=(Stage(S1, 0.15, 0.18),),
     ),
     "RUN-04": Row(
         "blocked wheel",
@@ -81,7 +81,7 @@ MOTION: dict[str, Row] = {
         "floor, load; track and wheel sizes in the robot file",
         within=0.35,
         of="difference of both wheels as part of the speed",
-        stages=(Stage(LIMIT, 0.25, 0.26), Stage(S2, 0.25, 2.0), Stage(S2, 0.5, 0.26)),
+        stages=(Stage(LIMIT, 0.25, 0.12), Stage(S2, 0.25, 2.0), Stage(S2, 0.5, 0.12)),
         shows_as=("RUN-01",),
     ),
     "RUN-06": Row(
@@ -154,6 +154,7 @@ MOTION: dict[str, Row] = {
         within=0.32,
         of="current as part of output_current_ma",
         stages=(Stage(S1, 0.9, 0.28),),
+        shows_as=("DRV-25",),
     ),
     "STE-03": Row(
         "potentiometers disagree",

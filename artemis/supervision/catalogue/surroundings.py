@@ -43,7 +43,7 @@ SURROUNDINGS: dict[str, Row] = {
         "off the path",
         "follower, speed, slip; odometry against the true pose",
         within=0.32,
-        stages=(Stage(LIMIT, 0.3, 0.3),),
+        stages=(Stage(LIMIT, 0.3, 0.28),),
     ),
     "PTH-07": Row(
         "no progress",

@@ -1,0 +1,141 @@
+"""Small fixed scenarios on which bugs are planted; each is clean when nothing is."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from artemis.campaign.one_run import Result, run_scenario
+from artemis.campaign.scenario import Scenario
+
+ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
+Faults = Sequence[dict[str, Any]]
+Acts = Sequence[tuple[float, str]]
+TRUE_ROBOT: dict[str, float] = {"potentiometer_noise_v": 0.002, "slip": 0.005}
+
+
+def run(given: Scenario, *, replayed: bool = False) -> Result:
+    """In a folder that is gone afterwards."""
+    with tempfile.TemporaryDirectory() as folder:
+        return run_scenario(given, ROBOT.read_bytes(), Path(folder), replayed=replayed)
+
+
+def _scenario(
+    steps: list[dict[str, Any]],
+    files: dict[str, str],
+    faults: Faults,
+    acts: Acts,
+    *,
+    killed_at: float | None = None,
+    inputs: dict[str, Any] | None = None,
+    **true_robot: float,
+) -> Scenario:
+    mission = {
+        "mission": "staged",
+        "robot": "robot.yaml",
+        "bus": "simulation",
+        "inputs": inputs or {},
+        "steps": steps,
+        "simulation": {
+            "seed": 1,
+            "true_robot": {**TRUE_ROBOT, **true_robot},
+            "operator": [{"at_s": time, "do": what} for time, what in acts],
+            "faults": list(faults),
+        },
+    }
+    return Scenario(seed=1, mission=mission, files=files, killed_at=killed_at)
+
+
+def drive(*faults: dict[str, Any], acts: Acts = (), rows: str = "", seconds: float = 3.5, **keys: float) -> Scenario:
+    """By hand, from 5 s straight ahead with 0.4 m/s, the button released at 7 s; `rows` more of the stick's table."""
+    table = f"time_s,x,y,enable\n0,0,0,0\n5,0,1,1\n7,0,1,0\n7.5,0,0,0\n{rows}60,0,0,0\n"
+    stick = {"stick": {"plugin": "scripted", "file": "stick.csv", "max_speed_m_s": 0.4}}
+    steps = [{"teleop": {"input": "stick", "until": {"seconds": seconds}}}]
+    return _scenario(steps, {"stick.csv": table}, faults, acts, inputs=stick, **keys)
+
+
+def follow(*faults: dict[str, Any], acts: Acts = (), bend: float = 0.0) -> Scenario:
+    """Along 1 m of a straight line, or 2 m with a bend of this curvature [1/m], from 7.3 s on, with 0.4 m/s."""
+    table = "x,y\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in _line(bend))
+    follower = {"plugin": "indiveri", "speed_m_s": 0.4}
+    calibrate: dict[str, Any] = {"calibrate": {"steering": "from_potentiometers"}}
+    steps = [calibrate, {"follow": {"path": "path.csv", "follower": follower}}]
+    return _scenario(steps, {"path.csv": table}, faults, acts)
+
+
+def _line(bend: float) -> list[tuple[float, float]]:
+    """Straight, or into a bend, through it and out of it."""
+    length, step = (2.0, 0.02) if bend else (1.0, 0.02)
+    x = y = heading = 0.0
+    points = [(x, y)]
+    for number in range(round(length / step)):
+        way = (number + 0.5) * step
+        heading += bend * min(1.0, way / 0.6, (length - way) / 0.6) * step
+        x, y = x + step * math.cos(heading), y + step * math.sin(heading)
+        points.append((x, y))
+    return points
+
+
+def fault(id: str, at: float = 6.5, node: str | None = None, **options: object) -> dict[str, Any]:
+    """An injection."""
+    return {"at_s": at, "inject": id, **({"node": node} if node else {}), **options}
+
+
+LEFT, RIGHT, STEER = "traction-left", "traction-right", "steer-left"
+AGAIN = "13.5,0,1,1\n15,0,0,0\n"
+"""The stick is pushed once more."""
+
+SCENARIOS: dict[str, Scenario] = {
+    "by hand": drive(),
+    "path": follow(),
+    "bend": follow(bend=1.0),
+    "over-current, acknowledged and armed": drive(
+        fault("DRV-02", node=LEFT), acts=[(8.0, "acknowledge"), (9.8, "arm")], rows=AGAIN, seconds=2.0
+    ),
+    "over-current, acknowledged only": drive(
+        fault("DRV-02", node=LEFT), acts=[(8.0, "acknowledge"), (16.0, "end")], rows=AGAIN, seconds=2.0
+    ),
+    "limit switch": drive(fault("DRV-26", node=RIGHT)),
+    "unknown error": drive(fault("DRV-31", node=STEER)),
+    "error unheard": drive(fault("DRV-08", node=RIGHT, heard=False)),
+    "sensor supply, acknowledged": drive(fault("DRV-05", node=LEFT), acts=[(8.0, "acknowledge"), (10.0, "end")]),
+    "silent drive": drive(fault("COM-11", node=STEER)),
+    "no heartbeat": drive(fault("COM-28", node=RIGHT)),
+    "restarted": drive(fault("COM-26", node=LEFT)),
+    "pre-operational": drive(fault("COM-27", node=RIGHT)),
+    "off by itself": drive(fault("COM-02", node=RIGHT)),
+    "second master": drive(fault("COM-17", node=RIGHT)),
+    "unplugged": drive(fault("COM-22")),
+    "silent bus": drive(fault("COM-29")),
+    "reordered": drive(fault("COM-16", node=STEER)),
+    "runaway": drive(fault("RUN-01", node=LEFT)),
+    "potentiometer off": drive(fault("STE-03", node=STEER)),
+    "potentiometer open": drive(fault("STE-04", node=STEER)),
+    "frozen stick": drive(fault("INP-03", duration_s=6.0)),
+    "stick frozen again and again": drive(
+        *(fault("INP-03", at, duration_s=0.4) for at in (5.5, 7.5, 9.5, 11.5)),
+        acts=[(6.9, "arm"), (8.9, "arm"), (10.9, "arm"), (14.0, "end")],
+        seconds=20.0,
+    ),
+    "stopped by a person": drive(acts=[(6.5, "quickstop"), (9.0, "arm")], rows="9.5,0,1,1\n10.5,0,0,0\n", seconds=2.0),
+    "stopped, acknowledged only": drive(
+        acts=[(6.5, "quickstop"), (8.0, "acknowledge"), (12.0, "end")], rows="9.5,0,1,1\n11,0,0,0\n", seconds=3.0
+    ),
+    "stick held at the start": drive(rows="8,0,1,1\n10,0,0,0\n", seconds=5.0, acts=[(9.0, "quickstop"), (9.4, "arm")]),
+    "computer asleep": drive(fault("SYS-03", seconds=0.7)),
+    "killed": drive(killed_at=6.5),
+    "follower raises": follow(fault("PLG-02", 8.5)),
+    "follower asks for too much": follow(fault("RUN-12", 8.0, duration_s=1.2), bend=1.0),
+    "follower steers too far": follow(
+        fault("RUN-12", 8.0, speed_m_s=0.15, steering_deg=85.0, duration_s=2.8), bend=1.0
+    ),
+    "another product": drive(fault("COM-33", 0.0, STEER, answers="another product")),
+    "does not watch": drive(fault("COM-30", 0.0, STEER)),
+    "write not kept": drive(fault("COM-10", 0.0, LEFT)),
+    "error in bring-up": drive(fault("DRV-02", 0.42, LEFT)),
+    "askew": drive(start_steering_left_deg=20.0, start_steering_right_deg=15.0),
+}
+"""By what happens."""

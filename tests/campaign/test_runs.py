@@ -1,0 +1,126 @@
+"""Many runs: what is finished stays, what is left is done, one table."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from campaign_files import write_campaign
+
+from artemis.campaign import runs
+from artemis.campaign.monitor.evidence import Violation
+from artemis.campaign.one_run import Result
+from artemis.campaign.runs import Line, Results, load_campaign, run_campaign, table
+from artemis.errors import ConfigError
+
+
+class Here(Executor):
+    """Does the work at once, without doing it."""
+
+    def submit(self, work: Any, /, seed: int, *_: Any, **__: Any) -> Future[Any]:  # noqa: ANN401
+        future: Future[Any] = Future()
+        future.set_result(Result(seed=seed, status=0, time_s=1.0))
+        return future
+
+
+@pytest.fixture(autouse=True)
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    @contextmanager
+    def executor(_: object) -> Any:  # noqa: ANN401
+        yield Here(), 1
+
+    monkeypatch.setattr(runs, "_executor", executor)
+
+
+def never() -> bool:
+    return False
+
+
+def test_every_seed_is_run_once(tmp_path: Path) -> None:
+    campaign = load_campaign(write_campaign(tmp_path, runs=10, first_seed=5))
+    results, told = Results(campaign.folder), []
+
+    assert run_campaign(campaign, results, lambda result: told.append(result.seed), never)
+
+    assert sorted(told) == list(range(5, 15))
+    assert sorted(results.finished) == list(range(5, 15))
+
+
+def test_interrupted_campaign_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    campaign = load_campaign(write_campaign(tmp_path, runs=10))
+    first: list[int] = []
+    second: list[int] = []
+
+    done = run_campaign(campaign, Results(campaign.folder), lambda r: first.append(r.seed), lambda: len(first) >= 4)
+    assert not done
+    results = Results(campaign.folder)
+    assert sorted(results.finished) == sorted(first)
+    assert run_campaign(campaign, results, lambda r: second.append(r.seed), never)
+
+    assert sorted(first + second) == list(range(1, 11))
+
+
+@pytest.mark.parametrize("cut", range(0, 200, 7))
+def test_torn_results_lose_only_the_last_run(cut: int, tmp_path: Path) -> None:
+    results = Results(tmp_path)
+    violation = Violation("I4", 6.5, "too far")
+    results.add(Result(seed=1, status=1, time_s=7.0, injected=("DRV-02",), violations=(violation,)))
+    whole = results.path.read_bytes()
+    results.add(Result(seed=2, status=0, time_s=9.0, seen=(("DRV-02", 0.01, 0.04),)))
+    content = results.path.read_bytes()
+    results.path.write_bytes(content[: max(len(whole), len(content) - 1 - cut)])
+
+    again = Results(tmp_path)
+    again.add(Result(seed=3, status=None, time_s=3.0))
+
+    assert [json.loads(line)["seed"] for line in again.path.read_text().splitlines()] == [1, 3]
+    assert Results(tmp_path).finished[1].violations == (violation,)
+
+
+def test_another_robot_or_other_seeds_are_another_campaign(tmp_path: Path) -> None:
+    first = load_campaign(write_campaign(tmp_path)).folder
+    assert load_campaign(write_campaign(tmp_path)).folder == first
+
+    assert load_campaign(write_campaign(tmp_path, runs=4)).folder != first
+    path = write_campaign(tmp_path)
+    robot = tmp_path / "robot.yaml"
+    robot.write_text(robot.read_text().replace("speed_m_s: 0.7 ", "speed_m_s: 0.6 "))
+    assert load_campaign(path).folder != first
+
+
+@pytest.mark.parametrize(
+    ("keys", "problem"),
+    [
+        ({"runs": 0}, "runs"),
+        ({"robot": "nowhere.yaml"}, "nowhere.yaml"),
+        ({"campaign": "My Campaign"}, "campaign"),
+        ({"workers": "many"}, "workers"),
+        ({"run": 4}, "did you mean runs"),
+        ({"first_seed": -1}, "first_seed"),
+    ],
+)
+def test_wrong_campaign_is_refused(keys: dict[str, Any], problem: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as refused:
+        load_campaign(write_campaign(tmp_path, **keys))
+
+    assert problem in str(refused.value)
+
+
+def test_table_has_a_line_for_every_fault() -> None:
+    broken = (Violation("I3", 6.5, "late"),)
+    results = [
+        Result(seed=1, status=0, time_s=9.0),
+        Result(seed=2, status=1, time_s=9.0, injected=("DRV-02", "DRV-02"), seen=(("DRV-02", 0.01, 0.04),)),
+        Result(seed=3, status=1, time_s=9.0, injected=("DRV-02", "COM-11"), seen=(("DRV-02", 0.03, 0.04),)),
+        Result(seed=4, status=1, time_s=9.0, injected=("COM-11",), violations=broken),
+    ]
+
+    assert table(results) == [
+        Line(id="", runs=1, judged=0, worst=None, within=None, failed=0),
+        Line(id="COM-11", runs=2, judged=0, worst=None, within=None, failed=1),
+        Line(id="DRV-02", runs=2, judged=2, worst=0.03, within=0.04, failed=0),
+    ]

@@ -1,0 +1,88 @@
+"""What a seed becomes, and what the monitor expects of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from staged import ROBOT
+
+from artemis.campaign.monitor.expected import EXPECTED, When
+from artemis.campaign.monitor.faults import AUTOMATIC, BY_ITSELF, FINAL
+from artemis.campaign.one_run import run_scenario
+from artemis.campaign.scenario import NOT_DRAWN, scenario
+from artemis.mission.loading import load_mission, load_model
+from artemis.supervision.catalogue import ROWS
+from artemis.supervision.catalogue.row import Kind
+from artemis.testing.injections import INJECTIONS
+from artemis.vehicle import Robot
+
+SEEDS = range(400)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_model(ROBOT, Robot)
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_every_scenario_is_a_mission_that_may_run(seed: int, robot: Robot, tmp_path: Path) -> None:
+    load_mission(scenario(seed, robot).write(tmp_path, ROBOT.read_bytes()))
+
+
+def test_seed_says_everything(robot: Robot) -> None:
+    assert scenario(7, robot) == scenario(7, robot)
+    assert scenario(7, robot) != scenario(8, robot)
+
+
+def test_every_injection_is_drawn_or_says_why_not(robot: Robot) -> None:
+    drawn = {fault["inject"] for seed in range(3000) for fault in scenario(seed, robot).faults}
+
+    assert drawn == set(INJECTIONS) - set(NOT_DRAWN)
+
+
+def test_scenarios_are_of_all_kinds(robot: Robot) -> None:
+    scenarios = [scenario(seed, robot) for seed in SEEDS]
+
+    assert {next(iter(given.mission["steps"][-1])) for given in scenarios} == {"follow", "teleop"}
+    assert {len(given.faults) for given in scenarios} >= {0, 1, 2, 3, 4}
+    assert any(fault["at_s"] < 4.0 for given in scenarios for fault in given.faults)
+    assert {act["do"] for given in scenarios for act in given.operator} == {"acknowledge", "arm", "quickstop", "end"}
+    assert any(not given.operator for given in scenarios)
+    assert any(given.killed_at is not None for given in scenarios)
+
+
+def test_monitor_expects_something_of_every_injection() -> None:
+    assert set(EXPECTED) == set(INJECTIONS) - set(NOT_DRAWN)
+
+
+def test_what_the_monitor_expects_are_rows_of_the_table() -> None:
+    for id, expected in EXPECTED.items():
+        assert set(expected.shows) <= set(ROWS), id
+        assert bool(expected.shows) is (expected.when not in (When.HARMLESS, When.UNTOLD)), id
+
+
+def test_monitor_is_never_milder_than_the_table_that_runs() -> None:
+    for id, expected in EXPECTED.items():
+        if expected.shows and id in expected.shows and "seconds" not in INJECTIONS[id].parameters.model_fields:
+            assert expected.within <= max(ROWS[id].within, 0.02) + 0.08, id
+    for id, times in AUTOMATIC.items():
+        assert ROWS[id].recovery.kind is Kind.AUTOMATIC, id
+        assert ROWS[id].recovery.times <= times, id
+    for id, row in ROWS.items():
+        if row.recovery.kind is Kind.NEVER and row.stages + row.codes:
+            assert id in FINAL, id
+        if row.recovery.kind is Kind.ITSELF:
+            assert row.severity.name != "QUICK_STOP", id
+    assert all(ROWS[id].recovery.kind is Kind.ITSELF for id in BY_ITSELF)
+
+
+def test_same_seed_leaves_the_same_journal_and_recording(robot: Robot, tmp_path: Path) -> None:
+    left = []
+    for name in ("first", "second"):
+        run_scenario(scenario(2, robot), ROBOT.read_bytes(), tmp_path / name)
+        (run,) = (tmp_path / name / "runs").iterdir()
+        left.append({path.name: path.read_bytes() for path in run.iterdir() if path.is_file()})
+
+    assert left[0] == left[1]
+    assert set(left[0]) == {"journal.jsonl", "recording.mcap"}

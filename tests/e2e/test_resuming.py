@@ -1,0 +1,135 @@
+"""`artemis run MISSION --resume RUN` as a process: after a fault, after a kill, and where it is refused."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from command_line import artemis, only_run, read_until, skip_if_late, started, stream, write_mission
+
+from artemis.errors import RecordingError
+from artemis.recording.journal import read_journal
+from artemis.recording.mcap_reader import Recording
+
+FAULT = "simulation:\n  faults: [{at_s: 9.0, inject: DRV-25, node: steer-left}]\n"
+"""Half-way along the path; a run that has only the rest of it before it is done earlier."""
+
+
+def label(output: str, name: str) -> str:
+    """What the line with this label says."""
+    (text,) = re.findall(rf"^{name:12}  (.*)$", output, re.MULTILINE)
+    return str(text)
+
+
+def runs(folder: Path) -> list[Path]:
+    return sorted((folder / "runs").iterdir())
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("missions")
+
+
+@pytest.fixture(scope="module")
+def mission(folder: Path) -> Path:
+    return write_mission(folder, more=FAULT)
+
+
+@pytest.fixture(scope="module")
+def failed(mission: Path) -> subprocess.CompletedProcess[str]:
+    return artemis("run", mission)
+
+
+@pytest.fixture(scope="module")
+def first(folder: Path, failed: subprocess.CompletedProcess[str]) -> Path:
+    assert failed.returncode == 1
+    return only_run(folder)
+
+
+@pytest.fixture(scope="module")
+def resumed(first: Path, failed: subprocess.CompletedProcess[str]) -> subprocess.CompletedProcess[str]:
+    """By the command that the failed run has told."""
+    return artemis(*label(failed.stdout, "go on").split()[1:])
+
+
+def test_a_failed_run_tells_how_to_go_on(failed: subprocess.CompletedProcess[str], first: Path, mission: Path) -> None:
+    assert label(failed.stdout, "go on") == f"artemis run {mission} --resume {first}"
+
+
+def test_a_run_that_a_fault_ended_is_gone_on_with(
+    resumed: subprocess.CompletedProcess[str], first: Path, folder: Path
+) -> None:
+    assert resumed.returncode == 0, resumed.stdout + resumed.stderr
+    found = re.fullmatch(r"(\S+): step 2 \(follow\), (\d\.\d\d) m of it done", label(resumed.stdout, "resuming"))
+    assert found is not None
+    assert found[1] == first.name
+    assert 0.3 < float(found[2]) < 0.7
+    assert "the robot must not have been moved since" in resumed.stdout
+    assert label(resumed.stdout, "result") == "done"
+    (second,) = set(runs(folder)) - {first}
+    assert f"Goes on with {first.name}." in (second / "report.html").read_text()
+
+
+def test_a_run_that_is_done_is_refused(resumed: subprocess.CompletedProcess[str], folder: Path, mission: Path) -> None:
+    second = runs(folder)[-1]
+    again = artemis("run", mission, "--resume", second)
+
+    assert (again.returncode, again.stdout) == (2, "")
+    assert again.stderr == (
+        f"{second}: this run is done, there is nothing to resume; leave --resume away to drive it again\n"
+    )
+    assert len(runs(folder)) == 2
+
+
+def test_a_run_whose_files_have_changed_is_refused_before_anything_moves(first: Path, tmp_path: Path) -> None:
+    mission = write_mission(tmp_path, more=FAULT)
+    (tmp_path / "paths/line.csv").write_text("x_m,y_m\n0,0\n1,0\n")
+    refused = artemis("run", mission, "--resume", first)
+
+    assert refused.returncode == 2
+    assert refused.stderr.startswith("paths/line.csv: is not what it was in ")
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.realtime
+def test_after_a_kill_the_next_run_tells_how_to_go_on(tmp_path: Path) -> None:
+    mission = write_mission(tmp_path, more="simulation: {pace: real_time}\n")
+    with started("run", mission) as process:
+        read_until(process, "follow     following")
+        killed = only_run(tmp_path)
+        wait_until_driven(process, killed, 0.3)
+        process.kill()
+        process.wait()
+    until = read_journal(killed / "journal.jsonl").entries[-1].time
+
+    with started("run", mission) as process:
+        said = read_until(process, "listening")
+    assert label(said, "last run") == (
+        f"ended without shutdown at {until:.2f} s; to go on with it: artemis run {mission} --resume {killed}"
+    )
+    with started("run", mission, "--resume", killed) as process:
+        said = read_until(process, "follow     following")
+        (resumed,) = [run for run in runs(tmp_path) if Recording(run).resumption]
+        wait_until_driven(process, resumed, 0.6)
+    assert re.search(r"step 2 \(follow\), 0\.[3-6]\d m of it done", label(said, "resuming"))
+    assert "the recording is not whole: the file is cut off" in said
+
+
+def wait_until_driven(process: subprocess.Popen[str], run: Path, way: float) -> None:
+    """Until the process has recorded that so much of the path [m] is done."""
+    while driven(run) < way:
+        if process.poll() is not None:
+            said = stream(process.stdout).read()
+            skip_if_late(said)
+            raise AssertionError(f"ended too early: {said}")
+
+
+def driven(run: Path) -> float:
+    """How much of its path [m] a run has recorded so far."""
+    try:
+        last = Recording(run).last_tick()
+    except RecordingError:
+        return 0.0
+    return last.record.done if last is not None else 0.0
