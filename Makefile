@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test check bench host-death coverage core-coverage mutation fuzz picture clean
+.PHONY: demo test check bench host-death campaign coverage core-coverage mutation fuzz picture clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
@@ -25,6 +25,9 @@ bench: $(READY)
 host-death: $(READY)
 	@$(BIN)/python -m tests.host_death --cases 200
 
+campaign: $(READY)
+	@$(BIN)/artemis campaign missions/campaigns/everything.yaml
+
 coverage: $(READY)
 	@$(BIN)/coverage erase
 	@$(BIN)/coverage run -m pytest; status=$$?; \
@@ -43,7 +46,7 @@ picture: $(READY)
 	@$(BIN)/python docs/images/figure_eight.py
 
 clean:
-	rm -rf $(VENV) missions/runs build
+	rm -rf $(VENV) missions/runs missions/campaigns/runs build
 
 $(READY): pyproject.toml
 	@python="$(PYTHON)"; \

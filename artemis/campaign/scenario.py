@@ -11,6 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from artemis.motion.path import check_drivable, path_from_csv
+from artemis.supervision.catalogue import ROWS
+from artemis.supervision.catalogue.row import Kind
+from artemis.supervision.policy import WATCHED
 from artemis.testing.injections import INJECTIONS
 from artemis.testing.stage import Lasting, Needs
 from artemis.vehicle import Robot
@@ -94,6 +97,7 @@ def scenario(seed: int, robot: Robot) -> Scenario:
         "tick_hz": tick_hz,
         "inputs": inputs,
         "steps": steps,
+        "recovery": _recovery(dice),
         "simulation": {
             "seed": dice.randrange(1 << 32),
             "true_robot": _true_robot(dice),
@@ -103,6 +107,14 @@ def scenario(seed: int, robot: Robot) -> Scenario:
     }
     killed = round(dice.uniform(0.0, length + 1.0), 4) if dice.uniform(0, 1) < 0.05 else None
     return Scenario(seed=seed, mission=mission, files=files, killed_at=killed)
+
+
+def _recovery(dice: random.Random) -> dict[str, dict[str, str]]:
+    """Some missions go on by themselves after whatever may recover by itself."""
+    if dice.uniform(0, 1) < 0.85:
+        return {}
+    automatic = (id for id, row in ROWS.items() if row.recovery.kind is Kind.AUTOMATIC)
+    return {id: {"resume": "continue"} for id in automatic if ROWS[id].found in WATCHED}
 
 
 def _true_robot(dice: random.Random) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from collections.abc import Sequence
 from functools import partial
 from math import degrees
 from pathlib import Path
@@ -45,10 +46,7 @@ def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> 
         outcome = run_mission(
             loaded, source, simulate=simulate, watch=view.show, operator=operator, resumption=resumption
         )
-    try:
-        _conclude(outcome)
-    except RecordingError as error:  # how the run ended is known all the same
-        _print("report", f"none: {error}")
+    _conclude(outcome)
     if outcome.failed:
         _print("go on", _command(source, outcome.run.path))
     return outcome.exit_status
@@ -98,19 +96,28 @@ def _title(loaded: LoadedMission, simulated: bool) -> str:
 
 def _conclude(outcome: Outcome) -> None:
     """Print the summary, then write the page: drawing its figures takes longer than many a run."""
-    recording = Recording(outcome.run.path)
     sys.stdout.write("\n")
-    found = summary(recording)
-    _print("result", _result(outcome, found))
+    try:
+        recording = Recording(outcome.run.path)
+        found = summary(recording)
+    except RecordingError as error:  # the disk failed; how the run ended is known all the same
+        _print("result", _result(outcome, ()))
+        _print("recording", str(error))
+        return
+    _print("result", _result(outcome, found.faults))
     for label, text in _numbers(found):
         _print(label, text)
     speed = outcome.duration / outcome.elapsed
     _print("run time", f"{outcome.duration:.1f} s in {outcome.elapsed:.2f} s: {speed:.1f} x real time")
     _print("run folder", str(outcome.run.path))
     for trouble in outcome.troubles:
-        _print("recording", f"ended early: {trouble}")
-    write_report(recording, outcome.run.report)
-    _print("report", str(outcome.run.report))
+        _print("recording", f"not whole: {trouble}")
+    try:
+        write_report(recording, outcome.run.report)
+    except RecordingError as error:
+        _print("report", str(error))
+    else:
+        _print("report", str(outcome.run.report))
 
 
 def _print(label: str, text: str) -> None:
@@ -118,9 +125,9 @@ def _print(label: str, text: str) -> None:
     sys.stdout.flush()
 
 
-def _result(outcome: Outcome, found: Summary) -> str:
+def _result(outcome: Outcome, faults: Sequence[str]) -> str:
     if outcome.interrupted is not None:
-        released = not any(fault.startswith("COM-34") for fault in found.faults)  # else the fault says which is not
+        released = not any(fault.startswith("COM-34") for fault in faults)  # else the fault says which is not
         return f"ended by {signal.Signals(outcome.interrupted).name}" + "; drives stopped and released" * released
     return "FAILED: stopped before its last step" if outcome.failed else "done"
 

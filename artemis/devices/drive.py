@@ -63,8 +63,7 @@ class Drives:
             DeviceLost: the adapter is gone.
         """
         wish, urgent, send = tick.wish, tick.snapshot.sensed.urgent, self.wire.send
-        if not urgent:
-            self.wire.begin(tick.mode)
+        self.wire.begin(tick.mode)
         if wish.exchange:
             words = [
                 controlword(node.state, wish.traction if node.is_traction else wish.steering, node.last_controlword)

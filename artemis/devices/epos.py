@@ -59,6 +59,9 @@ class EposDrive:
 
     def on_details(self, frame: Frame) -> None:
         """TxPDO 2: velocity (traction) or both analog inputs (steering), current, mode display."""
+        if self._details_time is not None and frame.time < self._details_time:
+            self.tally.disordered += 1
+            return
         values = self._sent[1].unpack(frame.data)
         if self.is_traction:
             self._velocity = values[0] / self.units.rpm

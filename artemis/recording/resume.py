@@ -68,7 +68,8 @@ def unfinished_run(root: Path, mission: str) -> tuple[Path, float] | None:
             entries = read_journal(RunFolder(path=folder).journal).entries
         except RecordingError:
             continue
-        if entries and entries[0].data.get("mission") == mission:
+        begun = any(entry.kind == "mode" for entry in entries)  # else the bus could not even be opened
+        if begun and entries[0].data.get("mission") == mission:
             return None if _ended(entries) and entries[-1].text != BROKEN else (folder, entries[-1].time)
     return None
 

@@ -25,6 +25,10 @@ LONGEST_GAP = 0.1
 """When this process was held up for longer (stopped, asleep), the world stood still for the rest of it [s]: buffers
 between the host and us run over, and a drive must not miss heartbeats that nobody could give it."""
 
+BURST = 500
+"""When this process was late, so much leaves at once at most, and the rest at the wire's pace [bits]: five frames, as
+much as the receiving buffer of a CAN controller holds."""
+
 ROUNDING = 1e-6
 """Sums of times are rounded: what is due may be due only this much later [s]."""
 
@@ -36,6 +40,7 @@ class _Exchange:
         self._world = world
         self._nodes = list(world.nodes)
         self._bus = bus
+        self._clock = asyncio.get_running_loop().time
         self._bit_time = 1.0 / bitrate
         self._now = self._world_time = self._wire_free = now
         self._stood = 0.0
@@ -98,7 +103,7 @@ class _Exchange:
     def _give(self) -> None:
         """The first waiting frame has left: everybody hears it."""
         _, _, _, sender, frame = heappop(self._waiting)
-        self._wire_free = self._now
+        self._wire_free = max(self._now, self._clock() - self._stood - BURST * self._bit_time)
         with suppress(DeviceBusy):  # nobody acknowledges what we send: a drive's mailbox is overwritten, too
             self._bus.send(frame)
         self._hear(frame, self._now, sender)

@@ -63,16 +63,17 @@ class DriveMeasures:
 
     def read(self, sensed: Sensed, last: Wish, explained: set[str]) -> Iterator[Reading]:
         """Readings of all drives; a fault of one that is `explained` is no news."""
-        drives = sensed.drives
+        drives, late = sensed.drives, sensed.late  # feedback answers our SYNC: where we are late, so is all of it
         ages = [drive.age for drive in drives]
-        if all(age is None or age > self._stale for age in ages):
+        if all(age is None or age - late > self._stale for age in ages):
             yield "COM-29", "", 1.0, _old(min((age for age in ages if age is not None), default=None))
             return
         for drive in drives:
             if drive.boots:
                 yield "COM-26", drive.name, 1.0, ""
-            if drive.age is None or drive.age > self._stale:
-                yield "COM-11", drive.name, 9e9 if drive.age is None else drive.age - self._slack, _old(drive.age)
+            if drive.age is None or drive.age - late > self._stale:
+                own = 9e9 if drive.age is None else drive.age - late - self._slack
+                yield "COM-11", drive.name, own, _old(drive.age)
             if drive.heartbeat_age is None or drive.heartbeat_age > 0.1:
                 heard = 9e9 if drive.heartbeat_age is None else drive.heartbeat_age
                 yield "COM-28", drive.name, heard, _old(drive.heartbeat_age)

@@ -111,8 +111,9 @@ class Wheels:
             self._ramp_from, self._planned = now + RAMP_DELAY, max(self._planned, self.speed)
             self._braking = self._planned > MOVING
         elif now > self._ramp_from:
-            ramp = self._robot.limits.quick_stop_deceleration_m_s2
-            self._planned = max(0.0, self._planned - (ramp if last.traction is Goal.QUICK_STOPPED else COASTING) * dt)
+            brakes = last.traction is Goal.QUICK_STOPPED and any(drive.state in _POWERED for drive in drives[:2])
+            ramp = self._robot.limits.quick_stop_deceleration_m_s2 if brakes else COASTING
+            self._planned = max(0.0, self._planned - ramp * dt)
         self._braking = self._braking and not driven and self.speed > PUSHED
         self._driven = driven
 

@@ -117,6 +117,22 @@ def _quick_stop_ignored(original: Any) -> Any:
     return limit
 
 
+def _not_braking(original: Any) -> Any:
+    def controlword(state: Any, goal: Goal, last: int = 0) -> Any:
+        return original(state, Goal.ENABLED if goal is Goal.QUICK_STOPPED else goal, last)
+
+    return controlword
+
+
+def _one_speed(original: Any) -> Any:
+    """Both driven wheels get the speed of the virtual wheel."""
+
+    def set_point(node: Any, points: Any) -> float:
+        return float(original(node, replace(points, speed_left=points.speed, speed_right=points.speed)))
+
+    return set_point
+
+
 def _swapped(role: str) -> Change:
     """Left and right of a role are mixed up."""
 
@@ -300,18 +316,27 @@ def _steered_wrong(original: Any) -> Any:
 
 BUGS: tuple[Bug, ...] = (
     Bug(
-        "speed is not limited", "follower asks for too much", "I9", {GATE_LIMITS: having(_speed=9.0, _wheel_speed=9.0)}
+        "speed is not limited",
+        "follower asks for too much",
+        "I9",
+        {GATE_LIMITS: having(_speed=9.0, _wheel_speed=9.0), **OPEN},
     ),
     Bug("acceleration is not limited", "by hand", "I9", {GATE_LIMITS: having(_acceleration=5.0)}),
     Bug("deceleration is not limited", "by hand", "I9", {GATE_LIMITS: having(_deceleration=9.0)}),
     Bug("controlled stop hardly brakes", "follower raises", "I4", {GATE_LIMITS: having(_deceleration=0.15)}),
     Bug("released button hardly brakes", "by hand", "I2", {GATE_LIMITS: having(_deceleration=0.15)}),
-    Bug("steering rate is not limited", "follower steers too far", "I9", {GATE_LIMITS: having(_rate=5.0)}),
+    Bug("steering rate is not limited", "follower steers too far", "I3", {GATE_LIMITS: having(_rate=5.0)}),
     Bug("steering angle is not limited", "follower steers too far", "I9", {GATE_LIMITS: having(_steering=1.4)}),
-    Bug("driven wheels are swapped", "bend", "I9", {SET_POINT: _swapped("traction")}),
-    Bug("steered wheels are swapped", "bend", "I9", {SET_POINT: _swapped("steering")}),
-    Bug("a wheel is steered to the other side", "bend", "I9", {SET_POINT: _steered_wrong}),
-    Bug("quick stop keeps the speed", "limit switch", "I1", {GATE: _quick_stop_ignored, **OPEN}),
+    Bug("driven wheels are swapped", "bend", "I3", {SET_POINT: _swapped("traction")}),
+    Bug("steered wheels are swapped", "bend", "I3", {SET_POINT: _swapped("steering")}),
+    Bug("a wheel is steered to the other side", "bend", "I3", {SET_POINT: _steered_wrong}),
+    Bug(
+        "quick stop keeps the speed",
+        "stopped by a person",
+        "I1",
+        {GATE: _quick_stop_ignored, "artemis.devices.drive.controlword": _not_braking, **OPEN},
+    ),
+    Bug("inner and outer wheel get one speed", "bend", "I9", {SET_POINT: _one_speed}),
     Bug(
         "only the left wheel is stopped",
         "silent drive",
@@ -326,7 +351,9 @@ BUGS: tuple[Bug, ...] = (
         "I1",
         {
             "artemis.motion.perception.Perception.as_they_stand": with_result(
-                lambda points, *_: replace(points, speed_left=0.2, speed_right=0.2)
+                lambda points, _, sensed, *__: (
+                    replace(points, speed_left=0.2, speed_right=0.2) if sensed.time < 4.0 else points
+                )
             ),
             **OPEN,
         },
@@ -390,7 +417,6 @@ BUGS: tuple[Bug, ...] = (
         {DRIVES: without_rows("COM-02"), WHEELS: without_rows("RUN-06")},
     ),
     Bug("silent bus is not noticed", "silent bus", "I3", {DRIVES: without_rows("COM-29")}),
-    Bug("disorder is not noticed", "reordered", "I3", {DRIVES: without_rows("COM-16")}),
     Bug("second master is not noticed", "second master", "I3", {HOST: without_rows("COM-17")}),
     Bug("runaway is not noticed", "runaway", "I3", {WHEELS: without_rows("RUN-01")}),
     Bug("potentiometers are not compared", "potentiometer off", "I3", {WHEELS: without_rows("STE-03")}),
@@ -422,7 +448,7 @@ BUGS: tuple[Bug, ...] = (
         "I3",
         {"artemis.robot.Robot._lose": becomes(lambda self, error: True)},
     ),
-    Bug("computer asleep is not noticed", "computer asleep", "I3", {HOST: without_rows("SYS-01", "SYS-03", "COM-31")}),
+    Bug("late ticks are not noticed", "computer dozes", "I3", {HOST: without_rows("SYS-01", "SYS-03", "COM-31")}),
     Bug(
         "another product is accepted",
         "another product",

@@ -49,9 +49,16 @@ def _scenario(
     return Scenario(seed=1, mission=mission, files=files, killed_at=killed_at)
 
 
-def drive(*faults: dict[str, Any], acts: Acts = (), rows: str = "", seconds: float = 3.5, **keys: float) -> Scenario:
+def drive(
+    *faults: dict[str, Any],
+    acts: Acts = (),
+    rows: str = "",
+    seconds: float = 3.5,
+    pushed_from: float = 5.0,
+    **keys: float,
+) -> Scenario:
     """By hand, from 5 s straight ahead with 0.4 m/s, the button released at 7 s; `rows` more of the stick's table."""
-    table = f"time_s,x,y,enable\n0,0,0,0\n5,0,1,1\n7,0,1,0\n7.5,0,0,0\n{rows}60,0,0,0\n"
+    table = f"time_s,x,y,enable\n0,0,0,0\n{pushed_from},0,1,1\n7,0,1,0\n7.5,0,0,0\n{rows}60,0,0,0\n"
     stick = {"stick": {"plugin": "scripted", "file": "stick.csv", "max_speed_m_s": 0.4}}
     steps = [{"teleop": {"input": "stick", "until": {"seconds": seconds}}}]
     return _scenario(steps, {"stick.csv": table}, faults, acts, inputs=stick, **keys)
@@ -93,10 +100,10 @@ SCENARIOS: dict[str, Scenario] = {
     "path": follow(),
     "bend": follow(bend=1.0),
     "over-current, acknowledged and armed": drive(
-        fault("DRV-02", node=LEFT), acts=[(8.0, "acknowledge"), (9.8, "arm")], rows=AGAIN, seconds=2.0
+        fault("DRV-02", node=LEFT), acts=[(8.0, "acknowledge"), (9.8, "arm")], rows=AGAIN, seconds=6.0
     ),
     "over-current, acknowledged only": drive(
-        fault("DRV-02", node=LEFT), acts=[(8.0, "acknowledge"), (16.0, "end")], rows=AGAIN, seconds=2.0
+        fault("DRV-02", node=LEFT), acts=[(8.0, "acknowledge"), (16.0, "end")], rows=AGAIN, seconds=6.0
     ),
     "limit switch": drive(fault("DRV-26", node=RIGHT)),
     "unknown error": drive(fault("DRV-31", node=STEER)),
@@ -110,22 +117,22 @@ SCENARIOS: dict[str, Scenario] = {
     "second master": drive(fault("COM-17", node=RIGHT)),
     "unplugged": drive(fault("COM-22")),
     "silent bus": drive(fault("COM-29")),
-    "reordered": drive(fault("COM-16", node=STEER)),
     "runaway": drive(fault("RUN-01", node=LEFT)),
     "potentiometer off": drive(fault("STE-03", node=STEER)),
     "potentiometer open": drive(fault("STE-04", node=STEER)),
     "frozen stick": drive(fault("INP-03", duration_s=6.0)),
     "stick frozen again and again": drive(
-        *(fault("INP-03", at, duration_s=0.4) for at in (5.5, 7.5, 9.5, 11.5)),
-        acts=[(6.9, "arm"), (8.9, "arm"), (10.9, "arm"), (14.0, "end")],
+        *(fault("INP-03", at, duration_s=0.4) for at in (8.0, 10.0, 12.0, 14.0)),
+        acts=[(9.5, "arm"), (11.5, "arm"), (13.5, "arm"), (16.0, "end")],
         seconds=20.0,
     ),
-    "stopped by a person": drive(acts=[(6.5, "quickstop"), (9.0, "arm")], rows="9.5,0,1,1\n10.5,0,0,0\n", seconds=2.0),
+    "stopped by a person": drive(acts=[(6.5, "quickstop"), (9.0, "arm")], rows="9.5,0,1,1\n10.5,0,0,0\n", seconds=5.0),
     "stopped, acknowledged only": drive(
-        acts=[(6.5, "quickstop"), (8.0, "acknowledge"), (12.0, "end")], rows="9.5,0,1,1\n11,0,0,0\n", seconds=3.0
+        acts=[(6.5, "quickstop"), (8.0, "acknowledge"), (12.0, "end")], rows="9.5,0,1,1\n11,0,0,0\n", seconds=8.0
     ),
-    "stick held at the start": drive(rows="8,0,1,1\n10,0,0,0\n", seconds=5.0, acts=[(9.0, "quickstop"), (9.4, "arm")]),
+    "stick held at the start": drive(pushed_from=3.0, seconds=1.0),
     "computer asleep": drive(fault("SYS-03", seconds=0.7)),
+    "computer dozes": drive(fault("SYS-03", seconds=0.15)),
     "killed": drive(killed_at=6.5),
     "follower raises": follow(fault("PLG-02", 8.5)),
     "follower asks for too much": follow(fault("RUN-12", 8.0, duration_s=1.2), bend=1.0),

@@ -21,9 +21,9 @@ from artemis.errors import ConfigError
 class Here(Executor):
     """Does the work at once, without doing it."""
 
-    def submit(self, work: Any, /, seed: int, *_: Any, **__: Any) -> Future[Any]:  # noqa: ANN401
+    def submit(self, work: Any, /, *args: Any, **_: Any) -> Future[Any]:  # noqa: ANN401
         future: Future[Any] = Future()
-        future.set_result(Result(seed=seed, status=0, time_s=1.0))
+        future.set_result(Result(seed=args[0], status=0, time_s=1.0))
         return future
 
 

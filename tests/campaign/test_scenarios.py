@@ -77,12 +77,12 @@ def test_monitor_is_never_milder_than_the_table_that_runs() -> None:
     assert all(ROWS[id].recovery.kind is Kind.ITSELF for id in BY_ITSELF)
 
 
-def test_same_seed_leaves_the_same_journal_and_recording(robot: Robot, tmp_path: Path) -> None:
-    left = []
+def test_same_seed_leaves_the_same_journal(robot: Robot, tmp_path: Path) -> None:
+    journals = []
     for name in ("first", "second"):
         run_scenario(scenario(2, robot), ROBOT.read_bytes(), tmp_path / name)
         (run,) = (tmp_path / name / "runs").iterdir()
-        left.append({path.name: path.read_bytes() for path in run.iterdir() if path.is_file()})
+        journals.append((run.name, (run / "journal.jsonl").read_bytes()))
 
-    assert left[0] == left[1]
-    assert set(left[0]) == {"journal.jsonl", "recording.mcap"}
+    assert journals[0] == journals[1]
+    assert len(journals[0][1].splitlines()) > 20

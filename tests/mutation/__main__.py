@@ -50,7 +50,7 @@ def subjects() -> dict[str, Subject]:
     """The modules of the safety core with their tests."""
     return {
         module: Subject(
-            name="artemis." + module.removesuffix(".py").replace("/", "."),
+            name="artemis." + module.removesuffix(".py").removesuffix("/__init__").replace("/", "."),
             path=ROOT / "artemis" / module,
             tests=[ROOT / "tests" / test for test in tests],
         )

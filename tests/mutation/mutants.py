@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from itertools import takewhile
-from typing import Any
+from typing import Any, get_origin
 
 _WIDTH = 70
 """Longest text [characters] that is shown of a change."""
@@ -68,16 +68,19 @@ class Mutant:
 
 
 def mutants(source: str, names: Mapping[str, object]) -> list[Mutant]:
-    """Every mutant of a module, in the order of its lines; `names` is its namespace, where its enums are found."""
+    """Every mutant of a module, in the order of its lines; `names` is its namespace: enums and type aliases."""
     tree = ast.parse(source)
     enums = {
         name: list(value.__members__)
         for name, value in names.items()
         if isinstance(value, type) and issubclass(value, Enum)
     }
+    aliases = {name for name, value in names.items() if get_origin(value) is not None}
     found: list[Mutant] = []
     seen: Counter[tuple[str, str]] = Counter()
     for site in _sites(tree, (), ""):
+        if site.where in aliases:
+            continue
         for variant in _variants(site, enums):
             change = _change(site, variant)
             seen[site.where, change] += 1

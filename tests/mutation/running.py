@@ -11,11 +11,12 @@ import resource
 import signal
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from importlib.machinery import ModuleSpec
 from math import ceil
-from multiprocessing.connection import wait
+from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
 from pathlib import Path
 from types import ModuleType
@@ -62,10 +63,11 @@ def examine(subject: Subject, workers: int) -> Iterator[tuple[Mutant, Outcome]]:
         RuntimeError: the tests fail without a mutant, or cannot be run.
     """
     source = subject.path.read_text(encoding="utf-8")
-    begun = _processor_time()
-    if _outcome(_begin(subject, source)) is not Outcome.SURVIVED:
+    begun, (mine, its) = _processor_time(), multiprocessing.Pipe()
+    if _outcome(_begin(subject, source, report=its)) is not Outcome.SURVIVED:
         raise RuntimeError(f"fails without a mutant, run it by hand: {' '.join(map(str, subject.tests))}")
     limit = ceil(GRACE + PATIENCE * (_processor_time() - begun))
+    _load(mine.recv())
     waiting = mutants(source, vars(_imported(subject)))
     running: dict[ForkProcess, Mutant] = {}
     while waiting or running:
@@ -98,8 +100,21 @@ def _processor_time() -> float:
     return used.ru_utime + used.ru_stime
 
 
+def _load(modules: Sequence[str]) -> None:
+    """Import what the tests need of others once, for all mutants."""
+    for name in modules:
+        with suppress(ImportError):
+            importlib.import_module(name)
+
+
+def _foreign() -> list[str]:
+    """Names of the imported modules that are installed."""
+    modules = [(name, getattr(module, "__file__", None) or "") for name, module in list(sys.modules.items())]
+    return [name for name, file in modules if "site-packages" in file]
+
+
 def _imported(subject: Subject) -> ModuleType:
-    """The module; what it imports from others is then there for all mutants."""
+    """The module as it is."""
     spec = importlib.util.spec_from_file_location(subject.name, subject.path)
     assert spec is not None
     assert spec.loader is not None
@@ -108,8 +123,11 @@ def _imported(subject: Subject) -> ModuleType:
     return module
 
 
-def _begin(subject: Subject, source: str, limit: int = resource.RLIM_INFINITY) -> ForkProcess:
-    process = multiprocessing.get_context("fork").Process(target=_test, args=(subject, source, limit), daemon=True)
+def _begin(
+    subject: Subject, source: str, limit: int = resource.RLIM_INFINITY, report: Connection | None = None
+) -> ForkProcess:
+    arguments = subject, source, limit, report
+    process = multiprocessing.get_context("fork").Process(target=_test, args=arguments, daemon=True)
     process.start()
     return process
 
@@ -141,13 +159,17 @@ class _Planted(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
     def find_spec(self, fullname: str, *_: object) -> ModuleSpec | None:
         if fullname != self._subject.name:
             return None
-        return importlib.util.spec_from_loader(fullname, self, origin=str(self._subject.path))
+        path = self._subject.path
+        folders = [str(path.parent)] if path.name == "__init__.py" else None
+        spec = ModuleSpec(fullname, self, origin=str(path), is_package=folders is not None)
+        spec.submodule_search_locations = folders
+        return spec
 
     def get_source(self, _: str) -> str:
         return self._source
 
 
-def _test(subject: Subject, source: str, limit: int) -> None:
+def _test(subject: Subject, source: str, limit: int, report: Connection | None) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
@@ -162,4 +184,9 @@ def _test(subject: Subject, source: str, limit: int) -> None:
         importlib.import_module(subject.name)
     except Exception:  # noqa: BLE001  # a mutant may raise anything
         os._exit(_STILLBORN)
-    os._exit(tested(subject.tests, "-x"))
+    status = 0
+    for test in subject.tests:  # most mutants do not get beyond the first: what is not needed is not collected
+        status = status or tested([test], "-x")
+    if report:
+        report.send(_foreign())
+    os._exit(status)

@@ -78,6 +78,11 @@ def test_what_tells_nothing_of_behaviour_is_left_alone() -> None:
     assert changes(source) == []
 
 
+def test_names_of_types_are_left_alone() -> None:
+    assert changes("Names = Mapping[str, int]", Names=dict[str, int]) == []
+    assert changes("x: TypeAlias = int | str") == []
+
+
 def test_a_place_is_named_by_function_class_and_table() -> None:
     source = "class A:\n    x = 1\n    def f(self): return 2\nT = {k: {l: 3}}"
     assert list(dict.fromkeys(m.where for m in mutants(source, {}))) == ["A.x", "A.f", "T", "T[k]", "T[k][l]"]

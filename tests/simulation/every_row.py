@@ -32,6 +32,8 @@ RPM = 60.0 / (72 * 2.1276596e-4)
 """Motor rpm per m/s of a driven wheel."""
 _POWERED = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
 
+_BY_MODES = (Found.MODE, Found.EDGE, Found.BRING_UP)
+
 Effect = float | Callable[[Run, float], float]
 """From the injection until the machine, or what it sends, is truly as the row says [s]; of a run and the time of the
 injection."""
@@ -58,11 +60,16 @@ _SWINGING = (
     (6.0, 0.0, 0.0, 0),
     (6.8, 0.0, 0.0, 0),
 )
+_ON = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (6.6, 0.0, 0.0, 0), (7.0, 0.0, 0.0, 0))
+_NUDGED = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (3.5, 0.06, 1.0, 1), (5.0, 0.0, 0.0, 0), (5.6, 0.0, 0.0, 0))
 SETTINGS = {
     "bring-up": Setting([{"wait": {"seconds": 0.4}}], 0.0, Mode.INIT, moves=False),
     "standing": Setting([{"wait": {"seconds": 1.2}}], 2.501, Mode.READY, moves=False),
     "calibrating": Setting([CALIBRATE], 2.801, Mode.CALIBRATE, moves=False),
     "driving": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_FORWARD),
+    "driving on": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_ON),
+    "nudged": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_NUDGED),
+    "stopping": Setting([TELEOP], 3.401, Mode.QUICKSTOP, stick=_FORWARD),
     "swinging": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_SWINGING),
     "following": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW),
     "following to the end": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW, way=0.8),
@@ -120,12 +127,15 @@ def short_alignment() -> Iterator[None]:
         yield
 
 
-def play(folder: Path, id: str, scene: Scene, *, prepare: Callable[[Rig], object] = lambda rig: None) -> Run:
-    """The run of a scene."""
+def play(
+    folder: Path, id: str, scene: Scene, *, happens: bool = True, prepare: Callable[[Rig], object] = lambda rig: None
+) -> Run:
+    """The run of a scene; without `happens` the same run without any fault."""
     setting = SETTINGS[scene.of]
     fault = {"at_s": time_of(scene), "inject": scene.inject or id, **scene.options, **({"node": scene.node} if scene.node else {})}
     inputs = {"stick": {"plugin": "scripted", "file": "stick.csv", "max_speed_m_s": SPEED}}
-    simulation: dict[str, Any] = {"faults": sorted([fault, *scene.along], key=lambda entry: entry["at_s"])}
+    faults = sorted([fault, *scene.along], key=lambda entry: entry["at_s"]) if happens else []
+    simulation: dict[str, Any] = {"faults": faults}
     if scene.operator:
         simulation["operator"] = [{"at_s": time, "do": what} for time, what in scene.operator]
     files = {"stick.csv": table(*setting.stick), "line.csv": straight(setting.way)}
@@ -148,7 +158,7 @@ class Notice(NamedTuple):
     """The tick in which a fault is first in the verdict with its severity."""
 
     seen: Seen
-    fault: Fault
+    fault: Fault | None
     before: Mode
     """The mode of the tick before."""
 
@@ -168,13 +178,16 @@ def assert_noticed(run: Run, id: str, scene: Scene) -> Notice:
     """In time, by the right name, of the right device."""
     row, at = ROWS[id], time_of(scene)
     assert_is_as_set(run, scene)
-    ids = scene.seen or (row.shows_as if row.found in (Found.ELSEWHERE, Found.ABSENT) else (id,))
-    assert set(ids) <= {id, *row.shows_as}, "a row as which this one may be seen is missing in its `shows_as`"
+    ids = scene.seen or (row.shows_as if row.found is Found.ELSEWHERE else (id,))
+    known = row.found is Found.ABSENT or set(ids) <= {id, *row.shows_as}
+    assert known, "a row as which this one may be seen is missing in its `shows_as`"
     found = notice(run, ids, severity_of(id, scene), at)
     assert found is not None, f"not noticed; seen: {run.fault_ids}"
+    as_row = ROWS[found.fault.id]
     effect = scene.effect if isinstance(scene.effect, float) else scene.effect(run, at)
-    later = 2 * TICK if row.found in (Found.MODE, Found.EDGE) else 0.0  # a mode's fault is judged in the next tick
-    latest = at + effect + row.within + later
+    within = as_row.within if row.found is Found.ABSENT else row.within
+    later = 2 * TICK if as_row.found in _BY_MODES else 0.0  # a mode's fault is judged in the next tick
+    latest = at + effect + within + later
     assert found.seen.time <= latest + TOLERANCE, f"noticed {found.seen.time - latest:.3f} s late; {found.fault.text}"
     assert found.fault.device == (scene.device if scene.device is not None else scene.node or "")
     return found
@@ -197,14 +210,15 @@ def assert_is_as_set(run: Run, scene: Scene) -> None:
 
 def assert_follows(run: Run, id: str, scene: Scene, found: Notice) -> None:
     """The reaction: mode, targets on the wire, and what the machine truly does."""
-    severity, fault = found.fault.severity, found.fault
+    verdict = found.seen.tick.snapshot.verdict
+    severity = verdict.severity  # of the worst
     if severity < Severity.CONTROLLED_STOP:
         assert found.seen.mode is found.before, "a warning changes no mode"
         if severity is Severity.LIMIT:
             assert_slow(run, found)
         return
     if found.before not in (Mode.FAULT, Mode.END):
-        assert found.seen.mode is (Mode.FAULT if fault.to_fault else Mode.QUICKSTOP)
+        assert found.seen.mode is (Mode.FAULT if verdict.to_fault else Mode.QUICKSTOP)
     if severity is Severity.CONTROLLED_STOP:
         assert_ramps_down(run, found)
     else:
@@ -213,16 +227,22 @@ def assert_follows(run: Run, id: str, scene: Scene, found: Notice) -> None:
     assert standing(run.world.truth)
 
 
-def targets(run: Run, since: float) -> list[tuple[float, float]]:
-    """What is asked of driven wheels from the loop's time `since` on: time, speed without sign [m/s]."""
-    asked = [(time, target_velocity(frame)) for time, frame in run.bus.sent if time >= since - TOLERANCE]
-    return [(time, abs(target) / RPM) for time, target in asked if target is not None]
+def targets(run: Run, found: Notice) -> list[tuple[float, float]]:
+    """What is asked of driven wheels from that tick on: time, speed without sign [m/s]."""
+    ticks = run.seen[run.seen.index(found.seen) :]
+    return [(seen.now, target) for seen in ticks for target in ramp(seen)]
+
+
+def ramp(seen: Seen) -> list[float]:
+    """What is asked of driven wheels in one tick, without sign [m/s]."""
+    asked = [target_velocity(frame) for frame in seen.sent]
+    return [abs(target) / RPM for target in asked if target is not None]
 
 
 def assert_quick_stop(run: Run, scene: Scene, found: Notice) -> None:
     """No target any more; wheels with power stop by the drives' ramp, those without by friction; then they stay."""
     now = found.seen.now
-    assert not [target for _, target in targets(run, now) if target]
+    assert not [target for _, target in targets(run, found) if target]
     if scene.alone:
         now = time_of(scene) + WATCH
     truths = run.truth_from(now)
@@ -239,7 +259,7 @@ def assert_quick_stop(run: Run, scene: Scene, found: Notice) -> None:
 def assert_ramps_down(run: Run, found: Notice) -> None:
     """Targets fall by the gate's ramp and never rise; drives stay on until the robot stands; then it stays."""
     now = found.seen.now
-    asked = targets(run, now)
+    asked = targets(run, found)
     speed = max((target for _, target in asked[:2]), default=0.0)
     end = now + speed / DECELERATION + SETTLING
     assert max((target for _, target in asked), default=0.0) <= speed + TOLERANCE
@@ -253,8 +273,9 @@ def assert_ramps_down(run: Run, found: Notice) -> None:
 def assert_slow(run: Run, found: Notice) -> None:
     """Not faster than the limit once the gate's ramp is over."""
     since = found.seen.now + (SPEED - LIMITED) / DECELERATION + TICK
-    while_there = [seen.now for seen in run.seen if found.fault in seen.tick.snapshot.verdict.faults]
-    assert max(target for time, target in targets(run, since) if time <= while_there[-1]) <= LIMITED + 0.01
+    limited = [seen.tick.set_points.speed for seen in run.seen if seen.tick.snapshot.verdict.limits and seen.now > since]
+    assert limited
+    assert max(map(abs, limited)) <= LIMITED + TOLERANCE
 
 
 # ---------------------------------------------------------------------------------------------- when the machine shows it

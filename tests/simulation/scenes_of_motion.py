@@ -14,9 +14,13 @@ from artemis.values import Mode, Severity
 
 LEFT, RIGHT = TRACTION
 STEER_LEFT, STEER_RIGHT = STEERING
+ASKED = 0.02
+"""A follower is asked at the next tick [s]."""
 TO_BE_READ = 0.02
 """A position is read with the next SYNC [s]."""
 AT = SETTINGS["driving"].at
+ANALOG_STEP = 0.35
+"""An analog input tells angles this coarsely [degrees]."""
 FADED = 0.1
 """Deceleration that is left of a driven wheel's [m/s²]."""
 RAMP_DELAY = 0.1
@@ -75,7 +79,7 @@ MOTION_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
         Scene(node=RIGHT, options={"gain": -1.0}, effect=when(lambda truth: truth.wheel_speeds[1] < -0.15)),
     ],
     "RUN-02": Scene(
-        of="bring-up", at=0.841, options={"duration_s": 0.4}, effect=faster_than(0.05), coasts=TRACTION
+        of="bring-up", at=0.841, options={"duration_s": 0.3}, effect=faster_than(0.05), coasts=TRACTION
     ),
     "RUN-03": Scene(
         options={"deceleration_m_s2": FADED},
@@ -85,8 +89,8 @@ MOTION_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
     ),
     "RUN-04": [Scene(node=LEFT, seen=["RUN-05"], device=""), Scene(node=LEFT, along=[{"at_s": AT, **BLOCKED}])],
     "RUN-05": [
-        Scene(node=LEFT, options={"slip": 0.27}, severity=Severity.LIMIT, effect=apart(0.25)),
-        Scene(node=LEFT, options={"slip": 0.27, "duration_s": 3.0}, effect=2.0),
+        Scene(node=LEFT, device="", options={"slip": 0.27}, severity=Severity.LIMIT, effect=apart(0.25)),
+        Scene(of="driving on", node=LEFT, device="", options={"slip": 0.27}, effect=2.0),
         Scene(node=RIGHT, options={"slip": 0.6}, seen=["RUN-01", "RUN-05"], effect=apart(0.25)),
     ],
     "RUN-06": Scene(node=RIGHT, device=RIGHT, seen=["COM-02"], coasts=[RIGHT]),
@@ -98,12 +102,15 @@ MOTION_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
         Scene(of="following", device="follow"),
         Scene(of="following", device="follow", options={"value": "inf"}),
     ],
-    "RUN-12": Scene(of="following", options={"speed_m_s": 1.0, "steering_deg": 0.0, "duration_s": 1.2}),
+    "RUN-12": Scene(of="following", options={"speed_m_s": 1.0, "steering_deg": 0.0, "duration_s": 1.2}, operator=[(6.2, "end")], effect=ASKED),
     "STE-01": Scene(of="swinging", node=STEER_LEFT, effect=away(STEER_LEFT, 3.0)),
-    "STE-02": Scene(of="swinging", node=STEER_RIGHT, effect=loaded(STEER_RIGHT, 0.9)),
+    "STE-02": [
+        Scene(of="nudged", node=STEER_RIGHT, effect=loaded(STEER_RIGHT, 0.9)),
+        Scene(of="swinging", node=STEER_RIGHT, seen=["DRV-25"], effect=away(STEER_RIGHT, 3.0)),
+    ],
     "STE-03": [
         Scene(node=STEER_LEFT),
-        Scene(node=STEER_RIGHT, options={"potentiometer": 2, "offset_v": 0.0, "drift_v_s": 0.2}, effect=3.0 / 72 / 0.2),
+        Scene(node=STEER_RIGHT, options={"potentiometer": 2, "offset_v": 0.0, "drift_v_s": 0.2}, effect=(3.0 + ANALOG_STEP) / 72 / 0.2),
     ],
     "STE-04": [Scene(node=STEER_LEFT), Scene(node=STEER_RIGHT, options={"potentiometer": 2, "voltage": 0.0})],
     "STE-05": Scene(node=STEER_RIGHT),

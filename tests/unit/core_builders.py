@@ -25,6 +25,7 @@ from artemis.values import (
     DriveCommand,
     DriveFeedback,
     DriveState,
+    Event,
     Goal,
     Job,
     JobKind,
@@ -95,10 +96,16 @@ def snapshot(
     )
 
 
+def judged(*ids: str, device: str = "", **says: Any) -> Verdict:
+    """The verdict on faults of the catalogue; `says` what follows."""
+    faults = tuple(catalogue.fault(id, device) for id in ids)
+    to_fault = any(fault.to_fault for fault in faults)
+    return Verdict(severity=max(fault.severity for fault in faults), faults=faults, to_fault=to_fault, **says)
+
+
 def verdict(id: str, device: str = "") -> Verdict:
     """The verdict on one fault of the catalogue."""
-    fault = catalogue.fault(id, device)
-    return Verdict(severity=fault.severity, faults=(fault,), to_fault=fault.to_fault)
+    return judged(id, device=device)
 
 
 def plan(*steps: Step, **state: Any) -> Plan:
@@ -245,6 +252,18 @@ def has_fault(wish: Wish) -> bool:
 
 def has_event(wish: Wish) -> bool:
     return wish.event is not None
+
+
+def expires(player: Player, plan: Plan) -> None:
+    """Nobody comes for ten minutes: the run ends as failed."""
+    assert player.tick().event is None
+    player.time += 590.0
+    assert player.tick().event is None
+    player.time += 11.0
+    wish = player.tick()
+    assert wish.event is Event.END
+    assert fault_of(wish) == ("OPR-03", "")
+    assert plan.failed
 
 
 def fault_of(wish: Wish) -> tuple[str, str]:

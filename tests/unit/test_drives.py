@@ -120,6 +120,16 @@ def test_urgent_tick_without_a_stop_sends_nothing_at_all(wish: Wish) -> None:
     assert Bench().write(wish, urgent=True) == []
 
 
+def test_urgent_tick_changes_what_may_leave_at_once() -> None:
+    bench, read = Bench(), Frame(0x601, bytes.fromhex("40 41 60 00 00 00 00 00"))
+    bench.write(ON, mode=Mode.TELEOP)
+    bench.drives.wire.send(read)
+    assert bench.bus.take() == []
+    assert bench.write(STOPPING, urgent=True, mode=Mode.FAULT) == stop_frames(1, 2)
+    bench.drives.wire.send(read)
+    assert bench.bus.take() == [read]
+
+
 def test_fault_reset_raises_the_bit_again_and_again() -> None:
     bench = Bench(0x0308)
     resetting = replace(OFF, traction=Goal.FAULT_RESET, steering=Goal.FAULT_RESET)

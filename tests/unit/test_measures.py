@@ -93,6 +93,17 @@ def test_age_is_given_as_if_ticks_were_fast(tick: float, stale: float) -> None:
     assert value == pytest.approx(0.09)
 
 
+def test_age_does_not_count_what_we_are_late_ourselves() -> None:
+    def ids(late: float, *ages: float) -> set[str]:
+        seen = sensed(late=late, drives=drives(*(drive(n, age=a) for n, a in zip(NAMES, ages, strict=False))))
+        return {id for id, _, _, _ in DriveMeasures(ROBOT, PERIOD).read(seen, DRIVING, set())}
+
+    assert ids(0.1, 0.18) == set()
+    assert ids(0.1, 0.1801) == {"COM-11"}
+    assert ids(0.1, 0.18, 0.18, 0.18, 0.18) == set()
+    assert ids(0.1, 0.1801, 0.1801, 0.1801, 0.1801) == {"COM-29"}
+
+
 def test_drive_that_was_never_heard_is_older_than_anything_and_has_no_state() -> None:
     silent = drive(SICK, age=None, state=DriveState.UNKNOWN, mode=0, heartbeat_age=None)
     assert read(silent) == {("COM-11", SICK, 9e9), ("COM-28", SICK, 9e9)}

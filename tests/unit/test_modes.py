@@ -32,6 +32,7 @@ from artemis.states.modes import Modes
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import (
+    Action,
     DriveCommand,
     DriveState,
     Event,
@@ -137,6 +138,29 @@ def test_end_that_was_asked_for_during_a_stop_comes_after_it() -> None:
     modes = modes_in(Mode.FOLLOW)
     assert modes.advance(snapshot(requests=(Request.END, Request.QUICKSTOP)), None) is Mode.QUICKSTOP
     assert modes.advance(snapshot(), None) is Mode.END
+
+
+def test_end_that_a_mode_asked_for_during_a_stop_comes_after_it() -> None:
+    for judged, stopped in ((SEVERE, Mode.QUICKSTOP), (DRIVE_FAULT, Mode.FAULT)):
+        modes = modes_in(Mode.QUICKSTOP)
+        assert modes.advance(snapshot(verdict=judged), Event.END) is stopped
+        assert modes.advance(snapshot(verdict=judged), None) is Mode.END
+
+
+def test_run_that_ends_with_a_fault_has_failed_though_its_steps_are_done() -> None:
+    whole = plan()
+    modes = modes_in(Mode.READY, whole)
+    assert modes.advance(snapshot(verdict=DRIVE_FAULT), Event.END) is Mode.FAULT
+    assert modes.advance(snapshot(verdict=DRIVE_FAULT), None) is Mode.END
+    assert whole.failed
+
+
+def test_power_is_off_where_nothing_else_is_left_and_the_alarm_ends_the_heartbeat() -> None:
+    for alarm in (False, True):
+        off = Verdict(severity=Severity.OFF, faults=DRIVE_FAULT.faults, to_fault=True, alarm=alarm)
+        wish = modes_in(Mode.FAULT).step(snapshot(standing=False, verdict=off))
+        assert (wish.command.action, wish.traction, wish.steering) == (Action.DISABLE, Goal.DISABLED, Goal.HOLD)
+        assert wish.heartbeat is not alarm
 
 
 def test_mode_that_is_entered_again_begins_anew() -> None:

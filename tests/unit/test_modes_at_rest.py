@@ -14,9 +14,11 @@ from core_builders import (
     Player,
     drive,
     drives,
+    expires,
     fault_of,
     has_event,
     has_fault,
+    judged,
     plan,
     powered,
     snapshot,
@@ -25,7 +27,6 @@ from core_builders import (
 
 from artemis.motion.perception import STANDING_TIME
 from artemis.states.end import EndMode
-from artemis.states.fault import FaultMode
 from artemis.states.mode import CalibrateStep, ModeLogic, Plan
 from artemis.states.quickstop import QuickstopMode
 from artemis.supervision import catalogue
@@ -36,6 +37,7 @@ from artemis.values import (
     Event,
     Goal,
     JobKind,
+    JobResult,
     OperatorInput,
     Request,
     SetPoints,
@@ -200,6 +202,16 @@ def test_target_that_cannot_be_cleared_is_a_fault_and_nothing_is_enabled() -> No
     assert not any(map(powered, player.wishes))
 
 
+def test_failed_target_is_the_fault_that_its_job_met() -> None:
+    player, _ = stopped()
+    (job, *others) = player.tick(requests=(Request.ARM,)).jobs
+    ended = [JobResult(id=each.id, kind=each.kind, drive=each.drive, ok=True) for each in others]
+    kept = JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, detail="kept 7", fault="COM-10")
+    wish = player.tick(results=(kept, *ended))
+    assert fault_of(wish) == ("COM-10", job.drive)
+    assert "kept 7" in str(wish.fault)
+
+
 def test_armed_before_the_wheels_were_aligned_leads_to_a_new_bring_up() -> None:
     player, steps = stopped(aligned=False)
     wish = player.tick(requests=(Request.ARM,))
@@ -208,74 +220,34 @@ def test_armed_before_the_wheels_were_aligned_leads_to_a_new_bring_up() -> None:
     assert steps.armed, "which need not be armed again"
 
 
-# ---------------------------------------------------------------------------------------------- fault
+# ---------------------------------------------------------------------------------------------- recovery of a stop
 
 
-def in_fault(**state: Any) -> tuple[Player, Plan]:
-    steps = plan(CalibrateStep(), **{"connected": True, "armed": True, **state})
-    player = Player(FaultMode(steps))
-    player.world.update(drives=drives(state=DriveState.SWITCH_ON_DISABLED), verdict=verdict("DRV-25"))
-    return player, steps
+@pytest.mark.parametrize("attended", [True, False])
+def test_stop_that_is_over_by_itself_goes_on_only_where_the_mission_says_so(attended: bool) -> None:
+    for resumes in (True, False):
+        player, _ = quickstop()
+        player.world.update(STOPPED, attended=attended, verdict=judged("INP-03", recovers=True, resumes=resumes))
+        player.until(is_off)
+        player.tick()
+        wish = player.tick(verdict=Verdict())
+        kinds = {job.kind for job in wish.jobs}
+        assert kinds == ({JobKind.CLEAR_TARGET} if resumes else set())
+        assert (wish.event is Event.END) is (not resumes and not attended)
 
 
-def test_fault_stops_then_switches_off_then_reads_the_error_histories() -> None:
-    player, _ = in_fault()
-    for _ in range(10):
-        wish = player.tick(standing=False)
-        assert (wish.traction, wish.steering, wish.command.action) == (Goal.QUICK_STOPPED, Goal.HOLD, Action.QUICKSTOP)
-    off = player.tick()
-    assert (off.traction, off.steering) == (Goal.DISABLED, Goal.DISABLED)
-    asked = player.tick()
-    assert {(job.kind, job.drive) for job in asked.jobs} == {(JobKind.READ_HISTORY, name) for name in NAMES}
+def test_stop_by_a_person_never_goes_on_by_itself() -> None:
+    player, _ = quickstop(held=True)
+    player.world.update(STOPPED, verdict=judged("INP-03", recovers=True, resumes=True))
+    player.until(is_off)
+    player.tick()
+    for _ in range(20):
+        assert player.tick(verdict=Verdict()).jobs == ()
+    assert player.tick(verdict=Verdict(), requests=(Request.ARM,)).jobs
 
 
-def test_history_that_cannot_be_read_holds_nothing_up() -> None:
-    player, _ = in_fault()
-    player.refused |= {(JobKind.READ_HISTORY, name) for name in NAMES}
-    player.until(lambda wish: "acknowledge" in wish.phase)
-
-
-def test_fault_before_the_drives_were_configured_stops_them_by_jobs_and_exchanges_nothing() -> None:
-    player, _ = in_fault(connected=False)
-    player.world["standing"] = False
-    player.until(lambda wish: "acknowledge" in wish.phase)
-    for wish in player.wishes:
-        assert not wish.exchange
-        assert not wish.heartbeat, "a heartbeat that begins here and ends again trips every drive that has heard it"
-    assert [(job.kind, job.drive) for job in player.jobs] == [(JobKind.SECURE, name) for name in NAMES]
-
-
-def waiting_for_acknowledgment(**state: Any) -> tuple[Player, Plan]:
-    player, steps = in_fault(**state)
-    player.until(lambda wish: "acknowledge" in wish.phase)
-    return player, steps
-
-
-def test_acknowledged_fault_leads_to_a_bring_up_that_waits_for_arm() -> None:
-    player, steps = waiting_for_acknowledgment()
-    wish = player.tick(requests=(Request.ACKNOWLEDGE,), verdict=Verdict())
-    assert wish.event is Event.ACKNOWLEDGED
-    assert not powered(wish)
-    assert not steps.armed
-
-
-def test_acknowledgment_is_refused_while_the_cause_is_there_and_the_cause_is_named() -> None:
-    player, _ = waiting_for_acknowledgment()
-    wish = player.tick(requests=(Request.ACKNOWLEDGE,), verdict=verdict("COM-22"))
-    assert wish.event is None
-    assert "CAN adapter lost" in wish.phase
-    assert player.tick().event is None, "refused, not kept"
-
-
-def test_no_other_request_leads_out_of_fault() -> None:
-    player, _ = waiting_for_acknowledgment()
-    assert player.tick(requests=(Request.ARM, Request.DONE)).event is None
-
-
-def test_nobody_there_to_acknowledge_ends_the_run_as_failed() -> None:
-    player, steps = waiting_for_acknowledgment()
-    assert player.tick(attended=False).event is Event.END
-    assert steps.failed
+def test_run_ends_when_nobody_arms_for_ten_minutes() -> None:
+    expires(*stopped())
 
 
 # ---------------------------------------------------------------------------------------------- end

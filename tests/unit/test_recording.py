@@ -1,15 +1,11 @@
 from __future__ import annotations
 
-import errno
 import json
 import math
-import os
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import timedelta
 from itertools import islice
 from pathlib import Path
-from threading import Event
 from typing import Any
 
 import pytest
@@ -19,12 +15,10 @@ from mcap.reader import make_reader
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
 from artemis.recording import mcap_writer
-from artemis.recording.disk import Trouble
 from artemis.recording.journal import Entry, Journal, read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder
 from artemis.recording.schemas import CHANNELS, differences, tick_record
-from artemis.testing.failing_disk import FailingDisk
 from artemis.values import Pose
 
 
@@ -201,193 +195,6 @@ def test_a_thread_records_the_same(tmp_path: Path) -> None:
     assert messages(paths[0], "/sensed") == messages(paths[1], "/sensed")
     assert messages(paths[0], "/tick") == messages(paths[1], "/tick")
     assert Recording(paths[1]).missing is None
-
-
-class Stall:
-    """Lets the thread wait at its next tick until it may go on."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.stalled, self.goes_on = Event(), Event()
-        write: Callable[..., None] = Recorder._write_tick
-
-        def stalling(recorder: Recorder, *arguments: object) -> None:
-            self.stalled.set()
-            self.goes_on.wait()
-            write(recorder, *arguments)
-
-        monkeypatch.setattr(mcap_writer, "QUEUE_TICKS", 5)
-        monkeypatch.setattr(Recorder, "_write_tick", stalling)
-
-
-def test_a_stalled_disk_costs_the_oldest_ticks_and_delays_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    stall = Stall(monkeypatch)
-    recorder = Recorder(tmp_path / "recording.mcap", synthetic_run.provenance(), threaded=True)
-    observed = first(20)
-    recorder.observe(observed[0].tick, observed[0].frames)
-    stall.stalled.wait()
-    for each in observed[1:10]:  # the first is being written, five wait, four had to make room
-        recorder.observe(each.tick, each.frames)
-    assert (recorder.dropped, recorder.first_gap) == (4, 1)
-    stall.goes_on.set()
-    while recorder._backlog._data:
-        pass
-    for each in observed[10:15]:
-        recorder.observe(each.tick, each.frames)
-    recorder.close()
-
-    recording = Recording(tmp_path)
-    assert [tick.sensed.index for tick in recording.ticks()] == [0, *range(5, 15)]
-    assert recording.missing == "4 ticks were not recorded, the first are 1 to 4"
-    assert [entry.text for entry in recording.entries()][-2:] == ["4 ticks were not recorded, the first is 1", ""]
-
-
-def test_a_stalled_disk_costs_no_event(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    stall = Stall(monkeypatch)
-    journal = Journal(tmp_path / "journal.jsonl")
-    recorder = Recorder(tmp_path / "recording.mcap", synthetic_run.provenance(), threaded=True, journal=journal)
-    for each in first(101):
-        recorder.observe(each.tick, each.frames)
-    stall.goes_on.set()
-    recorder.close("done")
-
-    assert recorder.dropped >= 101 - 6
-    kinds = [entry.kind for entry in read_journal(tmp_path / "journal.jsonl").entries]
-    assert [kinds.count(kind) for kind in ("mode", "phase", "job", "result", "boot-up", "request")] == [
-        3,
-        3,
-        1,
-        1,
-        1,
-        1,
-    ]
-    assert kinds[-2:] == ["gap", "end"]
-
-
-def test_a_slow_disk_is_told_while_ticks_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    stall = Stall(monkeypatch)
-    recorder = Recorder(tmp_path / "recording.mcap", synthetic_run.provenance(), threaded=True)
-    told = []
-    for each in first(10):
-        recorder.observe(each.tick, each.frames)
-        stall.stalled.wait()
-        told.append([trouble.id for trouble in recorder.troubles()])
-    assert told == [[]] * 6 + [["DSK-03"]] * 4
-    assert recorder.troubles() == []
-    stall.goes_on.set()
-    recorder.close()
-
-
-# --------------------------------------------------------------------------------------------- a disk that refuses
-
-
-def record_on(disk: FailingDisk, folder: Path, count: int, *, threaded: bool, fail: Callable[[int], None]) -> Recorder:
-    """Observe ticks; `fail` is called before each with its number. The thread keeps up."""
-    journal = Journal(folder / "journal.jsonl", disk)
-    recorder = Recorder(
-        folder / "recording.mcap", synthetic_run.provenance(), threaded=threaded, journal=journal, disk=disk
-    )
-    for number, each in enumerate(first(count)):
-        fail(number)
-        recorder.observe(each.tick, each.frames, each.true_pose)
-        while recorder._backlog._data or recorder._backlog._events:
-            pass
-    return recorder
-
-
-@pytest.mark.parametrize("threaded", [False, True])
-@pytest.mark.parametrize(("error", "id"), [(errno.ENOSPC, "DSK-02"), (errno.EIO, "DSK-05"), (errno.EROFS, "DSK-05")])
-def test_a_recording_that_cannot_be_written_ends_and_the_journal_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, threaded: bool, error: int, id: str
-) -> None:
-    monkeypatch.setattr(mcap_writer, "CHUNK_SIZE", 12_000)
-    disk = FailingDisk()
-    recorder = record_on(
-        disk,
-        tmp_path,
-        101,
-        threaded=threaded,
-        fail=lambda number: disk.fail("recording", error) if number == 50 else None,
-    )
-
-    (trouble,) = recorder.troubles()
-    assert (trouble.id, trouble.journal) == (id, False)
-    assert trouble.detail == f"recording.mcap: {os.strerror(error)}"
-    recorder.close("done")
-    recorder.close()
-
-    recording, journal = Recording(tmp_path), read_journal(tmp_path / "journal.jsonl")
-    read = [tick.sensed.index for tick in recording.ticks()]
-    assert 30 < len(read) <= 50
-    assert read == list(range(len(read)))
-    assert recorder.dropped == 101 - len(read)
-    assert journal.missing is None
-    assert [(entry.kind, entry.text) for entry in journal.entries[-3:]] == [
-        ("mode", "ready -> follow"),
-        ("gap", f"{101 - len(read)} ticks were not recorded, the first is {len(read)}"),
-        ("end", "done"),
-    ]
-
-
-def test_a_recording_that_is_cut_off_by_the_disk_is_told_by_the_journal_how_it_ended(tmp_path: Path) -> None:
-    disk = FailingDisk()
-    recorder = record_on(disk, tmp_path, 40, threaded=False, fail=lambda number: None)
-    disk.fail("recording", errno.ENOSPC)
-    recorder.close("done")
-
-    assert recorder.dropped == 40  # all waited in the first chunk
-    assert Recording(tmp_path).outcome == ""
-    assert [trouble.id for trouble in recorder.troubles()] == ["DSK-02"]
-    assert read_journal(tmp_path / "journal.jsonl").entries[-1].text == "done"
-
-
-def test_a_recording_survives_a_disk_that_takes_a_few_bytes_at_a_time(tmp_path: Path) -> None:
-    recorder = record_on(FailingDisk(at_once=100), tmp_path, 20, threaded=False, fail=lambda number: None)
-    recorder.close()
-
-    assert Recording(tmp_path).missing is None
-    assert len(list(Recording(tmp_path).ticks())) == 20
-
-
-@pytest.mark.parametrize("threaded", [False, True])
-def test_a_journal_that_cannot_be_written_is_told_and_the_recording_goes_on(tmp_path: Path, threaded: bool) -> None:
-    disk = FailingDisk()
-    recorder = record_on(
-        disk,
-        tmp_path,
-        50,
-        threaded=threaded,
-        fail=lambda number: disk.fail("journal", errno.EIO) if number == 30 else None,  # results come at tick 40
-    )
-
-    assert recorder.troubles() == [Trouble("DSK-05", "journal.jsonl: Input/output error", journal=True)]
-    recorder.close()
-    assert len(list(Recording(tmp_path).ticks())) == 50
-
-
-def test_a_journal_that_can_be_written_again_is_no_trouble_any_more(tmp_path: Path) -> None:
-    disk = FailingDisk()
-    recorder = record_on(disk, tmp_path, 2, threaded=False, fail=lambda number: None)
-    disk.fail("journal", errno.ENOSPC)
-    recorder.note(Entry(time=1.0, kind="note", text="lost"))
-    assert [trouble.journal for trouble in recorder.troubles()] == [True]
-    disk.heal()
-    recorder.note(Entry(time=2.0, kind="note", text="kept"))
-    assert recorder.troubles() == []
-    recorder.close("done")
-
-    journal = read_journal(tmp_path / "journal.jsonl")
-    assert [entry.text for entry in journal.entries[-2:]] == ["kept", "done"]
-    assert journal.missing is not None
-
-
-def test_a_disk_that_refuses_from_the_start_refuses_the_run(tmp_path: Path) -> None:
-    disk = FailingDisk()
-    journal = Journal(tmp_path / "journal.jsonl", disk)
-    disk.fail("recording", errno.ENOSPC)
-    with pytest.raises(RecordingError, match="cannot begin a recording: No space left"):
-        Recorder(tmp_path / "recording.mcap", synthetic_run.provenance(), threaded=False, journal=journal, disk=disk)
-
-    assert (tmp_path / "journal.jsonl").stat().st_size == 0  # closed
 
 
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import yaml
 from artemis.clock import SimulatedLoop, run
 from artemis.devices.can_bus import Frame
 from artemis.errors import DeviceBusy, DeviceLost
-from artemis.sim.server import LONGEST_GAP, PERIOD, serve
+from artemis.sim.server import BURST, LONGEST_GAP, PERIOD, serve
 from artemis.sim.wire import frame_bits
 from artemis.sim.world import World
 from artemis.values import DriveState
@@ -193,6 +193,24 @@ def test_nodes_send_no_faster_than_the_wire_carries() -> None:
         assert [frame.id for frame in left] == [0x181, 0x182, 0x281, 0x381]
         expected = [0.0101 + length(*left[: number + 1]) for number in range(4)]
         assert [time for time, _ in bus.sent] == pytest.approx(expected)
+
+    simulate(main())
+
+
+def test_frames_that_leave_late_do_not_leave_all_at_once() -> None:
+    async def main() -> None:
+        answers = [(0.002 + 0.001 * number, Frame(0x181, bytes((number,) * 8))) for number in range(12)]
+        bus, node = FakeBus(), FakeNode({0x080: answers})
+        serving = asyncio.create_task(serve(FakeWorld(node), bus, BITRATE, until=0.1))
+        await asyncio.sleep(0.0101)
+        bus.arrive(Frame(0x080))
+        await asyncio.sleep(0.0005)
+        hold_up(0.05)
+        await serving
+        assert [frame.data[0] for _, frame in bus.sent] == list(range(12))
+        times = [time for time, _ in bus.sent]
+        assert max(times.count(time) for time in times) <= 5
+        assert times[-1] == pytest.approx(0.0606 + length(*(frame for _, frame in bus.sent[1:])) - BURST / BITRATE)
 
     simulate(main())
 
@@ -413,5 +431,6 @@ def test_host_that_died_while_the_simulation_was_held_up_is_missed() -> None:
         assert robot.in_fault == 0
         await asyncio.sleep(LONGEST_GAP)
         assert robot.in_fault == 4
+        assert len(robot.reports) == 4
 
     watched(test)

@@ -357,13 +357,46 @@ def test_slow_wheels_do_not_slip() -> None:
 
 def test_rolling_about_the_kingpins_is_no_slip() -> None:
     made = road()
-    made.wish, made.rates = OFF, (1.9, 1.9)
-    left, right = CAR.wheel_speeds(0.0, 0.0, *made.rates)
-    made.speeds = left, right
+    made.rates = 1.9, 1.9
+    made.speeds = CAR.wheel_speeds(0.0, 0.0, *made.rates)
+    made.points = replace(points(), speed_left=made.speeds[0], speed_right=made.speeds[1])
     made.tick()
     made.tick()
     assert made.wheels.speed > 0.1
     assert made.value("RUN-05") is None
+
+
+def test_wheels_that_are_not_driven_do_not_slip() -> None:
+    made = road(0.4)
+    made.wish, made.speeds = STOPPING, (0.4, 0.0)
+    made.tick()
+    assert made.value("RUN-05") is None
+
+
+# ---------------------------------------------------------------------------------------------- a drive without power
+
+
+@pytest.mark.parametrize("state", DriveState)
+def test_wheel_whose_drive_cannot_brake_it_rolls_out_and_the_other_is_judged(state: DriveState) -> None:
+    brakes = state in (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
+    made = road(0.6)
+    made.wish, speed, told = STOPPING, 0.6, set()
+    made.ill(LEFT, state=state)
+    for _ in range(25):
+        speed = max(0.0, speed - RAMP * PERIOD)
+        made.speeds = 0.6, speed
+        made.tick()
+        told |= made.rows()
+    assert ("RUN-03" in told) is brakes
+
+
+def test_robot_that_no_drive_can_brake_is_judged_by_both_wheels_as_one_that_rolls_out() -> None:
+    made = road(0.6)
+    made.wish = STOPPING
+    for name in TRACTION:
+        made.ill(name, state=DriveState.FAULT)
+    made.ticks(0.6)
+    assert made.value("RUN-03") == pytest.approx(0.2 * 0.5, abs=0.011)
 
 
 def test_all_drives_have_names_of_the_robot_file() -> None:

@@ -64,17 +64,23 @@ def test_mode_decides_what_may_leave() -> None:
     assert len(bench.wire.health().blocked) == 1
 
 
-def test_frame_for_which_there_is_no_room_is_counted_and_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_for_which_there_is_no_room_are_counted_in_a_row_and_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench()
+    send, full = bench.bus.send, [True, True, False, True, True, True, False]
 
-    def full(frame: Frame) -> None:
-        raise DeviceBusy("CAN", "transmit buffer full")
+    def sometimes_full(frame: Frame) -> None:
+        if full.pop(0):
+            raise DeviceBusy("CAN", "transmit buffer full")
+        send(frame)
 
-    monkeypatch.setattr(bench.bus, "send", full)
-    bench.wire.send(SYNC)
-    bench.wire.send(HEARTBEAT)
-    assert bench.wire.take_traffic(0.0) == [], "they were never on the bus"
+    monkeypatch.setattr(bench.bus, "send", sometimes_full)
+    for number in range(5):
+        bench.wire.send(Frame(0x201 + number % 4, bytes(6)))
+    assert bench.wire.take_traffic(0.0) == [(True, Frame(0x203, bytes(6)))], "the others were never on the bus"
     assert bench.wire.health() == BusHealth(refused=2)
+    bench.wire.send(SYNC)
+    assert bench.wire.health() == BusHealth(refused=3), "the row goes on"
+    bench.wire.send(HEARTBEAT)
     assert bench.wire.health() == BusHealth()
 
 

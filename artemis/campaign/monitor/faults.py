@@ -15,6 +15,8 @@ from artemis.campaign.witness import SIDES
 WATCHED = {"ready", "calibrate", *DRIVING}
 COMMANDED = 0.2
 """Both driven wheels are clearly commanded to move [m/s]."""
+ROUNDING = 1e-6
+"""Of sums of times [s]."""
 LASTS = 0.15
 """A fault that ends by itself is judged only if it lasts so much longer than it takes to be noticed [s]."""
 LISTENING = 0.2
@@ -49,7 +51,7 @@ def judged(e: Evidence) -> Iterator[tuple[Injected, Expected, float]]:
     """Every injected fault that had to be noticed, with its deadline [s]."""
     for injected in e.injected:
         expected = expectation(injected, e.tick)
-        deadline = injected.time + expected.within + e.tick + max(0.0, 2.5 * (e.tick - 0.02))
+        deadline = injected.time + expected.within + e.tick + max(0.0, 2.5 * (e.tick - 0.02)) + ROUNDING
         counted = injected.options.get("count") or injected.options.get("probability")
         if counted is None and injected.until > deadline + LASTS and _must_show(e, injected, expected, deadline):
             yield injected, expected, deadline

@@ -365,6 +365,7 @@ COMMUNICATION: dict[str, Row] = {
         "node id, hardware_version, min_firmware, serial_number",
         to_fault=True,
         within=0.0,
+        shows_as=("COM-08",),
     ),
     "COM-34": Row(
         "not released",

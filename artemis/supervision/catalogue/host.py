@@ -183,7 +183,7 @@ HOST: dict[str, Row] = {
         within=1.0,
     ),
     "PWR-01": Row("battery low", _ABSENT, LIMIT, ITSELF, reason=_BATTERY),
-    "PWR-02": Row("battery critical", _ABSENT, S2, X, shows_as=("DRV-04",), reason=_BATTERY),
+    "PWR-02": Row("battery critical", _ABSENT, S2, X, reason=_BATTERY),
     "PWR-03": Row("voltage sags", _ABSENT, LIMIT, ITSELF, reason=_BATTERY),
     "EST-01": Row(
         "emergency stop",

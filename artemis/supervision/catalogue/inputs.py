@@ -20,7 +20,7 @@ INPUTS: dict[str, Row] = {
         "cable, radio, battery of the device",
         within=0.17,
     ),
-    "INP-04": Row("silent device held", _ABSENT, S2, automatic(3, _TEN), shows_as=("INP-03",), reason=_HID),
+    "INP-04": Row("silent device held", _ABSENT, S2, automatic(3, _TEN), reason=_HID),
     "INP-05": Row(
         "repeated reports",
         Found.ELSEWHERE,

@@ -1,0 +1,127 @@
+"""The command as a process: runs in worker processes, table, exit statuses, and what an interruption keeps."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from campaign_files import write_campaign
+
+from artemis.campaign.monitor.evidence import Violation
+from artemis.campaign.one_run import Result
+from artemis.campaign.runs import Results, load_campaign
+
+ARTEMIS = [sys.executable, "-m", "artemis", "campaign"]
+SLICE = 40
+PATIENCE = 500.0
+"""Longest time for anything on a busy machine [s]."""
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(PATIENCE)]
+
+
+def artemis_campaign(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [*ARTEMIS, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, stdin=subprocess.DEVNULL)
+
+
+def seeds_in(results: Path) -> list[int]:
+    return [json.loads(line)["seed"] for line in results.read_text().splitlines()]
+
+
+def test_slice_of_seeds_breaks_no_invariant(tmp_path: Path) -> None:
+    done = artemis_campaign(write_campaign(tmp_path, runs=SLICE, first_seed=1, workers=2))
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert f"{SLICE} runs, 0 violations in 0 of them" in done.stdout
+    assert f"{SLICE // 2} of {SLICE} runs, 0 failed" in done.stdout
+    (results,) = tmp_path.glob("runs/small-*/results.jsonl")
+    assert sorted(seeds_in(results)) == list(range(1, SLICE + 1))
+
+
+def test_interrupted_campaign_keeps_its_runs_and_goes_on(tmp_path: Path) -> None:
+    path = write_campaign(tmp_path, runs=8, workers=2)
+    results = load_campaign(path).folder / "results.jsonl"
+    with subprocess.Popen([*ARTEMIS, str(path)], stdout=subprocess.PIPE, text=True) as process:
+        while not (results.exists() and results.read_bytes().count(b"\n") >= 2):
+            assert process.poll() is None, "ended too early"
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        shown = process.communicate(timeout=PATIENCE)[0]
+
+    assert process.returncode == 130, shown
+    finished = seeds_in(results)
+    assert 2 <= len(finished) < 8
+    assert f"interrupted after {len(finished)} of 8 runs" in shown
+
+    again = artemis_campaign(path)
+
+    assert again.returncode == 0, again.stdout
+    assert f"goes on after {len(finished)} finished runs" in again.stdout
+    assert sorted(seeds_in(results)) == list(range(1, 9))
+    assert seeds_in(results)[: len(finished)] == finished
+
+
+def test_broken_invariant_is_told_with_what_runs_it_alone(tmp_path: Path) -> None:
+    path = write_campaign(tmp_path, runs=2, workers=1)
+    campaign = load_campaign(path)
+    broken = Violation("I4", 6.5, "stopped too late")
+    Results(campaign.folder).add(Result(seed=1, status=1, time_s=9.0, injected=("DRV-02",), violations=(broken,)))
+
+    done = artemis_campaign(path)
+
+    assert done.returncode == 1, done.stderr
+    assert "seed 1: I4 at 6.500 s: stopped too late" in done.stdout
+    assert f"artemis campaign {path} --seed 1" in done.stdout
+    checked = subprocess.run(
+        [*ARTEMIS[:-1], "check", campaign.scenario_folder(1) / "mission.yaml"], capture_output=True, text=True
+    )
+    assert checked.returncode == 0, checked.stderr
+
+
+def test_one_seed_runs_in_sight_and_keeps_its_folder(tmp_path: Path) -> None:
+    path = write_campaign(tmp_path)
+
+    done = artemis_campaign(path, "--seed", "2")
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "0 violations" in done.stdout
+    assert "proving the watchdog" in done.stdout
+    (run,) = load_campaign(path).scenario_folder(2).glob("runs/*")
+    assert {"journal.jsonl", "recording.mcap"} <= {file.name for file in run.iterdir()}
+
+
+def test_wrong_campaign_is_refused(tmp_path: Path) -> None:
+    done = artemis_campaign(write_campaign(tmp_path, runs=0))
+
+    assert done.returncode == 2
+    assert "campaign.yaml:3" in done.stderr
+
+
+def test_cluster_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+
+    done = artemis_campaign(write_campaign(tmp_path, cluster="tcp://127.0.0.1:1"))
+
+    assert done.returncode == 2, done.stderr
+    assert "no scheduler at tcp://127.0.0.1:1" in done.stderr
+
+
+def test_cluster_of_processes_does_the_same_runs(tmp_path: Path) -> None:
+    """A scheduler and two workers of Dask on this computer; what they found is what this process finds."""
+    distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    from artemis.campaign.runs import run_seed
+
+    words = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+    with distributed.LocalCluster(**words) as cluster:
+        path = write_campaign(tmp_path, runs=4, cluster=cluster.scheduler_address)
+        done = artemis_campaign(path)
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    campaign = load_campaign(path)
+    found = Results(campaign.folder).finished
+    assert sorted(found) == [1, 2, 3, 4]
+    assert found[2] == run_seed(2, campaign.robot, campaign.robot_source)

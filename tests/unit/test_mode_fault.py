@@ -1,0 +1,145 @@
+"""Mode fault: how it stops, what it waits for, and where it leads."""
+
+# ruff: noqa: ANN401  (changes are handed on to `dataclasses.replace` as they are)
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from core_builders import NAMES, Player, drives, expires, has_event, judged, plan, powered, verdict
+
+from artemis.states.fault import FaultMode
+from artemis.states.mode import CalibrateStep, Plan
+from artemis.supervision import catalogue
+from artemis.values import Action, DriveState, Event, Goal, JobKind, Request, Verdict
+
+
+def in_fault(**state: Any) -> tuple[Player, Plan]:
+    steps = plan(CalibrateStep(), **{"connected": True, "armed": True, **state})
+    player = Player(FaultMode(steps))
+    player.world.update(drives=drives(state=DriveState.SWITCH_ON_DISABLED), verdict=verdict("DRV-25"))
+    return player, steps
+
+
+def test_fault_stops_then_switches_off_then_reads_the_error_histories() -> None:
+    player, _ = in_fault()
+    for _ in range(10):
+        wish = player.tick(standing=False)
+        assert (wish.traction, wish.steering, wish.command.action) == (Goal.QUICK_STOPPED, Goal.HOLD, Action.QUICKSTOP)
+    off = player.tick()
+    assert (off.traction, off.steering) == (Goal.DISABLED, Goal.DISABLED)
+    asked = player.tick()
+    assert {(job.kind, job.drive) for job in asked.jobs} == {(JobKind.READ_HISTORY, name) for name in NAMES}
+
+
+def test_history_that_cannot_be_read_holds_nothing_up() -> None:
+    player, _ = in_fault()
+    player.refused |= {(JobKind.READ_HISTORY, name) for name in NAMES}
+    player.until(lambda wish: "acknowledge" in wish.phase)
+
+
+def test_fault_before_the_drives_were_configured_stops_them_by_jobs_and_exchanges_nothing() -> None:
+    player, _ = in_fault(connected=False)
+    player.world["standing"] = False
+    player.until(lambda wish: "acknowledge" in wish.phase)
+    for wish in player.wishes:
+        assert not wish.exchange
+        assert not wish.heartbeat, "a heartbeat that begins here and ends again trips every drive that has heard it"
+    assert [(job.kind, job.drive) for job in player.jobs] == [(JobKind.SECURE, name) for name in NAMES]
+
+
+def waiting_for_acknowledgment(**state: Any) -> tuple[Player, Plan]:
+    player, steps = in_fault(**state)
+    player.until(lambda wish: "acknowledge" in wish.phase)
+    return player, steps
+
+
+def test_acknowledged_fault_leads_to_a_bring_up_that_waits_for_arm() -> None:
+    player, steps = waiting_for_acknowledgment()
+    wish = player.tick(requests=(Request.ACKNOWLEDGE,), verdict=Verdict())
+    assert wish.event is Event.ACKNOWLEDGED
+    assert not powered(wish)
+    assert not steps.armed
+
+
+def test_acknowledgment_is_refused_while_the_cause_is_there_and_the_cause_is_named() -> None:
+    player, _ = waiting_for_acknowledgment()
+    wish = player.tick(requests=(Request.ACKNOWLEDGE,), verdict=verdict("COM-22"))
+    assert wish.event is None
+    assert "CAN adapter lost" in wish.phase
+    assert player.tick().event is None, "refused, not kept"
+
+
+def test_no_other_request_leads_out_of_fault() -> None:
+    player, _ = waiting_for_acknowledgment()
+    assert player.tick(requests=(Request.ARM, Request.DONE)).event is None
+
+
+def test_nobody_there_to_acknowledge_ends_the_run_as_failed() -> None:
+    player, steps = waiting_for_acknowledgment()
+    assert player.tick(attended=False).event is Event.END
+    assert steps.failed
+
+
+def test_run_ends_when_nobody_acknowledges_for_ten_minutes() -> None:
+    expires(*waiting_for_acknowledgment())
+
+
+# ---------------------------------------------------------------------------------------------- recovery
+
+
+@pytest.mark.parametrize(
+    ("ids", "reset"),
+    [
+        (("DRV-25",), ""),
+        (("DRV-19",), "communication"),
+        (("COM-26",), "node"),
+        (("COM-26", "DRV-19"), "node"),
+        (("DRV-19", "COM-26"), "node"),
+        (("DRV-19", "DRV-25"), "communication"),
+    ],
+)
+def test_reset_that_a_drive_needs_is_kept_though_its_fault_is_acknowledged_early(
+    ids: tuple[str, ...], reset: str
+) -> None:
+    player, steps = in_fault()
+    player.world["verdict"] = Verdict()
+    player.tick(standing=False, verdict=judged(*ids, device="steer-left"))
+    player.tick(standing=False, requests=(Request.ACKNOWLEDGE,))
+    assert player.until(has_event).event is Event.ACKNOWLEDGED
+    assert steps.resets["steer-left"] == reset
+
+
+def test_reset_of_a_fault_that_came_later_does_not_weaken_that_of_the_first() -> None:
+    player, steps = in_fault()
+    for ids in (("COM-26",), ("DRV-19",)):
+        player.tick(standing=False, verdict=judged(*ids, device="steer-left"))
+    assert steps.resets["steer-left"] == "node"
+
+
+@pytest.mark.parametrize(
+    ("state", "says", "armed"),
+    [
+        ({"armed": True}, {"recovers": True}, True),
+        ({"armed": False}, {"recovers": True}, False),
+        ({"armed": False}, {"recovers": True, "resumes": True}, True),
+        ({"armed": False, "held": True}, {"recovers": True, "resumes": True}, False),
+    ],
+)
+def test_fault_that_is_over_by_itself_leads_on_and_arms_only_where_the_mission_says_so(
+    state: dict[str, bool], says: dict[str, Any], armed: bool
+) -> None:
+    player, steps = in_fault(**state)
+    player.world["verdict"] = judged("COM-11", **says)
+    assert player.until(lambda wish: wish.phase == "recovers by itself").event is None
+    assert player.tick(verdict=Verdict()).event is Event.ACKNOWLEDGED
+    assert steps.armed is armed
+
+
+def test_fault_that_no_acknowledgment_helps_says_so() -> None:
+    player, _ = in_fault()
+    player.world["verdict"] = judged("STE-04", final=True)
+    wish = player.until(lambda wish: "this run cannot go on" in wish.phase)
+    assert catalogue.ROWS["STE-04"].text in wish.phase
+    assert wish.event is None
