@@ -106,7 +106,7 @@ def run_scenario(
     if outcome is None:
         witness.go_on_alone(ALONE)
     (run,) = (folder / loaded.mission.record).iterdir()
-    evidence = _evidence(given, loaded, witness, Journal(run / "journal.jsonl"), outcome)
+    evidence = _evidence(given, loaded, witness, end, Journal(run / "journal.jsonl"), outcome)
     violations = [*_unexpected(given, failures, evidence, end), *judge(evidence)]
     if replayed:
         difference = replay(Recording(run), core_from(loaded)).difference
@@ -158,9 +158,8 @@ def _unexpected(given: Scenario, failures: list[BaseException], evidence: Eviden
 
 
 def _evidence(
-    given: Scenario, loaded: LoadedMission, witness: Witness, journal: Journal, outcome: Outcome | None
+    given: Scenario, loaded: LoadedMission, witness: Witness, end: float, journal: Journal, outcome: Outcome | None
 ) -> Evidence:
-    end = witness.time
     return Evidence(
         robot=loaded.robot,
         tick=1.0 / loaded.mission.tick_hz,

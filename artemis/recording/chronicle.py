@@ -48,6 +48,7 @@ class Chronicle:
         self._end_requested = False
         self._recovered: Counter[str] = Counter()
         self._recoveries = 0
+        self._forgotten_by = "person"
         self._storms: dict[str, _Storm] = {}
 
     @property
@@ -142,6 +143,8 @@ class Chronicle:
             by = ("person" if asked else "artemis") if fault in stopped else "itself"
             data = {"id": fault.id, "device": fault.device, "by": by}
             yield Entry(time=time, kind="cleared", text=named(fault), data=data)
+        if stopped:
+            self._forgotten_by = "person" if asked else "artemis"
         if asked:
             yield _acknowledged(time, stopped, verdict)
         elif stopped:
@@ -189,6 +192,9 @@ class Chronicle:
         if tick.mode is Mode.END and self._end_requested:
             return {"request": Request.END.value}, Request.END.value
         event = previous.wish.event
+        if event is Event.ACKNOWLEDGED:
+            words = event.value if self._forgotten_by == "person" else "recovered by itself"
+            return {"event": event.value, "by": self._forgotten_by}, words
         left = _stopping(verdict) if event is Event.END else []  # nobody came to acknowledge these
         words = ", ".join([*([event.value] if event else []), *map(named, left)])
         return {"event": event.value if event else None, **({"faults": _listed(left)} if left else {})}, words

@@ -31,8 +31,8 @@ from artemis.values import Pose, Tick
 
 CHUNK_SIZE = 256 * 1024
 """Bytes (before compression) that are written at once; a killed run loses less than this."""
-FLUSH_PERIOD = 0.2
-"""In real time, what is older than this [s] is with the operating system."""
+FLUSH_PERIOD, FAST_FLUSH_PERIOD = 0.2, 0.8
+"""What is older than this [s] is with the operating system: in real time, and on virtual time."""
 POSE_PERIOD = 0.1
 """Poses and transforms for viewers come this often [s]; `/tick` holds those of every tick."""
 QUEUE_TICKS = 500
@@ -76,14 +76,14 @@ class Recorder:
         self._start = _nanoseconds(provenance.start)
         self._begun = stopwatch()
         self._index = self._pose_slot = -1
-        self._next_flush = FLUSH_PERIOD
+        self._flush_period = FLUSH_PERIOD if threaded else FAST_FLUSH_PERIOD
+        self._next_flush = self._flush_period
         self._late, self._lost = _Gaps(), _Gaps()
         self._told_late = 0
         self._data_trouble: Trouble | None = None
         self._journal_trouble: Trouble | None = None
         self._backlog: Backlog[_Observed, tuple[Callable[..., None], tuple[Any, ...]]] = Backlog(QUEUE_TICKS)
         self._thread = Thread(target=self._work, name="recorder", daemon=True) if threaded else None
-        self._threaded = threaded
         with ExitStack() as undo:
             undo.callback(journal.close if journal else lambda: None)
             try:
@@ -259,8 +259,8 @@ class Recorder:
         if (slot := int(sensed.time / POSE_PERIOD + 1e-6)) != self._pose_slot:
             self._pose_slot = slot
             self._write_poses(at, tick.snapshot.odometry.pose, true_pose)
-        if self._threaded and sensed.time >= self._next_flush:
-            self._next_flush = sensed.time + FLUSH_PERIOD
+        if sensed.time >= self._next_flush:
+            self._next_flush = sensed.time + self._flush_period
             self._writer.flush()
 
     def _write_poses(self, at: int, estimated: Pose, true_pose: Pose | None) -> None:

@@ -336,7 +336,7 @@ BUGS: tuple[Bug, ...] = (
         "I1",
         {GATE: _quick_stop_ignored, "artemis.devices.drive.controlword": _not_braking, **OPEN},
     ),
-    Bug("inner and outer wheel get one speed", "bend", "I9", {SET_POINT: _one_speed}),
+    Bug("inner and outer wheel get one speed", "slight bend", "I9", {SET_POINT: _one_speed}),
     Bug(
         "only the left wheel is stopped",
         "silent drive",

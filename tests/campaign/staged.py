@@ -99,6 +99,7 @@ SCENARIOS: dict[str, Scenario] = {
     "by hand": drive(),
     "path": follow(),
     "bend": follow(bend=1.0),
+    "slight bend": follow(bend=0.45),
     "over-current, acknowledged and armed": drive(
         fault("DRV-02", node=LEFT), acts=[(8.0, "acknowledge"), (9.8, "arm")], rows=AGAIN, seconds=6.0
     ),

@@ -120,9 +120,10 @@ class Process:
         self._reading = asyncio.create_task(self._read())
 
     async def says(self, words: str) -> bool:
-        """Wait until it has said these words; False: it ended without."""
-        async with asyncio.timeout(PATIENCE), self._news:
-            await self._news.wait_for(lambda: self._ended or any(words in line for line in self.lines))
+        """Wait until it has said these words; False: it ended without, or took too long."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(PATIENCE), self._news:
+                await self._news.wait_for(lambda: self._ended or any(words in line for line in self.lines))
         return any(words in line for line in self.lines)
 
     def send(self, number: int) -> None:

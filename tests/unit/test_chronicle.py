@@ -204,6 +204,17 @@ def test_a_recovery_without_a_person_is_told_with_the_budget_spent() -> None:
     assert [entry.data["by"] for entry in entries if entry.kind == "cleared"] == ["artemis", "artemis"]
 
 
+def test_a_bring_up_after_a_fault_names_who_let_it_go_on() -> None:
+    for asked, by, words in (
+        ((Request.ACKNOWLEDGE,), "person", "acknowledged"),
+        ((), "artemis", "recovered by itself"),
+    ):
+        forgotten = tick(0.02, Mode.FAULT, requests=asked, event=Event.ACKNOWLEDGED)
+        entry = of("mode", told(tick(0.0, Mode.FAULT, OVERRUN), forgotten, tick(0.04, Mode.INIT)))
+        assert entry.text == f"fault -> init: {words}"
+        assert entry.data["cause"] == {"event": "acknowledged", "by": by}
+
+
 def test_a_request_is_told_once_with_its_source_and_the_mode() -> None:
     asked = tick(
         0.02,

@@ -243,6 +243,20 @@ def test_frame_older_than_the_last_is_dropped_and_counted() -> None:
     assert drive.feedback(1.0).position == pytest.approx(0.01), "at the same time is not older"
 
 
+def test_details_older_than_the_last_are_dropped_and_counted() -> None:
+    drive = epos("steer-left")
+    drive.on_status(status(0, time=1.0))
+    drive.on_details(Frame(0x283, bytes.fromhex("ce 09 b0 09 fa 00 ff"), time=1.0))
+    drive.on_details(Frame(0x283, bytes(7), time=0.999))
+    feedback = drive.feedback(1.0)
+    assert (feedback.disordered, feedback.potentiometers, feedback.age) == (1, (2.51, 2.48), 0.0)
+    drive.on_details(Frame(0x283, bytes(7), time=1.0))
+    assert drive.feedback(1.0).potentiometers == (0.0, 0.0), "at the same time is not older"
+    drive.restart()
+    drive.on_details(Frame(0x283, bytes(7), time=0.5))
+    assert drive.feedback(1.0).disordered == 0
+
+
 def test_answers_nobody_waits_for_are_told_once() -> None:
     drive = epos("steer-left")
     drive.sdo.receive(Frame(0x583, bytes(8)))

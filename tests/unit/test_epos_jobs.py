@@ -43,6 +43,19 @@ def test_moving_drive_is_stopped_before_its_power_is_cut() -> None:
     on(LEFT, test)
 
 
+def test_halted_drive_stops_before_its_power_is_cut_and_keeps_its_configuration() -> None:
+    async def test(rig: Rig) -> None:
+        await rig.spin(1500)
+        speeds = rig.watch_power()
+        await rig.jobs.perform(JobKind.HALT, 0.0)
+        assert rig.node.state is DriveState.SWITCH_ON_DISABLED
+        assert len(speeds) == 1
+        assert speeds[0] < 1.0
+        assert {index for index, _, _ in rig.writes()} == {0x6040}
+
+    on(LEFT, test)
+
+
 def test_drive_that_does_not_stop_is_an_error() -> None:
     async def test(rig: Rig) -> None:
         await rig.spin(1500)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import cache
 
 import pytest
 from core_builders import NAMES, PATH, PERIOD, ROBOT, FakeBus, StubFollower, drive, drives, plan, snapshot
@@ -13,7 +14,7 @@ from artemis.devices.drive import Drives
 from artemis.devices.epos_state import controlword
 from artemis.motion.limits import Gate, is_sane
 from artemis.states.machine import TRANSITIONS
-from artemis.states.mode import CalibrateStep, FollowStep, Step, TeleopStep, WaitStep
+from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
 from artemis.states.modes import Modes
 from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import Kind
@@ -47,12 +48,28 @@ VERDICTS = ["", "INP-03", "DRV-25", "RUN-03"]
 SICK = ("traction-left", "steer-right")
 
 
+@cache
+def modes() -> tuple[Modes, Plan]:
+    """Made once: the machine's table takes a millisecond."""
+    it = plan(WaitStep(seconds=1.0))
+    return Modes(it), it
+
+
 def modes_in(mode: Mode) -> Modes:
     """The modes' logic with the machine in `mode`, just entered by a healthy robot."""
-    modes = Modes(plan(STEPS.get(mode, WaitStep(seconds=1.0)), connected=mode is not Mode.INIT, aligned=True))
-    modes._machine._model.state = mode
-    modes._logic[mode].enter(snapshot())
-    return modes
+    made, it = modes()
+    fresh = plan(STEPS.get(mode, WaitStep(seconds=1.0)), connected=mode is not Mode.INIT, aligned=True)
+    for field in fields(fresh):
+        setattr(it, field.name, getattr(fresh, field.name))
+    made._machine._model.state = mode
+    made._ending, made._stopped_for = False, Severity.NONE
+    made._logic[mode].enter(snapshot())
+    return made
+
+
+@cache
+def drives_on_a_bus() -> Drives:
+    return Drives(ROBOT, FakeBus())
 
 
 def verdict_on(id: str) -> Verdict:
@@ -63,7 +80,7 @@ def verdict_on(id: str) -> Verdict:
     return Verdict(severity=fault.severity, faults=(fault,), to_fault=fault.to_fault)
 
 
-def assert_defined(modes: Modes, before: Mode, event: Event | None, request: Request | None, state: DriveState) -> None:
+def assert_defined(before: Mode, event: Event | None, request: Request | None, state: DriveState) -> None:
     """The tick that follows is one: a mode by the table, a wish that means something, frames that may leave."""
     for sick, id in itertools.product(SICK, VERDICTS):
         verdict = verdict_on(id)
@@ -74,14 +91,14 @@ def assert_defined(modes: Modes, before: Mode, event: Event | None, request: Req
             requests=() if request is None else (request,),
             inputs=(OperatorInput(source="stick", age=0.0),),
         )
-        modes = modes_in(before)
-        after = modes.advance(seen, event)
+        logic = modes_in(before)
+        after = logic.advance(seen, event)
         assert after is before or any(TRANSITIONS.get((before, happened)) is after for happened in Event), (
             f"{before} -> {after} is not in the table"
         )
         if verdict.to_fault and before not in (Mode.FAULT, Mode.END):
             assert after is Mode.FAULT
-        wish = modes.step(seen)
+        wish = logic.step(seen)
         assert isinstance(wish, Wish)
         assert is_sane(wish.command)
         if verdict.severity is Severity.OFF:
@@ -96,8 +113,7 @@ def assert_may_leave(seen: Snapshot, mode: Mode, wish: Wish) -> None:
     """What the wish makes of the wires is on the allow-list."""
     gate = Gate(ROBOT, dt_max=2 * PERIOD)
     points = gate.limit(wish.command, SetPoints(), PERIOD, stop=seen.verdict.stops)
-    bus = FakeBus()
-    robot = Drives(ROBOT, bus)
+    robot = drives_on_a_bus()
     robot.write(Tick(snapshot=seen, mode=mode, wish=wish, action=wish.command.action, set_points=points))
     assert robot.wire.health().blocked == ()
 
@@ -106,9 +122,9 @@ def assert_may_leave(seen: Snapshot, mode: Mode, wish: Wish) -> None:
 def test_every_mode_with_every_device_state_and_event_has_a_defined_outcome(mode: Mode) -> None:
     for state in DriveState:
         for event in (None, *Event):
-            assert_defined(modes_in(mode), mode, event, None, state)
+            assert_defined(mode, event, None, state)
         for request in Request:
-            assert_defined(modes_in(mode), mode, None, request, state)
+            assert_defined(mode, None, request, state)
 
 
 def judged(*faults: Fault) -> Verdict:
@@ -146,10 +162,10 @@ STRICTNESS = {Goal.ENABLED: 0, Goal.HOLD: 1, Goal.QUICK_STOPPED: 2, Goal.FAULT_R
 
 def reaction(mode: Mode, verdict: Verdict) -> tuple[Mode, int]:
     """Where a verdict leads, and how strict the driven wheels are held then."""
-    modes = modes_in(mode)
+    logic = modes_in(mode)
     seen = snapshot(1.0, verdict=verdict, inputs=(OperatorInput(source="stick", age=0.0),))
-    after = modes.advance(seen, None)
-    return after, STRICTNESS[modes.step(seen).traction]
+    after = logic.advance(seen, None)
+    return after, STRICTNESS[logic.step(seen).traction]
 
 
 @pytest.mark.parametrize("mode", [mode for mode in Mode if mode is not Mode.END])
@@ -160,7 +176,8 @@ def test_reactions_to_two_faults_are_never_milder_than_to_one(mode: Mode) -> Non
     for one, other in itertools.product(kinds, repeat=2):
         both = judged(*kinds[one].faults, *kinds[other].faults)
         after, strict = reaction(mode, both)
-        assert strict >= max(alone[one][1], alone[other][1]), (one, other)
+        stops = [alone[kind][1] for kind in (one, other) if kind[0] >= Severity.CONTROLLED_STOP]
+        assert strict >= max(stops, default=0), (one, other)  # what does not stop leaves the mode what it does
         if Mode.FAULT in (alone[one][0], alone[other][0]):
             assert after is Mode.FAULT
 

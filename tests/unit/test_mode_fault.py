@@ -7,12 +7,25 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from core_builders import NAMES, Player, drives, expires, has_event, judged, plan, powered, verdict
+from core_builders import (
+    NAMES,
+    STEERING,
+    TRACTION,
+    Player,
+    drive,
+    drives,
+    expires,
+    has_event,
+    judged,
+    plan,
+    powered,
+    verdict,
+)
 
 from artemis.states.fault import FaultMode
 from artemis.states.mode import CalibrateStep, Plan
 from artemis.supervision import catalogue
-from artemis.values import Action, DriveState, Event, Goal, JobKind, Request, Verdict
+from artemis.values import Action, DriveState, Event, Goal, JobKind, Nmt, Request, Verdict
 
 
 def in_fault(**state: Any) -> tuple[Player, Plan]:
@@ -37,6 +50,50 @@ def test_history_that_cannot_be_read_holds_nothing_up() -> None:
     player, _ = in_fault()
     player.refused |= {(JobKind.READ_HISTORY, name) for name in NAMES}
     player.until(lambda wish: "acknowledge" in wish.phase)
+
+
+LEFT = TRACTION[0]
+DEAF = {"age": {"age": 0.1001}, "never": {"age": None}, "nmt": {"nmt": Nmt.PRE_OPERATIONAL}, "unknown": {"nmt": None}}
+
+
+def halted(player: Player) -> list[str]:
+    return [job.drive for job in player.jobs if job.kind is JobKind.HALT]
+
+
+@pytest.mark.parametrize("sign", DEAF)
+def test_driven_wheel_that_takes_no_process_data_is_stopped_by_a_job_once(sign: str) -> None:
+    player, _ = in_fault()
+    player.world.update(standing=False, drives=drives(drive(LEFT, **DEAF[sign])))
+    for _ in range(10):
+        wish = player.tick()
+        assert (wish.heartbeat, wish.traction) == (True, Goal.QUICK_STOPPED)
+    assert halted(player) == [LEFT]
+
+
+def test_wheels_that_turn_deaf_one_after_the_other_are_each_stopped_by_a_job() -> None:
+    player, _ = in_fault()
+    player.world.update(standing=False)
+    for names in ((), TRACTION[:1], TRACTION):
+        player.world["drives"] = drives(*(drive(name, **DEAF["nmt"]) for name in names))
+        player.tick()
+    assert halted(player) == list(TRACTION)
+
+
+def test_drives_that_are_heard_and_steering_that_is_not_need_no_job_to_stop() -> None:
+    player, _ = in_fault()
+    player.world.update(standing=False, drives=drives(drive(LEFT, age=0.1), drive(STEERING[0], age=None)))
+    for _ in range(10):
+        player.tick()
+    assert halted(player) == []
+
+
+def test_heartbeat_ends_where_a_deaf_wheel_cannot_be_stopped_either() -> None:
+    player, _ = in_fault()
+    player.refused.add((JobKind.HALT, LEFT))
+    player.world.update(standing=False, drives=drives(drive(LEFT, **DEAF["nmt"])))
+    assert [player.tick().heartbeat for _ in range(5)] == [True, True, False, False, False]
+    player.world.update(standing=True)
+    assert player.until(lambda wish: wish.traction is Goal.DISABLED).heartbeat, "all stand: it may begin again"
 
 
 def test_fault_before_the_drives_were_configured_stops_them_by_jobs_and_exchanges_nothing() -> None:

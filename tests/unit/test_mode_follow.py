@@ -182,6 +182,21 @@ def test_way_beyond_the_end_counts_anew_after_the_robot_came_back_to_the_path() 
     assert driven(player, (4.0, 9.0), (4.0, 9.15), (4.0, 9.25)) == [False, False, True]
 
 
+def test_path_that_takes_too_long_is_a_fault_that_counts_only_driving() -> None:
+    player, follower, steps = follow(longest=1.0)
+    answers = [following(arc_length=number / 100) for number in range(45)]
+    assert not any(map(has_fault, along(player, answers, follower)))
+    player.time += 100.0
+    player.enter()  # stopped, and on its way again
+    answers = [following(arc_length=0.5 + number / 100) for number in range(10)]
+    told = [wish.fault is not None and wish.fault.id == "PTH-08" for wish in along(player, answers, follower)]
+    assert told.index(True) in (5, 6)
+    assert "0.5" in str(player.wishes[-1].fault)
+    steps.steps = (FollowStep(path=PATH, follower=follower, longest=1.0),)
+    player.enter()
+    assert not has_fault(player.tick()), "another step has its own time"
+
+
 def test_follow_is_done_when_the_follower_has_finished_and_the_robot_stands() -> None:
     player, _, steps = follow(lambda: following(finished=True))
     assert player.tick(standing=False).event is None

@@ -193,7 +193,7 @@ def test_fault_that_cannot_be_reset_is_a_fault_of_its_drive() -> None:
     bring_up = BringUp()
     bring_up.player.until(lambda wish: wish.traction is Goal.FAULT_RESET)
     bring_up.drives.changes["traction-left"] = {"state": DriveState.FAULT}
-    assert bring_up.fault() == ("COM-08", "traction-left")
+    assert bring_up.fault() == ("COM-01", "traction-left")
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
@@ -14,7 +15,7 @@ import synthetic_run
 
 from artemis.errors import RecordingError
 from artemis.recording import mcap_writer
-from artemis.recording.disk import Trouble
+from artemis.recording.disk import Disk, Trouble, low_disk, write_all
 from artemis.recording.journal import Entry, Journal, read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder
@@ -210,3 +211,33 @@ def test_a_disk_that_refuses_from_the_start_refuses_the_run(tmp_path: Path) -> N
         Recorder(tmp_path / "recording.mcap", synthetic_run.provenance(), threaded=False, journal=journal, disk=disk)
 
     assert (tmp_path / "journal.jsonl").stat().st_size == 0  # closed
+
+
+# --------------------------------------------------------------------------------------------- the disk itself
+
+
+def test_the_room_of_a_folder_that_is_not_there_yet_is_that_of_its_place(tmp_path: Path) -> None:
+    assert Disk().free(tmp_path / "runs" / "today") == pytest.approx(Disk().free(tmp_path), rel=0.01)
+
+
+@pytest.mark.parametrize(("free", "low"), [(499_999_999, True), (500_000_000, False)])
+def test_a_disk_is_low_below_500_mb(tmp_path: Path, free: int, low: bool) -> None:
+    assert (low_disk(tmp_path, FailingDisk(free=free)) is not None) == low
+
+
+def test_a_disk_that_does_not_tell_its_room_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def silent(*arguments: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(shutil, "disk_usage", silent)
+    with pytest.raises(RecordingError, match="cannot tell how much room there is: Input/output error"):
+        low_disk(tmp_path, Disk())
+
+
+def test_a_file_that_takes_nothing_is_full() -> None:
+    class Full:
+        def write(self, data: memoryview) -> int:
+            return 0
+
+    with pytest.raises(OSError, match="No space left on device"):
+        write_all(Full(), b"something")

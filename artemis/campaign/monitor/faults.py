@@ -220,12 +220,25 @@ def _caused(e: Evidence, change: Line) -> bool:
     now = [line for line in e.journal.lines if abs(line.time - change.time) < 1e-9]
     match change.data["to"]:
         case "fault":
-            return any(line.stops for line in now)
+            return _stands(e, change)
         case "quickstop":
-            return any(line.stops or line.text.startswith("quick stop") for line in now)
+            return _stands(e, change) or any(line.text.startswith("quick stop") for line in now)
         case "init" if change.data["from"] == "fault":
             return any(line.kind == "cleared" for line in e.journal.lines if line.time <= change.time)
     return True
+
+
+def _stands(e: Evidence, change: Line) -> bool:
+    """A fault that stops the robot is there, and not cleared."""
+    standing: set[tuple[str, str]] = set()
+    for line in e.journal.lines:
+        if line.time > change.time:
+            break
+        if line.stops:
+            standing.add((line.data["id"], line.data["device"]))
+        elif line.kind == "cleared":
+            standing.discard((line.data["id"], line.data["device"]))
+    return bool(standing)
 
 
 def ends(e: Evidence) -> Iterator[Violation]:

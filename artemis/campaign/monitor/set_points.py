@@ -22,9 +22,9 @@ TRUE_MARGIN = 0.05
 """The true speed may be so much above the limit: regulators overshoot, wheels differ from their calibration [m/s]."""
 ZERO_ERROR = radians(1.5)
 """The wheels' true angle and the believed one may differ by this much [rad]."""
-STEADY_TIME, STEADY = 0.3, radians(1.0)
-"""A robot whose wheels turned no more than this [rad] in this time [s] drives a circle."""
-UNEVEN, UNFIT = radians(3.0), 0.04
+STEADY_TIME, STEADY = 0.3, radians(0.4)
+"""A robot whose wheels turned and shall turn no more than this [rad] in this time [s] drives a circle."""
+UNEVEN, UNFIT = radians(3.0), 0.03
 """What a sound robot's wheels may be off: in angle [rad] and speed [m/s]."""
 UNTRUE = ("STE-01", "STE-02", "STE-03", "STE-04", "STE-05", "STE-06", "STE-07", "CAL-01", "COM-12")
 """With these the wheels do not stand where the host believes, through no fault of its own."""
@@ -89,7 +89,7 @@ def _pairs(e: Evidence) -> Iterator[Violation]:
     if any(i.id in (*UNTRUE, "RUN-09", "RUN-10") for i in e.injected):
         return
     asked: dict[tuple[str, str], SetPoint] = {}
-    angles: list[tuple[float, float, float]] = []
+    angles: list[tuple[float, ...]] = []
     talks = {(role, side): e.wire.nodes[e.node(role, side)] for role in MODES for side in SIDES}
     points = sorted(
         ((point.time, place, point) for place, talk in talks.items() for point in talk.all(SetPoint)),
@@ -98,12 +98,15 @@ def _pairs(e: Evidence) -> Iterator[Violation]:
     scales = {side: e.metres_per_rpm(side) for side in SIDES}
     for time, place, point in points:
         asked[place] = point
-        calm = len(asked) == 4 and all(time - one.time < QUEUED and one.controlword == ENABLE for one in asked.values())
-        look = e.look_at(time) if calm else None
-        if look is None or not e.journal.modes_between(time - QUEUED, time) <= DRIVING or not all(look.enabled):
+        if len(asked) < 4 or time - min(one.time for one in asked.values()) > QUEUED:
+            continue  # the others of this tick follow
+        look, calm = e.look_at(time), all(one.controlword == ENABLE for one in asked.values())
+        driving = e.journal.modes_between(time - QUEUED, time) <= DRIVING
+        if look is None or not calm or not driving or not all(look.enabled):
             angles.clear()
             continue
-        angles.append((time, *look.angles))
+        wanted = [asked["steering", side].target * _radians_per_count(e, side) for side in SIDES]
+        angles.append((time, *look.angles, *wanted))
         while angles[0][0] < time - STEADY_TIME:
             angles.pop(0)
         turned = max(abs(now - then) for now, then in zip(angles[-1][1:], angles[0][1:], strict=True))
@@ -137,7 +140,7 @@ def _belongs(e: Evidence, angles: tuple[float, float], speeds: tuple[float, floa
 
 def _steering_targets(e: Evidence, side: str) -> Iterator[Violation]:
     _, drive = e.robot.drive_at("steering", side)
-    scale = (-1 if drive.mirrored else 1) * 2 * pi / (drive.sensor.counts_per_turn * drive.gear_ratio)
+    scale = _radians_per_count(e, side)
     rate = TOLERANCE * radians(e.robot.limits.steering_rate_wheel_deg_s)
     low, high = _reach(e, side)
     looks = iter(e.looks)
@@ -166,6 +169,12 @@ def _steering_targets(e: Evidence, side: str) -> Iterator[Violation]:
                 yield Violation("I9", event.time, f"{side} wheel is steered with {speed:.0f} degrees a second")
                 return
         last = event
+
+
+def _radians_per_count(e: Evidence, side: str) -> float:
+    _, drive = e.robot.drive_at("steering", side)
+    scale = 2 * pi / (drive.sensor.counts_per_turn * drive.gear_ratio)
+    return -scale if drive.mirrored else scale
 
 
 def _reach(e: Evidence, side: str) -> tuple[float, float]:

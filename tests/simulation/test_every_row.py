@@ -1,0 +1,84 @@
+"""The fault table, row by row: each is made to happen, or another test covers it, or it is not built."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+from every_row import scenes
+from scenes_by_design import BY_DESIGN
+from scenes_of_drives import DRIVE_SCENES, UNHEARD
+from scenes_of_motion import MOTION_SCENES
+from scenes_of_the_bus import BUS_SCENES
+from scenes_of_the_host import HOST_SCENES
+
+from artemis.supervision.catalogue import ROWS
+from artemis.supervision.catalogue.row import Found
+from artemis.testing.injections import INJECTIONS, NOT_INJECTED
+from artemis.values import Severity
+
+TESTS = Path(__file__).parents[1]
+SCENES = {**DRIVE_SCENES, **BUS_SCENES, **MOTION_SCENES, **HOST_SCENES}
+COVERED = {
+    "RUN-08": "unit/test_epos.py::test_status_frame_bytes_are_statusword_and_position",
+    "CAL-02": "unit/test_machine.py::test_every_mode_answers_every_event_as_expected",
+    "INP-13": "simulation/test_plugins_misbehave.py"
+    "::test_a_stick_that_is_held_when_teleoperation_begins_moves_nothing_until_it_is_released",
+    "PTH-01": "unit/test_path.py::test_what_is_no_path_is_refused",
+    "PTH-02": "unit/test_path.py::test_every_problem_is_reported_with_its_place",
+    "PTH-03": "unit/test_path.py::test_too_sharp_a_curve_is_named_with_its_place",
+    "PTH-04": "unit/test_path.py::test_gap_over_an_unreadable_point_is_not_blamed_on_the_next",
+    "PTH-05": "simulation/test_plugins_misbehave.py::test_a_path_that_begins_too_far_away_is_not_begun",
+    "MIS-01": "broken/test_broken_files.py::test_a_missing_mission_is_refused",
+    "MIS-02": "broken/test_broken_files.py::test_a_broken_file_is_refused_as_its_first_lines_say",
+    "MIS-03": "unit/test_mission.py::test_every_misspelt_key_is_named_with_the_right_one",
+    "MIS-04": "broken/test_broken_files.py::test_an_edit_that_breaks_a_good_file_is_refused_in_full",
+    "MIS-05": "unit/test_policy.py::test_reaction_may_be_more_severe_and_is_never_milder",
+    "MIS-06": "broken/test_broken_files.py::test_a_link_out_of_the_folder_is_refused",
+    "MIS-07": "unit/test_mission.py::test_the_fastest_step_must_stop_within_the_stop_distance",
+    "PLG-01": "unit/test_registry.py::test_broken_plugin_tells_its_reason_and_harms_nobody",
+    "PLG-05": "unit/test_host.py::test_growth_beyond_its_limit_is_told",
+    "PLG-07": "unit/test_wire_end.py::test_what_must_not_leave_is_held_back_and_told_with_its_place_in_the_program",
+    "SYS-06": "host_death/test_host_death.py::test_every_drive_stops_in_time_when_the_host_dies",
+    "SYS-08": "unit/test_journal.py::test_of_a_killed_run_nothing_is_lost",
+    "DSK-01": "simulation/test_failing_disk.py::test_a_run_that_nobody_watches_is_refused_on_a_disk_that_is_nearly_full",
+    "DSK-03": "unit/test_recording_disk.py::test_a_slow_disk_is_told_while_ticks_are_dropped",
+    "DSK-04": "unit/test_journal.py::test_a_cut_at_any_byte_leaves_every_whole_line",
+    "OPR-03": "unit/test_mode_fault.py::test_run_ends_when_nobody_acknowledges_for_ten_minutes",
+}
+"""Rows that another test makes happen."""
+ABSENT = {id for id, row in ROWS.items() if row.found is Found.ABSENT} - SCENES.keys() - BY_DESIGN.keys()
+"""Rows that are not built, and cannot be made to happen."""
+
+
+def test_every_row_is_made_to_happen_or_covered_elsewhere_or_not_built() -> None:
+    tables = (SCENES.keys(), BY_DESIGN.keys(), COVERED.keys(), ABSENT)
+    assert sorted(id for table in tables for id in table) == sorted(ROWS)
+
+
+def test_every_injection_is_played() -> None:
+    assert INJECTIONS.keys() - SCENES.keys() - BY_DESIGN.keys() == {"PLG-05"}  # needs a process that lives for long
+    assert ABSENT <= NOT_INJECTED.keys()
+
+
+def test_numbers_of_rows() -> None:
+    assert (len(ROWS), len(SCENES), len(BY_DESIGN), len(COVERED), len(ABSENT)) == (178, 101, 17, 24, 36)
+
+
+@pytest.mark.parametrize("id", COVERED)
+def test_what_covers_a_row_exists(id: str) -> None:
+    file, name = COVERED[id].split("::")
+    tree = ast.parse((TESTS / file).read_text(encoding="utf-8"))
+    assert name in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+def test_every_reaction_of_a_row_is_seen() -> None:
+    """A row with a milder stage has a scene for it, and one for its own reaction."""
+    for id, some in SCENES.items():
+        stages = {stage.severity for stage in ROWS[id].stages} if id != "COM-31" else set()
+        milder = {severity for severity in stages if severity < ROWS[id].severity}
+        played = {scene.severity or ROWS[id].severity for _, scene in scenes({id: some})}
+        assert milder | {ROWS[id].severity} <= played, id
+    assert Severity.OFF not in {row.severity for row in ROWS.values()}
+    assert set(UNHEARD) == {"COM-01"}
