@@ -9,8 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
-# ---------------------------------------------------------------------------------------------- the drives
-
 
 class DriveState(Enum):
     """Device states of a first-generation EPOS (firmware specification 2010, 8.1.1)."""
@@ -85,9 +83,6 @@ class DriveFeedback:
     """Positions in a row that no motion explains; each was dropped."""
     stray: int = 0
     """SDO answers since the last tick that nobody waited for, and were dropped."""
-
-
-# ---------------------------------------------------------------------------------------------- requests, inputs, jobs
 
 
 class Request(Enum):
@@ -199,9 +194,6 @@ class Sensed:
     """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
 
 
-# ---------------------------------------------------------------------------------------------- motion
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
     """Where the centre of the REAR axle is: x, y [m] and heading [rad, counter-clockwise from x]."""
@@ -253,9 +245,6 @@ class SetPoints:
     speed_right: float = 0.0
     steering_left: float = 0.0
     steering_right: float = 0.0
-
-
-# ---------------------------------------------------------------------------------------------- judgement
 
 
 class Severity(IntEnum):
@@ -324,9 +313,6 @@ class Verdict:
     def limits(self) -> bool:
         """The robot may go on, slowly."""
         return self.severity is Severity.LIMIT
-
-
-# ---------------------------------------------------------------------------------------------- the tick
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

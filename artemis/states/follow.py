@@ -58,7 +58,7 @@ class FollowMode:
         tracking = self._on_whole_path(following.tracking)
         if fault := self._off_path(tracking, step.max_cross_track):
             return _stand(snapshot, fault=fault, tracking=tracking)
-        self._plan.done = tracking.arc_length
+        self._plan.done = max(tracking.arc_length, 0.0)
         if following.finished:  # whatever the follower still commands
             if snapshot.standing:
                 self._plan.advance()

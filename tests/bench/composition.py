@@ -20,9 +20,11 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.motion.path import Path
+from artemis.plugins.border import Border
 from artemis.plugins.contracts import Follower, Following, InputDevice
 from artemis.recording.journal import Journal
-from artemis.recording.mcap_writer import Provenance, Recorder
+from artemis.recording.mcap_writer import Recorder
+from artemis.recording.provenance import Provenance
 from artemis.robot import Core, Robot
 from artemis.sim.bus import SimBus
 from artemis.sim.world import World
@@ -133,7 +135,11 @@ def timed_run(mission: FilePath) -> TimedRobot:
         recorder = _recorder(mission.parent)
         period = 1 / loaded.mission.tick_hz
         robot = TimedRobot(
-            Core(plan, period), drives, {}, period, lambda tick: recorder.observe(tick, drives.take_traffic(0.0))
+            Core(plan, period),
+            drives,
+            Border({}, loop.time),
+            period,
+            lambda tick: recorder.observe(tick, drives.wire.take_traffic(0.0)),
         )
         robot.time_ticks(bus, followers)
         await robot.run()
@@ -185,10 +191,10 @@ def watched_run(
         drives = Drives(loaded.robot, bus)
 
         def observe(tick: Tick) -> None:
-            drives.take_traffic(0.0)
+            drives.wire.take_traffic(0.0)
             see(tick)
 
-        robot = Robot(Core(plan_from(loaded), period), drives, inputs or {}, period, observe)
+        robot = Robot(Core(plan_from(loaded), period), drives, Border(inputs or {}, loop.time), period, observe)
         see = prepare(robot, bus, loop)
         await robot.run()
         bus.close()

@@ -121,7 +121,7 @@ def _our_cycle(robot: Robot, answers: list[Frame]) -> Callable[[], object]:
             bus.send(node.set_point_frame(0x0F, 0.2))
         bus.send(SYNC_FRAME)
         bus.send(heartbeat)
-        drives.take_traffic(0.0)
+        drives.wire.take_traffic(0.0)
         return feedback
 
     return cycle

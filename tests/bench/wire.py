@@ -89,7 +89,7 @@ def configure(robot: Robot, names: list[str], *, answer_time: float) -> tuple[fl
         def take_in() -> None:
             drives.receive()
 
-        drives.listen(take_in)
+        drives.wire.listen(take_in)
         await asyncio.sleep(BOOTED)
         for kind in (JobKind.SECURE, JobKind.CONFIGURE):
             bus.requests, bus.answers = [], []

@@ -45,7 +45,7 @@ STOPPING = 1.0
 STANDING = 0.3
 """Once all is over the robot is watched for this much longer [s]."""
 PATIENCE = 60.0
-TRIES = 4
+TRIES = 3
 """A host that stops by itself before its death, because this machine is busy, gets another try, so often."""
 STOPPED = re.compile(r" s  (quickstop|fault) |FAILED")
 DEATH = "seized"

@@ -14,7 +14,7 @@ from artemis.devices.can_bus import CanBus, Frame
 
 from .cases import GROUP, MISSIONS, PATIENCE, WATCH, Outcome, Process, draw, free_port, play, words
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.realtime, pytest.mark.timeout(1200)]
 
 CASES, SEED, JOBS = 20, 7, 4
 ROBOT = MISSIONS / "robots" / "artemis.yaml"

@@ -247,7 +247,9 @@ def test_the_whole_bring_up_reaches_ready_and_ends_in_order() -> None:
         bench = Bench()
         plan = Plan(robot=ROBOT, steps=())
         ticks: list[Tick] = []
-        robot = Robot(Core(plan, PERIOD), bench.drives, Border({}, asyncio.get_running_loop().time), PERIOD, ticks.append)
+        robot = Robot(
+            Core(plan, PERIOD), bench.drives, Border({}, asyncio.get_running_loop().time), PERIOD, ticks.append
+        )
         await robot.run()
 
         modes = list(dict.fromkeys(tick.mode for tick in ticks))

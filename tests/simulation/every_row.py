@@ -96,7 +96,7 @@ class Scene:
     """Run time [s], and what is done."""
     effect: Effect = 0.0
     seen: Sequence[str] = ()
-    """Rows, one of which must be noticed; empty: the row itself, or what it shows as where it has no mark of its own."""
+    """Rows, one of which must be noticed; empty: the row itself, or what it shows as where it has no mark."""
     device: str | None = None
     """Of the fault; None: the node, or nobody."""
     severity: Severity | None = None
@@ -115,7 +115,13 @@ def scenes(of: Mapping[str, Scene | Sequence[Scene]]) -> list[tuple[str, Scene]]
 
 def name_of(part: object) -> str:
     """For the names of tests."""
-    return part if isinstance(part, str) else "-".join(filter(None, (part.of, part.node))) if isinstance(part, Scene) else ""
+    return (
+        part
+        if isinstance(part, str)
+        else "-".join(filter(None, (part.of, part.node)))
+        if isinstance(part, Scene)
+        else ""
+    )
 
 
 # ---------------------------------------------------------------------------------------------- the run
@@ -133,7 +139,12 @@ def play(
 ) -> Run:
     """The run of a scene; without `happens` the same run without any fault."""
     setting = SETTINGS[scene.of]
-    fault = {"at_s": time_of(scene), "inject": scene.inject or id, **scene.options, **({"node": scene.node} if scene.node else {})}
+    fault = {
+        "at_s": time_of(scene),
+        "inject": scene.inject or id,
+        **scene.options,
+        **({"node": scene.node} if scene.node else {}),
+    }
     inputs = {"stick": {"plugin": "scripted", "file": "stick.csv", "max_speed_m_s": SPEED}}
     faults = sorted([fault, *scene.along], key=lambda entry: entry["at_s"]) if happens else []
     simulation: dict[str, Any] = {"faults": faults}
@@ -184,6 +195,7 @@ def assert_noticed(run: Run, id: str, scene: Scene) -> Notice:
     assert known, "a row as which this one may be seen is missing in its `shows_as`"
     found = notice(run, ids, severity_of(id, scene), at)
     assert found is not None, f"not noticed; seen: {run.fault_ids}"
+    assert found.fault is not None
     as_row = ROWS[found.fault.id]
     effect = scene.effect if isinstance(scene.effect, float) else scene.effect(run, at)
     within = as_row.within if row.found is Found.ABSENT else row.within
@@ -274,12 +286,14 @@ def assert_ramps_down(run: Run, found: Notice) -> None:
 def assert_slow(run: Run, found: Notice) -> None:
     """Not faster than the limit once the gate's ramp is over."""
     since = found.seen.now + (SPEED - LIMITED) / DECELERATION + TICK
-    limited = [seen.tick.set_points.speed for seen in run.seen if seen.tick.snapshot.verdict.limits and seen.now > since]
+    limited = [
+        seen.tick.set_points.speed for seen in run.seen if seen.tick.snapshot.verdict.limits and seen.now > since
+    ]
     assert limited
     assert max(map(abs, limited)) <= LIMITED + TOLERANCE
 
 
-# ---------------------------------------------------------------------------------------------- when the machine shows it
+# ---------------------------------------------------------------------------------------------- the true machine
 
 
 def when(condition: Callable[[Any], bool]) -> Effect:

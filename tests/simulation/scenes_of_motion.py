@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from every_row import BRAKING, SETTINGS, SPEED, Effect, Scene, once, when
-from rig import Run, Seen
+from every_row import SETTINGS, SPEED, Effect, Scene, once, when
+from rig import BRAKING, Run, Seen
 from scenes_of_the_bus import away
 from watched import DRIVES, STEERING, TRACTION, Truth
 
-from artemis.values import Mode, Severity
+from artemis.values import Severity
 
 LEFT, RIGHT = TRACTION
 STEER_LEFT, STEER_RIGHT = STEERING
@@ -78,9 +78,7 @@ MOTION_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
         Scene(node=LEFT, effect=faster_than(SPEED + 0.15)),
         Scene(node=RIGHT, options={"gain": -1.0}, effect=when(lambda truth: truth.wheel_speeds[1] < -0.15)),
     ],
-    "RUN-02": Scene(
-        of="bring-up", at=0.841, options={"duration_s": 0.3}, effect=faster_than(0.05), coasts=TRACTION
-    ),
+    "RUN-02": Scene(of="bring-up", at=0.841, options={"duration_s": 0.3}, effect=faster_than(0.05), coasts=TRACTION),
     "RUN-03": Scene(
         options={"deceleration_m_s2": FADED},
         operator=[(AT + 0.02, "quickstop")],
@@ -102,7 +100,12 @@ MOTION_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
         Scene(of="following", device="follow"),
         Scene(of="following", device="follow", options={"value": "inf"}),
     ],
-    "RUN-12": Scene(of="following", options={"speed_m_s": 1.0, "steering_deg": 0.0, "duration_s": 1.2}, operator=[(6.2, "end")], effect=ASKED),
+    "RUN-12": Scene(
+        of="following",
+        options={"speed_m_s": 1.0, "steering_deg": 0.0, "duration_s": 1.2},
+        operator=[(6.2, "end")],
+        effect=ASKED,
+    ),
     "STE-01": Scene(of="swinging", node=STEER_LEFT, effect=away(STEER_LEFT, 3.0)),
     "STE-02": [
         Scene(of="nudged", node=STEER_RIGHT, effect=loaded(STEER_RIGHT, 0.9)),
@@ -110,7 +113,11 @@ MOTION_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
     ],
     "STE-03": [
         Scene(node=STEER_LEFT),
-        Scene(node=STEER_RIGHT, options={"potentiometer": 2, "offset_v": 0.0, "drift_v_s": 0.2}, effect=(3.0 + ANALOG_STEP) / 72 / 0.2),
+        Scene(
+            node=STEER_RIGHT,
+            options={"potentiometer": 2, "offset_v": 0.0, "drift_v_s": 0.2},
+            effect=(3.0 + ANALOG_STEP) / 72 / 0.2,
+        ),
     ],
     "STE-04": [Scene(node=STEER_LEFT), Scene(node=STEER_RIGHT, options={"potentiometer": 2, "voltage": 0.0})],
     "STE-05": Scene(node=STEER_RIGHT),
@@ -134,4 +141,3 @@ MOTION_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
     "PTH-08": Scene(of="following to the end", effect=when(lambda truth: truth.pose.x > 0.8 + 0.2)),
     "PTH-09": Scene(of="following", device="follower"),
 }
-assert SETTINGS["following to the end"].mode is Mode.FOLLOW

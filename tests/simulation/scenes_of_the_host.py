@@ -41,14 +41,18 @@ HOST_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
     ],
     "SYS-01": [
         Scene(options={"seconds": 0.1}, effect=0.1),
-        Scene(options={"seconds": 0.044}, along=[{"at_s": AT + 0.045, "inject": "SYS-01", "seconds": 0.044}], effect=0.089),
+        Scene(
+            options={"seconds": 0.044}, along=[{"at_s": AT + 0.045, "inject": "SYS-01", "seconds": 0.044}], effect=0.089
+        ),
     ],
     "SYS-03": [Scene(effect=1.0, alone=True), Scene(options={"seconds": 0.18}, effect=0.18)],
     "SYS-07": Scene(seen=["SYS-03"], effect=1.0, alone=True),
     "SYS-09": Scene(options={"duration_s": 2.0}, coasts=TRACTION),
     "DSK-02": Scene(of="driving on", effect=CHUNK),
     "DSK-05": [Scene(of="driving on", effect=CHUNK), Scene(options={"files": "journal"})],
-    "PWR-02": Scene(options={"voltage": 8.0, "within_s": 0.5}, seen=["DRV-04"], effect=FELL, device=TRACTION[0], coasts=TRACTION),
+    "PWR-02": Scene(
+        options={"voltage": 8.0, "within_s": 0.5}, seen=["DRV-04"], effect=FELL, device=TRACTION[0], coasts=TRACTION
+    ),
     "EST-01": Scene(effect=FELL, coasts=TRACTION),
     "EST-03": Scene(of="bring-up", options={"duration_s": 3.0}, effect=BOOT + TICK),
     "EST-04": Scene(of="stopping", operator=[(AT - 0.1, "quickstop")], seen=["EST-01"], effect=FELL, coasts=TRACTION),

@@ -42,7 +42,8 @@ COVERED = {
     "PLG-07": "unit/test_wire_end.py::test_what_must_not_leave_is_held_back_and_told_with_its_place_in_the_program",
     "SYS-06": "host_death/test_host_death.py::test_every_drive_stops_in_time_when_the_host_dies",
     "SYS-08": "unit/test_journal.py::test_of_a_killed_run_nothing_is_lost",
-    "DSK-01": "simulation/test_failing_disk.py::test_a_run_that_nobody_watches_is_refused_on_a_disk_that_is_nearly_full",
+    "DSK-01": "simulation/test_failing_disk.py"
+    "::test_a_run_that_nobody_watches_is_refused_on_a_disk_that_is_nearly_full",
     "DSK-03": "unit/test_recording_disk.py::test_a_slow_disk_is_told_while_ticks_are_dropped",
     "DSK-04": "unit/test_journal.py::test_a_cut_at_any_byte_leaves_every_whole_line",
     "OPR-03": "unit/test_mode_fault.py::test_run_ends_when_nobody_acknowledges_for_ten_minutes",

@@ -42,7 +42,11 @@ def drawn(place: Scene, count: int, seed: int) -> list[tuple[str, Scene]]:
 
 
 CASES = [
-    *((mode.value, *drawing) for seed, (mode, place) in enumerate(PLACES.items()) for drawing in drawn(place, EACH, seed)),
+    *(
+        (mode.value, *drawing)
+        for seed, (mode, place) in enumerate(PLACES.items())
+        for drawing in drawn(place, EACH, seed)
+    ),
     *(
         (phase, *drawing)
         for seed, (phase, at) in enumerate(PHASES.items())

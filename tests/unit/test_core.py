@@ -19,7 +19,6 @@ from artemis.supervision import catalogue
 from artemis.values import (
     Action,
     DriveState,
-    Fault,
     Goal,
     JobResult,
     Mode,
@@ -28,7 +27,6 @@ from artemis.values import (
     Request,
     Sensed,
     SetPoints,
-    Severity,
     Tick,
     Wish,
 )

@@ -48,6 +48,7 @@ def test_halted_drive_stops_before_its_power_is_cut_and_keeps_its_configuration(
         await rig.spin(1500)
         speeds = rig.watch_power()
         await rig.jobs.perform(JobKind.HALT, 0.0)
+        await asyncio.sleep(0.05)
         assert rig.node.state is DriveState.SWITCH_ON_DISABLED
         assert len(speeds) == 1
         assert speeds[0] < 1.0
