@@ -153,8 +153,7 @@ class JobResult:
     drive: str
     ok: bool
     detail: str = ""
-    fault: str = ""
-    """The catalogue's id of what went wrong."""
+    fault: str = ""  # the catalogue's id of what went wrong
     values: tuple[int, ...] = ()
 
 
@@ -177,7 +176,7 @@ class Sensed:
 
     index: int
     time: float
-    """Seconds on the loop's clock since the run began."""
+    """Run time [s]."""
     late: float = 0.0
     """How long after its time on the schedule the tick began [s]."""
     urgent: bool = False
@@ -188,7 +187,6 @@ class Sensed:
     bus: BusHealth = BusHealth()
     inputs: tuple[OperatorInput, ...] = ()
     requests: tuple[Request, ...] = ()
-    """From the operator and from every input."""
     results: tuple[JobResult, ...] = ()
     faults: tuple[Fault, ...] = ()
     """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
@@ -357,11 +355,10 @@ class Tracking:
     arc_length: float
     """Arc length of the projection [m]."""
     length: float
-    """Length of the whole path, all laps [m]."""
+    """Of the whole path, all laps [m]."""
     cross_track: float
     """Signed distance from the path by the estimated pose [m], left positive."""
-    heading_error: float = 0.0
-    """Heading minus path tangent [rad]."""
+    heading_error: float = 0.0  # heading minus path tangent [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -381,7 +378,6 @@ class Wish:
     event: Event | None = None
     fault: Fault | None = None
     phase: str = ""
-    """A few words for the operator."""
     tracking: Tracking | None = None
     reset_pose: bool = False
     """Make the present place the origin of the odometry."""

@@ -87,7 +87,7 @@ class Motor(Config):
     type: Literal["dc", "ec_sine", "ec_block"]
     pole_pairs: Annotated[int, Field(ge=1, le=255)]
     continuous_current_ma: Unsigned16
-    output_current_ma: Unsigned16
+    output_current_ma: Annotated[int, Field(ge=1, le=0xFFFF)]
     thermal_time_constant_s: Annotated[float, Field(ge=0.1, le=540)]
     max_speed_rpm: Annotated[int, Field(ge=1, le=25000)]
 

@@ -8,7 +8,7 @@ from math import inf
 
 from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import Kind, Row
-from artemis.supervision.measures import DriveMeasures, HostMeasures, Reading
+from artemis.supervision.measures import FAULT_STATES, DriveMeasures, HostMeasures, Reading
 from artemis.supervision.policy import Policies, stricter
 from artemis.supervision.wheels import Wheels
 from artemis.values import Action, Fault, Mode, Request, Sensed, SetPoints, Severity, Verdict, Wish
@@ -60,6 +60,8 @@ class Supervisor:
         self._latched: dict[tuple[str, str], _Latched] = {}
         self._occurred: dict[tuple[str, str], list[float]] = {}
         self._recovered: dict[str, list[float]] = {}
+        self._explained: set[str] = set()
+        """Drives in fault that said why, also once that was acknowledged."""
         self._acknowledged = -inf
         self._level = Severity.NONE
         self._alarm = False
@@ -99,8 +101,11 @@ class Supervisor:
         if any(fault.id == _ADAPTER_LOST for fault in sensed.faults):
             return  # of the drives nothing can be known
         if last.supervised:
-            explained = {device for id, device in self._latched if id.startswith("DRV")}
-            yield from self._drives.read(sensed, last, explained)
+            told = self._explained.union(device for id, device in self._latched if id.startswith("DRV"))
+            self._explained = {
+                drive.name for drive in sensed.drives if drive.state in FAULT_STATES and drive.name in told
+            }
+            yield from self._drives.read(sensed, last, self._explained)
         else:
             self._drives.forget()
         if not sensed.urgent:

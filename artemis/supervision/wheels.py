@@ -130,7 +130,8 @@ class Wheels:
         if self.speed <= PUSHED and self._planned <= PUSHED:
             return
         scrub = self._car.scrub_radius * max(abs(drive.velocity) for drive in drives[2:])
-        if self._planned == 0.0 and self.speed - scrub > MOVING:  # wheels that are steered at standstill roll
+        still = self._planned == 0.0 and not self._braking
+        if still and self.speed - scrub > MOVING:  # wheels that are steered at standstill roll
             yield "RUN-02", "", self.speed - scrub, f"{self.speed:.2f} m/s"
         if stops or not self._driven:
             excess = self._braked_speed(drives) - self._planned

@@ -22,6 +22,7 @@ from rig import (
     write_mission,
 )
 
+from artemis.sim.axis import Failure
 from artemis.sim.epos_errors import ERRORS, Reaction
 from artemis.supervision import catalogue
 from artemis.values import DriveState, JobKind, Mode, Severity
@@ -126,6 +127,8 @@ def test_two_drives_that_fail_at_once_are_both_named(tmp_path: Path) -> None:
 def test_a_steering_wheel_that_is_blocked_is_a_following_error_of_its_drive(tmp_path: Path) -> None:
     path = "x,y\n" + "".join(f"{0.05 * i:.2f},{0.15 * (0.05 * i) ** 2:.4f}\n" for i in range(40))
     rig = Rig(write_mission(tmp_path, [CALIBRATE, follow(0.3)], {"line.csv": path}))
-    rig.when(lambda s: s.mode is Mode.FOLLOW, lambda: setattr(rig.drive("steer-left").axis, "blocked", True))
+    rig.when(
+        lambda s: s.mode is Mode.FOLLOW, lambda: setattr(rig.drive("steer-left").axis, "failure", Failure(blocked=True))
+    )
     seen = rig.run()
     assert (seen.status, seen.faults[0].id, seen.faults[0].device) == (1, "DRV-25", "steer-left")

@@ -178,7 +178,7 @@ def test_a_moving_drive_that_is_not_the_one_expected_is_stopped_all_the_same_and
     rig = found_moving(tmp_path, prepare)
     seen = rig.run()
     assert_stopped_by_quick_stop(seen, rig._start)
-    assert (seen.status, seen.faults[0].id, seen.faults[0].device) == (1, "COM-08", "traction-right")
+    assert (seen.status, seen.faults[0].id, seen.faults[0].device) == (1, "COM-33", "traction-right")
     assert why in seen.faults[0].text
     assert all(controlword(frame) != ENABLE for _, frame in seen.bus.sent)
     assert_at_rest(seen)

@@ -48,7 +48,8 @@ def test_no_set_point_that_leaves_exceeds_the_robot_file_however_wild_the_hand(t
     mission = write_mission(tmp_path, [TELEOP], {"stick.csv": random_stick(seed)}, inputs=STICK)
     robot = load_mission(mission).robot
     seen = run(mission)
-    assert (seen.status, seen.fault_ids) == (0, [])
+    assert seen.status == 0
+    assert set(seen.fault_ids) <= {"INP-08"}  # a hand that jumps is only told
     speeds, rates = [0.0], [0.0]
     for name in TRACTION:
         units = Units(robot, robot.drives[name])

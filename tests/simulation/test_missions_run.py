@@ -57,16 +57,22 @@ def position_errors(seen: Run) -> list[float]:
     return errors
 
 
+BY_HAND = "fault_recovery_by_hand.yaml"
+"""Needs a person who acknowledges and arms."""
+FAULTS = {"fault_recovery.yaml": ["DRV-25"], "can_overrun.yaml": ["DRV-18"]}
+"""What is made to go wrong in a mission, and what it recovers from."""
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_mission_that_comes_with_artemis_is_valid(name: str) -> None:
     assert load_mission(MISSIONS / name).mission.steps
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [name for name in NAMES if name != BY_HAND])
 def test_a_mission_that_comes_with_artemis_runs_in_simulation_to_its_end(ran: Ran, name: str) -> None:
     seen = ran(name)
-    assert (seen.status, seen.fault_ids) == (0, [])
+    assert (seen.status, seen.fault_ids) == (0, FAULTS.get(name, []))
     assert seen.plan.current is None
     assert seen.ticks[-1].wish.finished
 

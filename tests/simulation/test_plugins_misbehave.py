@@ -200,7 +200,7 @@ def test_a_number_that_is_none_from_an_input_is_a_controlled_stop(tmp_path: Path
         teleop_mission(tmp_path, DRIVING),
         input=Stick(lambda s: OperatorInput(source="stick", speed=math.nan, enabled=True, neutral=False, age=0.0)),
     ).run()
-    assert (seen.status, seen.faults[0].id, seen.faults[0].severity) == (1, "PLG-06", Severity.CONTROLLED_STOP)
+    assert (seen.status, seen.faults[0].id, seen.faults[0].severity) == (1, "INP-06", Severity.CONTROLLED_STOP)
     assert seen.stands_from() - 12.0 < 0.4 / DECELERATION + 0.3
 
 

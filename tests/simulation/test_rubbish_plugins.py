@@ -70,7 +70,8 @@ RUBBISH: dict[str, Callable[[OperatorInput], Any]] = {
 @pytest.mark.parametrize("spoil", RUBBISH.values(), ids=RUBBISH)
 def test_rubbish_from_an_input_stops_the_robot_in_order(tmp_path: Path, spoil: Callable[[OperatorInput], Any]) -> None:
     seen = Rig(write_mission(tmp_path, [TELEOP], FILES, inputs=STICK), input=MadInput(spoil)).run()
-    assert (seen.status, seen.fault_ids) == (1, ["PLG-06"])
+    assert seen.status == 1
+    assert seen.fault_ids in (["PLG-06"], ["INP-06"])  # no sample at all; one whose numbers are out of range
     assert seen.faults[0].device == "stick"
     mad = seen.first(lambda s: s.time > RUBBISH_AT).now
     assert seen.truth_at(mad).speed == pytest.approx(SPEED, rel=0.05)
@@ -132,7 +133,7 @@ def recovering_rig(folder: Path, follower: Ahead) -> Rig:
 
 def test_after_being_lost_and_armed_again_the_step_goes_on(tmp_path: Path) -> None:
     seen = recovering_rig(tmp_path, lost_between((1.2, 2.0))).run()
-    assert (seen.status, seen.fault_ids) == (0, ["PTH-06"])
+    assert (seen.status, seen.fault_ids) == (0, ["PTH-06", "PTH-06"])  # slower, then stopped
     assert seen.modes.count(Mode.QUICKSTOP) == 1
     assert driven(seen.in_mode(Mode.FOLLOW)[-1]) == pytest.approx(LENGTH, abs=0.02)
 

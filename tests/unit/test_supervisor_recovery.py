@@ -396,5 +396,5 @@ def test_policy_that_makes_a_mild_row_stop_the_robot_leaves_how_it_is_forgotten(
 
 
 def test_fault_that_is_no_fault_of_the_table_is_a_bug_of_ours() -> None:
-    with pytest.raises(KeyError, match="XXX"):
-        Watch().tick(faults=(Fault(id="XXX", severity=S2, text=""),))
+    with pytest.raises(KeyError, match="ABC-01"):
+        Watch().tick(faults=(Fault(id="ABC-01", severity=S2, text=""),))

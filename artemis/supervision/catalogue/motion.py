@@ -142,6 +142,7 @@ MOTION: dict[str, Row] = {
         within=0.42,
         of="set-point less measured angle [rad]",
         stages=(Stage(S1, radians(3.0), 0.38),),
+        shows_as=("STE-06",),
     ),
     "STE-02": Row(
         "steering stall",
