@@ -29,6 +29,8 @@ PUSHED, MOVING, FAST, STILL = 0.02, 0.05, 0.1, 0.03
 ASTRAY = 0.2
 """Distance from the path that is worth a look [m]."""
 _POWERED = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
+QUICK = 0.35
+"""Wheels that are steered faster than this [rad/s] say little about slip."""
 PROGRESS = 0.01
 """A robot on its way along a path gets further by this [m] within the row's time."""
 
@@ -159,6 +161,8 @@ class Wheels:
         if self.speed <= FAST or not self._driven:
             return
         rates = drives[2].velocity, drives[3].velocity
+        if max(abs(rates[0]), abs(rates[1])) > QUICK:  # what the wheels rolled belongs to many angles
+            return
         steering = self._car.steering_from_wheel_angles(drives[2].position, drives[3].position)
         scrub = self._car.wheel_speeds(0.0, steering, *rates)
         rolled = self._over(SLIP_TIME)

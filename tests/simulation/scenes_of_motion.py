@@ -106,7 +106,7 @@ MOTION_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
         operator=[(6.2, "end")],
         effect=ASKED,
     ),
-    "STE-01": Scene(of="swinging", node=STEER_LEFT, effect=away(STEER_LEFT, 3.0)),
+    "STE-01": Scene(of="swinging", node=STEER_LEFT, seen=["STE-06"], device="", effect=away(STEER_LEFT, 3.0)),
     "STE-02": [
         Scene(of="nudged", node=STEER_RIGHT, effect=loaded(STEER_RIGHT, 0.9)),
         Scene(of="swinging", node=STEER_RIGHT, seen=["DRV-25"], effect=away(STEER_RIGHT, 3.0)),
