@@ -464,7 +464,7 @@ BUGS: tuple[Bug, ...] = (
     Bug("unwatching drive is accepted", "does not watch", "I3", {PROOF: becomes(_unproven)}),
     Bug(
         "faults are forgotten without a person",
-        "over-current, acknowledged only",
+        "over-current, not acknowledged",
         "I10",
         {f"{SUPERVISOR}._has_budget": becomes(lambda *_: True)},
     ),

@@ -106,6 +106,7 @@ SCENARIOS: dict[str, Scenario] = {
     "over-current, acknowledged only": drive(
         fault("DRV-02", node=LEFT), acts=[(8.0, "acknowledge"), (16.0, "end")], rows=AGAIN, seconds=6.0
     ),
+    "over-current, not acknowledged": drive(fault("DRV-02", node=LEFT), acts=[(16.0, "end")]),
     "limit switch": drive(fault("DRV-26", node=RIGHT)),
     "unknown error": drive(fault("DRV-31", node=STEER)),
     "error unheard": drive(fault("DRV-08", node=RIGHT, heard=False)),
