@@ -6,7 +6,7 @@ import asyncio
 import signal
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from math import inf
 from pathlib import Path as FilePath
@@ -31,7 +31,7 @@ from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.recording.resume import BROKEN, DONE, where_it_stopped
 from artemis.recording.run_folder import RunFolder, create_run_folder
 from artemis.robot import Core, Robot
-from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
+from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep, with_followers
 from artemis.supervision import catalogue
 from artemis.values import Pose, Request, Severity, Tick
 
@@ -111,25 +111,20 @@ def plan_from(loaded: LoadedMission) -> Plan:
 
 def core_from(loaded: LoadedMission, resumption: Resumption | None = None) -> Core:
     """The robot's mind for a mission: what runs, and what a replay runs again."""
+    return Core(_plan(loaded, is_simulated(loaded), resumption), 1 / loaded.mission.tick_hz)
+
+
+def _plan(loaded: LoadedMission, simulated: bool, resumption: Resumption | None) -> Plan:
+    """The mission's plan, with followers that fail where it wants that, begun where an earlier run stopped."""
     plan = plan_from(loaded)
-    if is_simulated(loaded):
-        _let_followers_fail(plan, loaded)
-    _go_on(plan, resumption)
-    return Core(plan, 1 / loaded.mission.tick_hz)
-
-
-def _let_followers_fail(plan: Plan, loaded: LoadedMission) -> None:
-    if loaded.mission.simulation.faults:
+    if simulated and loaded.mission.simulation.faults:
         from artemis.testing.injections import failing_followers
 
         plan.steps = failing_followers(plan.steps, loaded.mission.simulation.faults)
-
-
-def _go_on(plan: Plan, resumption: Resumption | None) -> None:
-    """Begin where an earlier run stopped, in its frame of the odometry."""
     if resumption is not None:
         plan.index, plan.done = resumption.step, resumption.done
         plan.start, plan.placed = resumption.pose, True
+    return plan
 
 
 def resumption_from(loaded: LoadedMission, source: FilePath, run: FilePath) -> tuple[Resumption, list[str]]:
@@ -180,10 +175,7 @@ class _Run:
     ) -> None:
         mission = loaded.mission
         self._loaded, self._watch, self._operator, self._witness = loaded, watch, operator, witness
-        self._plan = plan_from(loaded)
-        if simulated:
-            _let_followers_fail(self._plan, loaded)
-        _go_on(self._plan, resumption)
+        self._plan = _plan(loaded, simulated, resumption)
         self._simulated, self._resumption, self._disk = simulated, resumption, disk
         self._virtual = simulated and mission.simulation.pace == "fast"
         self._last_act = max((act.at_s for act in mission.simulation.operator), default=-OPERATOR_GRACE)
@@ -237,10 +229,7 @@ class _Run:
         bus, world = self._open_bus(loop)
         inputs = _inputs(self._loaded, self._simulated)
         border = Border(inputs, loop.time)
-        self._plan.steps = tuple(
-            replace(step, follower=border.watched(step.follower)) if isinstance(step, FollowStep) else step
-            for step in self._plan.steps
-        )
+        self._plan.steps = with_followers(self._plan.steps, border.watched)
         drives = Drives(self._loaded.robot, bus)
         true_pose = self._true_pose(world)
 

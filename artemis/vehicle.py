@@ -157,6 +157,13 @@ class Robot(Config):
         """Name and description of the drive with this role and side."""
         return next((n, d) for n, d in self.drives.items() if (d.role, d.side) == (role, side))
 
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Where traction left, traction right, steering left, steering right stand in the order of the drives."""
+        names = list(self.drives)
+        places = [(role, side) for role in ("traction", "steering") for side in ("left", "right")]
+        return tuple(names.index(self.drive_at(role, side)[0]) for role, side in places)
+
     def metres_per_count(self, side: str) -> float:
         """Way of a driven wheel per count [m]."""
         traction = self.calibration.traction

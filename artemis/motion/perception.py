@@ -30,9 +30,7 @@ class Perception:
         self._odometer, self._odometry = Odometer(robot.geometry), Odometry(pose=self._start)
         self.reset()
         self._ackermann = Ackermann(robot.geometry)
-        names = list(robot.drives)
-        places = [(role, side) for role in ("traction", "steering") for side in ("left", "right")]
-        self._places = tuple(names.index(robot.drive_at(role, side)[0]) for role, side in places)
+        self._places = robot.places
         self._rolled: deque[tuple[float, float, float]] = deque()
 
     def reset(self) -> None:

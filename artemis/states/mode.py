@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Protocol
@@ -61,6 +61,13 @@ class WaitStep:
 
 
 Step = CalibrateStep | FollowStep | TeleopStep | WaitStep
+
+
+def with_followers(steps: Iterable[Step], change: Callable[[Follower], Follower]) -> tuple[Step, ...]:
+    """The steps, each follower as `change` makes it."""
+    return tuple(
+        replace(step, follower=change(step.follower)) if isinstance(step, FollowStep) else step for step in steps
+    )
 
 
 @dataclass(slots=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -167,7 +167,7 @@ class Supervisor:
             mild = entry.fault.severity < Severity.CONTROLLED_STOP
             if gone and (mild or (asked and not entry.fault.final)):
                 del latched[key]
-        stopping = {key: entry for key, entry in latched.items() if entry.fault.severity >= Severity.CONTROLLED_STOP}
+        stopping = self._stopping()
         if not stopping:
             self._level = Severity.NONE
         elif mode in _STOPPED and self._wheels.speed <= STANDING and self._recover(stopping, now):
@@ -181,17 +181,17 @@ class Supervisor:
         return now > entry.seen and now - entry.seen >= self._rows[entry.fault.id].recovery.settle
 
     def _recover(self, stopping: Mapping[tuple[str, str], _Latched], now: float) -> bool:
-        return self._recoverable(now) and all(self._is_gone(entry, now) for entry in stopping.values())
+        return self._recoverable(stopping, now) and all(self._is_gone(entry, now) for entry in stopping.values())
 
-    def _recoverable(self, now: float) -> bool:
+    def _stopping(self) -> dict[tuple[str, str], _Latched]:
+        """What stops the robot."""
+        return {key: entry for key, entry in self._latched.items() if entry.fault.severity >= Severity.CONTROLLED_STOP}
+
+    def _recoverable(self, stopping: Iterable[tuple[str, str]], now: float) -> bool:
         """Whether all that stops the robot may be forgotten without a person, within the budgets."""
         if sum(map(len, self._recovered.values())) >= ALL_RECOVERIES:
             return False
-        return all(
-            self._has_budget(id, device, now)
-            for (id, device), entry in self._latched.items()
-            if entry.fault.severity >= Severity.CONTROLLED_STOP
-        )
+        return all(self._has_budget(id, device, now) for id, device in stopping)
 
     def _has_budget(self, id: str, device: str, now: float) -> bool:
         recovery = self._rows[id].recovery
@@ -205,14 +205,14 @@ class Supervisor:
         faults = tuple(sorted((entry.fault for entry in self._latched.values()), key=lambda fault: -fault.severity))
         if not faults:
             return _SILENT
-        stopping = [fault for fault in faults if fault.severity >= Severity.CONTROLLED_STOP]
-        recovers = bool(stopping) and self._recoverable(now)
+        stopping = self._stopping()
+        recovers = bool(stopping) and self._recoverable(stopping, now)
         return Verdict(
             severity=faults[0].severity,
             faults=faults,
             to_fault=any(fault.to_fault for fault in faults),
-            final=any(fault.final for fault in stopping),
+            final=any(entry.fault.final for entry in stopping.values()),
             recovers=recovers,
-            resumes=recovers and all(fault.id in self._resumes for fault in stopping),
+            resumes=recovers and all(id in self._resumes for id, _ in stopping),
             alarm=self._alarm,
         )

@@ -47,10 +47,7 @@ class Wheels:
     def __init__(self, robot: Robot, tick: float) -> None:
         self._robot, self._stale = robot, stale_age(tick)
         self._car = Ackermann(robot.geometry)
-        names = list(robot.drives)
-        places = [(role, side) for role in ("traction", "steering") for side in ("left", "right")]
-        self._names = [robot.drive_at(role, side)[0] for role, side in places]
-        self._places = [names.index(name) for name in self._names]
+        self._places = robot.places
         self._moments: deque[_Moment] = deque()
         self._asked: deque[tuple[float, float, float]] = deque()
         self._planned = 0.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Protocol
 
 from artemis.devices.can_bus import FrameBus
@@ -12,7 +11,7 @@ from artemis.plugins.contracts import InputDevice
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry
 from artemis.sim.world import World
-from artemis.states.mode import FollowStep, Step
+from artemis.states.mode import Step, with_followers
 from artemis.testing.bad_plugins import BadFollower, BadInput, FollowerBehaviour
 from artemis.testing.bus_injections import BUS_INJECTIONS
 from artemis.testing.drive_injections import DRIVE_INJECTIONS
@@ -167,10 +166,7 @@ def agenda(orders: Iterable[Order]) -> list[tuple[float, FollowerBehaviour | Non
 
 def failing_followers(steps: Iterable[Step], orders: Sequence[Order]) -> tuple[Step, ...]:
     """The steps of a plan; their followers do at its time what is asked for."""
-    return tuple(
-        replace(step, follower=BadFollower(step.follower, agenda(orders))) if isinstance(step, FollowStep) else step
-        for step in steps
-    )
+    return with_followers(steps, lambda follower: BadFollower(follower, agenda(orders)))
 
 
 def _of_follower(order: Order) -> FollowerBehaviour | None:
