@@ -111,9 +111,7 @@ def _pairs(e: Evidence) -> Iterator[Violation]:
         angles.append((time, *look.angles, *wanted))
         while angles[0][0] < time - STEADY_TIME:
             angles.pop(0)
-        turned = max(
-            max(seen) - min(seen) for seen in list(zip(*angles, strict=True))[1:]
-        )  # there and back is turned, too
+        turned = max(abs(now - then) for now, then in zip(angles[-1][1:], angles[0][1:], strict=True))
         if time - angles[0][0] < 0.5 * STEADY_TIME or turned > STEADY:
             continue
         left, right = (asked["traction", side].target * scales[side] for side in SIDES)
