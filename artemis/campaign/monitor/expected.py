@@ -154,6 +154,8 @@ def expectation(injected: Injected, tick: float) -> Expected:
     if injected.options.get("heard") is False:
         return UNHEARD
     seconds = injected.options.get("seconds")
-    if seconds is None or expected.shows != STALL.shows:
+    if seconds is None or (expected.when is not When.FOLLOWING and expected.shows != STALL.shows):
         return expected
-    return expected._replace(within=expected.within + seconds) if seconds > LATE + tick else UNTOLD
+    if seconds > LATE + tick:
+        return STALL._replace(when=expected.when, within=STALL.within + seconds)
+    return UNTOLD if expected.shows == STALL.shows else expected

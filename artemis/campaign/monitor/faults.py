@@ -202,6 +202,7 @@ def journal_whole(e: Evidence) -> Iterator[Violation]:
 _STEPS = ("calibrate", "teleop", "follow")
 CHANGES = {
     (None, "init"),
+    (None, "fault"),
     ("init", "ready"),
     ("quickstop", "ready"),
     ("quickstop", "init"),

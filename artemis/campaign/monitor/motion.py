@@ -144,7 +144,8 @@ def drives_watch(e: Evidence) -> Iterator[Violation]:
             if silent <= WATCH_MS / 1000 + AT_ONCE or not look.enabled[number]:
                 continue
             since = next((begin for begin, end in armed if begin < e.beat_before(look.time) < look.time < end), None)
-            if since is not None:
+            forced = any(i.id == "SYS-10" and i.node == name and 0 <= look.time - i.time < silent for i in e.injected)
+            if since is not None and not forced:
                 yield Violation("I7", look.time, f"{name} goes on {silent * 1000:.0f} ms after the last heartbeat")
                 break
 

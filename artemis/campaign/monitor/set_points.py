@@ -115,14 +115,18 @@ def _pairs(e: Evidence) -> Iterator[Violation]:
         if time - angles[0][0] < 0.5 * STEADY_TIME or turned > STEADY:
             continue
         left, right = (asked["traction", side].target * scales[side] for side in SIDES)
-        kept = _belongs(e, look.angles, (left, right))
+        swing = max(max(way) - min(way) for way in list(zip(*angles, strict=True))[1:])
+        kept = _belongs(e, look.angles, (left, right), roll=2 * swing / STEADY_TIME * e.robot.geometry.scrub_radius_m)
         if kept is not None:
             yield Violation("I9", time, kept)
             return
 
 
-def _belongs(e: Evidence, angles: tuple[float, float], speeds: tuple[float, float]) -> str | None:
-    """What is wrong with wheel angles [rad] and speeds [m/s] of a robot that turns about one point."""
+def _belongs(e: Evidence, angles: tuple[float, float], speeds: tuple[float, float], roll: float) -> str | None:
+    """What is wrong with wheel angles [rad] and speeds [m/s] of a robot that turns about one point.
+
+    A wheel that is steered there and back rolls about its kingpin meanwhile: `roll` [m/s] at most.
+    """
     half = e.robot.geometry.kingpin_distance_m / 2 / e.robot.geometry.wheelbase_m
     virtual = [
         atan2(sin(angle), cos(angle) + side * half * sin(angle)) for angle, side in zip(angles, (1, -1), strict=True)
@@ -135,7 +139,7 @@ def _belongs(e: Evidence, angles: tuple[float, float], speeds: tuple[float, floa
     s, c = sin(middle), cos(middle)
     left, right = hypot(s, c - half * s) - out * s, hypot(s, c + half * s) + out * s
     fits = sum(speeds) / (left + right)
-    if max(abs(speeds[0] - fits * left), abs(speeds[1] - fits * right)) > UNFIT:
+    if max(abs(speeds[0] - fits * left), abs(speeds[1] - fits * right)) > UNFIT + roll:
         return f"wheel targets {speeds[0]:+.3f}, {speeds[1]:+.3f} m/s do not belong to {degrees(middle):+.1f} degrees"
     return None
 
