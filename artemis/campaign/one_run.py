@@ -10,14 +10,16 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from artemis.app import Outcome, core_from, run_mission
+from artemis.app import Outcome, Watch, run_mission
 from artemis.campaign.monitor import judge
 from artemis.campaign.monitor.evidence import Evidence, Injected, Stick, Violation
 from artemis.campaign.monitor.faults import seen
 from artemis.campaign.monitor.journal_reader import Journal
 from artemis.campaign.scenario import Scenario
 from artemis.campaign.witness import Witness
+from artemis.devices.can_bus import Traffic
 from artemis.mission.loading import LoadedMission, load_mission
+from artemis.planning import core_from
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.replay import replay
 from artemis.sim.world import World
@@ -72,7 +74,7 @@ class _Endless(Exception):
 
 
 def run_scenario(
-    given: Scenario, robot: bytes, folder: Path, *, replayed: bool = False, watch: Callable[[Tick], None] | None = None
+    given: Scenario, robot: bytes, folder: Path, *, replayed: bool = False, watch: Watch | None = None
 ) -> Result:
     """Run a scenario in `folder` and judge it.
 
@@ -81,7 +83,7 @@ def run_scenario(
         robot: Content of the robot file.
         folder: Where its files and its run are laid.
         replayed: Also recompute every command from the recording.
-        watch: Sees every tick, for people.
+        watch: Sees every tick, and the frames since the last one, for people.
     """
     before = resources()
     source = given.write(folder, robot)
@@ -92,9 +94,9 @@ def run_scenario(
         witnesses.append(Witness(world, loaded.robot))
         return witnesses[0]
 
-    def observe(tick: Tick) -> None:
+    def observe(tick: Tick, traffic: Traffic) -> None:
         if watch is not None:
-            watch(tick)
+            watch(tick, traffic)
         if given.killed_at is not None and tick.snapshot.time >= given.killed_at:
             raise _Killed
         if tick.snapshot.time > given.longest:
@@ -129,7 +131,7 @@ def _run(
     loaded: LoadedMission,
     source: Path,
     seed: int,
-    observe: Callable[[Tick], None],
+    observe: Watch,
     witness: Callable[[World], Witness],
 ) -> tuple[Outcome | None, list[BaseException]]:
     """The outcome, or with what the program failed."""

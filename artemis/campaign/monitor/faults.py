@@ -153,7 +153,7 @@ def _without_cause(e: Evidence) -> Iterator[Violation]:
 
 def recoveries(e: Evidence) -> Iterator[Violation]:
     """I10: what a person has to acknowledge waits for a person; automatic recoveries stay within their budgets."""
-    asked = e.acts("acknowledge") + [i.time for i in e.injected if i.id.startswith("OPR")]
+    asked = e.acts("acknowledge") + [time for i in e.injected if i.id.startswith("OPR") for time in _presses(i)]
     by_itself: list[tuple[float, str]] = []
     stopping: dict[tuple[str, str], float] = {}
     for line in e.journal.lines:
@@ -174,6 +174,12 @@ def recoveries(e: Evidence) -> Iterator[Violation]:
             yield Violation("I10", line.time, f"{line.text} was cleared without an acknowledgment (time {spent})")
     if len({time for time, _ in by_itself}) > RECOVERIES:
         yield Violation("I10", by_itself[-1][0], f"{len(by_itself)} automatic recoveries")
+
+
+def _presses(injected: Injected) -> list[float]:
+    """When a button was pressed that is pressed again and again [s]."""
+    times, rate = injected.options.get("times", 20), injected.options.get("rate_hz", 20.0)
+    return [injected.time + number / rate for number in range(times if injected.id == "OPR-02" else 1)]
 
 
 # ---------------------------------------------------------------------------------------------- I11, I0

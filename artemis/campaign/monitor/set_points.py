@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from math import atan2, cos, degrees, hypot, pi, radians, sin
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ ZERO_ERROR = radians(1.5)
 """The wheels' true angle and the believed one may differ by this much [rad]."""
 STEADY_TIME, STEADY = 0.3, radians(0.4)
 """A robot whose wheels turned and shall turn no more than this [rad] in this time [s] drives a circle."""
-UNEVEN, UNFIT = radians(3.0), 0.03
+UNEVEN, UNFIT = radians(3.0), 0.015
 """What a sound robot's wheels may be off: in angle [rad] and speed [m/s]."""
 UNTRUE = ("STE-01", "STE-02", "STE-03", "STE-04", "STE-05", "STE-06", "STE-07", "CAL-01", "COM-12")
 """With these the wheels do not stand where the host believes, through no fault of its own."""
@@ -115,8 +116,9 @@ def _pairs(e: Evidence) -> Iterator[Violation]:
         if time - angles[0][0] < 0.5 * STEADY_TIME or turned > STEADY:
             continue
         left, right = (asked["traction", side].target * scales[side] for side in SIDES)
-        swing = max(max(way) - min(way) for way in list(zip(*angles, strict=True))[1:])
-        kept = _belongs(e, look.angles, (left, right), roll=2 * swing / STEADY_TIME * e.robot.geometry.scrub_radius_m)
+        steps = (abs(b - a) for one, two in pairwise(angles) for a, b in zip(one[3:], two[3:], strict=True))
+        roll = max(steps, default=0.0) / e.tick * e.robot.geometry.scrub_radius_m
+        kept = _belongs(e, look.angles, (left, right), roll)
         if kept is not None:
             yield Violation("I9", time, kept)
             return
@@ -125,7 +127,7 @@ def _pairs(e: Evidence) -> Iterator[Violation]:
 def _belongs(e: Evidence, angles: tuple[float, float], speeds: tuple[float, float], roll: float) -> str | None:
     """What is wrong with wheel angles [rad] and speeds [m/s] of a robot that turns about one point.
 
-    A wheel that is steered there and back rolls about its kingpin meanwhile: `roll` [m/s] at most.
+    A wheel that is steered, be it there and back, rolls about its kingpin meanwhile: `roll` [m/s] at most.
     """
     half = e.robot.geometry.kingpin_distance_m / 2 / e.robot.geometry.wheelbase_m
     virtual = [
