@@ -6,41 +6,41 @@ import asyncio
 import signal
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from math import inf
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from artemis import clock
-from artemis.devices.can_bus import CanBus, FrameBus
+from artemis.devices.can_bus import CanBus, FrameBus, Traffic
 from artemis.devices.drive import Drives
-from artemis.devices.host import HostWatch
+from artemis.devices.host import HostWatch, usage
 from artemis.devices.reopening import ReopeningBus
 from artemis.errors import RecordingError
 from artemis.mission.loading import LoadedMission, plugin_from
-from artemis.mission.policies import policies_from
-from artemis.mission.schema import BusWords, Calibrate, Follow, PluginUse, Stop, Teleop, Wait
-from artemis.motion.path import Path, path_from_csv
-from artemis.plugins.border import Border
-from artemis.plugins.contracts import InputDevice, Setup
+from artemis.mission.schema import BusWords, Stop
+from artemis.motion.path import Path
+from artemis.planning import inputs_used, is_fast, is_simulated, made, plan_for, setup_for
+from artemis.plugins.border import Border, close
+from artemis.plugins.contracts import InputDevice
 from artemis.recording.disk import Disk, low_disk
-from artemis.recording.journal import Journal
+from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import Recorder
 from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.recording.resume import BROKEN, DONE, where_it_stopped
-from artemis.recording.run_folder import RunFolder, create_run_folder
+from artemis.recording.run_folder import RunFolder, create_run_folder, keep_paths
 from artemis.robot import Core, Robot
-from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep, with_followers
+from artemis.states.mode import FollowStep, with_followers
 from artemis.supervision import catalogue
-from artemis.values import Pose, Request, Severity, Tick
+from artemis.values import Fault, Pose, Request, Severity, Tick
 
 if TYPE_CHECKING:
     from artemis.sim.bus import Surroundings
     from artemis.sim.world import World
 
-SLACK = 10.0
-"""A path may take twice its time and this [s] (PTH-08)."""
+MOST_MEMORY = 1_000_000_000
+"""A process that grows and takes more than this [bytes] has to stop before the system ends it (PLG-05)."""
 OPERATOR_GRACE = 5.0
 """A scripted operator counts as present until this long after its last act [s]."""
 REQUESTS = {
@@ -75,86 +75,30 @@ class Outcome:
         return int(self.failed)
 
 
-Operator = Callable[[Callable[[Request], None]], Callable[[], None]]
-"""Given where requests go, begins to listen to somebody at a terminal; returns how to stop."""
+Watch = Callable[[Tick, Traffic], None]
+Typed = Callable[[bytes], None]
+"""Is called with what is typed at the terminal; with nothing once that is closed."""
+Operator = Callable[[Callable[[Request], None], Typed | None], Callable[[], None]]
+"""Given where requests go, and all that is typed (None: nobody wants it), begins to listen to somebody at a terminal;
+returns how to stop."""
 
 
-def plan_from(loaded: LoadedMission) -> Plan:
-    """The mission's steps, with their paths read and their followers made."""
-    steps: list[Step] = []
-    for step in loaded.mission.steps:
-        action = step.action
-        match action:
-            case Calibrate():
-                steps.append(CalibrateStep())
-            case Wait():
-                steps.append(WaitStep(seconds=action.seconds))
-            case Teleop():
-                steps.append(TeleopStep(input=action.input, seconds=action.until.seconds))
-            case Follow():
-                text = loaded.files[action.path].decode()
-                path = path_from_csv(text, action.path).with_laps(action.laps)
-                plugin, config = plugin_from("artemis.followers", action.follower)
-                follower = plugin(config, _setup(loaded, action.follower.plugin))
-                speed: float | None = getattr(config, "speed_m_s", None)
-                steps.append(
-                    FollowStep(
-                        path=path,
-                        follower=follower,
-                        max_cross_track=action.max_cross_track_m,
-                        longest=inf if speed is None else 2 * path.length / speed + SLACK,
-                    )
-                )
-    policies = policies_from(loaded.mission.recovery)
-    return Plan(robot=loaded.robot, steps=tuple(steps), policies=policies)
-
-
-def core_from(loaded: LoadedMission, resumption: Resumption | None = None) -> Core:
-    """The robot's mind for a mission: what runs, and what a replay runs again."""
-    return Core(_plan(loaded, is_simulated(loaded), resumption), 1 / loaded.mission.tick_hz)
-
-
-def _plan(loaded: LoadedMission, simulated: bool, resumption: Resumption | None) -> Plan:
-    """The mission's plan, with followers that fail where it wants that, begun where an earlier run stopped."""
-    plan = plan_from(loaded)
-    if simulated and loaded.mission.simulation.faults:
-        from artemis.testing.injections import failing_followers
-
-        plan.steps = failing_followers(plan.steps, loaded.mission.simulation.faults)
-    if resumption is not None:
-        plan.index, plan.done = resumption.step, resumption.done
-        plan.start, plan.placed = resumption.pose, True
-    return plan
-
-
-def resumption_from(loaded: LoadedMission, source: FilePath, run: FilePath) -> tuple[Resumption, list[str]]:
+def resumption_from(
+    loaded: LoadedMission, source: FilePath, run: FilePath, simulate: bool = False
+) -> tuple[Resumption, list[str]]:
     """Where the run in folder `run` stopped, for going on with it; and what an operator should know before.
 
     Raises:
         ConfigError: it cannot be resumed.
     """
     steps = sum(not isinstance(step.action, Stop) for step in loaded.mission.steps)
-    return where_it_stopped(run, _files(loaded, source), steps)
+    simulated, root = is_simulated(loaded, simulate), loaded.folder / loaded.mission.record
+    return where_it_stopped(run, _files(loaded, source), steps, simulated=simulated, root=root)
 
 
 def _files(loaded: LoadedMission, source: FilePath) -> dict[str, bytes]:
     """The mission's file and all that it names."""
     return {**loaded.files, source.name: source.read_bytes()}
-
-
-def _setup(loaded: LoadedMission, name: str) -> Setup:
-    return Setup(name=name, robot=loaded.robot, folder=loaded.folder, files=loaded.files)
-
-
-def _inputs(loaded: LoadedMission, simulated: bool) -> dict[str, InputDevice]:
-    uses: dict[str, PluginUse] = dict(loaded.mission.inputs)
-    if simulated:
-        uses.update(loaded.mission.simulation.inputs)
-    devices: dict[str, InputDevice] = {}
-    for name, use in uses.items():
-        plugin, config = plugin_from("artemis.inputs", use)
-        devices[name] = plugin(config, _setup(loaded, name))
-    return devices
 
 
 class _Run:
@@ -166,7 +110,7 @@ class _Run:
         source: FilePath,
         *,
         simulated: bool,
-        watch: Callable[[Tick], None],
+        watch: Watch,
         operator: Operator | None,
         witness: Callable[[World], Surroundings],
         start: datetime | None,
@@ -175,20 +119,22 @@ class _Run:
     ) -> None:
         mission = loaded.mission
         self._loaded, self._watch, self._operator, self._witness = loaded, watch, operator, witness
-        self._plan = _plan(loaded, simulated, resumption)
+        self._plan = plan_for(loaded, simulated, resumption)
         self._simulated, self._resumption, self._disk = simulated, resumption, disk
-        self._virtual = simulated and mission.simulation.pace == "fast"
-        self._last_act = max((act.at_s for act in mission.simulation.operator), default=-OPERATOR_GRACE)
+        self._virtual = is_fast(loaded, simulated)
+        acts = mission.simulation.operator if simulated else ()
+        self._last_act = max((act.at_s for act in acts), default=-inf)
         start = start or clock.wall_date()
         root = loaded.folder / mission.record
         warning = low_disk(root, disk)
-        if warning and not (self._virtual or operator or (simulated and mission.simulation.operator)):
+        if warning and not (self._virtual or operator or acts):
             raise RecordingError(warning)
         files = _files(loaded, source)
         self.run = create_run_folder(root, mission.mission, start, files)
+        resolved = mission.model_copy(update={"bus": "simulation"}) if simulated else mission
         provenance = Provenance(
             start=start,
-            mission=mission.model_dump_json().encode(),
+            mission=resolved.model_dump_json().encode(),
             robot=loaded.robot.model_dump_json().encode(),
             files=files,
             resumption=resumption,
@@ -204,6 +150,8 @@ class _Run:
         for entry in first_entries(mission.mission, loaded.robot.robot, provenance, warning):
             self._recorder.note(entry)
         self._interrupted: int | None = None
+        self._listeners: list[Typed] = []
+        self._hands = False  # somebody was heard at a device that needs a person
         self._time = 0.0
 
     def go(self) -> Outcome:
@@ -215,19 +163,25 @@ class _Run:
             outcome = "failed" if self._plan.failed else DONE
         finally:
             self._recorder.close(outcome)
+        kept = keep_paths(self.run, {name: track.as_csv() for name, track in self._plan.tracks.items()})
         return Outcome(
             failed=self._plan.failed,
             interrupted=self._interrupted,
             run=self.run,
             duration=self._time,
             elapsed=clock.stopwatch() - begun,
-            troubles=tuple(trouble.detail for trouble in self._recorder.troubles()),
+            troubles=(*(trouble.detail for trouble in self._recorder.troubles()), *kept),
         )
 
     async def _main(self) -> None:
         loop = asyncio.get_running_loop()
         bus, world = self._open_bus(loop)
-        inputs = _inputs(self._loaded, self._simulated)
+
+        def wake() -> None:
+            loop.call_soon_threadsafe(robot.tick_now)
+
+        inputs = self._inputs(wake)
+        live = {name for name, device in inputs.items() if getattr(device, "live", False)}
         border = Border(inputs, loop.time)
         self._plan.steps = with_followers(self._plan.steps, border.watched)
         drives = Drives(self._loaded.robot, bus)
@@ -235,11 +189,13 @@ class _Run:
 
         def observe(tick: Tick) -> None:
             self._time, now = tick.snapshot.time, loop.time()
-            self._recorder.observe(tick, drives.wire.take_traffic(now), true_pose(tick), now)
+            traffic = drives.wire.take_traffic(now)
+            self._recorder.observe(tick, traffic, true_pose(tick), now)
             self._report_disk(robot, tick)
             if not self._virtual and (grown := host.look(self._time)) is not None:
-                robot.report(catalogue.fault("PLG-05", detail=grown))
-            self._watch(tick)
+                robot.report(_growth(grown))
+            self._hands = self._hands or any(i.source in live for i in tick.snapshot.sensed.inputs if i.age is not None)
+            self._watch(tick, traffic)
 
         host = HostWatch()
         period = 1 / self._loaded.mission.tick_hz
@@ -256,8 +212,9 @@ class _Run:
             await robot.run()
         finally:
             stop_listening()
-            for device in inputs.values():
-                device.close()
+            for id, name, seen in close(inputs):
+                text = f"{id} {name}: {seen}, when it was closed"
+                self._recorder.note(Entry(time=self._time, kind="warning", text=text, level=Level.WARNING))
             bus.close()
 
     def _open_bus(self, loop: asyncio.AbstractEventLoop) -> tuple[FrameBus, World | None]:
@@ -280,6 +237,18 @@ class _Run:
 
         return FaultBus(bus, seed=seed), world
 
+    def _inputs(self, wake: Callable[[], None]) -> dict[str, InputDevice]:
+        devices: dict[str, InputDevice] = {}
+        for name, use in inputs_used(self._loaded, self._simulated).items():
+            plugin, config = plugin_from("artemis.inputs", use)
+            setup = replace(setup_for(self._loaded, name), wake=wake, typed=self._hear)
+            devices[name] = made(plugin, config, setup)
+        return devices
+
+    def _hear(self, listener: Typed) -> bool:
+        self._listeners.append(listener)
+        return self._operator is not None
+
     def _true_pose(self, world: World | None) -> Callable[[Tick], Pose | None]:
         """Tells where the simulated robot really is; nobody knows of a real one."""
         if world is None:
@@ -296,7 +265,7 @@ class _Run:
             robot.report(catalogue.fault(trouble.id, detail=trouble.detail, severity=severity))
 
     def _attended(self, time: float) -> bool:
-        return self._operator is not None or time <= self._last_act + OPERATOR_GRACE
+        return self._operator is not None or self._hands or time <= self._last_act + OPERATOR_GRACE
 
     def _listen(self, loop: asyncio.AbstractEventLoop, robot: Robot) -> Callable[[], None]:
         """Signals, the scripted operator of a simulated run, and somebody at the terminal."""
@@ -313,12 +282,25 @@ class _Run:
         if threading.current_thread() is threading.main_thread():  # no other hears signals
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.add_signal_handler(number, interrupt, number)
-        return self._operator(robot.request) if self._operator is not None else lambda: None
+
+        def tell(typed: bytes) -> None:
+            for listener in self._listeners:
+                listener(typed)
+
+        if self._operator is None:
+            return lambda: None
+        return self._operator(robot.request, tell if self._listeners else None)
 
     def _show_paths(self) -> None:
         for step in self._plan.steps:
-            if isinstance(step, FollowStep):
+            if isinstance(step, FollowStep) and isinstance(step.path, Path):
                 self._recorder.show_path(0.0, _poses(step.path))
+
+
+def _growth(grown: str) -> Fault:
+    """The fault that a process is which has `grown`: a warning, while there is memory."""
+    severity = None if usage()[0] > MOST_MEMORY else Severity.WARN
+    return catalogue.fault("PLG-05", detail=grown, severity=severity)
 
 
 def _poses(path: Path) -> list[Pose]:
@@ -328,17 +310,12 @@ def _poses(path: Path) -> list[Pose]:
     return [Pose(x=point.x, y=point.y, heading=point.heading) for point in points]
 
 
-def is_simulated(loaded: LoadedMission, simulate: bool = False) -> bool:
-    """Whether a run of this mission meets the simulated drives in process."""
-    return simulate or loaded.mission.bus == "simulation"
-
-
 def run_mission(
     loaded: LoadedMission,
     source: FilePath,
     *,
     simulate: bool = False,
-    watch: Callable[[Tick], None] = lambda tick: None,
+    watch: Watch = lambda tick, traffic: None,
     operator: Operator | None = None,
     witness: Callable[[World], Surroundings] = lambda world: world,
     start: datetime | None = None,
@@ -351,7 +328,7 @@ def run_mission(
         loaded: The mission.
         source: Its file.
         simulate: Against simulated drives, whatever bus the mission names.
-        watch: Sees every tick, for people.
+        watch: Sees every tick, and the frames since the last one, for people.
         operator: Somebody at a terminal; None: nobody can acknowledge and arm.
         witness: Puts itself around the simulated world: hears every frame on its wire and sees what truly moves.
         start: Date and time on the wall at run time 0; None: now.

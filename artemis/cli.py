@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from artemis.commands.path import paths
 from artemis.errors import ArtemisError, ConfigError, RecordingError
 
 FAILED, REFUSED, OWN_BUG = 1, 2, 70
@@ -23,6 +24,15 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
+
+plugins = typer.Typer(rich_markup_mode=None, invoke_without_command=True)
+app.add_typer(plugins, name="plugins")
+app.add_typer(paths, name="path")
+
+calibrate = typer.Typer(
+    rich_markup_mode=None, no_args_is_help=True, help="Teach artemis what it has to know of a device."
+)
+app.add_typer(calibrate, name="calibrate")
 
 MissionFile = Annotated[Path, typer.Argument(metavar="MISSION", help="Mission file (YAML).")]
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.mcap.")]
@@ -99,6 +109,30 @@ def campaign(
 
 
 @app.command()
+def devices(
+    mission: Annotated[
+        Path | None, typer.Option("--mission", metavar="M", help="Also ask the drives on its bus.")
+    ] = None,
+) -> None:
+    """List CAN adapters, joysticks, gamepads and wheels; with a mission also the drives that answer."""
+    from artemis.commands.devices import show_devices
+
+    show_devices(mission)
+
+
+@calibrate.command("input")
+def calibrate_input(
+    device: Annotated[str | None, typer.Option(metavar="V:P|SERIAL", help="Which, if there are several.")] = None,
+    name: Annotated[str | None, typer.Option(help="Of the profile; the device's own, if left out.")] = None,
+    output: Annotated[Path | None, typer.Option(metavar="FILE", help="Where to, instead of your profiles.")] = None,
+) -> None:
+    """Teach a joystick, gamepad or wheel: asks for each control, and writes the profile once that is confirmed."""
+    from artemis.commands import calibrate_input
+
+    raise typer.Exit(calibrate_input.calibrate_input(device, name, output))
+
+
+@app.command()
 def graph() -> None:
     """Print the robot's modes as a Mermaid diagram, from the table that runs."""
     from artemis.states.machine import mermaid
@@ -119,17 +153,25 @@ def faults(
     show_faults(ids or [], markdown)
 
 
-@app.command()
-def plugins() -> None:
-    """List installed plugins with their origin; for a broken one, why."""
-    from artemis.plugins.registry import CONTRACTS, listing
+@plugins.callback()
+def list_plugins(context: typer.Context) -> None:
+    """List installed plugins with their origin; for a broken one, why. `new` begins one of your own."""
+    if context.invoked_subcommand is None:
+        from artemis.commands.plugins import show_plugins
 
-    for group in CONTRACTS:
-        for found in listing(group, check=True):
-            origin = f"{found.distribution or 'unknown package'} {found.version}".rstrip()
-            typer.echo(f"{group:18}  {found.name:14}  {origin:22}  {found.target}")
-            if found.error:
-                typer.echo(f"    BROKEN: {found.error}")
+        raise typer.Exit(show_plugins())
+
+
+@plugins.command("new")
+def new_plugin(
+    kind: Annotated[str, typer.Argument(metavar="input|follower", help="What it is.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What missions will call it.")],
+    folder: Annotated[Path, typer.Option(help="Where the package's folder is made.")] = Path(),
+) -> None:
+    """Write a package artemis-NAME: a plugin that works, its tests, and a mission that drives with it."""
+    from artemis.commands.plugins import begin_plugin
+
+    begin_plugin(kind, name, folder)
 
 
 @app.command()
@@ -158,7 +200,8 @@ def _prepare_output() -> None:
 
     What python-can logs it also raises, and then it is said once, in our words.
     """
-    logging.getLogger("can").addHandler(logging.NullHandler())
+    for name in ("can", "seeedbus"):
+        logging.getLogger(name).addHandler(logging.NullHandler())
     if sys.stdout is None:
         sys.stdout = open(os.devnull, "w")
     if isinstance(sys.stdout, io.TextIOWrapper):

@@ -11,6 +11,7 @@
      │  ├ NotKept                        reads back another value than was written
      │  └ ProtocolError                  a malformed or unexpected frame; also ValueError
      │     └ SdoAbort(index, subindex, code)
+     ├ HidError                         a report descriptor or a report that cannot be read
      ├ CalibrationError
      └ RecordingError                    unreadable, or replay diverged
 
@@ -18,6 +19,8 @@ What the robot must react to while it runs is a value instead: `artemis.values.F
 """
 
 from __future__ import annotations
+
+_MAX_SHOWN = 60
 
 
 class ArtemisError(Exception):
@@ -41,8 +44,8 @@ class DeviceError(ArtemisError):
 
     def __init__(self, device: str, problem: str) -> None:
         self.device = device
-        self.problem = problem
-        super().__init__(f"{device}: {problem}")
+        self.problem = writable(problem)
+        super().__init__(f"{device}: {self.problem}")
 
 
 class DeviceTimeout(DeviceError, TimeoutError):
@@ -72,9 +75,24 @@ class ProtocolError(DeviceError, ValueError):
         super().__init__(device, problem)
 
 
+class HidError(ArtemisError):
+    """A HID device's report descriptor, or a report, breaks the rules; tells the byte."""
+
+
 class CalibrationError(ArtemisError):
     """A calibration cannot be trusted."""
 
 
 class RecordingError(ArtemisError):
     """A recording is unreadable, or its replay differs."""
+
+
+def writable(text: object) -> str:
+    """Foreign text as a file in UTF-8 can hold it: bytes that are no text (`os.fsdecode`) are escaped."""
+    return str(text).encode("utf-8", "backslashreplace").decode()
+
+
+def shown(value: object) -> str:
+    """A value in a message: printable, as Python writes it, and not longer than a line."""
+    text = repr(value)
+    return text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "..."

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf
-from typing import Any, TypeVar
+from typing import Any
 
 from artemis.clock import until
 from artemis.devices.drive import Drives
@@ -20,7 +20,6 @@ from artemis.supervision import catalogue
 from artemis.supervision.supervisor import Supervisor
 from artemis.values import Fault, Job, JobResult, Request, Sensed, SetPoints, Snapshot, Tick, Wish
 
-Item = TypeVar("Item")
 LIMITED_SPEED = 0.3
 """Ceiling of the speed while a verdict says LIMIT [m/s]."""
 
@@ -55,7 +54,7 @@ class Core:
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
         """The gate, from its last set-points on; wheels whose drives are off are where they are."""
         verdict = snapshot.verdict
-        ceiling = LIMITED_SPEED if verdict.limits else inf
+        ceiling = min(self._plan.top_speed, LIMITED_SPEED if verdict.limits else inf)
         last = self._perception.as_they_stand(snapshot.sensed, self._points)
         points = self._gate.limit(wish.command, last, snapshot.dt, ceiling, verdict.stops)
         return self._perception.as_they_stand(snapshot.sensed, points)
@@ -120,7 +119,7 @@ class Robot:
         """What an operator asks for. A quick stop acts at once, not at the next tick."""
         self._requests.append(request)
         if request is Request.QUICKSTOP:
-            self._tick_now()
+            self.tick_now()
 
     def _sense(self, now: float, urgent: bool) -> Sensed:
         try:
@@ -131,7 +130,7 @@ class Robot:
         self._faults += (catalogue.fault(*problem) for problem in self._border.take_problems())
         self._requests += (request for sample in inputs for request in sample.requests)
         self._index += 1
-        return Sensed(
+        sensed = Sensed(
             index=self._index - 1,
             time=now - self._start,
             late=0.0 if urgent else self._late,
@@ -140,10 +139,13 @@ class Robot:
             drives=self._drives.feedback(now),
             bus=self._drives.wire.health(),
             inputs=inputs,
-            requests=_take(self._requests),
-            results=_take(self._results),
-            faults=_take(self._faults),
+            requests=tuple(self._requests),
+            results=tuple(self._results),
+            faults=tuple(self._faults),
         )
+        for taken in (self._requests, self._results, self._faults):
+            taken.clear()
+        return sensed
 
     def _lose(self, error: DeviceLost) -> bool:
         if (lost := catalogue.fault("COM-22", detail=error.problem)) not in self._faults:
@@ -168,9 +170,10 @@ class Robot:
         except DeviceLost as error:
             urgent = self._lose(error)
         if urgent:
-            self._tick_now()
+            self.tick_now()
 
-    def _tick_now(self) -> None:
+    def tick_now(self) -> None:
+        """An extra tick, off the schedule: something urgent waits to be read."""
         if self._index and not self._ticking:
             self.tick(asyncio.get_running_loop().time(), urgent=True)
 
@@ -178,10 +181,3 @@ class Robot:
         """A callback beside the ticks failed: stop the drives now, and end the run with its error."""
         self._failure = context.get("exception") or RuntimeError(context["message"])
         self._drives.stop()
-
-
-def _take(items: list[Item]) -> tuple[Item, ...]:
-    """Empty a list; what was in it."""
-    taken = tuple(items)
-    items.clear()
-    return taken

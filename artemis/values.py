@@ -28,13 +28,16 @@ class DriveState(Enum):
     UNKNOWN = "unknown"
 
 
+POWERED = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
+"""The power stage is on: the motor may turn, and brakes."""
+
+
 class Goal(Enum):
     """What is wanted of a drive, from whatever state it is in."""
 
     DISABLED = "disabled"
     ENABLED = "enabled"
-    HOLD = "hold"
-    """Stay enabled if enabled, off if off: for steering while the robot comes to rest."""
+    HOLD = "hold"  # stay enabled if enabled, off if off: for steering while the robot comes to rest
     QUICK_STOPPED = "quick-stopped"
     FAULT_RESET = "fault reset"
 
@@ -93,6 +96,7 @@ class Request(Enum):
     ARM = "arm"
     END = "end"
     DONE = "done"
+    RECORD = "record path"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,27 +115,27 @@ class OperatorInput:
     requests: tuple[Request, ...] = ()
     age: float | None = None
     """Seconds since the sample arrived; None: never."""
-    axes: tuple[float, ...] = ()
+    raw: tuple[float, ...] = ()  # what the device reports of its axes, in its own units
+    axes: tuple[float, ...] = ()  # calibrated: each in [-1, 1]
+    centred: tuple[float, ...] = ()  # after the deadzone
+    shaped: tuple[float, ...] = ()  # after the curve: what becomes speed and steering
     buttons: tuple[bool, ...] = ()
 
 
 class JobKind(Enum):
     """What takes longer than a tick; done by the edge, beside the ticks."""
 
-    SECURE = "secure"
-    """Find the drive as it is: identity, state; stop it if it moves; disable it."""
-    HALT = "halt"
-    """Stop and switch off by SDO a drive that no longer takes part in the exchange of process data."""
-    CONFIGURE = "configure"
-    """Write the configuration, read it back, arm the heartbeat consumer, start the node."""
-    REFERENCE = "reference"
-    """The wheel stands at the angle `value` [rad]: count from here (the drive keeps its own zero)."""
-    CLEAR_TARGET = "clear target"
-    """Write target 0 (traction) or the actual position (steering) and read it back."""
-    READ_HISTORY = "read history"
-    """Read the drive's error history (0x1003)."""
-    DISARM = "disarm"
-    """Switch the heartbeat consumer off, read it back, enter Pre-Operational."""
+    SECURE = "secure"  # find the drive as it is: identity, state; stop it if it moves; disable it
+    HALT = "halt"  # stop and switch off by SDO a drive that no longer takes part in the exchange of process data
+    CONFIGURE = "configure"  # write the configuration, read it back, arm the heartbeat consumer, start the node
+    REFERENCE = "reference"  # the wheel stands at the angle `value` [rad]: count from here; the drive keeps its zero
+    CLEAR_TARGET = "clear target"  # write target 0 (traction) or the actual position (steering) and read it back
+    READ_HISTORY = "read history"  # read the drive's error history (0x1003)
+    DISARM = "disarm"  # switch the heartbeat consumer off, read it back, enter Pre-Operational
+
+
+RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}
+"""Value of the job SECURE by the NMT reset that goes before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,14 +210,13 @@ class Odometry:
     """Pose and motion estimated from the wheels, in the frame `odom` (origin: where the run was armed)."""
 
     pose: Pose = Pose()
-    speed: float = 0.0
-    """Speed of the virtual front wheel [m/s]."""
-    steering: float = 0.0
-    """Angle of the virtual front wheel [rad]."""
+    speed: float = 0.0  # of the virtual front wheel [m/s]
+    steering: float = 0.0  # of the virtual front wheel [rad]
     distance: float = 0.0
     """Way of the rear axle centre [m], forward positive."""
     slip: float = 0.0
     """Disagreement of the driven wheels in the last step [m/s]: how far each is from the rigid-body fit."""
+    lost: bool = False  # driven wheels may have rolled while nobody counted: the pose means nothing
 
 
 class Action(Enum):
@@ -251,12 +254,9 @@ class Severity(IntEnum):
     NONE = 0
     WARN = 1
     LIMIT = 2
-    CONTROLLED_STOP = 3
-    """S2: the gate ramps to zero, drives stay enabled."""
-    QUICK_STOP = 4
-    """S1: the drives' own quick stop, then off."""
-    OFF = 5
-    """S0: off at once, the robot coasts."""
+    CONTROLLED_STOP = 3  # S2: the gate ramps to zero, drives stay enabled
+    QUICK_STOP = 4  # S1: the drives' own quick stop, then off
+    OFF = 5  # S0: off at once, the robot coasts
 
 
 class Mode(Enum):

@@ -53,7 +53,9 @@ def run_one(file: Path, seed: int) -> int:
     campaign = load_campaign(file)
     folder = campaign.scenario_folder(seed)
     shutil.rmtree(folder, ignore_errors=True)
-    with LiveView(f"seed {seed} of campaign {campaign.words.campaign}", "", lambda: None) as view:
+    with LiveView(
+        f"seed {seed} of campaign {campaign.words.campaign}", "", lambda: None, campaign.robot.bitrate
+    ) as view:
         result = run_scenario(
             scenario(seed, campaign.robot), campaign.robot_source, folder, replayed=True, watch=view.show
         )

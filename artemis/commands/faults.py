@@ -84,18 +84,20 @@ def _described(id: str, row: Row) -> str:
 
 
 def _noticed(row: Row) -> str:
+    if row.found is Found.ELSEWHERE:
+        return f"shows as {', '.join(row.shows_as)}: {row.reason}"
+    return _how(row) + (f"; may show as {', '.join(row.shows_as)}" if row.shows_as else "")
+
+
+def _how(row: Row) -> str:
     match row.found:
         case Found.EMERGENCY if row.codes:
-            return "EMCY " + ", ".join(f"0x{code:04X}" for code in row.codes)
-        case Found.EMERGENCY:
-            return "EMCY"
-        case Found.ELSEWHERE:
-            return f"shows as {', '.join(row.shows_as)}: {row.reason}"
-        case Found.ABSENT | Found.DESIGN:
-            return f"{row.found.value}: {row.reason}" if row.found is Found.ABSENT else row.reason
+            return f"{row.found.value} {', '.join(f'0x{code:04X}' for code in row.codes)}"
+        case Found.DESIGN:
+            return row.reason
         case Found.MEASURED if row.of:
             return f"{row.of}: {'; '.join(_limit(stage, row) for stage in row.stages)}"
-    return str(row.found.value)
+    return f"{row.found.value}: {row.reason}" if row.reason else row.found.value
 
 
 def _limit(stage: Stage, row: Row) -> str:
@@ -129,7 +131,8 @@ def _recovery(row: Row) -> str:
         return "mend the file"
     words = recovery.kind.value
     if recovery.kind is Kind.AUTOMATIC:
-        words = f"automatic, {recovery.times} in {_span(recovery)}, then acknowledge"
+        unless = f", not beside {', '.join(recovery.unless)}" if recovery.unless else ""
+        words += f", {recovery.times} in {_span(recovery)}{unless}, then acknowledge"
     if recovery.reset and recovery.kind is not Kind.CONFIGURED:
         words += f", after NMT reset {recovery.reset}"
     if recovery.final:

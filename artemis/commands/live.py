@@ -12,13 +12,16 @@ from threading import Thread
 from types import TracebackType
 from typing import Self
 
+from artemis.devices.can_bus import Traffic, most_bits
 from artemis.recording.chronicle import values_of
 from artemis.report.fault_words import DID, next_step
 from artemis.supervision.catalogue import ROWS
-from artemis.values import Fault, JobKind, Mode, Severity, Tick, Verdict
+from artemis.values import DriveState, Fault, JobKind, Mode, OperatorInput, Severity, Snapshot, Tick, Verdict
 
 REFRESH = 0.1
 """Seconds on the wall between two refreshes of the changing line."""
+LOAD_TIME = 0.5
+"""Over so long the bus load is averaged [s]."""
 LONGEST_BAR = 30
 """Characters."""
 
@@ -36,14 +39,15 @@ class LiveView:
     more (`| head`, a closed window): then `on_lost` is called once, and what is still to be said goes nowhere.
     """
 
-    def __init__(self, title: str, hint: str, on_lost: Callable[[], None]) -> None:
-        """`hint` names the keys that work; it is shown once. `on_lost` is called in a tick."""
+    def __init__(self, title: str, hint: str, on_lost: Callable[[], None], bitrate: int) -> None:
+        """`hint` names the keys that work; it is shown once. `on_lost` is called in a tick. `bitrate` [bit/s]."""
         self._terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self._coloured = self._terminal and not os.environ.get("NO_COLOR")
         self._on_lost = on_lost
         self._lost = False
         self._lines: SimpleQueue[str | None] = SimpleQueue()
         self._tick: Tick | None = None
+        self._load = _BusLoad(bitrate)
         self._shown: tuple[Mode | None, str] = (None, "")
         self._verdict = Verdict()
         self._lines.put(self._styled(title, _BOLD))
@@ -66,9 +70,11 @@ class LiveView:
         self._lines.put(None)
         self._thread.join()
 
-    def show(self, tick: Tick) -> None:
-        """Show a tick. Costs about a microsecond where nothing happens: it runs in the tick."""
+    def show(self, tick: Tick, traffic: Traffic) -> None:
+        """Show a tick, and the frames since the last. Costs a few microseconds where nothing happens, in the tick."""
         self._tick = tick
+        if self._terminal:
+            self._load.count(tick.snapshot.time, traffic)
         if self._lost:
             self._lost = False
             self._on_lost()
@@ -143,14 +149,33 @@ class LiveView:
         if self._tick is None:
             return ""
         width = shutil.get_terminal_size().columns - 1
-        return self._styled(status(self._tick, width), _MODE_COLOURS.get(self._tick.mode))
+        return self._styled(status(self._tick, width, self._load.share), _MODE_COLOURS.get(self._tick.mode))
 
 
-def status(tick: Tick, width: int) -> str:
-    """Where the robot is, in at most `width` characters: the way along the path, or what it does."""
+class _BusLoad:
+    """How busy the bus is, over the last half second."""
+
+    def __init__(self, bitrate: int) -> None:
+        self._bitrate, self._begun, self._bits = bitrate, 0.0, 0
+        self.share = 0.0
+
+    def count(self, time: float, traffic: Traffic) -> None:
+        self._bits += sum(most_bits(len(frame.data)) for _, frame in traffic)
+        if time - self._begun >= LOAD_TIME:
+            self.share = self._bits / ((time - self._begun) * self._bitrate)
+            self._begun, self._bits = time, 0
+
+
+def status(tick: Tick, width: int, load: float = 0.0) -> str:
+    """Where the robot is, in at most `width` characters: the way along the path, or what it does.
+
+    By hand also what the wheels and the hand do, which drives are not on, and the share `load` of the bus in use.
+    """
     odometry, tracking = tick.snapshot.odometry, tick.wish.tracking
     line = f"{tick.snapshot.time:8.2f} s  {tick.mode.value:9}"
     line += f"  {odometry.speed:+.2f} m/s  {degrees(odometry.steering):+5.1f}°"
+    if tick.mode is Mode.TELEOP:
+        line += _by_hand(tick.snapshot, load)
     if tracking is None:
         return f"{line}  {tick.wish.phase}"[:width]
     line += (
@@ -161,6 +186,22 @@ def status(tick: Tick, width: int) -> str:
         done = min(max(tracking.arc_length / tracking.length, 0.0), 1.0) if tracking.length else 1.0
         line += "  " + ("█" * round(bar * done)).ljust(bar, "░")
     return line[:width]
+
+
+def _by_hand(snapshot: Snapshot, load: float) -> str:
+    points = snapshot.set_points
+    wheels = f"{degrees(points.steering_left):+.0f}° {degrees(points.steering_right):+.0f}°"
+    off = [drive.name for drive in snapshot.sensed.drives if drive.state is not DriveState.OPERATION_ENABLE]
+    hands = "".join(f"  {sample.source} {_hand(sample)}" for sample in snapshot.sensed.inputs)
+    drives = f"NOT ON: {', '.join(off)}" if off else "drives on"
+    return f"  wheels {wheels}  {drives}  bus {load:.0%}{hands}"
+
+
+def _hand(sample: OperatorInput) -> str:
+    if sample.age is None:
+        return "silent"
+    state = "held" if sample.enabled else "released" if sample.neutral else "not neutral"
+    return f"{sample.speed:+.2f} m/s {degrees(sample.steering):+.0f}° {state}"
 
 
 def _severity_colour(fault: Fault) -> str:

@@ -6,9 +6,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from artemis.app import core_from
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import load_mission
+from artemis.planning import core_from
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.replay import replay
 from artemis.yaml_file import MAX_BYTES, survey
@@ -23,7 +23,9 @@ def replay_run(run: Path) -> int:
     """
     recording = Recording(run)
     with tempfile.TemporaryDirectory() as folder:
-        result = replay(recording, core_from(load_mission(_unpack(recording, Path(folder))), recording.resumption))
+        loaded = load_mission(_unpack(recording, Path(folder)))
+        simulated = recording.mission.get("bus") == "simulation"
+        result = replay(recording, core_from(loaded, recording.resumption, simulated))
     if not result.ticks:
         raise RecordingError(f"{recording.path}: holds no tick; {recording.missing or 'nothing to recompute'}")
     if recording.missing:

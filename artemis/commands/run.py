@@ -5,17 +5,19 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from math import degrees
 from pathlib import Path
 from shlex import quote
 
-from artemis.app import Outcome, is_simulated, resumption_from, run_mission
+from artemis.app import Outcome, resumption_from, run_mission
 from artemis.commands.live import LiveView
-from artemis.commands.terminal import HINT, listen_to_keys, somebody_is_there
-from artemis.errors import RecordingError
+from artemis.commands.terminal import DRIVING, HINT, listen_to_keys, somebody_is_there
+from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords, Follow
+from artemis.planning import inputs_used, is_fast, is_simulated
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import Resumption
@@ -35,31 +37,37 @@ def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> 
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
     loaded = load_mission(source)
-    resumption = _resumption(loaded, source, resume)
+    resumption = _resumption(loaded, source, resume, simulate)
     simulated = is_simulated(loaded, simulate)
-    fast = simulated and loaded.mission.simulation.pace == "fast"
+    fast = is_fast(loaded, simulate)
     operator = listen_to_keys if somebody_is_there() and not fast else None
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
         _print("warning", warning)
-    with LiveView(_title(loaded, simulated), HINT if operator else "", terminate) as view:
+    driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
+    hint = f"{HINT}; {DRIVING}" if driving else HINT
+    with LiveView(_title(loaded, simulated), hint if operator else "", terminate, loaded.robot.bitrate) as view:
         outcome = run_mission(
             loaded, source, simulate=simulate, watch=view.show, operator=operator, resumption=resumption
         )
     _conclude(outcome)
     if outcome.failed:
-        _print("go on", _command(source, outcome.run.path))
+        with suppress(ConfigError):  # then it cannot be gone on with; why is said to who tries
+            resumption_from(loaded, source, outcome.run.path, simulate)
+            _print("go on", _command(source, outcome.run.path, simulate))
     return outcome.exit_status
 
 
-def _resumption(loaded: LoadedMission, source: Path, resume: Path | None) -> Resumption | None:
+def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simulate: bool) -> Resumption | None:
     """Where to go on, told to whoever starts it; without an earlier run, whether the last one was left unfinished."""
     if resume is None:
-        if left := unfinished_run(loaded.folder / loaded.mission.record, loaded.mission.mission):
+        root, simulated = loaded.folder / loaded.mission.record, is_simulated(loaded, simulate)
+        if left := unfinished_run(root, loaded.mission.mission, simulated=simulated):
             run, until = left
-            _print("last run", f"ended without shutdown at {until:.2f} s; to go on with it: {_command(source, run)}")
+            command = _command(source, run, simulate)
+            _print("last run", f"ended without shutdown at {until:.2f} s; to go on with it: {command}")
         return None
-    found, notes = resumption_from(loaded, source, resume)
+    found, notes = resumption_from(loaded, source, resume, simulate)
     action = loaded.mission.steps[found.step].action
     done, what = f"{found.done:.2f} {'m' if isinstance(action, Follow) else 's'}", type(action).__name__.lower()
     _print("resuming", f"{found.run}: step {found.step + 1} ({what}), {done} of it done")
@@ -71,8 +79,8 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None) -> Res
     return found
 
 
-def _command(source: Path, run: Path) -> str:
-    return f"artemis run {quote(str(source))} --resume {quote(str(run))}"
+def _command(source: Path, run: Path, simulate: bool) -> str:
+    return f"artemis run {quote(str(source))}{' --simulate' * simulate} --resume {quote(str(run))}"
 
 
 def write_page(run: Path) -> str:

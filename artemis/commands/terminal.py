@@ -16,7 +16,13 @@ from artemis.values import Request
 KEYS = {b" ": Request.QUICKSTOP, b"a": Request.ACKNOWLEDGE, b"r": Request.ARM, b"q": Request.END}
 """Space stops at once; a acknowledges, r arms again, q ends the run in order."""
 HINT = "keys: space quick stop, a acknowledge, r arm again, q end"
+DRIVING = "arrow keys drive while held, + - speed range, p record path, d done"
 _CONTROL_CHARACTERS = 6  # place in what termios.tcgetattr returns
+_BEGIN, _END = b"\x1b[>2u\x1b[?u\x1b[?1004h", b"\x1b[?1004l\x1b[<u"
+"""Tell when keys are released (kitty keyboard protocol: push flag 2, ask for the flags), and when the window loses the
+focus (xterm, mode 1004); and neither any more."""
+_ARE_YOU_THERE, _ASKED = b"\x1b[5n", 0.05
+"""Device status report (ECMA-48, 8.3.35): any terminal answers. Asked so often [s]."""
 
 
 def somebody_is_there() -> bool:
@@ -27,9 +33,13 @@ def somebody_is_there() -> bool:
         return False
 
 
-def listen_to_keys(request: Callable[[Request], None]) -> Callable[[], None]:
+def listen_to_keys(
+    request: Callable[[Request], None], typed: Callable[[bytes], None] | None = None
+) -> Callable[[], None]:
     """Read keys from standard input on the running loop; returns how to stop and give the terminal back.
 
+    Where somebody drives by the keys, `typed` is called with all that comes, and with nothing once the terminal is
+    closed; the terminal then also tells when keys are released, and is asked all the time whether it is there.
     A closed terminal (SIGHUP) counts as a quick stop and the end: the person who could have stopped the robot is
     gone. Ctrl-Z does nothing while a mission runs: a suspended process has no heartbeat, and every drive would fault.
     """
@@ -40,7 +50,11 @@ def listen_to_keys(request: Callable[[Request], None]) -> Callable[[], None]:
     settings[_CONTROL_CHARACTERS][termios.VSUSP] = os.fpathconf(descriptor, "PC_VDISABLE").to_bytes(1, "little")
     termios.tcsetattr(descriptor, termios.TCSANOW, settings)
 
+    asking = _Asking(loop, descriptor) if typed is not None else None
+
     def stop() -> None:
+        if asking is not None:
+            asking.stop()
         loop.remove_reader(descriptor)
         loop.remove_signal_handler(signal.SIGHUP)
         with suppress(termios.error):  # the terminal is gone
@@ -53,12 +67,14 @@ def listen_to_keys(request: Callable[[Request], None]) -> Callable[[], None]:
 
     def read() -> None:
         try:
-            typed = os.read(descriptor, 64)
+            data = os.read(descriptor, 1024)
         except OSError:
-            typed = b""
-        if not typed:
+            data = b""
+        if typed is not None:
+            typed(data)
+        if not data:
             hang_up()
-        for key in typed:
+        for key in data:
             wanted = KEYS.get(bytes((key,)))
             if wanted is not None:
                 request(wanted)
@@ -66,3 +82,27 @@ def listen_to_keys(request: Callable[[Request], None]) -> Callable[[], None]:
     loop.add_reader(descriptor, read)
     loop.add_signal_handler(signal.SIGHUP, hang_up)
     return stop
+
+
+class _Asking:
+    """Asks the terminal again and again whether it is there; never waits for one that was stopped with Ctrl-S."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, descriptor: int) -> None:
+        self._loop = loop
+        self._screen = os.open(os.ttyname(descriptor), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        self._write(_BEGIN)
+        self._ask()
+
+    def stop(self) -> None:
+        """Ask no more."""
+        self._next.cancel()
+        self._write(_END)
+        os.close(self._screen)
+
+    def _ask(self) -> None:
+        self._write(_ARE_YOU_THERE)
+        self._next = self._loop.call_later(_ASKED, self._ask)
+
+    def _write(self, data: bytes) -> None:
+        with suppress(OSError):  # it is stopped, or gone: then it does not answer, and that is what counts
+            os.write(self._screen, data)

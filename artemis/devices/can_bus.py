@@ -1,7 +1,7 @@
 """Frames, and the bus that carries them. The only file that imports python-can, and only where a real bus is used.
 
 Adapter libraries raise whatever they like, from ctypes errors to assertions. At this edge every exception of theirs
-becomes `DeviceLost` with its text, so the three calls into them catch all exceptions.
+becomes `DeviceLost` with its text, so the calls into them catch all exceptions.
 """
 
 from __future__ import annotations
@@ -15,16 +15,18 @@ import logging
 import re
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from artemis import clock
 from artemis.errors import ConfigError, DeviceBusy, DeviceLost
 
 if TYPE_CHECKING:
     import can
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class Frame(NamedTuple):
@@ -35,6 +37,20 @@ class Frame(NamedTuple):
     rtr: bool = False
     time: float = 0.0
     """When it was on the bus, in the loop's time [s]; 0 before it was sent."""
+
+
+Traffic: TypeAlias = Sequence[tuple[bool, Frame]]
+"""Frames on the bus, each with whether we sent it."""
+Length = TypeVar("Length", int, "NDArray[np.int64]")
+
+
+def most_bits(length: Length) -> Length:
+    """Most bits of a frame with an 11-bit identifier and `length` data bytes, with stuffing and the pause after it.
+
+    Davis, Burns, Bril, Lukkien: Controller Area Network (CAN) schedulability analysis, Real-Time Systems 35 (2007),
+    equation 1 with g = 34.
+    """
+    return 34 + 8 * length + 13 + (34 + 8 * length - 1) // 4
 
 
 class FrameBus(Protocol):
@@ -75,6 +91,9 @@ their own (slcan, socketcand, serial), where a frame could wait unseen: they get
 
 _ECHOING = {"udp_multicast"}
 """Back ends that hand a sender its own frames back and do not mark them (`is_rx` is true)."""
+
+_WITHOUT_ADAPTER = {"virtual", "udp_multicast"}
+"""Back ends that are always there."""
 
 _ECHO_TIME = 1.0
 """An own frame that did not come back within this time [s] was lost on the way."""
@@ -275,6 +294,23 @@ class CanBus:
             self._descriptor = -1
         if self._wake is not None:
             self._wake()
+
+
+def detected_adapters() -> list[Mapping[str, object]]:
+    """Each adapter that python-can finds on this computer, in its own words, as they may stand behind `bus:`.
+
+    Takes seconds. Many back ends cannot look for their adapters.
+
+    Raises:
+        DeviceLost: a back end failed.
+    """
+    import can
+
+    try:
+        found = can.detect_available_configs()
+    except Exception as error:
+        raise DeviceLost("CAN", f"adapters cannot be looked for: {type(error).__name__}: {error}") from error
+    return [words for words in found if words["interface"] not in _WITHOUT_ADAPTER]
 
 
 def check_bus_words(words: Mapping[str, Any]) -> list[str]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import RXPDO, PdoLayout, emergency_from_data, nmt_from_heartbeat
-from artemis.devices.epos_objects import RECEIVED, SENT, UNREADABLE, Units
+from artemis.devices.epos_objects import RECEIVED, SENT, UNREADABLE, Units, wrapped
 from artemis.devices.epos_state import Command, state_from_statusword
 from artemis.devices.sdo import SdoClient
 from artemis.devices.tally import Tally
@@ -42,13 +43,16 @@ class EposDrive:
     def on_status(self, frame: Frame) -> None:
         """TxPDO 1: statusword and position. What is older than the last one, or no motion could reach, is dropped."""
         statusword, counts = self._sent[0].unpack(frame.data)
-        elapsed = frame.time - (frame.time if self._status_time is None else self._status_time)
+        elapsed = inf if self._status_time is None else frame.time - self._status_time
         if elapsed < 0.0:
             self.tally.disordered += 1
             return
         self.tally.frames += 1
         self._statusword, self.state = statusword, state_from_statusword(statusword)
-        moved = 0.0 if self._counts is None else _wrap(counts - self._counts) / self.units.counts
+        rolled = 0 if self._counts is None else wrapped(counts - self._counts)
+        if self._status_time is None:
+            rolled = min(rolled, counts, key=abs)  # not heard since it was configured: it counted on, or from zero
+        moved = rolled / self.units.counts
         if abs(moved) > self.units.farthest(elapsed):
             self._jumps += 1
             return
@@ -113,7 +117,7 @@ class EposDrive:
         if self.is_traction:
             raw = round(value * self.units.rpm)
         else:
-            raw = _wrap((self._counts or 0) + round((value - self._position) * self.units.counts))
+            raw = wrapped((self._counts or 0) + round((value - self._position) * self.units.counts))
         return Frame(RXPDO[0] + self.node_id, self._received[0].pack(controlword, raw))
 
     def stop_frame(self, controlword: int = Command.QUICK_STOP) -> Frame:
@@ -122,15 +126,10 @@ class EposDrive:
         return Frame(RXPDO[1] + self.node_id, self._received[1].pack(controlword))
 
     def restart(self) -> None:
-        """The drive's counter may begin anew: go on from here, whatever it says next."""
-        self._counts = self._status_time = self._details_time = None
+        """The drive's counter may begin anew, at zero."""
+        self._status_time = self._details_time = None
         self._jumps = 0
 
     def rebase(self, position: float, counts: int) -> None:
         """`counts` stands for `position` from now on."""
         self._position, self._counts = position, counts
-
-
-def _wrap(counts: int) -> int:
-    """Object 0x6064 is a signed 32-bit counter that wraps."""
-    return ((counts + 0x80000000) & 0xFFFFFFFF) - 0x80000000

@@ -32,11 +32,9 @@ from artemis.devices.epos_objects import (
 from artemis.devices.epos_state import Command, state_from_statusword
 from artemis.errors import DeviceError, DeviceLost, DeviceTimeout, NotKept, WrongDevice
 from artemis.motion.ackermann import Ackermann
-from artemis.values import DriveState, JobKind
+from artemis.values import POWERED, RESETS, DriveState, JobKind
 from artemis.vehicle import OPERATING_MODES
 
-RESET_COMMUNICATION, RESET_NODE = 1.0, 2.0
-"""Values of the job SECURE."""
 RESET_TIME = 1.0
 """A node that was reset answers again after this time [s]."""
 POLL = 0.02
@@ -45,8 +43,6 @@ STATE_TIME, STOP_TIME = 0.5, 5.0
 """Longest waits for a device state, and for a drive found moving to stand [s]."""
 LIMIT_MARGIN = radians(3.0)
 """The drive's own position limits lie this far beyond the largest wheel angle of the gate [rad]."""
-_MOVING = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
-
 
 _FAULTS: dict[type[DeviceError], str] = {
     SdoAbort: "COM-07",
@@ -97,11 +93,11 @@ class EposJobs:
     async def secure(self, reset: float) -> None:
         """If it moves, stop it, whoever it is; then check who it is, and leave it off, unwatching, without a fault.
 
-        `reset`: have its communication (1) or the whole node (2) reset before, as some faults need.
+        `reset`: have its communication or the whole node reset before (`RESETS`), as some faults need.
         """
         if reset:
             await self._switch_off()
-            whole = reset == RESET_NODE
+            whole = reset == RESETS["node"]
             command = NmtCommand.RESET_NODE if whole else NmtCommand.RESET_COMMUNICATION
             self._epos.send(nmt_frame(command, self.drive.node_id))
             await asyncio.sleep(RESET_TIME)
@@ -159,23 +155,20 @@ class EposJobs:
         return tuple(code & 0xFFFF for code in codes)
 
     async def disarm(self) -> None:
-        """Off, no longer watching our heartbeat, Pre-Operational: the drive rests without a fault.
+        """Off, then no longer watching our heartbeat, Pre-Operational: the drive rests without a fault.
 
-        Each act is tried, whatever becomes of the others; the first error is raised at the end.
+        One that may still turn goes on watching, and in the exchange of process data: our silence stops it.
         """
-        errors: list[DeviceError] = []
-        for act in (self._switch_off, self._stop_watching, self._reset_fault):
-            try:
-                await act()
-            except DeviceError as error:
-                errors.append(error)
-        self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
-        if errors:
-            raise errors[0]
+        await self._switch_off()
+        try:
+            await self._stop_watching()
+            await self._reset_fault()
+        finally:
+            self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
 
     async def _switch_off(self) -> None:
         """Power off; a moving drive is stopped by its own ramp before."""
-        if (await self._read_state()) in _MOVING:
+        if (await self._read_state()) in POWERED:
             await self.write(CONTROLWORD, Command.QUICK_STOP)
             await self._come_to_rest()
         await self.write(CONTROLWORD, Command.DISABLE_VOLTAGE)

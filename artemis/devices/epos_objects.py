@@ -121,6 +121,11 @@ class Units:
         return self._fastest * (elapsed + JITTER)
 
 
+def wrapped(counts: int) -> int:
+    """Object 0x6064 is a signed 32-bit counter that wraps."""
+    return ((counts + 0x80000000) & 0xFFFFFFFF) - 0x80000000
+
+
 def settings(robot: Robot, drive: Drive) -> Iterator[Setting]:
     """Everything that is configured but the PDOs, in an order that the drive accepts."""
     motor, sensor, limits = drive.motor, drive.sensor, robot.limits

@@ -46,6 +46,10 @@ from artemis.errors import DeviceLost, DeviceTimeout, ProtocolError
 COPY_TIME = 0.002
 """The copy of a disturbed frame is on the bus within this time [s]: a burst of 14 longest frames at 1 Mbit/s."""
 
+MAX_SIZE = 4096
+"""Longer objects are not read [bytes]: the longest of a drive are names, and a broken node may send without end. The
+transfer is aborted as one whose length does not match (CiA 301 table 22)."""
+
 _FENCE_INDEX = 0x1000
 """Device type, the object that every node has. It has no sub-index but 0, so a fence is answered by an abort."""
 
@@ -89,7 +93,7 @@ class SdoClient:
         """The object's bytes as the node sent them.
 
         Raises:
-            SdoAbort: the node refused, or broke the protocol of segments.
+            SdoAbort: the node refused, broke the protocol of segments, or has more than `MAX_SIZE`.
             DeviceTimeout: no answer in all tries.
             ProtocolError: an answer that is no SDO frame.
             DeviceLost: the request could not be sent.
@@ -174,14 +178,17 @@ class SdoClient:
         answer = await self._begin(Upload(index=index, subindex=subindex), _UPLOADED)
         if isinstance(answer, Expedited):
             return answer.data
-        data = b""
-        toggle = False
+        data, toggle = b"", False
+        shortest, longest = (0, MAX_SIZE) if answer.size is None else (answer.size, answer.size)
+        if longest > MAX_SIZE:
+            raise self._broken(LENGTH_MISMATCH)
         while True:
             segment = await self._exchange(NextSegment(toggle=toggle), _SEGMENT)
             data += segment.data
             if segment.toggle != toggle:
                 raise self._broken(TOGGLE_NOT_ALTERNATED)
-            if answer.size is not None and (len(data) > answer.size or (segment.last and len(data) < answer.size)):
+            too_short = len(data) < shortest if segment.last else not segment.data
+            if too_short or len(data) > longest:
                 raise self._broken(LENGTH_MISMATCH)
             if segment.last:
                 return data

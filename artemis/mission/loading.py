@@ -16,7 +16,17 @@ from pydantic import ValidationError
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.problems import nearest, problems_from
-from artemis.mission.schema import Follow, InjectedFault, Mission, PluginUse, RecoveryPolicy, Step, Supervision, Teleop
+from artemis.mission.schema import (
+    Follow,
+    InjectedFault,
+    Mission,
+    PluginUse,
+    Recorded,
+    RecoveryPolicy,
+    Step,
+    Supervision,
+    Teleop,
+)
 from artemis.vehicle import Robot
 from artemis.yaml_file import MAX_BYTES, Data, Document, KeyPath, read, survey
 
@@ -277,6 +287,7 @@ class _Loading:
         steps = self._data.get("steps")
         given = steps if isinstance(steps, list) else []
         kinds = [next(iter(step), "") if isinstance(step, dict) else "" for step in given]
+        recorded: list[str] = []
         for index, kind in enumerate(kinds):
             if kind == "follow" and "calibrate" not in kinds[:index]:
                 self._complain(("steps", index, "follow"), "calibrate first: no step before this one does (CAL-02)")
@@ -285,16 +296,24 @@ class _Loading:
             step = self._part(Step, "steps", index)
             if step is None:
                 continue
+            if isinstance(step.action, Teleop) and step.action.record:
+                recorded.append(step.action.record)
             if isinstance(step.action, Follow):
-                self._check_follow(("steps", index, "follow"), step.action, robot)
+                self._check_follow(("steps", index, "follow"), step.action, robot, recorded)
             elif isinstance(step.action, Teleop):
                 self._check_teleop(("steps", index, "teleop", "input"), step.action, robot, inputs)
 
-    def _check_follow(self, at: KeyPath, follow: Follow, robot: Robot | None) -> None:
+    def _check_follow(self, at: KeyPath, follow: Follow, robot: Robot | None, recorded: list[str]) -> None:
         config = self._plugin("artemis.followers", *at, "follower")
-        speed = getattr(config, "speed_m_s", robot.limits.speed_m_s if robot else None)
-        if robot is not None and speed is not None:
+        speed = getattr(config, "speed_m_s", None)
+        if robot is not None:
+            speed = robot.limits.speed_m_s if speed is None else speed
             self._check_speed((*at, "follower", "speed_m_s"), speed, robot)
+        if isinstance(follow.path, Recorded):
+            if (name := follow.path.recorded) not in recorded:
+                hint = nearest(name, recorded, "recorded before") if recorded else "; no step before has `record:`"
+                self._complain((*at, "path", "recorded"), f"no step before this one records {name}{hint}")
+            return
         raw = self._file((*at, "path"), follow.path)
         if raw is None:
             return

@@ -9,9 +9,9 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from artemis.errors import shown
 from artemis.yaml_file import Document, KeyPath, surprise
 
-_MAX_SHOWN = 60
 _MAX_NAMED = 12
 
 _EXPECTED = {
@@ -63,8 +63,7 @@ def describe(value: object) -> str:
             return f"a list of {len(value)}"
         case str() if not value:
             return "empty text"
-    text = repr(value)
-    return text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "..."
+    return shown(value)
 
 
 def problems_from(error: ValidationError, document: Document, model: type[BaseModel], at: KeyPath = ()) -> list[str]:

@@ -25,6 +25,9 @@ def _check_name(name: str) -> str:
     return name
 
 
+Name = Annotated[str, AfterValidator(_check_name), Field(json_schema_extra={"pattern": "^[a-z0-9-]{1,64}$"})]
+
+
 class PluginUse(Config):
     """A plugin by its name; every other key belongs to the plugin."""
 
@@ -71,14 +74,30 @@ class Calibrate(Config):
     steering: Literal["from_potentiometers"]
 
 
+class Recorded(Config):
+    """A path that an earlier step of the same mission recorded."""
+
+    recorded: Name
+    close_within_m: Annotated[float, Field(ge=0, le=2)] = 0.0
+    """If it ends so near its beginning, in about the same direction, it goes on there: for several laps."""
+
+
+def _kind_of_path(path: object) -> str:
+    return "<recorded>" if isinstance(path, dict | Recorded) else "<file>"
+
+
 class Follow(Config):
     """Drive along a path to its end."""
 
-    path: FileName
-    """Table of x, y in metres, from where the robot stands when the run is armed."""
+    path: Annotated[
+        Annotated[FileName, Tag("<file>")] | Annotated[Recorded, Tag("<recorded>")], Discriminator(_kind_of_path)
+    ]
+    """Table of x, y in metres, from where the robot stands when the run is armed; or {recorded: NAME}."""
     follower: PluginUse
     laps: Annotated[int, Field(ge=1, le=10_000)] = 1
     """More than one only on a closed path."""
+    start: Literal["beginning", "nearest"] = "beginning"
+    """Where the path is begun: where it begins, or at its nearest point."""
     max_cross_track_m: Annotated[float, Field(gt=0, le=0.6)] = 0.6
     """Farther from the path than this the robot is lost and stops (fault PTH-06)."""
 
@@ -106,6 +125,9 @@ class Teleop(Config):
 
     input: str
     until: Until
+    record: Name | None = None
+    """Record the path that is driven under this name: all of it, or what lies between two presses of the record
+    button. It is kept in the run's folder, and a later step may follow it."""
 
 
 class Stop(Config):
@@ -202,7 +224,8 @@ class Simulation(Config):
     """What stands in for the world when the bus is simulated."""
 
     seed: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] = 0
-    pace: Literal["fast", "real_time"] = "fast"
+    pace: Literal["fast", "real_time"] | None = None
+    """Faster than real time, or not; nothing: in real time if an input needs a person or a device."""
     true_robot: dict[str, object] = Field(default_factory=dict)
     """How the simulated machine differs from the robot file, unknown to the software."""
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
@@ -215,7 +238,7 @@ class Simulation(Config):
 class Mission(Config):
     """A mission: which robot does what, on which bus."""
 
-    mission: Annotated[str, AfterValidator(_check_name), Field(json_schema_extra={"pattern": "^[a-z0-9-]{1,64}$"})]
+    mission: Name
     """Its name, also of its runs' folders."""
     robot: FileName
     bus: Bus

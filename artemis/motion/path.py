@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline  # scipy has no types
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
+from artemis.motion.demand import steering_per_way
 from artemis.motion.spline import Array, parameter_from_arc, smoothed
 from artemis.motion.table import Table
 from artemis.vehicle import Robot
@@ -29,9 +30,10 @@ MAX_TURN = math.radians(120)
 """A sharper turn between three points is a reversal (a cusp), not a curve."""
 WINDOW = 0.3
 
-_NAMES = {"x": "x", "y": "y", "heading": "heading", "speed": "speed"} | {
+COLUMNS = {"x": "x", "y": "y", "heading": "heading", "speed": "speed"} | {
     "x_m": "x", "y_m": "y", "heading_rad": "heading", "speed_m_s": "speed"
 }  # fmt: skip
+"""What a header may call a column."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,6 +164,23 @@ class Path:
         index = round(arc_length / self.spacing)
         return self._speed[index % self._last if self.closed else min(max(index, 0), self._last)]
 
+    def begun_at(self, arc_length: float, done: float) -> Path:
+        """What is left when the path is begun at an arc length [m], with `done` [m] of it behind.
+
+        Of a closed path: all its laps from there, but for what is done. Of an open one: the rest, as by `rest`.
+        """
+        if not self.closed:
+            return self.rest(arc_length)
+        path = copy.copy(self.rest(arc_length))
+        laps, driven = divmod(done, self.spacing * self._last)
+        path.laps, path._driven = self.laps - int(laps), driven  # noqa: SLF001
+        return path
+
+    def nearest(self, x: float, y: float) -> float:
+        """Arc length [m] of the point of the first lap that is nearest to (x, y)."""
+        index = int(np.argmin(np.hypot(self.x - x, self.y - y)))
+        return max(self.project(x, y, index * self.spacing).arc_length, 0.0)
+
     def project(self, x: float, y: float, near: float, window: float = WINDOW) -> Projection:
         """The nearest point of the path within `window` [m] of arc length around `near`.
 
@@ -237,11 +256,11 @@ def path_from_csv(text: str, source: str, *, spacing: float = SPACING, smoothing
     Raises:
         ConfigError: every problem found, with file:line:column (faults PTH-01, PTH-02, PTH-04).
     """
-    table = Table(text, source, _NAMES, required=("x", "y"))
+    table = Table(text, source, COLUMNS, required=("x", "y"))
     if not table.complete:
         table.raise_problems()
     x, y = np.array(table.columns["x"]), np.array(table.columns["y"])
-    kept = _moving(x, y)
+    kept = moving(x, y)
     _check_points(table, x, y, kept)
     table.raise_problems()
     speed = np.array(table.columns["speed"])[kept] if "speed" in table.columns else None
@@ -251,7 +270,13 @@ def path_from_csv(text: str, source: str, *, spacing: float = SPACING, smoothing
 
 
 def path_from_points(
-    x: Array, y: Array, *, speed: Array | None = None, spacing: float = SPACING, smoothing: float = SMOOTHING
+    x: Array,
+    y: Array,
+    *,
+    speed: Array | None = None,
+    spacing: float = SPACING,
+    smoothing: float = SMOOTHING,
+    closed: bool | None = None,
 ) -> Path:
     """Lay a smooth curve through points that are at least `MIN_STEP` apart, and sample it.
 
@@ -261,9 +286,10 @@ def path_from_points(
         speed: speed of the virtual front wheel at the points [m/s], or None.
         spacing: arc length between samples [m].
         smoothing: wavelength [m] of which the amplitude is halved; 0 goes exactly through the points.
+        closed: whether it goes on from its end to its start; None: if they meet.
     """
     points = np.column_stack([x, y])
-    closed = _is_closed(points)
+    closed = _is_closed(points) if closed is None else closed
     if closed and math.dist(points[0], points[-1]) >= MIN_STEP:
         points = np.vstack([points, points[:1]])
         speed = None if speed is None else np.append(speed, speed[0])
@@ -294,32 +320,29 @@ def check_drivable(path: Path, robot: Robot, speed: float) -> list[str]:
     worst = int(np.argmax(np.abs(path.curvature)))
     if abs(path.curvature[worst]) > bound:
         problems.append(
-            f"too sharp at {_place(path, worst)}: curvature {path.curvature[worst]:.2f} 1/m, possible {bound:.2f} 1/m "
-            f"({limits.steering_deg:g} deg of steering); widen the curve"
+            f"too sharp at {place_on(path, worst)}: curvature {path.curvature[worst]:.2f} 1/m, "
+            f"possible {bound:.2f} 1/m ({limits.steering_deg:g} deg of steering); widen the curve"
         )
-    angle = np.arctan(geometry.wheelbase_m * path.curvature)
-    rear_speed = np.cos(angle) * np.minimum(speed, np.inf if path.speed is None else path.speed)
-    half = geometry.kingpin_distance_m / 2
-    rate = np.zeros_like(angle)
-    for side in (half, -half):  # the inner wheel turns up to 1.3 times as fast as the virtual one
-        wheel = np.arctan2(path.curvature * geometry.wheelbase_m, 1 - path.curvature * side)
-        rate = np.maximum(rate, np.abs(np.gradient(wheel, path.spacing)) * rear_speed)
+    rate = steering_per_way(path.curvature, path.spacing, geometry) * np.minimum(
+        speed, np.inf if path.speed is None else path.speed
+    )
     worst, possible = int(np.argmax(rate)), limits.steering_rate_wheel_deg_s
     needed = math.degrees(rate[worst])
     if needed > possible:
         speed = min(speed, path.speed_at(worst * path.spacing))
         problems.append(
-            f"too fast at {_place(path, worst)}: a wheel would steer with {needed:.0f} deg/s, possible {possible:g} "
+            f"too fast at {place_on(path, worst)}: a wheel would steer with {needed:.0f} deg/s, possible {possible:g} "
             f"deg/s; drive at most {speed * possible / needed:.2f} m/s"
         )
     return problems
 
 
-def _place(path: Path, index: int) -> str:
+def place_on(path: Path, index: int) -> str:
+    """A sample of a path, for people."""
     return f"{index * path.spacing:.2f} m (x {path.x[index]:.2f} m, y {path.y[index]:.2f} m)"
 
 
-def _moving(x: Array, y: Array) -> list[int]:
+def moving(x: Array, y: Array) -> list[int]:
     """Indices of the points that are at least `MIN_STEP` from the last one kept."""
     kept: list[int] = []
     last = (math.inf, math.inf)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
+from math import inf
 
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.odometry import Odometer
@@ -12,6 +13,9 @@ from artemis.vehicle import Robot
 
 STANDING_TIME, STANDING_WAY = 0.1, 0.001
 """The robot stands when no driven wheel rolled further than this [m] in this time [s]."""
+UNCOUNTED_WAY, UNHEARD_TIME = 0.01, 0.5
+"""A driven wheel that rolled further than this [m] while it was not heard, or was not heard for so long [s] since it
+rolled, is anywhere."""
 
 
 def stale_age(tick: float) -> float:
@@ -32,16 +36,21 @@ class Perception:
         self._ackermann = Ackermann(robot.geometry)
         self._places = robot.places
         self._rolled: deque[tuple[float, float, float]] = deque()
+        self._stood = 0.0, 0.0
+        """What both driven wheels had rolled [m] when they were last heard together; infinite: they were rolling."""
+        self._uncounted = False
 
     def reset(self) -> None:
         """Make the present place the one where the run starts: the origin, if nothing else is known."""
         self._odometer.reset(self._start)
+        self._lost = False
 
     def perceive(self, sensed: Sensed, verdict: Verdict, last: SetPoints) -> Snapshot:
         """The snapshot of this tick. An urgent tick has dt = 0: its feedback is the last scheduled one's."""
         dt = 0.0
         if any(result.kind is JobKind.REFERENCE for result in sensed.results):
             self._odometer.forget_angles()
+        self._lost = self._lost or self._is_uncounted(sensed)
         if not sensed.urgent:
             left, right, steer_left, steer_right = self._by_place(sensed)
             if self._rolled:
@@ -54,10 +63,13 @@ class Perception:
             self._rolled.append((sensed.time, left.position, right.position))
             while len(self._rolled) > 2 and self._rolled[1][0] <= sensed.time - STANDING_TIME:
                 self._rolled.popleft()
+            if left.frames and right.frames:
+                self._stood = (left.position, right.position) if self._stands(sensed) else (inf, inf)
+                self._uncounted = False
         return Snapshot(
             sensed=sensed,
             dt=dt,
-            odometry=self._odometry,
+            odometry=replace(self._odometry, lost=True) if self._lost or self._is_unheard(sensed) else self._odometry,
             standing=self._stands(sensed),
             set_points=last,
             verdict=verdict,
@@ -80,6 +92,24 @@ class Perception:
         """Traction left, right, steering left, right."""
         drives, (a, b, c, d) = sensed.drives, self._places
         return drives[a], drives[b], drives[c], drives[d]
+
+    def _is_unheard(self, sensed: Sensed) -> bool:
+        """Whether a driven wheel rolled when it was heard last, some time ago; it may still tell how far."""
+        ages = (drive.age for drive in self._by_place(sensed)[:2])
+        return inf in self._stood and any(age is None or age > UNHEARD_TIME for age in ages)
+
+    def _is_uncounted(self, sensed: Sensed) -> bool:
+        """Whether a driven wheel may have rolled uncounted, or its position jumped.
+
+        Its count begins anew when its drive starts, and is taken up again when that is configured. From when it was
+        heard before until then nobody counts, unless the robot stood and stands where it did.
+        """
+        driven = self._by_place(sensed)[:2]
+        configured = {result.drive for result in sensed.results if result.kind is JobKind.CONFIGURE}
+        self._uncounted = self._uncounted or any(drive.boots or drive.name in configured for drive in driven)
+        ways = zip(driven, self._stood, strict=True)
+        rolled = any(abs(drive.position - way) > UNCOUNTED_WAY for drive, way in ways)
+        return (self._uncounted and rolled) or any(drive.jumps > 1 for drive in driven)
 
     def _stands(self, sensed: Sensed) -> bool:
         if not self._rolled:

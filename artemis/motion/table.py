@@ -8,9 +8,10 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 
-from artemis.errors import ConfigError
+from artemis.errors import ConfigError, shown
 
 MAX_ROWS = 1_000_000
+MAX_COLUMNS = 20
 MAX_CHARACTERS = 100_000_000
 MAX_PROBLEMS = 20
 """A file of another kind has a problem in every line; the first ones tell."""
@@ -85,6 +86,9 @@ class Table:
         self._separator = next((mark for mark in ";," if mark in first), None)
         cells = first.split(self._separator)
         if first and all(_number(cell) is None for cell in cells):
+            if len(cells) > MAX_COLUMNS:
+                self._problems.append((number, 1, f"{len(cells)} columns; expected at most {MAX_COLUMNS}"))
+                return
             self._read_header(number, cells)
         else:
             self.columns = {name: [] for name in list(dict.fromkeys(self._names.values()))[: len(cells)]}
@@ -106,10 +110,10 @@ class Table:
             name = self._names.get(written.lower())
             if name is None:
                 nearest = difflib.get_close_matches(written.lower(), self._names, n=1, cutoff=0.0)[0]
-                problem = f"unknown column '{written}'; nearest is '{nearest}', known are {', '.join(self._names)}"
+                problem = f"unknown column {shown(written)}; nearest is '{nearest}', known are {', '.join(self._names)}"
                 self._problems.append((number, self._position(number, index), problem))
             elif name in self.columns:
-                problem = f"second column for {name}: '{written}'"
+                problem = f"second column for {name}: {shown(written)}"
                 self._problems.append((number, self._position(number, index), problem))
             self.columns[name if name and name not in self.columns else f"column {index + 1}"] = []
 
@@ -131,7 +135,7 @@ class Table:
         self._unreadable.append(number)
         for index, (name, found) in enumerate(zip(self.columns, values, strict=True)):
             if found is None or not math.isfinite(found):
-                problem = f"{name}: expected a finite number, found '{cells[index].strip()}'"
+                problem = f"{name}: expected a finite number, found {shown(cells[index].strip())}"
                 self._problems.append((number, self._position(number, index), problem))
 
     def _position(self, line: int, cell: int) -> int:

@@ -1,6 +1,7 @@
 """The border to foreign code: plugins are asked here, and whatever they do instead of an answer becomes a fault.
 
-The Python exceptions of a plugin are all caught here, each becomes a fault with its text.
+The Python exceptions of a plugin are all caught here, each becomes a fault with its text; so is its wish to end the
+program. An answer goes on as plain values: numbers are floats, whatever the plugin computes with.
 """
 
 from __future__ import annotations
@@ -10,11 +11,13 @@ from dataclasses import replace
 from math import isfinite
 from typing import ClassVar, TypeGuard
 
+import numpy as np
+
 from artemis.config import Config
 from artemis.errors import DeviceLost
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Follower, Following, InputDevice
-from artemis.values import OperatorInput, Request, Snapshot
+from artemis.values import Action, DriveCommand, OperatorInput, Request, Snapshot, Tracking
 
 LATE = 0.015
 """A plugin has this long for an answer [s]."""
@@ -24,6 +27,10 @@ BAD_SAMPLES, BAD_TIME = 5, 1.0
 """As many samples out of range within this time [s] are a fault."""
 LOST, OUT_OF_RANGE = "INP-01", "INP-06"
 RAISED, LATE_INPUT, GARBAGE, LATE_FOLLOWER = "PLG-02", "PLG-03", "PLG-06", "PTH-09"
+
+NUMBER, FLAG = (int, float, np.integer, np.floating), (bool, np.bool_)
+PLUGIN_ERRORS = (Exception, SystemExit)
+"""What a plugin may raise and is only its own fault. Ctrl-C while it runs is somebody's wish."""
 
 Problem = tuple[str, str, str]
 """Row of the fault table, plugin, what was seen."""
@@ -60,15 +67,16 @@ class Border:
         except DeviceLost as error:
             self._problems.append((LOST, name, error.problem))
             return None
-        except Exception as error:  # noqa: BLE001
-            self._problems.append((RAISED, name, repr(error)))
+        except PLUGIN_ERRORS as error:
+            self._problems.append((RAISED, name, told(error)))
             return None
         self._judge_time(LATE_INPUT, name, self._clock() - begun)
-        if not is_whole_input(sample):
-            self._problems.append((GARBAGE, name, repr(sample)[:80]))
+        if not is_whole_input(sample) or sample.source != name:
+            self._problems.append((GARBAGE, name, told(sample)))
             return None
         if not is_in_range(sample):
             return self._instead_of(sample, name, now)
+        sample = _plain(sample)
         self._last[name] = now, sample
         return sample
 
@@ -76,7 +84,7 @@ class Border:
         """The last good sample, grown older; too many bad ones are a fault. A stop is obeyed whatever comes with it."""
         bad = self._bad[name] = [time for time in self._bad.get(name, []) if time > now - BAD_TIME] + [now]
         if len(bad) >= BAD_SAMPLES:
-            self._problems.append((OUT_OF_RANGE, name, repr(sample)[:200]))
+            self._problems.append((OUT_OF_RANGE, name, told(sample)))
         stops = tuple(request for request in sample.requests if request is Request.QUICKSTOP)
         then, last = self._last.get(name, (now, OperatorInput(source=name)))
         return replace(last, requests=stops, age=None if last.age is None else last.age + now - then)
@@ -85,6 +93,17 @@ class Border:
         late = self._late[id, name] = self._late.get((id, name), 0) + 1 if took > LATE else 0
         if late >= MISSES:
             self._problems.append((id, name, f"{took * 1000:.0f} ms, {late} times in a row"))
+
+
+def close(inputs: Mapping[str, InputDevice]) -> list[Problem]:
+    """Give every device back, whatever the others do; what they did wrong."""
+    problems = []
+    for name, device in inputs.items():
+        try:
+            device.close()
+        except PLUGIN_ERRORS as error:
+            problems.append((RAISED, name, told(error)))
+    return problems
 
 
 class _WatchedFollower:
@@ -110,35 +129,78 @@ class _WatchedFollower:
 
 def is_whole_input(answer: object) -> TypeGuard[OperatorInput]:
     """Whether an input's answer is a sample, with numbers, buttons and requests in it."""
-    if not isinstance(answer, OperatorInput):
+    if not isinstance(answer, OperatorInput) or not isinstance(answer.source, str):
         return False
     numbers = (answer.speed, answer.steering, 0.0 if answer.age is None else answer.age)
-    flags = (answer.enabled, answer.neutral)
-    parts = ((answer.axes, (int, float)), (answer.buttons, bool), (flags, bool), (answer.requests, Request))
     return (
-        all(isinstance(number, int | float) for number in numbers)
-        and all(isinstance(found, tuple) and all(isinstance(part, kind) for part in found) for found, kind in parts)
-        and isinstance(answer.source, str)
+        all(_holds(part, NUMBER) for part in (numbers, answer.raw, answer.axes, answer.centred, answer.shaped))
+        and all(_holds(part, FLAG) for part in ((answer.enabled, answer.neutral), answer.buttons))
+        and _holds(answer.requests, (Request,))
     )
 
 
+def _holds(parts: object, kinds: tuple[type, ...]) -> bool:
+    """Whether it is a tuple of such parts."""
+    return isinstance(parts, tuple) and all(isinstance(part, kinds) for part in parts)
+
+
 def is_in_range(sample: OperatorInput) -> bool:
-    """Whether a sample's numbers are finite, and its axes between -1 and 1."""
+    """Whether a sample's numbers are finite, its axes between -1 and 1, and it is not from the future."""
     try:
-        numbers = (sample.speed, sample.steering, 0.0 if sample.age is None else sample.age)
-        return all(map(isfinite, numbers)) and all(-1.0 <= axis <= 1.0 for axis in sample.axes)
+        age = 0.0 if sample.age is None else sample.age
+        numbers = (sample.speed, sample.steering, age, *sample.raw, *sample.centred, *sample.shaped)
+        return all(map(isfinite, numbers)) and age >= 0.0 and all(-1.0 <= axis <= 1.0 for axis in sample.axes)
     except OverflowError:  # a whole number too large for a float
         return False
 
 
-def is_whole_following(answer: object) -> bool:
-    """Whether a follower's answer is one, with numbers in it. The gate judges those of the command (RUN-11)."""
-    if not isinstance(answer, Following):
-        return False
+def _plain(sample: OperatorInput) -> OperatorInput:
+    """The same sample of the types that it is declared to have."""
+    return OperatorInput(
+        source=str(sample.source),
+        speed=float(sample.speed),
+        steering=float(sample.steering),
+        enabled=bool(sample.enabled),
+        neutral=bool(sample.neutral),
+        requests=tuple(sample.requests),
+        age=None if sample.age is None else float(sample.age),
+        raw=tuple(map(float, sample.raw)),
+        axes=tuple(map(float, sample.axes)),
+        centred=tuple(map(float, sample.centred)),
+        shaped=tuple(map(float, sample.shaped)),
+        buttons=tuple(map(bool, sample.buttons)),
+    )
+
+
+def plain_following(answer: object) -> Following | None:
+    """A follower's answer of plain values; None: it is no whole one. The gate judges the command's numbers (RUN-11)."""
+    if not isinstance(answer, Following) or not isinstance(answer.finished, FLAG):
+        return None
     command, tracking = answer.command, answer.tracking
+    if not isinstance(command, DriveCommand) or not isinstance(command.action, Action):
+        return None
+    if not isinstance(tracking, Tracking):
+        return None
+    place = (tracking.arc_length, tracking.length, tracking.cross_track, tracking.heading_error)
+    if not _holds((*place, command.speed, command.steering), NUMBER):
+        return None
     try:
-        told = (tracking.arc_length, tracking.length, tracking.cross_track, tracking.heading_error)
-        finite = [isfinite(number) for number in (*told, command.speed, command.steering)]
-    except (AttributeError, TypeError, OverflowError):
-        return False
-    return all(finite[: len(told)])
+        arc_length, length, cross_track, heading_error = map(float, place)
+        speed, steering = float(command.speed), float(command.steering)
+    except OverflowError:  # a whole number too large for a float
+        return None
+    if not all(map(isfinite, (arc_length, length, cross_track, heading_error))):
+        return None
+    return Following(
+        command=DriveCommand(speed=speed, steering=steering, action=command.action),
+        tracking=Tracking(arc_length=arc_length, length=length, cross_track=cross_track, heading_error=heading_error),
+        finished=bool(answer.finished),
+    )
+
+
+def told(value: object) -> str:
+    """How a value or an error of foreign code looks, for people: short, whatever its own `repr` does."""
+    try:
+        return repr(value)[:200]
+    except Exception:  # noqa: BLE001
+        return f"a {type(value).__name__} that cannot be shown"

@@ -8,7 +8,7 @@ and take the time only from what it is given.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import ClassVar, Protocol
@@ -33,10 +33,19 @@ class Setup:
     """Folder of the mission file: relative paths in the plugin's config start here."""
     files: Mapping[str, bytes] = field(default_factory=dict)
     """Contents of every file that the mission names, by the path as written there."""
+    wake: Callable[[], None] = lambda: None
+    """Asks for an extra tick now, off the schedule, in which every input is read: for a stop button that was pressed.
+    May be called from any thread."""
+    typed: Callable[[Callable[[bytes], None]], bool] = lambda listener: False
+    """Has `listener` called with whatever is typed at the terminal of the run, and with nothing once that is closed.
+    False: nobody is at a terminal."""
 
 
 class InputDevice(Protocol):
-    """Turns a device's reports into wishes of an operator."""
+    """Turns a device's reports into wishes of an operator.
+
+    A class whose devices need a person or a wire, and so real time in simulation, too, states `live = True`.
+    """
 
     Config: ClassVar[type[Config]]
 

@@ -109,13 +109,13 @@ def _import(point: EntryPoint) -> type[Any]:
         plugin = point.load()
     except (Exception, SystemExit) as error:  # a stranger's module may raise anything; its cause is chained
         raise PluginError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
-    problems = _breaches(plugin, CONTRACTS[point.group])
+    problems = breaches(plugin, CONTRACTS[point.group])
     if problems:
         raise PluginError([f"{place} {problem}" for problem in problems])
-    return plugin  # type: ignore[no-any-return]  # a class, as `_breaches` has seen
+    return plugin  # type: ignore[no-any-return]  # a class, as `breaches` has seen
 
 
-def _breaches(plugin: object, contract: type[Any]) -> list[str]:
+def breaches(plugin: object, contract: type[Any]) -> list[str]:
     """What keeps an object from being a plugin of a contract."""
     if not inspect.isclass(plugin):
         return [f"is not a class but {plugin!r:.80}"]

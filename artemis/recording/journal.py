@@ -66,7 +66,7 @@ class Journal:
             RecordingError: the file exists already, or cannot be made.
         """
         self.path = path
-        self._sequence = self._length = 0
+        self._sequence = self._length = self._marked = 0
         try:
             self._file = (disk or Disk()).open(path, "x")
         except OSError as error:
@@ -81,13 +81,29 @@ class Journal:
         Raises:
             OSError: the disk refuses.
         """
-        line = _Line(self._sequence, round(entry.time, 6), entry.kind, entry.level, entry.text, entry.data)
+        content = self._line(entry)
         self._sequence += 1
+        self._put(content.ljust(self._marked, b"\0"))
+        self._length, self._marked = self._length + len(content), 0
+
+    def mark(self, time: float) -> None:
+        """Say that the run goes on at run time `time` [s], in a last line that the next entry takes the place of.
+
+        Raises:
+            OSError: the disk refuses.
+        """
+        content = self._line(Entry(time=time, kind="running", text="")).ljust(self._marked, b"\0")
+        self._marked = len(content)
+        self._put(content)
+
+    def _line(self, entry: Entry) -> bytes:
+        line = _Line(self._sequence, round(entry.time, 6), entry.kind, entry.level, entry.text, entry.data)
         content = msgspec.json.encode(line)[:-1]
-        content += _CHECKSUM + b"%d}\n" % crc32(content)
+        return content + _CHECKSUM + b"%d}\n" % crc32(content)
+
+    def _put(self, content: bytes) -> None:
         self._file.seek(self._length)  # behind the last whole line, whatever became of one that was refused
         write_all(self._file, content)
-        self._length += len(content)
 
     def close(self) -> None:
         """End the journal, and give back the room it did not need; harmless when repeated."""

@@ -80,10 +80,11 @@ class Recorder:
         self._next_flush = self._flush_period
         self._late, self._lost = _Gaps(), _Gaps()
         self._told_late = 0
+        self._marked = 0
         self._data_trouble: Trouble | None = None
         self._journal_trouble: Trouble | None = None
         self._backlog: Backlog[_Observed, tuple[Callable[..., None], tuple[Any, ...]]] = Backlog(QUEUE_TICKS)
-        self._thread = Thread(target=self._work, name="recorder", daemon=True) if threaded else None
+        self._thread = Thread(target=self._work_beside, name="recorder", daemon=True) if threaded else None
         with ExitStack() as undo:
             undo.callback(journal.close if journal else lambda: None)
             try:
@@ -117,6 +118,9 @@ class Recorder:
             self._late.add(dropped[0].snapshot.sensed.index)
         for entry in entries:
             self.note(entry)
+        if (second := int(tick.snapshot.time)) != self._marked:
+            self._marked = second
+            self._order(self._tell, Journal.mark, tick.snapshot.time)
 
     def note(self, entry: Entry) -> None:
         """Record something that no tick shows."""
@@ -152,6 +156,7 @@ class Recorder:
             self._backlog.close()
             self._thread.join()
             self._thread = None
+            self._work()  # what the thread left, if it has died
         self._keep(self._writer.flush)
         for entry in self._last_entries(outcome):
             self.note(entry)
@@ -176,8 +181,16 @@ class Recorder:
         else:
             self._backlog.put_event((action, arguments))
 
+    def _work_beside(self) -> None:
+        """The thread. Should the program fail here, nothing is written any more, not even the journal."""
+        try:
+            self._work()
+        except BaseException as error:
+            self._end_recording(Trouble("DSK-05", f"{self._path.name}: writing it has failed: {error!r}", journal=True))
+            raise
+
     def _work(self) -> None:
-        """The thread: write what waits until nothing more comes."""
+        """Write what waits until nothing more comes."""
         while True:
             event, observed = self._backlog.take()
             if event is not None:
@@ -201,16 +214,23 @@ class Recorder:
             try:
                 action(*arguments)
             except OSError as error:
-                self._data_trouble = trouble(error, self._path)
-                halves = [self._writer.first_waiting(self._channels[topic]) for topic in ("/sensed", "/tick")]
-                first = min((index for index in halves if index is not None), default=self._index + 1)
-                self._lost.add(first, self._index + 1 - first)
+                self._end_recording(trouble(error, self._path))
+
+    def _end_recording(self, why: Trouble) -> None:
+        halves = [self._writer.first_waiting(self._channels[topic]) for topic in ("/sensed", "/tick")]
+        first = min((index for index in halves if index is not None), default=self._index + 1)
+        self._lost.add(first, self._index + 1 - first)
+        self._data_trouble = why
 
     def _write_entry(self, entry: Entry) -> None:
         self._keep(self._write_log, entry)
+        self._tell(Journal.write, entry)
+
+    def _tell(self, action: Callable[[Journal, Any], None], what: object) -> None:
+        """Have the journal write something."""
         if self._journal:
             try:
-                self._journal.write(entry)
+                action(self._journal, what)
             except OSError as error:
                 self._journal_trouble = trouble(error, self._journal.path, journal=True)
             else:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from importlib.metadata import version
 
+import msgspec
+
+from artemis.motion.track import Track
 from artemis.recording.journal import Entry, Level
 from artemis.values import Pose
 
@@ -25,6 +28,8 @@ class Resumption:
     """The last estimate, in the frame `odom`."""
     true_pose: Pose | None = None
     """Where the robot really was, in the frame `odom`, if the recording knows."""
+    tracks: dict[str, Track] = field(default_factory=dict)
+    """What had been recorded by driving, by name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +39,7 @@ class Provenance:
     start: datetime
     """Date and time on the wall at run time 0, with time zone."""
     mission: bytes
-    """The resolved mission, JSON."""
+    """The resolved mission, JSON, with the bus that the run was on."""
     robot: bytes
     """The resolved robot, JSON."""
     files: Mapping[str, bytes]
@@ -45,9 +50,14 @@ class Provenance:
 
 def first_entries(mission: str, robot: str, provenance: Provenance, warning: str | None) -> list[Entry]:
     """How a journal begins: of what it is, and since when; which run goes on; what was wrong before the start."""
-    facts = {"mission": mission, "robot": robot, "artemis": version("artemis-robot")}
-    facts["date"] = provenance.start.isoformat()
-    entries = [Entry(time=0.0, kind="start", text=f"mission {mission}: {robot}", data=dict(facts))]
+    facts = {
+        "mission": mission,
+        "robot": robot,
+        "artemis": version("artemis-robot"),
+        "date": provenance.start.isoformat(),
+        "bus": msgspec.json.decode(provenance.mission).get("bus"),
+    }
+    entries = [Entry(time=0.0, kind="start", text=f"mission {mission}: {robot}", data=facts)]
     if (resumed := provenance.resumption) is not None:
         pose = [resumed.pose.x, resumed.pose.y, resumed.pose.heading]
         data = {"run": resumed.run, "step": resumed.step, "done": resumed.done, "pose": pose}

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from datetime import datetime
 from pathlib import Path
 
 from artemis.errors import ConfigError, RecordingError
+from artemis.motion.track import Track
 from artemis.recording.journal import Entry, read_journal
 from artemis.recording.mcap_reader import RecordedTick, Recording
 from artemis.recording.provenance import Resumption
 from artemis.recording.run_folder import RunFolder
-from artemis.values import Pose
+from artemis.values import Mode, Pose, Request
 
 DONE, BROKEN = "done", "did not end in order"
 """How a run ended: with its last step, and by a failure of the program."""
@@ -19,59 +22,89 @@ LONGEST_GAP = 1.0
 """A robot that went on for longer than this [s] after the last recorded tick is anywhere."""
 MOVING = 0.01
 """Speed [m/s]."""
+SIMULATION = "simulation"
+"""The bus of a simulated run."""
+_DISK = ("DSK-02", "DSK-03", "DSK-05")
+_DRIVING = (Mode.TELEOP.value, Mode.FOLLOW.value)
 
 
-def where_it_stopped(run: Path, files: Mapping[str, bytes], steps: int) -> tuple[Resumption, list[str]]:
+def where_it_stopped(
+    run: Path, files: Mapping[str, bytes], steps: int, *, simulated: bool, root: Path
+) -> tuple[Resumption, list[str]]:
     """Step, progress and place at which a run stopped; and what an operator should know about them.
 
     Args:
         run: Its folder, or its recording; a damaged one counts as far as it is whole.
         files: The mission file and all that it names, as they are now.
         steps: How many the mission has.
+        simulated: The run that goes on with it is.
+        root: Where the mission's runs lie.
 
     Raises:
-        ConfigError: it was finished, its mission is another one now, or nothing of it can be recovered.
+        ConfigError: it was finished, its mission is another one now, it was simulated and this one is not or the other
+            way round, nobody knows where the robot is now, or nothing of it can be recovered.
     """
     try:
-        recording = Recording(run)
-        last, before = recording.last_tick(), recording.resumption
+        return _where_it_stopped(Recording(run), run, files, steps, simulated, root)
     except RecordingError as error:
         raise _refused(run, str(error)) from error
+
+
+def _where_it_stopped(
+    recording: Recording, run: Path, files: Mapping[str, bytes], steps: int, simulated: bool, root: Path
+) -> tuple[Resumption, list[str]]:
+    last, before = recording.last_tick(), recording.resumption
+    was_simulated = recording.mission.get("bus") == SIMULATION
     _check_files(recording, files)
     entries = recording.journal.entries if recording.journal else ()
     if last is None:
         raise _refused(run, recording.missing or "it holds no tick")
     if last.record.step >= steps or DONE in (recording.outcome, entries[-1].text if _ended(entries) else ""):
         raise ConfigError(f"{run}: this run is done, there is nothing to resume; leave --resume away to drive it again")
+    if was_simulated and not simulated:
+        raise _refused(run, "it was simulated, and this run is not; only with --simulate it can go on")
+    if simulated and not was_simulated:
+        raise _refused(run, "it was not simulated, and this run is")
+    if last.record.odometry.lost:
+        raise _refused(run, "wheels rolled while nobody counted: nobody knows where the robot is")
+    if not simulated and (since := _driven_since(recording, root)) is not None:
+        raise _refused(run, f"{since.name} has driven the robot since: only that run knows where it is")
     notes = [f"the recording is not whole: {recording.missing}"] if recording.missing else []
+    if last.record.true_pose is None:
+        notes += _doubts(run, recording, last, entries)
     pose, true_pose = Pose(), None
     if before or recording.places_robot():
         pose, true_pose = last.record.odometry.pose, last.record.true_pose
-        if true_pose is None:
-            notes += _doubts(run, last, entries)
     resumption = Resumption(
         run=recording.path.resolve().parent.name,
         step=last.record.step,
         done=last.record.done,
         pose=pose,
         true_pose=true_pose,
+        tracks=_tracks(run, recording, last.record.step),
     )
     return resumption, notes
 
 
-def unfinished_run(root: Path, mission: str) -> tuple[Path, float] | None:
+def unfinished_run(root: Path, mission: str, *, simulated: bool) -> tuple[Path, float] | None:
     """The folder of the mission's newest run in `root`, and until when [s] it ran, if nobody ended it."""
-    pattern = re.compile(rf"\d{{8}}T\d{{6}}Z-{re.escape(mission)}(-\d+)?")
+    for folder, entries in _journals(root, re.escape(mission)):
+        begun = any(entry.kind == "mode" for entry in entries)  # else the bus could not even be opened
+        facts = entries[0].data if begun else {}
+        if begun and facts.get("mission") == mission and (facts.get("bus") == SIMULATION) is simulated:
+            return None if _ended(entries) and entries[-1].text != BROKEN else (folder, entries[-1].time)
+    return None
+
+
+def _journals(root: Path, mission: str = ".*") -> Iterator[tuple[Path, tuple[Entry, ...]]]:
+    """Every run of a mission (a pattern) in `root`, the newest first, with its journal."""
+    pattern = re.compile(rf"\d{{8}}T\d{{6}}Z-{mission}(-\d+)?")
     folders = [path for path in root.iterdir() if pattern.fullmatch(path.name)] if root.is_dir() else []
     for folder in sorted(folders, reverse=True):
         try:
-            entries = read_journal(RunFolder(path=folder).journal).entries
+            yield folder, read_journal(RunFolder(path=folder).journal).entries
         except RecordingError:
             continue
-        begun = any(entry.kind == "mode" for entry in entries)  # else the bus could not even be opened
-        if begun and entries[0].data.get("mission") == mission:
-            return None if _ended(entries) and entries[-1].text != BROKEN else (folder, entries[-1].time)
-    return None
 
 
 def _check_files(recording: Recording, files: Mapping[str, bytes]) -> None:
@@ -92,16 +125,64 @@ def _ended(entries: tuple[Entry, ...]) -> bool:
     return bool(entries) and entries[-1].kind == "end"
 
 
-def _doubts(run: Path, last: RecordedTick, entries: tuple[Entry, ...]) -> list[str]:
+def _doubts(run: Path, recording: Recording, last: RecordedTick, entries: tuple[Entry, ...]) -> list[str]:
     """Why a real robot may not stand where the recording ends."""
     time, speed = last.record.time, abs(last.record.odometry.speed)
+    unknown = "nobody knows where the robot is"
     until = entries[-1].time if entries else time
     if until > time + LONGEST_GAP:
         seen = f"its recording ends at {time:.2f} s, the run went on until {until:.2f} s"
-        raise _refused(run, f"{seen}: nobody knows where the robot is")
+        raise _refused(run, f"{seen}: {unknown}")
+    if not entries and recording.missing:
+        raise _refused(run, f"its recording is cut off, and no journal tells how long it went on: {unknown}")
+    for entry in entries:
+        if entry.kind == "fault" and entry.data.get("id") in _DISK and entry.time > time:
+            failed = f"{entry.data['id']} at {entry.time:.2f} s"
+            raise _refused(run, f"the disk failed ({failed}) after what is recorded: {unknown}")
     return [f"the robot was moving with {speed:.2f} m/s when the recording ends: it stands further on"] * (
         speed > MOVING
     )
+
+
+def _driven_since(recording: Recording, root: Path) -> Path | None:
+    """The newest run of whichever mission that began after this one, and drove the same robot."""
+    for folder, entries in _journals(root):
+        facts = entries[0].data if entries else {}
+        if folder.name[:16] < f"{recording.start:%Y%m%dT%H%M%SZ}":
+            return None
+        if facts.get("bus") == SIMULATION or facts.get("robot") != recording.robot.robot:
+            continue
+        drove = any(entry.kind == "mode" and entry.data.get("to") in _DRIVING for entry in entries)
+        if drove and datetime.fromisoformat(facts["date"]) > recording.start:
+            return folder
+    return None
+
+
+def _tracks(run: Path, recording: Recording, step: int) -> dict[str, Track]:
+    """What was driven in steps that record it, up to `step`: made again from the ticks as mode teleop made it.
+
+    Raises:
+        ConfigError: ticks are missing of a path that is needed.
+    """
+    before, steps = recording.resumption, recording.mission["steps"]
+    records = {number: done["teleop"] for number, done in enumerate(steps) if (done.get("teleop") or {}).get("record")}
+    tracks = deepcopy(before.tracks) if before else {}
+    if not records:
+        return tracks
+    current, index = before.step if before else 0, -1
+    for tick in recording.ticks():
+        teleop = records.get(current) if tick.record.mode is Mode.TELEOP else None
+        if teleop is not None and not tick.record.odometry.lost:
+            if tick.record.index != index + 1:
+                raise _refused(run, f"ticks are missing while the path {teleop['record']} was recorded")
+            samples = (sample for sample in tick.sensed.inputs if sample.source == teleop["input"])
+            pressed = any(Request.RECORD in sample.requests for sample in samples)
+            tracks.setdefault(teleop["record"], Track()).see(tick.record.odometry.pose, pressed=pressed)
+        current, index = tick.record.step, tick.record.index
+    missing = [done["record"] for number, done in records.items() if number < step and done["record"] not in tracks]
+    if missing:
+        raise _refused(run, f"nothing is left of the path {missing[0]}, which was recorded by driving")
+    return tracks
 
 
 def _refused(run: Path, reason: str) -> ConfigError:

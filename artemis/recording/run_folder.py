@@ -38,6 +38,24 @@ class RunFolder:
         """Copies of the files that the mission names."""
         return self.path / "files"
 
+    @property
+    def paths(self) -> Path:
+        """Paths that were recorded by driving."""
+        return self.path / "paths"
+
+
+def keep_paths(folder: RunFolder, paths: Mapping[str, str]) -> list[str]:
+    """Write the paths that were driven by hand as `paths/NAME.csv`; what the disk refused."""
+    refused = []
+    for name, text in paths.items():
+        file = folder.paths / f"{name}.csv"
+        try:
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(text, encoding="utf-8")
+        except OSError as error:
+            refused.append(f"{file}: {error.strerror}; `artemis path record {folder.path}` makes it again")
+    return refused
+
 
 def create_run_folder(root: Path, mission: str, start: datetime, files: Mapping[str, bytes]) -> RunFolder:
     """Make the folder of a run that starts at `start` (UTC), with copies of the mission's `files` by their names.

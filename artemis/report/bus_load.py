@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from artemis.devices.can_bus import most_bits
 from artemis.motion.spline import Array
 from artemis.recording.mcap_reader import Recording
 
@@ -19,7 +19,7 @@ def measure_bus_load(recording: Recording, time: Array, indices: list[int]) -> t
     for index, packed in recording.frame_arrays():
         frames += len(packed)
         if index in bits:
-            bits[index] += float(np.sum(_frame_bits(packed["length"].astype(np.int64))))
+            bits[index] += float(np.sum(most_bits(packed["length"].astype(np.int64))))
     if len(time) < 2:
         return frames, np.empty(0), np.empty(0)
     ticks = max(1, round(max(BUS_BIN, float(time[-1] - time[0]) / 500) / float(np.median(np.diff(time)) or BUS_BIN)))
@@ -29,12 +29,3 @@ def measure_bus_load(recording: Recording, time: Array, indices: list[int]) -> t
     totals = np.add.reduceat(np.array(list(bits.values())), edges)[:-1]
     begin, end = time[edges[:-1]], time[edges[1:]]
     return frames, (begin + end) / 2, totals / ((end - begin) * recording.robot.bitrate)
-
-
-def _frame_bits(length: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Most bits of a frame with an 11-bit identifier and `length` data bytes, with stuffing and the pause after it.
-
-    Davis, Burns, Bril, Lukkien: Controller Area Network (CAN) schedulability analysis, Real-Time Systems 35 (2007),
-    equation 1 with g = 34.
-    """
-    return 34 + 8 * length + 13 + (34 + 8 * length - 1) // 4

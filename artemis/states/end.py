@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from artemis.states.mode import STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs
+from artemis.states.mode import STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs, is_second, listen
 from artemis.supervision import catalogue
 from artemis.values import DriveState, Goal, JobKind, Snapshot, Wish
 
@@ -28,12 +28,15 @@ class EndMode(RoutineMode):
                 if all(drive.state in _OFF_STATES for drive in snapshot.sensed.drives):
                     break
         idle = replace(IDLE, exchange=plan.connected, heartbeat=plan.connected)
-        traction, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives("traction")))
-        steering, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives("steering")))
-        for result in (*traction, *steering):
-            if not result.ok:
-                plan.failed = True
-                yield replace(idle, fault=catalogue.fault("COM-34", result.drive, result.detail))
+        snapshot = yield from listen(idle, snapshot)
+        for role in ("traction", "steering"):
+            if is_second(plan, snapshot):
+                break
+            results, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives(role)))
+            for result in results:
+                if not result.ok:
+                    plan.failed = True
+                    snapshot = yield replace(idle, fault=catalogue.fault("COM-34", result.drive, result.detail))
         yield replace(idle, exchange=False)  # the last heartbeat
         while True:
             yield replace(idle, exchange=False, heartbeat=False, finished=True, phase="ended")

@@ -7,20 +7,18 @@ from dataclasses import replace
 from artemis.states.mode import (
     OFF,
     PATIENCE,
-    RESETS,
     STOPPING,
-    Plan,
     Routine,
     RoutineMode,
     come_to_rest,
+    failure,
     finish_jobs,
+    is_second,
     secure,
 )
 from artemis.supervision import catalogue
-from artemis.values import Event, Goal, JobKind, Nmt, Request, Snapshot, Wish
+from artemis.values import RESETS, Event, Goal, JobKind, Request, Snapshot, Wish
 
-DEAF = 0.1
-"""A drive whose feedback is older than this [s] may not hear our set-points either."""
 IDLE = Wish(traction=Goal.DISABLED, steering=Goal.DISABLED, supervised=False)
 
 
@@ -34,6 +32,7 @@ class FaultMode(RoutineMode):
         """Begin anew."""
         super().enter(snapshot)
         self._acknowledged = self._resumes = False
+        self._insecure: set[str] = set()
 
     def step(self, snapshot: Snapshot) -> Wish:
         """As the routine says; an acknowledgment counts also while the robot still stops."""
@@ -44,7 +43,20 @@ class FaultMode(RoutineMode):
         for fault in snapshot.verdict.faults:  # acknowledged ones are forgotten, what their drive needs is not
             needs = catalogue.ROWS[fault.id].recovery.reset, resets.get(fault.device, "")
             resets[fault.device] = max(needs, key=RESETS.__getitem__)
-        return wish
+        return self._secure_again(wish, snapshot)
+
+    def _secure_again(self, wish: Wish, snapshot: Snapshot) -> Wish:
+        """Drives that could not be secured may still turn: they are tried until they are. The first one is a fault."""
+        ended = [result for result in snapshot.sensed.results if result.kind is JobKind.SECURE]
+        failed = [result.drive for result in ended if not result.ok]
+        if failed and not self._insecure:
+            wish = replace(wish, fault=failure(ended))
+        self._insecure.difference_update(result.drive for result in ended)
+        self._insecure.update(failed)
+        if not self._insecure or is_second(self.plan, snapshot):
+            return wish
+        phase = f"not secured: {', '.join(sorted(self._insecure))}; {wish.phase}"
+        return replace(wish, jobs=(*wish.jobs, *self.plan.jobs(JobKind.SECURE, failed)), phase=phase)
 
     def routine(self, snapshot: Snapshot) -> Routine:
         """Come to rest, off, histories, acknowledgment."""
@@ -52,7 +64,7 @@ class FaultMode(RoutineMode):
         exchange = plan.connected
         stopping = replace(STOPPING, exchange=exchange, heartbeat=exchange, supervised=exchange)
         if exchange:
-            snapshot = yield from _reach_the_deaf(plan, come_to_rest(plan, stopping, snapshot), snapshot)
+            snapshot = yield from come_to_rest(plan, stopping, snapshot)
         else:
             _, snapshot = yield from secure(plan, stopping, snapshot)
         idle = replace(IDLE, exchange=exchange, heartbeat=exchange, phase="reading error histories")
@@ -65,14 +77,14 @@ class FaultMode(RoutineMode):
         by_person = self._acknowledged or plan.held
         plan.armed = not by_person and (plan.armed or self._resumes)
         while True:
-            yield replace(idle, event=Event.ACKNOWLEDGED, phase="acknowledged" if by_person else "recovered")
+            yield replace(idle, event=Event.ACKNOWLEDGED, phase="acknowledged" if self._acknowledged else "recovered")
 
     def _wait(self, idle: Wish, snapshot: Snapshot, latest: float) -> Routine:
         """One tick more, with the reason why."""
         verdict, present = snapshot.verdict, snapshot.verdict.faults[0]
         late = snapshot.time > latest
         goes_on = verdict.recovers and not self.plan.held and (verdict.resumes or self.plan.armed)
-        if late or not (snapshot.sensed.attended or goes_on):
+        if late or is_second(self.plan, snapshot) or not (snapshot.sensed.attended or goes_on):
             self.plan.failed = True
             expired = catalogue.fault("OPR-03") if late else None
             return (yield replace(idle, event=Event.END, fault=expired, phase="fault"))
@@ -86,28 +98,3 @@ class FaultMode(RoutineMode):
         else:
             phase = "acknowledge to bring the drives up again"
         return (yield replace(idle, phase=phase))
-
-
-def _reach_the_deaf(plan: Plan, stop: Routine, snapshot: Snapshot) -> Routine:
-    """Stop, and stop by SDO each driven wheel whose drive takes no process data: it would go on as it was told last.
-
-    Where that fails, too, our heartbeat is withheld, so that every drive stops by itself.
-    """
-    asked: set[str] = set()
-    heartbeat, wish = True, next(stop)
-    while True:
-        deaf = [name for name in plan.drives("traction") if name not in asked and _is_deaf(snapshot, name)]
-        asked.update(deaf)
-        snapshot = yield replace(wish, jobs=plan.jobs(JobKind.HALT, deaf), heartbeat=wish.heartbeat and heartbeat)
-        heartbeat = heartbeat and all(result.ok for result in snapshot.sensed.results if result.kind is JobKind.HALT)
-        try:
-            wish = stop.send(snapshot)
-        except StopIteration as end:
-            rested: Snapshot = end.value
-            return rested
-
-
-def _is_deaf(snapshot: Snapshot, name: str) -> bool:
-    """Whether a drive is not in the exchange of process data."""
-    drive = next(drive for drive in snapshot.sensed.drives if drive.name == name)
-    return drive.nmt is not Nmt.OPERATIONAL or drive.age is None or drive.age > DEAF

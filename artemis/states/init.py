@@ -6,13 +6,23 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from artemis.states.alignment import align
-from artemis.states.mode import OFF, ON, Routine, RoutineMode, fail, finish_jobs, secure
+from artemis.states.mode import (
+    LISTEN,
+    OFF,
+    ON,
+    Routine,
+    RoutineMode,
+    fail,
+    failure,
+    finish_jobs,
+    listen,
+    released,
+    secure,
+)
 from artemis.supervision import catalogue
 from artemis.supervision.supervisor import LOST_HEARTBEAT
 from artemis.values import DriveFeedback, DriveState, Event, Goal, JobKind, Nmt, Request, Snapshot, Wish
 
-LISTEN = 0.3
-"""Seconds of listening before the first frame of ours."""
 ANSWER_TIME = 1.5
 """Longest time for a state to be reached that needs no motion [s]."""
 HEARTBEATS = 5
@@ -33,9 +43,7 @@ class InitMode(RoutineMode):
         plan = self.plan
         silent = replace(SILENT, heartbeat=plan.connected)  # drives of ours still watch: secured, they no longer do
         plan.connected = plan.aligned = False
-        until = snapshot.time + LISTEN
-        while snapshot.time < until:
-            snapshot = yield replace(silent, phase="listening")
+        snapshot = yield from listen(silent, snapshot, snapshot.time + LISTEN)
         results, snapshot = yield from secure(plan, silent, snapshot)
         if all(result.ok for result in results):
             wish = replace(silent, phase=JobKind.CONFIGURE.value)
@@ -43,15 +51,15 @@ class InitMode(RoutineMode):
         failed = [result for result in results if not result.ok]
         if len(failed) == len(results) and all(result.fault == NO_ANSWER for result in failed):
             return (yield from fail(SILENT, catalogue.fault("COM-32")))
-        for result in failed[:1]:
-            return (yield from fail(SILENT, catalogue.fault(result.fault, result.drive, result.detail)))
+        if fault := failure(failed):
+            return (yield from fail(SILENT, fault))
         plan.connected = True
         snapshot = yield from self._prove_watchdog(snapshot)
-        while not plan.armed and Request.ARM not in snapshot.sensed.requests:
-            if not snapshot.sensed.attended:
+        while not (released(snapshot) and (plan.armed or Request.ARM in snapshot.sensed.requests)):
+            if not (plan.armed or snapshot.sensed.attended):
                 plan.failed = True
                 yield replace(OFF, event=Event.END, phase="nobody there to arm")
-            snapshot = yield replace(OFF, phase="waiting for arm")
+            snapshot = yield replace(OFF, phase="waiting for arm" if released(snapshot) else "release the controls")
         plan.armed = plan.held = False
         yield from align(plan, snapshot)
         first, plan.aligned, plan.placed = not plan.placed, True, True

@@ -5,14 +5,29 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, field, replace
-from math import inf
 from typing import Protocol
 
 from artemis.motion.path import Path
 from artemis.motion.perception import STANDING_TIME
+from artemis.motion.track import Track
 from artemis.plugins.contracts import Follower
+from artemis.supervision import catalogue
 from artemis.supervision.policy import Policies
-from artemis.values import Action, DriveCommand, Fault, Goal, Job, JobKind, JobResult, Pose, Snapshot, Wish
+from artemis.values import (
+    RESETS,
+    Action,
+    DriveCommand,
+    DriveState,
+    Fault,
+    Goal,
+    Job,
+    JobKind,
+    JobResult,
+    Nmt,
+    Pose,
+    Snapshot,
+    Wish,
+)
 from artemis.vehicle import Robot
 
 
@@ -38,11 +53,18 @@ class CalibrateStep:
 class FollowStep:
     """Follow a path to its end; `max_cross_track` [m] is where the robot counts as lost."""
 
-    path: Path
+    path: Path | str
+    """A text: the path that was recorded under this name in an earlier step."""
     follower: Follower
+    laps: int = 1
+    """Of a path that is recorded first; another one has its own."""
+    close_within: float = 0.0
+    """A recorded path that ends so near its beginning [m] is closed."""
+    nearest: bool = False
+    """Begin at the point of the path that is nearest to the robot."""
     max_cross_track: float = 0.6
-    longest: float = inf
-    """Time after which it counts as failed [s] (PTH-08)."""
+    speed: float | None = None
+    """Of the virtual front wheel [m/s], where the follower says: it drives no faster, and not for ever (PTH-08)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +73,10 @@ class TeleopStep:
 
     input: str
     seconds: float | None
+    speed: float | None = None
+    """Of the virtual front wheel [m/s], where the input says: it drives no faster."""
+    record: str = ""
+    """Name of the path that is recorded; none: nothing is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +96,17 @@ def with_followers(steps: Iterable[Step], change: Callable[[Follower], Follower]
     )
 
 
+@dataclass(slots=True)
+class Stop:
+    """A stop by the drives under way. A mode that begins it anew goes on with it: its time does not begin again."""
+
+    begun: float
+    halted: set[str] = field(default_factory=set)
+    """Driven wheels whose drives were to be stopped by SDO."""
+    heartbeat: bool = True
+    """False: one of them could not be, so our silence has to stop it."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Plan:
     """The mission's steps and how far they are done; part of the core's state, shared by the modes."""
@@ -87,7 +124,9 @@ class Plan:
     failed: bool = False
     """A fault or a stop ended the run before its last step."""
     held: bool = False
-    """A person stopped the robot: nothing but a person lets it go on."""
+    """A person stopped the robot, or a fault that may not go on by itself: nothing but a person's arm lets it go on."""
+    stop: Stop | None = None
+    """None: no stop by the drives is under way."""
     policies: Policies = field(default_factory=dict)
     """What the mission says about single faults."""
     resets: dict[str, str] = field(default_factory=dict)
@@ -97,12 +136,21 @@ class Plan:
     index: int = 0
     done: float = 0.0
     """How much of the current step is done, here or in an earlier run: way along its path [m], or time [s]."""
+    tracks: dict[str, Track] = field(default_factory=dict)
+    """What was recorded, by name."""
     _ids: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
 
     @property
     def current(self) -> Step | None:
         """The step to do now; None after the last."""
         return self.steps[self.index] if self.index < len(self.steps) else None
+
+    @property
+    def top_speed(self) -> float:
+        """What the way to stop was checked for, of the current step: speed of the virtual front wheel [m/s]."""
+        step = self.current
+        told = step.speed if isinstance(step, FollowStep | TeleopStep) else None
+        return self.robot.limits.speed_m_s if told is None else told
 
     @property
     def stop_time(self) -> float:
@@ -183,14 +231,39 @@ def fail(wish: Wish, fault: Fault) -> Routine:
         yield wish
 
 
-RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}
-"""Value of the job SECURE by the NMT reset that goes before."""
+def failure(results: Iterable[JobResult]) -> Fault | None:
+    """What the first job met that failed."""
+    return next((catalogue.fault(it.fault, it.drive, it.detail) for it in results if not it.ok), None)
+
+
+LISTEN = 0.3
+"""Seconds of listening before the first frame of ours."""
+
+
+def listen(wish: Wish, snapshot: Snapshot, until: float = LISTEN) -> Routine:
+    """Yield `wish`, which sends nothing, up to a run time [s]."""
+    while snapshot.time < until:
+        snapshot = yield replace(wish, phase="listening")
+    return snapshot
+
+
+def is_second(plan: Plan, snapshot: Snapshot) -> bool:
+    """Another artemis has the drives, and we do not: nothing of ours may reach them."""
+    return not plan.connected and any(fault.id == "COM-18" for fault in snapshot.verdict.faults)
+
+
+def released(snapshot: Snapshot) -> bool:
+    """Every control rests."""
+    return all(sample.neutral for sample in snapshot.sensed.inputs)
 
 
 def secure(plan: Plan, wish: Wish, snapshot: Snapshot) -> Finished:
     """Have every drive stopped and off by jobs, before any process data: traction first, while steering may hold."""
     found: tuple[JobResult, ...] = ()
+    snapshot = yield from listen(wish, snapshot)
     for role in ("traction", "steering"):
+        if is_second(plan, snapshot):
+            break
         drives = plan.drives(role)
         resets = [RESETS[plan.resets.pop(drive, "")] for drive in drives]
         results, snapshot = yield from finish_jobs(
@@ -214,14 +287,36 @@ def come_to_rest(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
     Steering holds for longer: a robot that rolls without power shall not turn on its own. It ends sooner where a
     driven wheel is not heard any more. What stood a moment ago may just have begun to move: standing counts after a
     while.
+
+    A driven wheel whose drive is deaf would go on as it was told last: it is stopped by SDO. Where that fails, too,
+    our heartbeat is withheld, so that every drive stops by itself.
     """
-    begun = snapshot.time
+    stop = plan.stop = plan.stop or Stop(snapshot.time)
     while True:
-        passed = snapshot.time - begun
+        passed = snapshot.time - stop.begun
+        halts = [result for result in snapshot.sensed.results if result.kind is JobKind.HALT]
+        stop.heartbeat = stop.heartbeat and all(result.ok for result in halts)
+        deaf = [name for name in plan.drives("traction") if _is_deaf(snapshot, name, passed)]
+        jobs = plan.jobs(JobKind.HALT, [name for name in deaf if name not in stop.halted])
+        stop.halted.update(deaf)
         limit = ROLLING_TIME if _is_heard(plan, snapshot) else plan.stop_time
-        if passed >= limit or (snapshot.standing and passed >= STANDING_TIME):
+        if not jobs and (passed >= limit or (snapshot.standing and passed >= STANDING_TIME)):
+            plan.stop = None
             return snapshot
-        snapshot = yield wish if passed < plan.stop_time else replace(wish, traction=Goal.DISABLED)
+        told = wish if passed < plan.stop_time else replace(wish, traction=Goal.DISABLED)
+        snapshot = yield replace(told, jobs=jobs, heartbeat=wish.heartbeat and stop.heartbeat)
+
+
+DEAF = 0.1
+"""A drive whose feedback is older than this [s], or that is still enabled so long after it was stopped, is deaf."""
+
+
+def _is_deaf(snapshot: Snapshot, name: str, passed: float) -> bool:
+    """Whether a drive takes no process data, `passed` [s] after the stop began."""
+    drive = next(drive for drive in snapshot.sensed.drives if drive.name == name)
+    if drive.nmt is not Nmt.OPERATIONAL or drive.age is None or drive.age > DEAF:
+        return True
+    return drive.state is DriveState.OPERATION_ENABLE and passed >= DEAF
 
 
 def _is_heard(plan: Plan, snapshot: Snapshot) -> bool:

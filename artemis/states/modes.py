@@ -14,7 +14,7 @@ from artemis.states.mode import ModeLogic, Plan
 from artemis.states.quickstop import QuickstopMode
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
-from artemis.values import Action, Event, Goal, Mode, Request, Severity, Snapshot, Wish
+from artemis.values import Action, Event, Goal, Mode, Request, Severity, Snapshot, Verdict, Wish
 
 
 class Modes:
@@ -46,7 +46,8 @@ class Modes:
         verdict, requests = snapshot.verdict, snapshot.sensed.requests
         stop_at = Severity.QUICK_STOP if self.mode is Mode.QUICKSTOP else Severity.CONTROLLED_STOP
         self._ending = self._ending or Request.END in requests or wished is Event.END
-        self._plan.held = self._plan.held or Request.QUICKSTOP in requests
+        if Request.QUICKSTOP in requests or (verdict.stops and not self._may_go_on(verdict)):
+            self._plan.held = True
         for event in (
             Event.FAULT if verdict.to_fault else None,
             Event.STOP if Request.QUICKSTOP in requests else None,
@@ -61,6 +62,10 @@ class Modes:
                 self._logic[self.mode].enter(snapshot)
                 break
         return self.mode
+
+    def _may_go_on(self, verdict: Verdict) -> bool:
+        """Whether what stops the robot may let it go on by itself: as the mission says, or with an arm not yet used."""
+        return verdict.resumes or (verdict.recovers and self._plan.armed)
 
     def step(self, snapshot: Snapshot) -> Wish:
         """What the present mode wants of this tick, unless nothing but power off is left."""

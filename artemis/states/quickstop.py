@@ -14,7 +14,9 @@ from artemis.states.mode import (
     RoutineMode,
     come_to_rest,
     fail,
+    failure,
     finish_jobs,
+    released,
     secure,
 )
 from artemis.supervision import catalogue
@@ -32,6 +34,7 @@ class QuickstopMode(RoutineMode):
         """Begin anew."""
         super().enter(snapshot)
         self._resumes = False
+        self.plan.armed = False  # what was meant for a bring-up is no arm after a stop
 
     def step(self, snapshot: Snapshot) -> Wish:
         """As the routine says; drives without our configuration exchange nothing, their jobs stop them."""
@@ -44,7 +47,9 @@ class QuickstopMode(RoutineMode):
         """Stop, wait for re-arm, enable again with targets cleared."""
         plan = self.plan
         if not plan.connected:
-            _, snapshot = yield from secure(plan, STOPPING, snapshot)
+            results, snapshot = yield from secure(plan, STOPPING, snapshot)
+            if fault := failure(results):
+                return (yield from fail(STOPPING, fault))
         hold = plan.connected and _asks_to_hold(snapshot)
         latest = snapshot.time + plan.stop_time
         while hold and not snapshot.standing:
@@ -61,9 +66,8 @@ class QuickstopMode(RoutineMode):
             yield replace(OFF, event=Event.ACKNOWLEDGED)
         if not hold:
             results, snapshot = yield from finish_jobs(OFF, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()))
-            for result in results:
-                if not result.ok:
-                    return (yield from fail(OFF, catalogue.fault(result.fault, result.drive, result.detail)))
+            if fault := failure(results):
+                return (yield from fail(OFF, fault))
         snapshot = yield from enable(ON, snapshot)
         yield replace(_ramp(snapshot), event=Event.REARMED, phase="armed again")
         while True:
@@ -104,6 +108,4 @@ def _waits_for(snapshot: Snapshot) -> str | None:
         return f"this run cannot go on, end it: {verdict.faults[0].text}"
     if verdict.stops:
         return "recovers by itself" if verdict.recovers else f"acknowledge: {verdict.faults[0].text}"
-    if not all(sample.neutral for sample in snapshot.sensed.inputs):
-        return "release the controls"
-    return None
+    return None if released(snapshot) else "release the controls"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from artemis.motion.track import Track
 from artemis.states.mode import ON, Plan, TeleopStep
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, Event, OperatorInput, Request, Snapshot, Wish
@@ -17,12 +18,11 @@ class TeleopMode:
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._since = 0.0
-        self._ending = False
+        self._since, self._ending, self._released = 0.0, False, True
 
     def enter(self, snapshot: Snapshot) -> None:
         """The controls were neutral when the step began, or went on after it was interrupted."""
-        self._since, self._ending = snapshot.time - self._plan.done, False
+        self._since, self._ending, self._released = snapshot.time - self._plan.done, False, True
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The operator's wish; standing still when the enable button is up; done when asked and at rest."""
@@ -32,6 +32,9 @@ class TeleopMode:
         sample = next((i for i in snapshot.sensed.inputs if i.source == step.input), OperatorInput(source=step.input))
         stand = DriveCommand(steering=snapshot.set_points.steering)
         self._plan.done = snapshot.time - self._since
+        if step.record and not snapshot.odometry.lost:
+            track = self._plan.tracks.setdefault(step.record, Track())
+            track.see(snapshot.odometry.pose, pressed=Request.RECORD in sample.requests)
         over = step.seconds is not None and self._plan.done >= step.seconds
         self._ending = self._ending or over or Request.DONE in sample.requests
         if self._ending and snapshot.standing:
@@ -43,5 +46,8 @@ class TeleopMode:
             id = "INP-01" if sample.age is None else "INP-03"
             return replace(ON, command=stand, fault=catalogue.fault(id, step.input))
         if not sample.enabled:
+            self._released = snapshot.standing  # a press that comes sooner does not count (INP-09)
             return replace(ON, command=stand, phase="hold the enable button to drive")
+        if not self._released:
+            return replace(ON, command=stand, phase="release the enable button, and press it again at standstill")
         return replace(ON, command=DriveCommand(speed=sample.speed, steering=sample.steering), phase="driving")

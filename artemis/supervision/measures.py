@@ -6,7 +6,7 @@ for how long is a fault stands in the row.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterator
 
 from artemis.motion.perception import stale_age
@@ -31,15 +31,11 @@ class Rate:
 
     def __init__(self, window: float) -> None:
         self._window = window
-        self._happened: dict[str, deque[tuple[float, int]]] = {}
+        self._happened: defaultdict[str, deque[tuple[float, int]]] = defaultdict(deque)
 
     def count(self, name: str, times: int, now: float) -> int:
         """Add `times` at time `now` [s]; the sum over the window."""
-        happened = self._happened.get(name)
-        if happened is None:
-            if not times:
-                return 0
-            happened = self._happened[name] = deque()
+        happened = self._happened[name]
         if times:
             happened.append((now, times))
         while happened and happened[0][0] <= now - self._window:
@@ -149,10 +145,9 @@ class HostMeasures:
         if sensed.late > 0.0:
             yield "SYS-01", "", sensed.late, f"{sensed.late * 1000:.0f} ms"
             yield "SYS-03", "", sensed.late, f"for {sensed.late * 1000:.0f} ms"
-        gap = 0.0 if self._last_beat is None else sensed.time - self._last_beat
-        self._last_beat = sensed.time if last.heartbeat else None
-        if gap > 0.1:
+        if self._last_beat is not None and (gap := sensed.time - self._last_beat) > 0.1:
             yield "COM-31", "", gap, f"{gap * 1000:.0f} ms after the one before"
+        self._last_beat = sensed.time if last.heartbeat else None
 
     def _messages(self, drive: DriveFeedback, now: float) -> Iterator[Reading]:
         name = drive.name
@@ -168,9 +163,7 @@ class HostMeasures:
     def _input(self, sample: OperatorInput, now: float) -> Iterator[Reading]:
         before = self._axes.get(sample.source, sample.axes)
         self._axes[sample.source] = sample.axes
-        jumped = sample.axes is not before and any(
-            abs(axis - last) > HAND for axis, last in zip(sample.axes, before, strict=False)
-        )
+        jumped = any(abs(axis - last) > HAND for axis, last in zip(sample.axes, before, strict=False))
         if jumps := self._jumps.count(sample.source, jumped, now):
             yield "INP-08", sample.source, float(jumps), ""
 

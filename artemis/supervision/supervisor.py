@@ -63,7 +63,6 @@ class Supervisor:
         self._explained: set[str] = set()
         """Drives in fault that said why, also once that was acknowledged."""
         self._acknowledged = -inf
-        self._level = Severity.NONE
         self._alarm = False
         self._verdict = _SILENT
 
@@ -81,12 +80,11 @@ class Supervisor:
     # ------------------------------------------------------------------------------------------ finding
 
     def _emergencies(self, sensed: Sensed, last: Wish) -> Iterator[Fault]:
-        """Of drives that exchange process data; in bring-up and release a lost heartbeat is no news."""
-        if last.exchange:
-            for drive in sensed.drives:
-                for code in drive.emergencies:
-                    if code and (last.supervised or code != LOST_HEARTBEAT):
-                        yield catalogue.emergency(drive.name, code)
+        """What the drives told; in bring-up and release a lost heartbeat is no news."""
+        for drive in sensed.drives:
+            for code in drive.emergencies:
+                if code and (last.supervised or code != LOST_HEARTBEAT):
+                    yield catalogue.emergency(drive.name, code)
 
     def _measured(self, sensed: Sensed, last: Wish, points: SetPoints) -> list[Fault]:
         """The faults among the readings: what is above its limit for long enough."""
@@ -119,18 +117,17 @@ class Supervisor:
             if value > stage.over:
                 key = id, device, number
                 since = above[key] = self._above.get(key, self._now)
-                if self._now - since >= stage.hold - ROUNDING and (worst is None or stage.severity > worst):
+                if self._now - since >= stage.hold - ROUNDING:
                     worst = stage.severity
         if worst is not None:
             yield self._escalated(seen) if id == NO_SLOWER else catalogue.fault(id, device, seen, worst)
 
     def _escalated(self, seen: str) -> Fault:
         """The robot does not slow down as it should: one step further each time, S2 -> S1 -> S0 -> alarm."""
-        stops_by = max(self._verdict.severity, self._level, self._stops_by)
-        self._alarm = self._alarm or stops_by is Severity.OFF
-        self._level = Severity(min(stops_by + 1, Severity.OFF))
+        stops_by = max(self._verdict.severity, self._stops_by)
+        self._alarm = stops_by is Severity.OFF
         self._wheels.plan_from_here()
-        return replace(catalogue.fault(NO_SLOWER, "", seen), severity=self._level)
+        return replace(catalogue.fault(NO_SLOWER, "", seen), severity=Severity(min(stops_by + 1, Severity.OFF)))
 
     # ------------------------------------------------------------------------------------------ latching
 
@@ -168,9 +165,7 @@ class Supervisor:
             if gone and (mild or (asked and not entry.fault.final)):
                 del latched[key]
         stopping = self._stopping()
-        if not stopping:
-            self._level = Severity.NONE
-        elif mode in _STOPPED and self._wheels.speed <= STANDING and self._recover(stopping, now):
+        if mode in _STOPPED and self._wheels.speed <= STANDING and self._recover(stopping, now):
             for key in stopping:
                 del latched[key]
             for id in {id for id, _ in stopping}:

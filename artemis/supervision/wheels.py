@@ -11,7 +11,7 @@ from artemis.motion.ackermann import Ackermann
 from artemis.motion.perception import stale_age
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
 from artemis.supervision.measures import Reading
-from artemis.values import Action, DriveFeedback, DriveState, Goal, JobKind, Sensed, SetPoints, Wish
+from artemis.values import POWERED, Action, DriveFeedback, DriveState, Goal, JobKind, Sensed, SetPoints, Wish
 from artemis.vehicle import Robot
 
 SPEED_TIME, SLIP_TIME = 0.04, 0.2
@@ -24,11 +24,10 @@ COASTING = 0.2
 """Least deceleration of the robot with its drives off [m/s²]; gears and tyres brake more."""
 RELATIVE = 0.2
 """A runaway is faster than commanded by this part, or by the row's limit if that is more."""
-PUSHED, MOVING, FAST, STILL = 0.02, 0.05, 0.1, 0.03
-"""Rolling speeds [m/s]: worth a look, moving, clearly moving, not moving."""
+AT_REST, MOVING, FAST, STILL = 0.02, 0.05, 0.1, 0.03
+"""Rolling speeds [m/s]: at rest after braking, moving, clearly moving, not moving."""
 ASTRAY = 0.2
 """Distance from the path that is worth a look [m]."""
-_POWERED = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
 QUICK = 0.35
 """Wheels that are steered faster than this [rad/s] say little about slip."""
 PROGRESS = 0.01
@@ -79,11 +78,10 @@ class Wheels:
         drives = [sensed.drives[place] for place in self._places]
         if not last.exchange or any(drive.age is None or drive.age > self._stale for drive in drives[:2]):
             self._moments.clear()
-            self._asked.clear()
             self._speeds = (0.0, 0.0)
             return
         self._look(sensed.time, drives, last, points)
-        yield from self._traction(drives, last, stops)
+        yield from self._traction(drives, stops)
         if last.supervised:
             yield from self._slip(drives)
             for drive in drives[2:]:
@@ -97,7 +95,7 @@ class Wheels:
         moments = self._moments
         dt = now - moments[-1].time if moments else 0.0
         moments.append(_Moment(now, drives[0].position, drives[1].position))
-        while len(moments) > 2 and moments[1].time <= now - SLIP_TIME:
+        while len(moments) > 1 and moments[1].time <= now - SLIP_TIME:
             moments.popleft()
         self._speeds = self._over(SPEED_TIME)
         driven = last.command.action is Action.RUN and last.traction is Goal.ENABLED
@@ -110,10 +108,10 @@ class Wheels:
             self._ramp_from, self._planned = now + RAMP_DELAY, max(self._planned, self.speed)
             self._braking = self._planned > MOVING
         elif now > self._ramp_from:
-            brakes = last.traction is Goal.QUICK_STOPPED and any(drive.state in _POWERED for drive in drives[:2])
+            brakes = last.traction is Goal.QUICK_STOPPED and any(drive.state in POWERED for drive in drives[:2])
             ramp = self._robot.limits.quick_stop_deceleration_m_s2 if brakes else COASTING
             self._planned = max(0.0, self._planned - ramp * dt)
-        self._braking = self._braking and not driven and self.speed > PUSHED
+        self._braking = self._braking and not driven and self.speed > AT_REST
         self._driven = driven
 
     def _over(self, time: float) -> tuple[float, float]:
@@ -125,9 +123,7 @@ class Wheels:
             return 0.0, 0.0
         return (newest.left - oldest.left) / span, (newest.right - oldest.right) / span
 
-    def _traction(self, drives: list[DriveFeedback], last: Wish, stops: bool) -> Iterator[Reading]:
-        if self.speed <= PUSHED and self._planned <= PUSHED:
-            return
+    def _traction(self, drives: list[DriveFeedback], stops: bool) -> Iterator[Reading]:
         scrub = self._car.scrub_radius * max(abs(drive.velocity) for drive in drives[2:])
         still = self._planned == 0.0 and not self._braking
         if still and self.speed - scrub > MOVING:  # wheels that are steered at standstill roll
@@ -141,17 +137,17 @@ class Wheels:
             asked = [moment[side] for moment in self._asked]
             low, high = min(asked), max(asked)
             beyond = max(speed - max(high, 0.0), min(low, 0.0) - speed)
-            if beyond > max(MOVING, RELATIVE * max(abs(low), abs(high))):
+            if beyond > max(MOVING, RELATIVE * max(-low, high)):
                 yield "RUN-01", drive.name, beyond, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}"
             if min(abs(low), abs(high)) > FAST and abs(speed) < STILL:
                 yield "RUN-04", drive.name, 1.0, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}"
-        on = [drive.state is DriveState.OPERATION_ENABLE for drive in drives[:2]]
-        if last.traction is Goal.ENABLED and on[0] is not on[1] and self.speed > MOVING:
-            yield "RUN-06", drives[on.index(True)].name, 1.0, ""
+        on = [drive.name for drive in drives[:2] if drive.state is DriveState.OPERATION_ENABLE]
+        if len(on) == 1 and self.speed > MOVING:
+            yield "RUN-06", on[0], 1.0, ""
 
     def _braked_speed(self, drives: list[DriveFeedback]) -> float:
         """Of the faster wheel that has a drive to brake it [m/s]; one without rolls until friction stops it."""
-        braked = [abs(v) for drive, v in zip(drives[:2], self._speeds, strict=True) if drive.state in _POWERED]
+        braked = [abs(v) for drive, v in zip(drives[:2], self._speeds, strict=True) if drive.state in POWERED]
         return max(braked, default=self.speed)
 
     def _slip(self, drives: list[DriveFeedback]) -> Iterator[Reading]:
@@ -168,8 +164,7 @@ class Wheels:
             for wheel, own, ratio in zip(rolled, scrub, self._car.speed_ratios(steering), strict=True)
         ]
         fastest = max(abs(speeds[0]), abs(speeds[1]))
-        slip = abs(speeds[0] - speeds[1]) / fastest if fastest > FAST else 0.0
-        if slip > RELATIVE:
+        if fastest > FAST and (slip := abs(speeds[0] - speeds[1]) / fastest) > RELATIVE:
             yield "RUN-05", "", slip, f"{slip:.0%}"
 
     # ------------------------------------------------------------------------------------------ steered wheels

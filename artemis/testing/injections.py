@@ -34,19 +34,18 @@ _NETWORK = "needs an input over the network"
 _LASER = "needs a laser scanner"
 _LOCALISATION = "needs a localisation"
 _PROCESS = "would end the simulated drives with it: they share the process"
-_HID = "needs a HID device with a profile"
-_PEDALS = "needs pedals"
+_DEVICE = "needs a device: `artemis.testing.fake_hid`"
 
 NOT_INJECTED: dict[str, str] = {
     **dict.fromkeys(("DRV-09", "DRV-10", "DRV-17", "DRV-29"), _EPOS4),
     "RUN-07": _LOCALISATION,
-    "RUN-08": "the 32-bit counter is read, the 16-bit counter is not",
+    "RUN-08": "COM-26 makes it happen, where the robot moves",
     "CAL-02": "is refused with the mission, or by the table of modes",
-    "INP-02": _HID,
+    "INP-02": _DEVICE,
     "INP-13": "another input drives in another step, which begins at standstill",
-    "INP-14": _PEDALS,
-    "INP-15": _PEDALS,
-    "INP-16": _HID,
+    "INP-14": _DEVICE,
+    "INP-15": _DEVICE,
+    "INP-16": "force feedback is not used",
     **{f"NET-{number:02}": _NETWORK for number in range(1, 13)},
     **{f"LAS-{number:02}": _LASER for number in range(1, 9)},
     **{f"LOC-{number:02}": _LOCALISATION for number in range(1, 6)},

@@ -13,13 +13,13 @@ from pathlib import Path as FilePath
 from typing import ClassVar
 
 from artemis import clock
-from artemis.app import plan_from
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.motion.path import Path
+from artemis.planning import plan_from
 from artemis.plugins.border import Border
 from artemis.plugins.contracts import Follower, Following, InputDevice
 from artemis.recording.journal import Journal

@@ -94,6 +94,7 @@ def unless(condition: Callable[..., bool], instead: Any) -> Change:
 OPEN = {"artemis.devices.allow_list.AllowList.problem": becomes(lambda self, frame: None)}
 """Nothing stands behind the gate."""
 GATE, GATE_LIMITS = "artemis.motion.limits.Gate.limit", "artemis.motion.limits.Gate.__init__"
+CEILING = "artemis.states.mode.Plan.top_speed"
 SUPERVISOR = "artemis.supervision.supervisor.Supervisor"
 DRIVES, HOST = "artemis.supervision.measures.DriveMeasures.read", "artemis.supervision.measures.HostMeasures.read"
 WHEELS = "artemis.supervision.wheels.Wheels.read"
@@ -319,7 +320,7 @@ BUGS: tuple[Bug, ...] = (
         "speed is not limited",
         "follower asks for too much",
         "I9",
-        {GATE_LIMITS: having(_speed=9.0, _wheel_speed=9.0), **OPEN},
+        {GATE_LIMITS: having(_speed=9.0, _wheel_speed=9.0), CEILING: becomes(property(lambda self: 9.0)), **OPEN},
     ),
     Bug("acceleration is not limited", "by hand", "I9", {GATE_LIMITS: having(_acceleration=5.0)}),
     Bug("deceleration is not limited", "by hand", "I9", {GATE_LIMITS: having(_deceleration=9.0)}),

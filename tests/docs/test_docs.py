@@ -21,25 +21,23 @@ from typer.main import get_command
 
 from artemis import vehicle
 from artemis.cli import app
-from artemis.commands import faults
+from artemis.commands.plugins import begin_plugin
 from artemis.mission import load_mission, schema
-from artemis.plugins.contracts import Setup
 from artemis.plugins.followers.indiveri import IndiveriConfig
 from artemis.plugins.inputs.scripted import ScriptedConfig
 from artemis.plugins.registry import CONTRACTS as PLUGIN_CONTRACTS
-from artemis.plugins.registry import INPUTS, _breaches, load
+from artemis.plugins.registry import load
 from artemis.sim.world import TrueRobot
 from artemis.states.machine import mermaid
 from artemis.testing.injections import INJECTIONS, NOT_INJECTED
 from artemis.testing.stage import Needs
-from artemis.values import OperatorInput, Request
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md")])
 SOURCES = sorted((ROOT / "artemis").rglob("*.py"))
 MAIN_PATH = ("robot.py", "states/teleop.py", "motion/limits.py", "devices/drive.py", "devices/epos.py")
 MAIN_PATH_LINES, FILE_LINES, FUNCTION_LINES = 600, 400, 60
-KINDS = {"", "sh", "yaml", "python", "toml", "text", "mermaid"}
+KINDS = {"", "sh", "console", "yaml", "python", "toml", "text", "mermaid"}
 DEMO = ["run", "missions/figure_eight.yaml"]
 NEEDS_A_BUS = {"sim"}
 PATIENCE = 200
@@ -96,6 +94,8 @@ def test_every_block_says_what_it_is() -> None:
     plain = [block for block in BLOCKS if not block.kind]
     assert not [str(block) for block in plain if re.search(r"^(?:\$ )?(?:artemis|make) ", block.text, re.MULTILINE)]
     assert {block.kind for block in BLOCKS} >= {"sh", "yaml", "python", "mermaid"}
+    sessions = [relative(block.page) for block in BLOCKS if block.kind == "console"]
+    assert sessions == ["docs/plugins.md"], "tests/e2e/test_plugin_package.py goes through the one of this page"
 
 
 @pytest.fixture(scope="module")
@@ -129,9 +129,10 @@ def test_command_of_the_docs_works(command: str, checkout: Path) -> None:
     files = [Path(word) for word in arguments if "/" in word]
     assert all((ROOT / file).is_file() for file in files)
     parse(arguments)
-    on_a_bus = any("bus: simulation" not in (ROOT / file).read_text() for file in files if file.suffix == ".yaml")
-    if arguments[0] in NEEDS_A_BUS or (arguments[0] == "run" and on_a_bus) or arguments == DEMO:
-        return  # two processes are the end-to-end tests' business; the demo has just run
+    texts = [(ROOT / file).read_text() for file in files if file.suffix == ".yaml"]
+    elsewhere = any("bus: simulation" not in text or "plugin: keyboard" in text for text in texts)
+    if arguments[0] in NEEDS_A_BUS or (arguments[0] == "run" and elsewhere) or arguments == DEMO:
+        return  # two processes, and a person, are the end-to-end tests' business; the demo has just run
     done = artemis(checkout, *arguments)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
@@ -203,7 +204,7 @@ def names_in_the_program_of(page: str) -> dict[str, Any]:
 
 def test_every_program_of_the_docs_is_tried() -> None:
     pages = [relative(block.page) for block in BLOCKS if block.kind == "python"]
-    assert sorted(pages) == ["docs/plugins.md", "docs/testing.md"]
+    assert sorted(pages) == ["docs/plugins.md"] * 3 + ["docs/testing.md"]
 
 
 def test_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,16 +212,38 @@ def test_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> None:
     names_in_the_program_of("docs/testing.md")["test_mute_drive_is_noticed"]()
 
 
-def test_plugin_of_the_docs_works(tmp_path: Path) -> None:
-    names = names_in_the_program_of("docs/plugins.md")
-    plugin = names["StraightInput"]
-    assert _breaches(plugin, PLUGIN_CONTRACTS[INPUTS]) == []
-    robot = load_mission(ROOT / "missions" / "figure_eight.yaml").robot
-    config = plugin.Config.model_validate({"speed_m_s": 0.2, "begin_s": 10.0, "end_s": 13.0})
-    device = plugin(config, Setup(name="stick", robot=robot, folder=tmp_path))
-    assert device.read(9.0) == OperatorInput(source="stick", age=0.0)
-    assert device.read(11.0) == OperatorInput(source="stick", speed=0.2, enabled=True, neutral=False, age=0.0)
-    assert device.read(13.0).requests == (Request.DONE,)
+PROGRAMS_OF_PLUGINS = [block.text for block in BLOCKS if block.kind == "python" and block.page.name == "plugins.md"]
+
+
+def test_plugin_of_the_docs_is_what_the_command_writes(tmp_path: Path) -> None:
+    begin_plugin("input", "curves", tmp_path)
+    (plugin,) = tmp_path.glob("artemis-curves/src/*/*.py")
+    assert PROGRAMS_OF_PLUGINS[0] == plugin.read_text()
+
+
+STOP_OF_THE_STICK = """
+    def test_a_press_of_stop_wakes_and_counts_once(self) -> None:
+        woken = []
+        self.given = lambda: Setup(name="stick", robot=self.robot, folder=Path(), wake=lambda: woken.append(1))
+        device = self.make()
+        for line in (b"0 0 0 1\\n", b"0 0 0 1\\n", b"0 0 damaged\\n"):
+            device.take(line)
+        assert [device.read(now).requests for now in (0.0, 0.1)] == [(Request.QUICKSTOP,), ()]
+        assert (woken, device.read(0.2).age) == ([1], 0.2)
+
+
+from artemis.plugins.contracts import Setup
+from artemis.values import Request
+"""
+
+
+def test_device_of_the_docs_keeps_its_contract(tmp_path: Path) -> None:
+    (tmp_path / "artemis_stick.py").write_text(PROGRAMS_OF_PLUGINS[1])
+    (tmp_path / "test_stick.py").write_text(PROGRAMS_OF_PLUGINS[2] + STOP_OF_THE_STICK)
+    line = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", str(tmp_path), "test_stick.py"]
+    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 0, done.stdout
+    assert re.search(r"^1\d passed in", done.stdout, re.MULTILINE)
 
 
 @pytest.mark.parametrize("name", ["scripted", "indiveri"])
@@ -264,10 +287,6 @@ def between(page: str, name: str) -> str:
 
 def test_mode_diagram_is_the_table_that_runs() -> None:
     assert between("docs/architecture.md", "modes") == f"```mermaid\n{mermaid()}\n```\n"
-
-
-def test_fault_table_is_the_catalogue() -> None:
-    assert between("docs/faults.md", "faults") == faults.page()
 
 
 def test_injection_table_is_the_code() -> None:

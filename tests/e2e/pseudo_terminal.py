@@ -12,7 +12,7 @@ import select
 import struct
 import subprocess
 import termios
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from command_line import ARTEMIS, PATIENCE, skip_if_late
@@ -28,7 +28,9 @@ class Terminal:
         self.host, device = pty.openpty()
         fcntl.ioctl(device, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
         self.before = termios.tcgetattr(device)
-        self.shown = ""
+        self.shown = self.everything = ""
+        self.hear: Callable[[Terminal, str], None] | None = None
+        """Is called with what comes, as a terminal that answers questions."""
         self._decoder = codecs.getincrementaldecoder("utf-8")()
         environment = {key: value for key, value in os.environ.items() if key not in ("COLUMNS", "LINES", "NO_COLOR")}
         self.process = subprocess.Popen(
@@ -66,7 +68,10 @@ class Terminal:
     def _read(self, wanted: str) -> None:
         for _ in range(round(PATIENCE / _LOOK)):
             if select.select([self.host], [], [], _LOOK)[0]:
-                self.shown += self._decoder.decode(os.read(self.host, 65536))
+                text = self._decoder.decode(os.read(self.host, 65536))
+                self.shown, self.everything = self.shown + text, self.everything + text
+                if self.hear is not None:
+                    self.hear(self, text)
                 skip_if_late(self.shown)
                 return
             assert self.process.poll() is None, f"ended without {wanted}"

@@ -39,7 +39,7 @@ def mission(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def failed(mission: Path) -> subprocess.CompletedProcess[str]:
-    return artemis("run", mission)
+    return artemis("run", mission, "--simulate")
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,17 @@ def resumed(first: Path, failed: subprocess.CompletedProcess[str]) -> subprocess
 
 
 def test_a_failed_run_tells_how_to_go_on(failed: subprocess.CompletedProcess[str], first: Path, mission: Path) -> None:
-    assert label(failed.stdout, "go on") == f"artemis run {mission} --resume {first}"
+    assert label(failed.stdout, "go on") == f"artemis run {mission} --simulate --resume {first}"
+
+
+def test_a_run_that_cannot_be_gone_on_with_tells_no_command_for_it(tmp_path: Path) -> None:
+    """Nobody counted how far the robot rolled without power."""
+    failed = artemis("run", write_mission(tmp_path, more="simulation: {faults: [{at_s: 9.0, inject: SYS-09}]}\n"))
+
+    assert (failed.returncode, "go on" in failed.stdout) == (1, False)
+    refused = artemis("run", tmp_path / "mission.yaml", "--resume", only_run(tmp_path))
+    assert refused.returncode == 2
+    assert "nobody knows where the robot is" in refused.stderr
 
 
 def test_a_run_that_a_fault_ended_is_gone_on_with(

@@ -18,6 +18,7 @@ INPUTS = {
     "decoders": 1000,
     "drives": 100,
     "sdo": 100,
+    "hid": 300,
     "sim_epos": 40,
     "recording": 100,
     "journal": 300,

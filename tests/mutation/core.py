@@ -5,16 +5,32 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 _ROWS = ("unit/test_supervisor_rows.py",)
-_TABLE = ("docs/test_docs.py::test_fault_table_is_the_catalogue", "unit/test_catalogue.py", *_ROWS)
+_TABLE = ("unit/test_faults_page.py", "unit/test_catalogue.py", *_ROWS)
 
 CORE: Mapping[str, tuple[str, ...]] = {
     "motion/limits.py": ("unit/test_limits.py", "properties/test_limits_properties.py"),
     "states/machine.py": ("unit/test_machine.py", "properties/test_machine_properties.py"),
     "devices/epos_state.py": ("unit/test_epos_state.py", "properties/test_epos_state_properties.py"),
     "devices/canopen.py": ("unit/test_canopen.py", "properties/test_canopen_properties.py"),
-    "supervision/measures.py": ("unit/test_measures.py", *_ROWS, "unit/test_supervisor.py"),
-    "supervision/wheels.py": ("unit/test_wheels.py", "unit/test_wheels_steered.py", *_ROWS),
-    "supervision/supervisor.py": ("unit/test_supervisor.py", "unit/test_supervisor_recovery.py", *_ROWS),
+    "supervision/measures.py": (
+        "unit/test_measures.py",
+        "unit/test_measures_host.py",
+        *_ROWS,
+        "unit/test_supervisor.py",
+    ),
+    "supervision/wheels.py": (
+        "unit/test_wheels_exactly.py",
+        "unit/test_wheels.py",
+        "unit/test_wheels_steered.py",
+        *_ROWS,
+    ),
+    "supervision/supervisor.py": (
+        "unit/test_supervisor_times.py",
+        "unit/test_supervisor.py",
+        "unit/test_supervisor_budgets.py",
+        "unit/test_supervisor_recovery.py",
+        *_ROWS,
+    ),
     "supervision/policy.py": ("unit/test_policy.py", "unit/test_supervisor.py"),
     **{
         f"supervision/catalogue/{table}.py": _TABLE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import importlib.abc
 import importlib.util
@@ -69,6 +70,7 @@ def examine(subject: Subject, workers: int) -> Iterator[tuple[Mutant, Outcome]]:
     limit = ceil(GRACE + PATIENCE * (_processor_time() - begun))
     _load(mine.recv())
     waiting = mutants(source, vars(_imported(subject)))
+    gc.freeze()  # or every process would look for garbage in all that is loaded here
     running: dict[ForkProcess, Mutant] = {}
     while waiting or running:
         while waiting and len(running) < workers:
@@ -115,6 +117,8 @@ def _foreign() -> list[str]:
 
 def _imported(subject: Subject) -> ModuleType:
     """The module as it is."""
+    if package := subject.name.rpartition(".")[0]:
+        importlib.import_module(package)  # or a module that its package imports would import itself
     spec = importlib.util.spec_from_file_location(subject.name, subject.path)
     assert spec is not None
     assert spec.loader is not None

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from rig import CALIBRATE, STICK, TELEOP, Rig, Run, follow, run, stick, straight, write_mission
 
-from artemis.app import core_from
 from artemis.commands.replay import replay_run
 from artemis.mission.loading import load_mission
+from artemis.planning import core_from
 from artemis.recording.mcap_reader import RecordedTick, Recording
 from artemis.recording.replay import replay
 from artemis.recording.schemas import sensed_record
@@ -107,6 +107,14 @@ def test_every_command_of_a_run_is_recomputed_from_its_recording_bit_for_bit(tmp
     assert recorded(seen).missing is None
     result = seen.recompute()
     assert (result.difference, result.ticks) == (None, len(seen.seen))
+    assert seen.outcome is not None
+    assert replay_run(seen.outcome.run.path) == 0
+
+
+def test_a_mission_for_a_real_bus_that_is_simulated_replays_with_the_faults_of_its_follower(tmp_path: Path) -> None:
+    bus = {"interface": "virtual", "channel": "replay"}
+    seen = run(write_mission(tmp_path, STEPS, bus=bus, simulation={"faults": [{"at_s": 9.5, "inject": "PLG-02"}]}))
+    assert seen.fault_ids == ["PLG-02"]
     assert seen.outcome is not None
     assert replay_run(seen.outcome.run.path) == 0
 

@@ -35,8 +35,8 @@ from watched import controlword as controlword
 from watched import standing as standing
 from watched import target_velocity as target_velocity
 
-from artemis import app, clock
-from artemis.devices.can_bus import Frame
+from artemis import app, clock, planning
+from artemis.devices.can_bus import Frame, Traffic
 from artemis.devices.drive import Drives
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.plugins.border import Border
@@ -186,7 +186,7 @@ class Run:
         from artemis.recording.mcap_reader import Recording
 
         assert self.outcome is not None
-        return replay(Recording(self.outcome.run.path), app.core_from(load_mission(self.mission)))
+        return replay(Recording(self.outcome.run.path), planning.core_from(load_mission(self.mission)))
 
 
 # ---------------------------------------------------------------------------------------------- the rig
@@ -308,7 +308,7 @@ class Rig:
         yield "artemis.sim.world.World", self._make_world
         yield "artemis.sim.bus.SimBus", self._make_bus
         yield "artemis.app.Robot", self._make_robot
-        yield "artemis.app.plan_from", self._make_plan
+        yield "artemis.planning.plan_from", self._make_plan
         yield "artemis.clock.SimulatedLoop", self._make_loop
 
     def _make_loop(self) -> clock.SimulatedLoop:
@@ -350,7 +350,7 @@ class Rig:
             )
         return plan
 
-    def _watch(self, tick: Tick) -> None:
+    def _watch(self, tick: Tick, traffic: Traffic) -> None:
         assert self.world is not None
         now = self.bus.loop.time()
         sent = [frame for _, frame in self.bus.sent[self._taken :]]
@@ -379,7 +379,7 @@ class Killed(Exception):
     """The host process is gone."""
 
 
-_LOOP, _PLAN_FROM = clock.SimulatedLoop, app.plan_from
+_LOOP, _PLAN_FROM = clock.SimulatedLoop, planning.plan_from
 
 
 def run(mission: FilePath, **keys: Any) -> Run:  # noqa: ANN401 (whatever `Rig` takes)

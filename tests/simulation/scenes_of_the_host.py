@@ -54,6 +54,6 @@ HOST_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
         options={"voltage": 8.0, "within_s": 0.5}, seen=["DRV-04"], effect=FELL, device=TRACTION[0], coasts=TRACTION
     ),
     "EST-01": Scene(effect=FELL, coasts=TRACTION),
-    "EST-03": Scene(of="bring-up", options={"duration_s": 3.0}, effect=BOOT + TICK),
+    "EST-03": Scene(of="bring-up", options={"duration_s": 3.0}, effect=BOOT + TICK, seen=["EST-01"]),
     "EST-04": Scene(of="stopping", operator=[(AT - 0.1, "quickstop")], seen=["EST-01"], effect=FELL, coasts=TRACTION),
 }

@@ -22,12 +22,13 @@ from rig import (
     write_mission,
 )
 
-from artemis.sim.axis import Failure
 from artemis.sim.epos_errors import ERRORS, Reaction
 from artemis.supervision import catalogue
 from artemis.values import DriveState, JobKind, Mode, Severity
 
-QUICK_STOP, ENABLE = 0x0B, 0x0F
+QUICK_STOP = 0x0B
+ONE_OF_EACH = [0x2310, 0x8150, 0x8611]
+"""Errors after which a drive switches off, goes on, and stops by itself; `test_every_row_drives` has them all."""
 NEEDS_MORE_THAN_A_RESET = {0x8120, 0xFF04}
 """NMT Reset Communication, and Reset Node (EPOS firmware specification 2010, 12.2)."""
 
@@ -37,7 +38,7 @@ def run_with_emergency(folder: Path, name: str, code: int) -> Run:
     return rig.while_following(rig.emergency(name, code), name="emergency").run()
 
 
-@pytest.mark.parametrize("code", sorted(ERRORS), ids=lambda code: f"0x{code:04X}")
+@pytest.mark.parametrize("code", ONE_OF_EACH, ids=lambda code: f"0x{code:04X}")
 @pytest.mark.parametrize("name", ["traction-right", "steer-left"])
 def test_an_emergency_while_following_stops_everything_and_says_why(tmp_path: Path, name: str, code: int) -> None:
     seen = run_with_emergency(tmp_path, name, code)
@@ -91,13 +92,6 @@ def assert_history_was_read(seen: Run, name: str, code: int) -> None:
     assert results[name].values[0] == code
 
 
-def test_an_error_code_that_nobody_knows_stops_the_robot_too(tmp_path: Path) -> None:
-    seen = run_with_emergency(tmp_path, "traction-left", 0x9ABC)
-    assert seen.faults[0].id == "DRV-31"
-    assert "0x9ABC" in seen.faults[0].text
-    assert (seen.status, standing(seen.world.truth)) == (1, True)
-
-
 def test_every_code_of_the_first_generation_has_its_row() -> None:
     assert set(ERRORS) <= set(catalogue.EMERGENCIES)
 
@@ -122,13 +116,3 @@ def test_two_drives_that_fail_at_once_are_both_named(tmp_path: Path) -> None:
         ("DRV-02", "traction-left"),
         ("DRV-25", "steer-right"),
     }
-
-
-def test_a_steering_wheel_that_is_blocked_is_a_following_error_of_its_drive(tmp_path: Path) -> None:
-    path = "x,y\n" + "".join(f"{0.05 * i:.2f},{0.15 * (0.05 * i) ** 2:.4f}\n" for i in range(40))
-    rig = Rig(write_mission(tmp_path, [CALIBRATE, follow(0.3)], {"line.csv": path}))
-    rig.when(
-        lambda s: s.mode is Mode.FOLLOW, lambda: setattr(rig.drive("steer-left").axis, "failure", Failure(blocked=True))
-    )
-    seen = rig.run()
-    assert (seen.status, seen.faults[0].id, seen.faults[0].device) == (1, "DRV-25", "steer-left")

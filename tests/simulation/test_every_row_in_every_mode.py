@@ -64,8 +64,21 @@ def test_error_of_a_drive_is_noticed_wherever_it_comes(tmp_path: Path, where: st
     assert_follows(run, scene, found)
 
 
-def test_error_while_a_drive_is_configured_is_seen_before_anything_moves(tmp_path: Path) -> None:
-    error = of_code("DRV-05", 0x5113, "steer-right", of="bring-up")
+@pytest.mark.parametrize(("phase", "at"), [("listening", 0.201), ("secure", 0.301), ("configure", 0.401)])
+def test_error_before_a_drive_exchanges_process_data_is_told_at_once_by_its_name(
+    tmp_path: Path, phase: str, at: float
+) -> None:
+    scene = replace(of_code("DRV-05", 0x5113, "steer-right", of="bring-up"), at=at)
+    run = play(tmp_path, "DRV-05", scene)
+    found = assert_noticed(run, "DRV-05", scene)
+    assert run.seen[run.seen.index(found.seen) - 1].phase == phase
+    assert_follows(run, scene, found)
+    assert run.fault_ids == ["DRV-05"]
+    assert all(standing(truth) for truth in run.world.history)
+
+
+def test_error_whose_message_is_lost_while_a_drive_is_configured_is_seen_before_anything_moves(tmp_path: Path) -> None:
+    error = of_code("DRV-05", 0x5113, "steer-right", of="bring-up", heard=False)
     first_contact = 1.5  # so long the drives have to be ready
     scene = replace(error, at=0.401, effect=in_phase("first contact", first_contact))
     run = play(tmp_path, "COM-01", scene)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from every_row import SETTINGS, Scene, notice, play
-from rig import Run, Seen
+from rig import Rig, Run, Seen
 from watched import STEERING, TRACTION, standing
 
 from artemis.supervision.catalogue import ROWS
@@ -77,6 +77,31 @@ def test_fault_that_comes_again_is_final(tmp_path: Path) -> None:
     assert second.fault is not None
     assert second.fault.final
     assert run.modes[-4:] == [Mode.FAULT, Mode.INIT, Mode.FAULT, Mode.END]
+
+
+BRING_UP = ["configure", "first contact", "proving the watchdog", "waiting for arm", "aligning"]
+"""Before, the drive still has the error: there is none that could come again."""
+
+
+@pytest.mark.parametrize("phase", BRING_UP)
+def test_fault_that_comes_again_in_the_next_bring_up_is_final(tmp_path: Path, phase: str) -> None:
+    def prepare(rig: Rig) -> None:
+        rig.when(
+            lambda seen: seen.time > ACKNOWLEDGED and seen.phase == phase,
+            rig.emergency(STEER, 0x2310),
+            after=0.007,
+            name="again",
+        )
+
+    acts = [(ACKNOWLEDGED, "acknowledge"), (ARMED, "arm"), (ARMED + 2.5, "acknowledge"), (ARMED + 3.0, "end")]
+    run = play(tmp_path, "DRV-02", Scene(node=STEER, operator=acts), prepare=prepare)
+    second = notice(run, ["DRV-02"], ROWS["DRV-02"].severity, run.acts["again"])
+    assert second is not None
+    assert second.fault is not None
+    assert second.fault.final
+    assert second.seen.time - run.acts["again"] <= ROWS["DRV-02"].within
+    assert run.modes[-4:] == [Mode.FAULT, Mode.INIT, Mode.FAULT, Mode.END]
+    assert all(standing(truth) for truth in run.truth_from(ACKNOWLEDGED))
 
 
 def test_automatic_fault_is_forgotten_as_often_as_its_row_says(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from rig import CALIBRATE, follow, write_mission
 
 from artemis import app
 from artemis.commands.replay import replay_run
+from artemis.devices.can_bus import Traffic
 from artemis.errors import RecordingError
 from artemis.mission.loading import load_mission
 from artemis.recording.journal import Entry, read_journal
@@ -25,7 +26,7 @@ STEPS = [CALIBRATE, follow(0.4)]
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
 
-def somebody(request: Callable[[Request], None]) -> Callable[[], None]:
+def somebody(request: Callable[[Request], None], typed: object) -> Callable[[], None]:
     """At a terminal, who watches and does nothing."""
     return lambda: None
 
@@ -42,7 +43,7 @@ def run(
     mission = write_mission(folder, STEPS, simulation=simulation)
     ticks: list[Tick] = []
 
-    def watch(tick: Tick) -> None:
+    def watch(tick: Tick, traffic: Traffic) -> None:
         assert tick.snapshot.time < 60.0
         ticks.append(tick)
         act(tick)

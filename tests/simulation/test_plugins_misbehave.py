@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import itertools
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
+from unittest.mock import patch
 
+import numpy as np
 import pytest
 from rig import CALIBRATE, STICK, TELEOP, TICK, Rig, Run, follow, standing, stick, straight, write_mission
 
 from artemis.config import Config
+from artemis.errors import DeviceLost
 from artemis.motion.path import Path as DrivenPath
 from artemis.plugins.contracts import Following
+from artemis.recording.journal import read_journal
+from artemis.recording.mcap_reader import Recording
 from artemis.values import DriveCommand, DriveState, Mode, OperatorInput, Severity, Snapshot, Tracking
 
 SPEED = 0.4
@@ -93,6 +99,29 @@ def test_a_follower_that_raises_is_a_controlled_stop(tmp_path: Path) -> None:
     assert "ZeroDivisionError" in seen.faults[0].text
 
 
+def leaving(_: Following) -> Following:
+    sys.exit(0)
+
+
+def test_a_follower_that_ends_the_program_is_a_controlled_stop_and_a_failed_run(tmp_path: Path) -> None:
+    seen = run_failing(tmp_path, leaving)
+    assert_controlled_stop(seen, "PLG-02")
+    assert "SystemExit(0)" in seen.faults[0].text
+
+
+def test_a_follower_that_computes_with_numpy_is_driven_and_recorded(tmp_path: Path) -> None:
+    def with_numpy(following: Following) -> Following:
+        command = DriveCommand(speed=np.float64(SPEED), steering=np.float32(0.0))  # type: ignore[arg-type]
+        tracking = replace(following.tracking, cross_track=np.float64(following.tracking.cross_track))
+        return Following(command=command, tracking=tracking, finished=np.bool_(following.finished))  # type: ignore[arg-type]
+
+    follower = Straight(with_numpy, fail_at=0.0)
+    seen = Rig(write_mission(tmp_path, STEPS, FILES), follower=follower).run()
+    assert (seen.status, seen.fault_ids) == (0, [])
+    assert seen.outcome is not None
+    assert len(list(Recording(seen.outcome.run.path).ticks())) == len(seen.ticks)
+
+
 def test_a_follower_that_raises_at_its_start_never_moves_the_robot(tmp_path: Path) -> None:
     class Unwilling(Straight):
         def start(self, path: DrivenPath, snapshot: Snapshot) -> None:
@@ -104,7 +133,11 @@ def test_a_follower_that_raises_at_its_start_never_moves_the_robot(tmp_path: Pat
     assert all(standing(truth) for truth in seen.truth_from(begin))
 
 
-@pytest.mark.parametrize("answer", [None, 7, DriveCommand(speed=0.2)])
+ODD = DriveCommand(speed=SPEED, action="run")  # type: ignore[arg-type]
+TRACKED = Tracking(arc_length=1.0, length=3.0, cross_track=0.0)
+
+
+@pytest.mark.parametrize("answer", [None, 7, DriveCommand(speed=0.2), Following(command=ODD, tracking=TRACKED)])
 def test_a_follower_that_answers_garbage_is_a_controlled_stop(tmp_path: Path, answer: object) -> None:
     assert_controlled_stop(run_failing(tmp_path, lambda following: answer), "PLG-06")
 
@@ -195,6 +228,31 @@ def test_an_input_that_raises_stops_the_robot(tmp_path: Path) -> None:
     assert seen.stands_from() - 12.0 < 0.4 / DECELERATION + 0.3
 
 
+def test_an_input_that_ends_the_program_when_it_is_closed_changes_nothing(tmp_path: Path) -> None:
+    class Leaving(Stick):
+        def close(self) -> None:
+            sys.exit(0)
+
+    mission = teleop_mission(tmp_path, DRIVING)
+    with patch("artemis.plugins.inputs.scripted.ScriptedInput.close", Leaving.close):
+        seen = Rig(mission, input=Stick(lambda sample: None)).run()
+    assert (seen.status, seen.faults[0].id) == (1, "PLG-06")
+    assert seen.outcome is not None
+    warnings = [entry.text for entry in read_journal(seen.outcome.run.journal).entries if entry.kind == "warning"]
+    assert warnings == ["PLG-02 stick: SystemExit(0), when it was closed"]
+
+
+def test_an_input_that_is_lost_with_a_name_that_is_no_text_stops_the_robot_and_is_told(tmp_path: Path) -> None:
+    def unplugged(_: OperatorInput) -> OperatorInput:
+        raise DeviceLost("stick", "/dev/input/js\udcff: gone")
+
+    seen = Rig(teleop_mission(tmp_path, DRIVING), input=Stick(unplugged)).run()
+    assert (seen.status, seen.faults[0].id) == (1, "INP-01")
+    assert seen.outcome is not None
+    told = [entry.text for entry in read_journal(seen.outcome.run.journal).entries if entry.kind == "fault"]
+    assert any(r"/dev/input/js\udcff: gone" in text for text in told)
+
+
 def test_a_number_that_is_none_from_an_input_is_a_controlled_stop(tmp_path: Path) -> None:
     seen = Rig(
         teleop_mission(tmp_path, DRIVING),
@@ -205,7 +263,8 @@ def test_a_number_that_is_none_from_an_input_is_a_controlled_stop(tmp_path: Path
 
 
 def test_a_stick_that_is_held_when_teleoperation_begins_moves_nothing_until_it_is_released(tmp_path: Path) -> None:
-    table = stick((0.0, 0.0, 0.6, 1), (14.0, 0.0, 0.0, 0), (15.0, 0.0, 0.6, 1), (17.0, 0.0, 0.0, 0))
+    held = (3.0, 0.0, 0.6, 1)  # while the wheels align: the run is armed with released controls only
+    table = stick((0.0, 0.0, 0.0, 0), held, (14.0, 0.0, 0.0, 0), (15.0, 0.0, 0.6, 1), (17.0, 0.0, 0.0, 0))
     seen = Rig(teleop_mission(tmp_path, table)).run()
     ready = next(s.now for s in reversed(seen.in_mode(Mode.READY)) if s.time < 14.0)
     assert ready > 13.9

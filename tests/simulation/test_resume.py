@@ -2,100 +2,22 @@
 
 from __future__ import annotations
 
-import asyncio
 import itertools
 import math
 import shutil
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from resuming import FAR, HALF, STEPS, Done, driven, line, refused, resumption, run, waited
 from rig import CALIBRATE, follow, straight, write_mission
 
 from artemis import app
 from artemis.commands.replay import replay_run
-from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
-from artemis.recording.journal import Entry, read_journal
-from artemis.recording.mcap_reader import RecordedTick, Recording
-from artemis.recording.provenance import Resumption
+from artemis.recording.journal import read_journal
+from artemis.recording.mcap_reader import Recording
 from artemis.recording.resume import unfinished_run
-from artemis.values import Mode, Pose, Request, Tick
-
-FAR, HALF = 1.5, 0.75
-STEPS = [CALIBRATE, follow(0.4)]
-
-
-@dataclass
-class Done:
-    """A run, and what it left behind."""
-
-    outcome: app.Outcome
-    ticks: list[Tick] = field(default_factory=list)
-
-    @property
-    def folder(self) -> Path:
-        return self.outcome.run.path
-
-    @property
-    def recorded(self) -> list[RecordedTick]:
-        return list(Recording(self.folder).ticks())
-
-    @property
-    def journal(self) -> tuple[Entry, ...]:
-        return read_journal(self.outcome.run.journal).entries
-
-    def following(self) -> list[Tick]:
-        return [tick for tick in self.ticks if tick.mode is Mode.FOLLOW and tick.wish.tracking]
-
-    def arc_lengths(self) -> list[float]:
-        return [tick.wish.tracking.arc_length for tick in self.following() if tick.wish.tracking]
-
-
-def run(mission: Path, resume: Path | None = None, until: Callable[[Tick], bool] = lambda tick: False) -> Done:
-    """Run a mission, or go on with a run of it; somebody ends it in order after the tick that is `until`."""
-    loaded, ticks = load_mission(mission), list[Tick]()
-    asked: list[Callable[[Request], None]] = []
-
-    def operator(request: Callable[[Request], None]) -> Callable[[], None]:
-        asked.append(request)
-        return lambda: None
-
-    def watch(tick: Tick) -> None:
-        assert tick.snapshot.time < 120.0
-        ticks.append(tick)
-        if asked and until(tick):
-            asyncio.get_running_loop().call_soon(asked.pop(), Request.END)
-
-    resumption = app.resumption_from(loaded, mission, resume)[0] if resume else None
-    outcome = app.run_mission(loaded, mission, watch=watch, operator=operator, resumption=resumption)
-    return Done(outcome, ticks)
-
-
-def driven(metres: float) -> Callable[[Tick], bool]:
-    return lambda tick: bool(tick.wish.tracking and tick.wish.tracking.arc_length >= metres)
-
-
-def waited(seconds: float) -> Callable[[Tick], bool]:
-    return lambda tick: tick.mode is Mode.READY and tick.done >= seconds
-
-
-def line(folder: Path) -> Path:
-    return write_mission(folder, STEPS, {"line.csv": straight(FAR)})
-
-
-def resumption(mission: Path, run: Path) -> Resumption:
-    return app.resumption_from(load_mission(mission), mission, run)[0]
-
-
-def refused(mission: Path, run: Path) -> str:
-    """Why; empty if it is not."""
-    try:
-        resumption(mission, run)
-    except ConfigError as error:
-        return str(error)
-    return ""
+from artemis.values import Mode, Pose, Tick
 
 
 @pytest.fixture(scope="module")
@@ -323,15 +245,16 @@ def test_a_run_that_nobody_ended_is_found_until_another_has_ended(copied: tuple[
     for other in runs.iterdir():
         if other != folder:
             shutil.rmtree(other)
-    assert unfinished_run(runs, "rig") is None  # stopped in order
+    assert unfinished_run(runs, "rig", simulated=True) is None  # stopped in order
 
     journal = folder / "journal.jsonl"
     ended = journal.read_bytes()
     journal.write_bytes(ended[: ended.rindex(b"\n", 0, -1) + 1] + bytes(1000))
     last = read_journal(journal).entries[-1]
     assert last.kind != "end"
-    assert unfinished_run(runs, "rig") == (folder, last.time)
-    assert unfinished_run(runs, "ri") is None
-    assert unfinished_run(tmp_path / "elsewhere", "rig") is None
+    assert unfinished_run(runs, "rig", simulated=True) == (folder, last.time)
+    assert unfinished_run(runs, "ri", simulated=True) is None
+    assert unfinished_run(runs, "rig", simulated=False) is None
+    assert unfinished_run(tmp_path / "elsewhere", "rig", simulated=True) is None
     run(mission, folder)
-    assert unfinished_run(runs, "rig") is None
+    assert unfinished_run(runs, "rig", simulated=True) is None

@@ -59,9 +59,12 @@ RUBBISH: dict[str, Callable[[OperatorInput], Any]] = {
     "speed too large for a float": having(speed=10**400),
     "steering NaN": having(steering=math.nan),
     "age NaN": having(age=math.nan),
+    "age of a clock that is ahead": having(age=-1000.0),
+    "name of another input": having(source="wheel"),
     "axes NaN": having(axes=(0.0, math.nan)),
     "axes None": having(axes=None),
     "axes of strings": having(axes=("a",)),
+    "raw axes None": having(raw=None),
     "requests None": having(requests=None),
     "requests of strings": having(requests=("quick stop",)),
 }

@@ -5,12 +5,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 from typing import Any
 
-from core_builders import NAMES, PERIOD, ROBOT, STEERING, drive, sensed, volts
+import pytest
+from core_builders import NAMES, PERIOD, ROBOT, STEERING, drive, volts
 
 from artemis.motion.ackermann import Ackermann
-from artemis.supervision.policy import Policies
+from artemis.supervision import catalogue
+from artemis.supervision.catalogue.row import Kind
+from artemis.supervision.policy import WATCHED, Policies
 from artemis.supervision.supervisor import Supervisor
 from artemis.supervision.wheels import Wheels
 from artemis.values import (
@@ -37,6 +41,7 @@ UNWATCHED = replace(OFF, supervised=False)
 STOPPING = Wish(command=DriveCommand(action=Action.QUICKSTOP), traction=Goal.QUICK_STOPPED, steering=Goal.HOLD)
 COASTING = Wish(command=DriveCommand(action=Action.DISABLE))
 STEER_LEFT, STEER_RIGHT = STEERING
+WELL = {name: drive(name) for name in NAMES}
 REFERENCED = tuple(JobResult(id=0, kind=JobKind.REFERENCE, drive=name, ok=True) for name in STEERING)
 
 
@@ -76,12 +81,12 @@ class Watch:
         """What the edge hands in now."""
         places = [*self.ways, *self.angles]
         velocities = [*self.speeds, *self.rates]
-        feedback = [
-            drive(name, position=place, velocity=velocity, potentiometers=self._volts(name, place))
+        told = tuple(
+            replace(WELL[name], **{**self._truth(name, place, velocity), **self.changes[name]})
             for name, place, velocity in zip(NAMES, places, velocities, strict=True)
-        ]
-        told = tuple(replace(each, **self.changes[each.name]) for each in feedback)
-        return sensed(self.time, **{"drives": told, **changes})
+        )
+        index = round(self.time / PERIOD)
+        return Sensed(**{"index": index, "time": self.time, "attended": True, "drives": told, **changes})
 
     def tick(self, *, after: float | None = None, **changes: Any) -> Verdict:
         """The next tick, `after` so many seconds; `changes` of what is sensed."""
@@ -147,8 +152,9 @@ class Watch:
         self.mode = mode
         return self.tick(requests=(Request.ACKNOWLEDGE,), **changes)
 
-    def _volts(self, name: str, angle: float) -> tuple[float, float]:
-        return volts(ROBOT.drives[name].side, angle) if name in STEERING else (0.0, 0.0)
+    def _truth(self, name: str, place: float, velocity: float) -> dict[str, Any]:
+        potentiometers = volts(ROBOT.drives[name].side, place) if name in STEERING else (0.0, 0.0)
+        return {"position": place, "velocity": velocity, "potentiometers": potentiometers}
 
 
 def bus(**changes: Any) -> dict[str, Any]:
@@ -199,3 +205,47 @@ def road(speed: float = 0.0, steering: float = 0.0) -> Road:
     made.ticks(0.5)
     assert made.seen == {}
     return made
+
+
+WATCHED_ROWS = {id: row for id, row in catalogue.ROWS.items() if row.found in WATCHED}
+STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
+
+
+def of_kind(*kinds: Kind, stops: bool = True) -> pytest.MarkDecorator:
+    """Rows that are forgotten so, and do or do not stop the robot."""
+    chosen = {
+        id: row
+        for id, row in WATCHED_ROWS.items()
+        if row.recovery.kind in kinds and (row.severity >= Severity.CONTROLLED_STOP) is stops
+    }
+    assert chosen
+    return pytest.mark.parametrize(("id", "row"), chosen.items(), ids=list(chosen))
+
+
+def at_rest(policies: Policies | None = None, mode: Mode = Mode.FAULT) -> Watch:
+    """A robot whose drives are off, in a mode where faults are forgotten; it sends no heartbeat to be late."""
+    watch = Watch(policies)
+    watch.wish, watch.mode = replace(OFF, heartbeat=False), mode
+    return watch
+
+
+def standing(policies: Policies | None = None, mode: Mode = Mode.FAULT) -> Watch:
+    """The same, and that it stands is known."""
+    watch = at_rest(policies, mode)
+    watch.ticks(0.1)
+    return watch
+
+
+def happen(watch: Watch, *ids: str, device: str = "") -> Verdict:
+    """Faults, once."""
+    return watch.tick(faults=tuple(catalogue.fault(id, device) for id in ids))
+
+
+def lasts(watch: Watch, longest: float = 60.0) -> float:
+    """How long the robot has to stop for, though nothing is wrong any more [s]; without end: inf."""
+    begun = watch.time
+    while watch.verdict.stops:
+        watch.tick()
+        if watch.time - begun > longest:
+            return inf
+    return watch.time - begun

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 from core_builders import PATH, StubFollower, following, snapshot
 from robot_rig import StubInput
 
 from artemis.errors import DeviceLost
 from artemis.motion.path import Path
-from artemis.plugins.border import Border, is_in_range, is_whole_following, is_whole_input
-from artemis.values import DriveCommand, OperatorInput, Request, Snapshot
+from artemis.plugins.border import Border, close, is_in_range, is_whole_input, plain_following
+from artemis.plugins.contracts import Following
+from artemis.values import Action, DriveCommand, OperatorInput, Request, Snapshot, Tracking
 
 GOOD = OperatorInput(source="stick", speed=0.3, steering=-0.1, enabled=True, neutral=False, age=0.01, axes=(0.5, -1.0))
 
@@ -32,13 +34,13 @@ class Desk:
     def problems(self) -> list[tuple[str, str]]:
         return [(id, name) for id, name, _ in self.border.take_problems()]
 
-    def slow(self, *times: float) -> Callable[[float], OperatorInput]:
+    def slow(self, *times: float, source: str = "stick") -> Callable[[float], OperatorInput]:
         """An input that takes these times, one after the other."""
         left = list(times)
 
         def answer(now: float) -> OperatorInput:
             self.time += left.pop(0)
-            return GOOD
+            return replace(GOOD, source=source)
 
         return answer
 
@@ -47,8 +49,9 @@ class Desk:
 
 
 def test_good_samples_pass_as_they_are_in_the_order_of_the_inputs() -> None:
-    desk = Desk(b=lambda now: replace(GOOD, age=now), a=lambda now: GOOD)
-    assert desk.read(0.1) == (replace(GOOD, age=0.1), GOOD)
+    b, a = replace(GOOD, source="b", age=0.1), replace(GOOD, source="a")
+    desk = Desk(b=lambda now: b, a=lambda now: a)
+    assert desk.read(0.1) == (b, a)
     assert desk.problems() == []
 
 
@@ -56,8 +59,9 @@ def test_input_that_raises_is_a_problem_with_its_error_and_the_others_are_read()
     def broken(now: float) -> OperatorInput:
         raise OSError("unplugged")
 
-    desk = Desk(stick=broken, other=lambda now: GOOD)
-    assert desk.read() == (GOOD,)
+    other = replace(GOOD, source="other")
+    desk = Desk(stick=broken, other=lambda now: other)
+    assert desk.read() == (other,)
     assert desk.border.take_problems() == [("PLG-02", "stick", "OSError('unplugged')")]
     assert desk.problems() == [], "each is told once"
 
@@ -66,13 +70,13 @@ def test_input_that_raises_is_a_problem_with_its_error_and_the_others_are_read()
 def test_what_is_no_sample_is_garbage_and_shown(garbage: object) -> None:
     desk = Desk(stick=lambda now: garbage)
     assert desk.read() == ()
-    assert desk.border.take_problems() == [("PLG-06", "stick", repr(garbage)[:80])]
+    assert desk.border.take_problems() == [("PLG-06", "stick", repr(garbage))]
 
 
 def test_garbage_is_shown_up_to_a_length() -> None:
     desk = Desk(stick=lambda now: "x" * 1000)
     desk.read()
-    assert [len(seen) for _, _, seen in desk.border.take_problems()] == [80]
+    assert [len(seen) for _, _, seen in desk.border.take_problems()] == [200]
 
 
 PARTS: list[dict[str, Any]] = [
@@ -91,6 +95,9 @@ PARTS: list[dict[str, Any]] = [
     {"requests": None},
     {"requests": [Request.END]},
     {"source": None},
+    {"raw": None},
+    {"centred": ("left",)},
+    {"shaped": [0.5]},
 ]
 
 
@@ -101,6 +108,13 @@ def test_sample_with_a_part_of_another_kind_is_garbage(part: dict[str, Any]) -> 
     desk = Desk(stick=lambda now: garbage)
     assert desk.read() == ()
     assert desk.problems() == [("PLG-06", "stick")]
+
+
+def test_sample_in_the_name_of_another_input_is_garbage() -> None:
+    desk = Desk(wheel=lambda now: replace(GOOD, speed=0.7), stick=lambda now: replace(GOOD, enabled=False))
+    (sample,) = desk.read()
+    assert (sample.source, sample.enabled) == ("stick", False)
+    assert desk.problems() == [("PLG-06", "wheel")]
 
 
 def test_device_that_is_gone_is_lost_and_asked_again() -> None:
@@ -122,7 +136,11 @@ BAD: list[dict[str, Any]] = [
     {"speed": math.inf},
     {"steering": -math.inf},
     {"age": math.nan},
+    {"age": -0.001},
     {"speed": 10**400},
+    {"raw": (0.0, math.inf)},
+    {"centred": (math.nan,)},
+    {"shaped": (-math.inf,)},
     {"axes": (0.0, 1.0001)},
     {"axes": (-1.0001,)},
     {"axes": (math.nan,)},
@@ -143,6 +161,10 @@ def test_sample_out_of_range_is_whole_all_the_same(bad: dict[str, Any]) -> None:
         {"axes": (-1.0, 1.0, 0)},
         {"age": None},
         {"speed": 10**6},
+        {"age": 0},
+        {"raw": (0, 1023.0)},
+        {"speed": np.float64(0.3)},
+        {"steering": np.float32(0.25), "axes": (np.float64(0.5), np.int16(-1)), "enabled": np.True_},
         {"buttons": (True, False)},
         {"requests": (Request.END,)},
     ],
@@ -216,12 +238,141 @@ def test_five_bad_samples_within_a_second_are_a_problem(times: tuple[float, ...]
 
 
 def test_bad_samples_are_counted_for_each_input() -> None:
-    desk = Desk(a=lambda now: replace(GOOD, axes=(2.0,)), b=lambda now: replace(GOOD, axes=(2.0,)))
+    desk = Desk(**{name: lambda now, name=name: replace(GOOD, source=name, axes=(2.0,)) for name in "ab"})
     for now in (0.0, 0.1, 0.2, 0.3):
         desk.read(now)
     assert desk.problems() == []
     desk.read(0.4)
     assert desk.problems() == [("INP-06", "a"), ("INP-06", "b")]
+
+
+# ---------------------------------------------------------------------------------------------- plain
+
+
+def is_plain(value: object, like: object) -> bool:
+    """Of the very type that it is declared to have, whatever would count as equal."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value) is type(like) and all(
+            is_plain(getattr(value, field.name), getattr(like, field.name)) for field in fields(value)
+        )
+    if isinstance(value, tuple) and isinstance(like, tuple):
+        return type(value) is tuple and all(map(is_plain, value, like))
+    return type(value) is type(like)
+
+
+class Named(str):
+    """A name that no encoder knows."""
+
+
+class Sample(OperatorInput):
+    """A sample of somebody's own kind."""
+
+
+class Pair(NamedTuple):
+    x: Any
+    y: Any
+
+
+FULL = replace(
+    GOOD, raw=(512.0, 3.0), centred=(0.5, -1.0), shaped=(0.25, -1.0), buttons=(True, False), requests=(Request.DONE,)
+)
+STRANGE = Sample(
+    source=Named("stick"),
+    speed=np.float64(0.3),
+    steering=np.float64(-0.1),
+    enabled=np.bool_(True),  # type: ignore[arg-type]
+    neutral=np.bool_(False),  # type: ignore[arg-type]
+    age=np.float64(0.01),
+    raw=(512, np.int16(3)),  # type: ignore[arg-type]
+    axes=Pair(np.float32(0.5), -1),
+    centred=(np.float64(0.5), True - 2),
+    shaped=Pair(np.float16(0.25), np.float64(-1.0)),
+    buttons=(np.bool_(True), False),  # type: ignore[arg-type]
+    requests=(Request.DONE,),
+)
+
+
+def test_samples_are_made_of_plain_values_whatever_a_plugin_takes_for_them() -> None:
+    desk = Desk(stick=lambda now: STRANGE)
+    (sample,) = desk.read()
+    assert sample == FULL
+    assert is_plain(sample, FULL)
+    assert not is_plain(STRANGE, FULL), "this test can fail"
+    assert desk.problems() == []
+
+
+@pytest.mark.parametrize("number", [np.float64(0.3), np.float32(0.25), 1, True, np.int64(1)])
+def test_what_a_follower_answers_is_made_of_plain_values(number: Any) -> None:  # noqa: ANN401
+    value = float(number)
+    plain = Following(
+        command=DriveCommand(speed=value, steering=value, action=Action.QUICKSTOP),
+        tracking=Tracking(arc_length=value, length=value, cross_track=value, heading_error=value),
+        finished=True,
+    )
+    strange = Following(
+        command=DriveCommand(speed=number, steering=number, action=Action.QUICKSTOP),
+        tracking=Tracking(arc_length=number, length=number, cross_track=number, heading_error=number),
+        finished=np.True_,  # type: ignore[arg-type]
+    )
+    made = plain_following(strange)
+    assert made == plain
+    assert is_plain(made, plain)
+
+
+def test_tells_what_a_plugin_raises_and_returns_however_hard_it_is_to_show() -> None:
+    class Shy:
+        def __repr__(self) -> str:
+            raise ValueError("not for you")
+
+    class Loud(Exception):
+        def __repr__(self) -> str:
+            return "loud " * 1000
+
+    def loud(now: float) -> OperatorInput:
+        raise Loud
+
+    desk = Desk(shy=lambda now: Shy(), loud=loud)
+    assert desk.read() == ()
+    (_, _, shy), (_, _, shout) = desk.border.take_problems()
+    assert shy == "a Shy that cannot be shown"
+    assert shout.startswith("loud loud")
+    assert len(shout) == 200
+
+
+@pytest.mark.parametrize("error", [SystemExit(0), SystemExit("enough")], ids=repr)
+def test_plugin_that_wants_to_end_the_program_has_raised_an_error(error: SystemExit) -> None:
+    def leave(now: float) -> OperatorInput:
+        raise error
+
+    desk = Desk(stick=leave)
+    assert desk.read() == ()
+    assert desk.border.take_problems() == [("PLG-02", "stick", repr(error))]
+
+
+def test_interruption_by_the_keyboard_is_no_business_of_a_plugin() -> None:
+    def interrupted(now: float) -> OperatorInput:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Desk(stick=interrupted).read()
+
+
+def test_every_device_is_given_back_whatever_the_others_do() -> None:
+    class Clinging(StubInput):
+        closed = 0
+
+        def __init__(self, error: BaseException | None = None) -> None:
+            super().__init__(lambda now: GOOD)
+            self.error = error
+
+        def close(self) -> None:
+            self.closed += 1
+            if self.error:
+                raise self.error
+
+    inputs = {"a": Clinging(OSError("held")), "b": Clinging(SystemExit(0)), "c": Clinging()}
+    assert close(inputs) == [("PLG-02", "a", "OSError('held')"), ("PLG-02", "b", "SystemExit(0)")]
+    assert [device.closed for device in inputs.values()] == [1, 1, 1]
 
 
 # ---------------------------------------------------------------------------------------------- late
@@ -304,7 +455,7 @@ def test_follower_that_raises_late_is_late_and_its_error_goes_on() -> None:
 
 def test_input_called_follower_and_the_follower_are_two() -> None:
     desk = Desk()
-    desk.border = Border({"follower": StubInput(desk.slow(TOO, TOO))}, lambda: desk.time)
+    desk.border = Border({"follower": StubInput(desk.slow(TOO, TOO, source="follower"))}, lambda: desk.time)
     watched = desk.border.watched(SlowFollower(desk, TOO))
     for _ in range(2):
         desk.read()
@@ -317,24 +468,29 @@ def test_input_called_follower_and_the_follower_are_two() -> None:
 
 @pytest.mark.parametrize("garbage", [None, 3, "go", following().command])
 def test_what_is_no_answer_is_not_whole(garbage: object) -> None:
-    assert not is_whole_following(garbage)
+    assert plain_following(garbage) is None
 
 
 @pytest.mark.parametrize("field", ["arc_length", "length", "cross_track", "heading_error"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, None, "far", 10**400])
 def test_answer_with_tracking_that_is_no_number_is_not_whole(field: str, value: Any) -> None:  # noqa: ANN401
     answer = following()
-    assert not is_whole_following(replace(answer, tracking=replace(answer.tracking, **{field: value})))
+    assert plain_following(replace(answer, tracking=replace(answer.tracking, **{field: value}))) is None
 
 
 @pytest.mark.parametrize("field", ["speed", "steering"])
 @pytest.mark.parametrize(("value", "whole"), [(math.nan, True), (math.inf, True), (None, False), ("left", False)])
 def test_numbers_of_a_command_are_judged_by_the_gate_and_what_is_none_here(field: str, value: Any, whole: bool) -> None:  # noqa: ANN401
     answer = replace(following(), command=DriveCommand(**{field: value}))
-    assert is_whole_following(answer) is whole
+    assert (plain_following(answer) is not None) is whole
 
 
-@pytest.mark.parametrize("part", ["command", "tracking"])
-def test_answer_that_misses_a_part_is_not_whole(part: str) -> None:
-    missing: dict[str, Any] = {part: None}
-    assert not is_whole_following(replace(following(), **missing))
+@pytest.mark.parametrize("part", ["command", "tracking", "finished"])
+@pytest.mark.parametrize("instead", [None, "yes", np.array([True, False])], ids=str)
+def test_answer_of_which_a_part_is_something_else_is_not_whole(part: str, instead: Any) -> None:  # noqa: ANN401
+    assert plain_following(replace(following(), **{part: instead})) is None
+
+
+@pytest.mark.parametrize("action", ["run", None, [], {}, 0, Action])
+def test_command_whose_action_is_none_is_not_whole(action: Any) -> None:  # noqa: ANN401
+    assert plain_following(replace(following(), command=DriveCommand(action=action))) is None

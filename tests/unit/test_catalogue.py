@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from artemis.states.mode import RESETS
 from artemis.supervision import catalogue
-from artemis.supervision.catalogue.row import Found, Kind, Row, automatic
+from artemis.supervision.catalogue.row import ITSELF, SHORT, Found, K, Kind, Row, X, automatic
 from artemis.supervision.policy import WATCHED
-from artemis.values import Severity
+from artemis.values import RESETS, Severity
 
 CODES = [
     0x1000, 0x2310, 0x3210, 0x3220, 0x4210, 0x5113, 0x6100, 0x6320, 0x7320,
@@ -22,8 +21,8 @@ CODES = [
 ]  # fmt: skip
 """Device errors, EPOS firmware specification 2010, 12.2."""
 
-SUPERVISION = Path(catalogue.__file__).parents[1]
-TABLES = sorted(Path(catalogue.__file__).parent.glob("*.py"))
+SUPERVISION = Path(__file__).parents[2] / "artemis" / "supervision"
+TABLES = sorted((SUPERVISION / "catalogue").glob("*.py"))
 MEASURES = [SUPERVISION / "measures.py", SUPERVISION / "wheels.py"]
 PROGRAM = [
     path for path in SUPERVISION.parent.rglob("*.py")
@@ -233,6 +232,29 @@ def test_automatic_recovery_needs_the_cause_to_be_gone_for_half_a_second() -> No
     assert automatic(1).window == inf
 
 
+def test_cause_of_what_goes_by_itself_must_be_gone_for_half_a_second() -> None:
+    assert (ITSELF.kind, ITSELF.settle) == (Kind.ITSELF, 0.5), "nothing flickers"
+
+
+def test_a_person_waits_for_the_cause_to_be_gone_and_no_longer() -> None:
+    assert (K.settle, X.settle) == (0.0, 0.0)
+
+
+def test_people_read_where_a_fault_is_noticed_and_how_it_is_forgotten() -> None:
+    assert all(found.value for found in Found)
+    assert all(kind.value for kind in Kind)
+
+
+def test_reactions_have_the_short_names_of_the_specification() -> None:
+    assert {severity.name: short for severity, short in SHORT.items()} == {
+        "WARN": "W",
+        "LIMIT": "L",
+        "CONTROLLED_STOP": "S2",
+        "QUICK_STOP": "S1",
+        "OFF": "S0",
+    }
+
+
 # ---------------------------------------------------------------------------------------------- faults of rows
 
 
@@ -294,3 +316,10 @@ def test_message_that_cannot_be_read_is_a_fault_as_well() -> None:
     fault = catalogue.emergency("traction-left", -1)
     assert (fault.id, fault.severity, fault.to_fault) == ("DRV-32", Severity.QUICK_STOP, True)
     assert fault.text == "traction-left: damaged error message"
+
+
+@pytest.mark.parametrize(
+    ("detail", "shown"), [("js0: gone", "js0: gone"), ("js\udcff", r"js\udcff"), ("größer", "größer")]
+)
+def test_the_text_of_a_fault_can_be_written_whatever_was_seen(detail: str, shown: str) -> None:
+    assert catalogue.fault("INP-01", "stick", detail).text == f"stick: input lost ({shown})"

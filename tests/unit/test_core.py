@@ -11,13 +11,25 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from core_builders import NAMES, PATH, PERIOD, STEERING, TRACTION, ObedientDrives, StubFollower, plan, sensed
+from core_builders import (
+    NAMES,
+    PATH,
+    PERIOD,
+    STEERING,
+    TRACTION,
+    ObedientDrives,
+    StubFollower,
+    following,
+    plan,
+    sensed,
+)
 
 from artemis.robot import LIMITED_SPEED, Core
 from artemis.states.mode import FollowStep, Step, TeleopStep, WaitStep
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
+    DriveCommand,
     DriveState,
     Goal,
     JobResult,
@@ -33,6 +45,7 @@ from artemis.values import (
 
 REST = OperatorInput(source="stick", age=0.0)
 STICK = replace(REST, speed=0.7, steering=0.2, enabled=True, neutral=False)
+AHEAD = replace(STICK, steering=0.0)
 
 
 class Live:
@@ -191,6 +204,41 @@ def test_speed_is_limited_while_a_verdict_says_so() -> None:
         tick = live.tick(inputs=(STICK,))
     assert tick.mode is Mode.TELEOP
     assert tick.set_points.speed == pytest.approx(LIMITED_SPEED)
+
+
+def fastest(live: Live, seconds: float = 3.0, **sensed: Any) -> float:
+    """Speed that leaves the gate, while it is asked for 0.7 m/s all the time."""
+    made = [live.tick(**sensed) for _ in range(round(seconds / PERIOD))]
+    assert {tick.wish.command.speed for tick in made} == {0.7}, "the wish is recorded as it was"
+    assert not any(tick.snapshot.verdict.faults for tick in made), "within the robot's limits (RUN-12)"
+    return max(tick.set_points.speed for tick in made)
+
+
+@pytest.mark.parametrize(("checked", "driven"), [(0.3, 0.3), (None, 0.7), (0.7, 0.7)])
+def test_follower_drives_no_faster_than_what_was_checked_for_its_step(checked: float | None, driven: float) -> None:
+    command = DriveCommand(speed=0.7)
+    arc_lengths = itertools.count(start=0.0, step=0.02)
+    follower = StubFollower(lambda: replace(following(arc_length=next(arc_lengths)), command=command))
+    live = Live(FollowStep(path=PATH, follower=follower, speed=checked))
+    live.drives.changes = {name: {"frames": 1} for name in NAMES}
+    live.until(Mode.FOLLOW)
+    assert fastest(live) == pytest.approx(driven, abs=1e-12)
+
+
+@pytest.mark.parametrize(("checked", "driven"), [(0.3, 0.3), (None, 0.7)])
+def test_hand_drives_no_faster_than_what_was_checked_for_its_input(checked: float | None, driven: float) -> None:
+    live = Live(TeleopStep(input="stick", seconds=None, speed=checked))
+    live.until(Mode.TELEOP)
+    assert fastest(live, inputs=(AHEAD,)) == pytest.approx(driven, abs=1e-12)
+
+
+def test_each_step_has_its_own_speed() -> None:
+    live = Live(TeleopStep(input="stick", seconds=3.0, speed=0.2), TeleopStep(input="stick", seconds=None, speed=0.4))
+    live.until(Mode.TELEOP)
+    assert max(live.tick(inputs=(AHEAD,)).set_points.speed for _ in range(100)) == pytest.approx(0.2)
+    live.until(Mode.READY)
+    live.until(Mode.TELEOP)
+    assert fastest(live, inputs=(AHEAD,)) == pytest.approx(0.4)
 
 
 def test_set_points_of_drives_that_are_off_are_where_the_wheels_are() -> None:

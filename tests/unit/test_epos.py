@@ -293,16 +293,27 @@ def test_set_point_beyond_the_end_of_the_counter_wraps_as_the_counter_does() -> 
     assert struct.unpack("<Hi", frame.data)[1] == -0x80000000 + 52555
 
 
-def test_restarted_drive_goes_on_from_its_last_position_with_any_counter() -> None:
+@pytest.mark.parametrize(("counts", "way"), [(9494, 0.02), (9541, 0.03), (0, 0.02), (-47, 0.01)])
+def test_restarted_drive_has_counted_on_or_from_zero(counts: int, way: float) -> None:
     drive = epos("traction-left")
-    drive.on_status(status(0))
+    drive.on_status(status(9400))
     drive.on_details(Frame(0x281, bytes(7)))
-    drive.on_status(status(94, time=0.02))
+    drive.on_status(status(9494, time=0.02))
     drive.restart()
     assert drive.feedback(0.02).age is None, "not heard since"
-    drive.on_status(status(-9999, time=0.04))
-    drive.on_status(status(-9999 + 94, time=0.06))
-    assert drive.feedback(0.06).position == pytest.approx(0.04)
+    drive.on_status(status(counts, time=0.04))
+    assert drive.feedback(0.04).position == pytest.approx(way)
+    drive.on_status(status(counts + 94, time=0.06))
+    assert drive.feedback(0.06).position == pytest.approx(way + 0.02)
+
+
+def test_way_of_a_restarted_drive_is_no_jump() -> None:
+    drive = epos("traction-left")
+    drive.on_status(status(100_000))
+    drive.restart()
+    drive.on_status(status(9400, time=0.02))
+    assert drive.feedback(0.02).jumps == 0
+    assert drive.feedback(0.02).position == pytest.approx(2.0)
 
 
 # ---------------------------------------------------------------------------------------------- garbage

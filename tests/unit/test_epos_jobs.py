@@ -282,14 +282,26 @@ def test_disarming_stops_a_moving_drive_before_its_power_is_cut() -> None:
     on(LEFT, test)
 
 
-def test_disarming_goes_on_when_an_act_fails_and_tells_of_it_at_the_end() -> None:
+def test_drive_that_cannot_be_switched_off_goes_on_watching_us_and_takes_stop_frames() -> None:
     async def test(rig: Rig) -> None:
         await bring_up(rig)
         rig.node._dictionary.checks[key_of(0x6040, 0)] = _refuse
         with pytest.raises(DeviceError, match=r"0x6040"):
             await rig.jobs.disarm()
         await asyncio.sleep(0.001)
-        assert has(rig, 0x1016, 1) == 0
+        assert has(rig, 0x1016, 1) == WATCH
+        assert rig.node.nmt is Nmt.OPERATIONAL
+
+    on(LEFT, test)
+
+
+def test_drive_that_is_off_and_cannot_stop_watching_leaves_the_exchange_all_the_same() -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        rig.node._dictionary.checks[key_of(0x1016, 1)] = _refuse
+        with pytest.raises(DeviceError, match=r"0x1016"):
+            await rig.jobs.disarm()
+        await asyncio.sleep(0.001)
         assert rig.node.nmt is Nmt.PRE_OPERATIONAL
 
     on(LEFT, test)

@@ -8,7 +8,7 @@ import pytest
 
 from artemis.errors import RecordingError
 from artemis.recording import journal as module
-from artemis.recording.journal import Entry, Journal, Level, read_journal
+from artemis.recording.journal import Entry, Journal, JournalContent, Level, read_journal
 from artemis.testing.failing_disk import FailingDisk
 
 ENTRIES = (
@@ -189,3 +189,44 @@ def test_a_disk_that_takes_a_few_bytes_at_a_time_loses_nothing(tmp_path: Path) -
     journal.close()
 
     assert read_journal(tmp_path / "journal.jsonl").entries == ENTRIES
+
+
+# ---------------------------------------------------------------------------------------------- how long it lasts
+
+
+def test_the_last_mark_of_a_run_that_goes_on_is_its_last_entry(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    journal = Journal(path)
+    journal.write(ENTRIES[0])
+    for time in (1.0, 2.0, 12.0, 3.0):
+        journal.mark(time)
+        content = read_journal(path)
+        assert content.missing is None
+        assert [(entry.time, entry.kind) for entry in content.entries] == [(0.0, "start"), (time, "running")]
+    journal.close()
+
+
+def test_an_entry_takes_the_place_of_a_mark(path: Path, tmp_path: Path) -> None:
+    (tmp_path / "marked").mkdir()
+    journal = Journal(tmp_path / "marked/journal.jsonl")
+    for number, entry in enumerate(ENTRIES):
+        journal.mark(1234567.891011 + number)  # longer than the last entry
+        journal.write(entry)
+        assert read_journal(journal.path).entries == ENTRIES[: number + 1]
+        assert read_journal(journal.path).missing is None
+    journal.mark(5.0)
+    journal.close()
+    assert journal.path.read_bytes() == path.read_bytes()
+
+
+def test_a_mark_that_the_disk_refuses_harms_no_entry(tmp_path: Path) -> None:
+    disk = FailingDisk()
+    journal = Journal(tmp_path / "journal.jsonl", disk)
+    journal.write(ENTRIES[0])
+    disk.fail("journal", errno.EIO, after=10)
+    with pytest.raises(OSError, match="error"):
+        journal.mark(1.0)
+    disk.heal()
+    journal.write(ENTRIES[1])
+    journal.close()
+    assert read_journal(journal.path) == JournalContent(entries=ENTRIES[:2], missing=None)

@@ -28,6 +28,7 @@ from artemis.values import (
 )
 
 OVERHEATED = Fault(id="DRV-06", severity=Severity.QUICK_STOP, text="steer-left: too hot", device="steer-left")
+BITRATE = 1_000_000
 EXPLAINED = [
     "                 look  wait five minutes; is a wheel dragging?",
     "              artemis  quick stop by the drives, then off",
@@ -59,9 +60,9 @@ def tick(
 
 
 def said(capsys: pytest.CaptureFixture[str], *ticks: Tick) -> list[str]:
-    with LiveView("title", "", lambda: None) as view:
+    with LiveView("title", "", lambda: None, BITRATE) as view:
         for seen in ticks:
-            view.show(seen)
+            view.show(seen, ())
     return capsys.readouterr().out.splitlines()[1:]
 
 
@@ -140,12 +141,12 @@ def test_output_that_nobody_reads_never_holds_up_a_tick(monkeypatch: pytest.Monk
     lost: list[str] = []
     source, sink = os.pipe()
     monkeypatch.setattr(sys, "stdout", os.fdopen(sink, "w"))
-    with sys.stdout, LiveView("title", "", lambda: lost.append("lost")) as view:
+    with sys.stdout, LiveView("title", "", lambda: lost.append("lost"), BITRATE) as view:
         for number in range(5000):
-            view.show(tick(float(number), requests=(Request.QUICKSTOP,)))
+            view.show(tick(float(number), requests=(Request.QUICKSTOP,)), ())
         assert lost == []
         os.close(source)
         view._thread.join()
         for number in range(3):
-            view.show(tick(float(number), requests=(Request.END,)))
+            view.show(tick(float(number), requests=(Request.END,)), ())
     assert lost == ["lost"]

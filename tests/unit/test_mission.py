@@ -105,7 +105,7 @@ def test_what_is_not_written_has_its_default(folder: Path) -> None:
     loaded = load_mission(folder / "mission.yaml")
     mission = loaded.mission
     assert (mission.tick_hz, mission.record, mission.supervision.stop_distance_m) == (50, "runs/", 0.6)
-    assert (mission.simulation.seed, mission.simulation.pace, mission.simulation.operator) == (0, "fast", ())
+    assert (mission.simulation.seed, mission.simulation.pace, mission.simulation.operator) == (0, None, ())
     assert (mission.inputs, mission.simulation.inputs, loaded.true_robot.steering_zero_left_deg) == ({}, {}, 0.0)
 
 

@@ -15,7 +15,9 @@ from core_builders import (
     drive,
     drives,
     expires,
+    fault_of,
     has_event,
+    has_fault,
     judged,
     plan,
     powered,
@@ -59,6 +61,7 @@ DEAF: dict[str, dict[str, Any]] = {
     "nmt": {"nmt": Nmt.PRE_OPERATIONAL},
     "unknown": {"nmt": None},
 }
+STOPS = DriveState.QUICK_STOP_ACTIVE
 
 
 def halted(player: Player) -> list[str]:
@@ -68,10 +71,23 @@ def halted(player: Player) -> list[str]:
 @pytest.mark.parametrize("sign", DEAF)
 def test_driven_wheel_that_takes_no_process_data_is_stopped_by_a_job_once(sign: str) -> None:
     player, _ = in_fault()
-    player.world.update(standing=False, drives=drives(drive(LEFT, **DEAF[sign])))
+    player.world.update(standing=False, drives=drives(drive(LEFT, **DEAF[sign]), state=STOPS))
     for _ in range(10):
         wish = player.tick()
         assert (wish.heartbeat, wish.traction) == (True, Goal.QUICK_STOPPED)
+    assert halted(player) == [LEFT]
+
+
+@pytest.mark.parametrize("standing", [False, True])
+def test_driven_wheel_that_is_still_enabled_a_tenth_of_a_second_after_the_stop_is_deaf(standing: bool) -> None:
+    player, _ = in_fault()
+    enabled = drive(LEFT, state=DriveState.OPERATION_ENABLE)
+    player.world.update(standing=standing, drives=drives(enabled, state=STOPS))
+    for _ in range(5):
+        player.tick()
+    assert halted(player) == []
+    player.tick()
+    player.tick()
     assert halted(player) == [LEFT]
 
 
@@ -86,7 +102,8 @@ def test_wheels_that_turn_deaf_one_after_the_other_are_each_stopped_by_a_job() -
 
 def test_drives_that_are_heard_and_steering_that_is_not_need_no_job_to_stop() -> None:
     player, _ = in_fault()
-    player.world.update(standing=False, drives=drives(drive(LEFT, age=0.1), drive(STEERING[0], age=None)))
+    quiet = drive(LEFT, age=0.1, state=STOPS), drive(STEERING[0], age=None)
+    player.world.update(standing=False, drives=drives(*quiet, state=STOPS))
     for _ in range(10):
         player.tick()
     assert halted(player) == []
@@ -109,6 +126,48 @@ def test_fault_before_the_drives_were_configured_stops_them_by_jobs_and_exchange
         assert not wish.exchange
         assert not wish.heartbeat, "a heartbeat that begins here and ends again trips every drive that has heard it"
     assert [(job.kind, job.drive) for job in player.jobs] == [(JobKind.SECURE, name) for name in NAMES]
+
+
+def test_drive_that_cannot_be_secured_is_a_fault_and_tried_until_it_is() -> None:
+    player, _ = in_fault(connected=False)
+    player.refused.add((JobKind.SECURE, LEFT))
+    assert fault_of(player.until(has_fault)) == ("COM-08", LEFT)
+    for _ in range(20):
+        wish = player.tick()
+        assert wish.fault is None, "said once"
+        assert LEFT in wish.phase
+    assert sum(job.drive == LEFT for job in player.jobs) > 10
+    assert sum(job.drive != LEFT for job in player.jobs) == 3
+    player.refused.clear()
+    player.tick()
+    assert LEFT not in player.tick().phase
+    number = len(player.jobs)
+    player.tick()
+    assert len(player.jobs) == number
+
+
+def test_second_artemis_that_has_not_configured_the_drives_ends_without_a_job() -> None:
+    player, steps = in_fault(connected=False)
+    player.world["verdict"] = judged("COM-18", final=True)
+    wish = player.until(has_event)
+    assert (wish.event, wish.exchange, wish.heartbeat) == (Event.END, False, False)
+    assert player.jobs == []
+    assert steps.failed
+
+
+def test_second_artemis_that_is_heard_while_drives_are_secured_gets_no_further_job() -> None:
+    player, _ = in_fault(connected=False)
+    player.refused.update((JobKind.SECURE, name) for name in NAMES)
+    player.until(lambda wish: bool(wish.jobs))
+    player.world["verdict"] = judged("COM-18", final=True)
+    assert player.until(has_event).event is Event.END
+    assert {job.drive for job in player.jobs} == set(TRACTION)
+
+
+def test_drives_of_ours_are_stopped_where_another_artemis_begins() -> None:
+    player, _ = in_fault()
+    player.world.update(verdict=judged("COM-18", final=True), attended=True)
+    assert player.tick(standing=False).traction is Goal.QUICK_STOPPED
 
 
 def waiting_for_acknowledgment(**state: Any) -> tuple[Player, Plan]:

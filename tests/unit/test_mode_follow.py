@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -108,16 +108,31 @@ def test_path_is_not_begun_from_far_away_however_often_it_is_tried(start: Follow
         player.enter()  # acknowledged, armed, and not moved
 
 
+def test_path_is_not_gone_on_with_when_the_place_of_the_robot_is_not_known() -> None:
+    player, follower, steps = follow()
+    assert player.tick().fault is None
+    done = steps.done
+    for _ in range(3):
+        wish = player.tick(odometry=Odometry(lost=True), set_points=SetPoints(steering=0.2))
+        assert fault_of(wish) == ("RUN-08", "")
+        assert wish.command == DriveCommand(speed=0.0, steering=0.2)
+        player.enter()
+    assert (follower.steps, steps.done) == (1, done)
+
+
 def test_path_is_begun_from_nearby() -> None:
     player, _, _ = follow(lambda: following(cross_track=0.99, heading_error=math.radians(59)))
     assert player.tick().fault is None
 
 
-def along(player: Player, answers: list[Following], follower: StubFollower) -> list[Wish]:
+def along(
+    player: Player, answers: list[Following], follower: StubFollower, ways: Iterable[float] | None = None
+) -> list[Wish]:
+    """Ticks with these answers; the robot has rolled so far [m], as far as its path says if nothing is given."""
     wishes = []
-    for answer in answers:
+    for answer, way in zip(answers, ways or [answer.tracking.arc_length for answer in answers], strict=True):
         follower.answer = lambda answer=answer: answer
-        wishes.append(player.tick())
+        wishes.append(player.tick(odometry=Odometry(distance=way)))
     return wishes
 
 
@@ -137,12 +152,25 @@ def test_robot_off_its_path_is_a_fault_with_the_place(side: int) -> None:
     assert off.command.speed == 0.0
 
 
-def test_limit_of_the_error_counts_at_the_latest_after_five_metres() -> None:
+CIRCLING = [following(arc_length=0.5 + 0.3 * math.sin(way / 3), cross_track=0.5) for way in range(80)]
+"""A robot that drives a decimetre in each tick, and comes no further along its path."""
+
+
+@pytest.mark.parametrize("ways", [[way / 10 for way in range(80)], [-way / 10 for way in range(80)],
+                                  [(way % 2) / 10 for way in range(80)]], ids=["on", "back", "to and fro"])  # fmt: skip
+def test_limit_of_the_error_counts_at_the_latest_after_five_metres_wherever_they_lead(ways: list[float]) -> None:
     player, follower, _ = follow(max_cross_track=0.3)
-    answers = [following(arc_length=way / 10, cross_track=0.5) for way in range(60)]
-    wishes = along(player, answers, follower)
-    lost = [has_fault(wish) for wish in wishes].index(True)
-    assert answers[lost].tracking.arc_length == pytest.approx(5.0)
+    wishes = along(player, CIRCLING, follower, ways)
+    assert [has_fault(wish) for wish in wishes].index(True) in (50, 51)
+    assert fault_of(wishes[51]) == ("PTH-06", "")
+
+
+def test_way_before_a_stop_does_not_count_after_it() -> None:
+    player, follower, _ = follow(max_cross_track=0.3)
+    ways = [10 + way / 10 for way in range(40)]
+    assert not any(map(has_fault, along(player, CIRCLING[:40], follower, ways)))
+    player.enter()
+    assert not any(map(has_fault, along(player, CIRCLING[:40], follower, [way + 5.0 for way in ways])))
 
 
 def test_limit_of_the_error_counts_from_the_first_metre_that_kept_it() -> None:
@@ -182,8 +210,10 @@ def test_way_beyond_the_end_counts_anew_after_the_robot_came_back_to_the_path() 
     assert driven(player, (4.0, 9.0), (4.0, 9.15), (4.0, 9.25)) == [False, False, True]
 
 
-def test_path_that_takes_too_long_is_a_fault_that_counts_only_driving() -> None:
-    player, follower, steps = follow(longest=1.0)
+def test_path_that_takes_too_long_is_a_fault_that_counts_only_driving(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("artemis.states.follow.SLACK", 0.0)
+    in_one_second = 2 * PATH.length
+    player, follower, steps = follow(speed=in_one_second)
     answers = [following(arc_length=number / 100) for number in range(45)]
     assert not any(map(has_fault, along(player, answers, follower)))
     player.time += 100.0
@@ -192,9 +222,18 @@ def test_path_that_takes_too_long_is_a_fault_that_counts_only_driving() -> None:
     told = [wish.fault is not None and wish.fault.id == "PTH-08" for wish in along(player, answers, follower)]
     assert told.index(True) in (4, 5)
     assert "0.5" in str(player.wishes[-1].fault)
-    steps.steps = (FollowStep(path=PATH, follower=follower, longest=1.0),)
+    steps.steps = (FollowStep(path=PATH, follower=follower, speed=in_one_second),)
     player.enter()
     assert not has_fault(player.tick()), "another step has its own time"
+
+
+def test_path_of_a_follower_that_tells_no_speed_is_not_driven_for_ever_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("artemis.states.follow.SLACK", 0.0)
+    monkeypatch.setattr("artemis.states.follow.SLOWEST", 2 * PATH.length)
+    player, follower, _ = follow()
+    wishes = along(player, [following(arc_length=1.0 + number % 2) for number in range(60)], follower)
+    told = [wish.fault is not None and wish.fault.id == "PTH-08" for wish in wishes]
+    assert told.index(True) in (49, 50)
 
 
 def test_follow_is_done_when_the_follower_has_finished_and_the_robot_stands() -> None:

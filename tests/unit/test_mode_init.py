@@ -35,6 +35,7 @@ from artemis.values import (
     Goal,
     JobKind,
     Nmt,
+    OperatorInput,
     Request,
     SetPoints,
     Wish,
@@ -124,6 +125,31 @@ def test_init_that_is_not_armed_waits_with_the_drives_off_until_it_is() -> None:
     assert bring_up.player.tick().phase == "waiting for arm", "an acknowledgment is no arm"
     assert bring_up.player.tick(requests=(Request.ARM,)).phase != "waiting for arm"
     assert bring_up.player.until(has_event).event is Event.ALIGNED
+
+
+PRESSED = (OperatorInput(source="stick"), OperatorInput(source="other", neutral=False))
+
+
+def test_arm_with_a_control_pressed_is_refused_and_not_kept() -> None:
+    bring_up = BringUp(armed=False)
+    player = bring_up.player
+    player.until(lambda wish: wish.phase == "waiting for arm")
+    assert player.tick(inputs=PRESSED, requests=(Request.ARM,)).phase == "release the controls"
+    assert player.tick().phase == "waiting for arm"
+    assert player.tick(requests=(Request.ARM,)).phase != "waiting for arm"
+
+
+@pytest.mark.parametrize("attended", [True, False])
+def test_bring_up_that_is_armed_goes_on_once_the_controls_are_released(attended: bool) -> None:
+    bring_up = BringUp(armed=True)
+    player = bring_up.player
+    player.world.update(inputs=PRESSED, attended=attended)
+    player.until(lambda wish: wish.phase == "release the controls")
+    for _ in range(50):
+        wish = player.tick()
+        assert (wish.phase, powered(wish), wish.event) == ("release the controls", False, None)
+    player.world["inputs"] = ()
+    assert player.until(has_event).event is Event.ALIGNED
 
 
 def test_later_bring_ups_keep_the_pose() -> None:

@@ -20,6 +20,7 @@ from core_builders import (
     fault_of,
     has_event,
     has_fault,
+    judged,
     plan,
     powered,
     snapshot,
@@ -129,8 +130,8 @@ def test_milder_stop_does_not_begin_a_stop_anew_and_a_more_severe_one_does_once(
     modes = modes_in(Mode.QUICKSTOP)
     entered: list[Snapshot] = []
     monkeypatch.setattr(modes._logic[Mode.QUICKSTOP], "enter", entered.append)
-    for judged, times in ((STOP, 0), (SEVERE, 1), (SEVERE, 1), (STOP, 1)):
-        modes.advance(snapshot(verdict=judged), None)
+    for found, times in ((STOP, 0), (SEVERE, 1), (SEVERE, 1), (STOP, 1)):
+        modes.advance(snapshot(verdict=found), None)
         assert len(entered) == times
 
 
@@ -141,10 +142,10 @@ def test_end_that_was_asked_for_during_a_stop_comes_after_it() -> None:
 
 
 def test_end_that_a_mode_asked_for_during_a_stop_comes_after_it() -> None:
-    for judged, stopped in ((SEVERE, Mode.QUICKSTOP), (DRIVE_FAULT, Mode.FAULT)):
+    for found, stopped in ((SEVERE, Mode.QUICKSTOP), (DRIVE_FAULT, Mode.FAULT)):
         modes = modes_in(Mode.QUICKSTOP)
-        assert modes.advance(snapshot(verdict=judged), Event.END) is stopped
-        assert modes.advance(snapshot(verdict=judged), None) is Mode.END
+        assert modes.advance(snapshot(verdict=found), Event.END) is stopped
+        assert modes.advance(snapshot(verdict=found), None) is Mode.END
 
 
 def test_run_that_ends_with_a_fault_has_failed_though_its_steps_are_done() -> None:
@@ -161,6 +162,34 @@ def test_power_is_off_where_nothing_else_is_left_and_the_alarm_ends_the_heartbea
         wish = modes_in(Mode.FAULT).step(snapshot(standing=False, verdict=off))
         assert (wish.command.action, wish.traction, wish.steering) == (Action.DISABLE, Goal.DISABLED, Goal.HOLD)
         assert wish.heartbeat is not alarm
+
+
+@pytest.mark.parametrize(
+    ("says", "armed", "held"),
+    [
+        ({}, True, True),
+        ({"recovers": True}, False, True),
+        ({"recovers": True}, True, False),
+        ({"recovers": True, "resumes": True}, False, False),
+    ],
+)
+def test_fault_that_may_not_go_on_by_itself_waits_for_an_arm_whatever_recovers_later(
+    says: dict[str, Any], armed: bool, held: bool
+) -> None:
+    steps = plan(CalibrateStep(), connected=True, aligned=True)
+    modes = modes_in(Mode.READY, steps)
+    steps.armed = armed
+    modes.advance(snapshot(verdict=judged("DRV-25", **says)), None)
+    assert steps.held is held
+    modes.advance(snapshot(verdict=judged("SYS-01", recovers=True, resumes=True)), None)
+    modes.advance(snapshot(), None)
+    assert steps.held is held, "until a person arms"
+
+
+def test_what_does_not_stop_the_robot_needs_no_arm() -> None:
+    steps = plan(CalibrateStep(), connected=True, aligned=True, armed=False)
+    modes_in(Mode.READY, steps).advance(snapshot(verdict=judged("COM-13")), None)
+    assert not steps.held
 
 
 def test_mode_that_is_entered_again_begins_anew() -> None:

@@ -27,7 +27,7 @@ from core_builders import (
 
 from artemis.motion.perception import STANDING_TIME
 from artemis.states.end import EndMode
-from artemis.states.mode import CalibrateStep, ModeLogic, Plan
+from artemis.states.mode import LISTEN, CalibrateStep, ModeLogic, Plan
 from artemis.states.quickstop import QuickstopMode
 from artemis.supervision import catalogue
 from artemis.values import (
@@ -114,14 +114,54 @@ def test_drives_are_switched_off_at_the_latest_after_the_stop_time() -> None:
 
 def test_drives_that_were_not_configured_are_stopped_by_jobs_and_not_judged() -> None:
     player, _ = quickstop(connected=False, aligned=False)
-    for _ in range(5):
+    while player.time < 0.4:
         wish = player.tick(standing=False)
+        assert bool(wish.jobs) <= (player.time > LISTEN), "listening comes first"
         assert not wish.exchange
         assert not wish.heartbeat
         assert not wish.supervised
     assert [job.drive for job in player.jobs] == list(NAMES)
     assert {job.kind for job in player.jobs} == {JobKind.SECURE}
     assert player.tick(requests=(Request.ARM,)).event is Event.ACKNOWLEDGED
+
+
+def test_drive_that_was_not_configured_and_cannot_be_stopped_is_a_fault_and_never_called_stopped() -> None:
+    player, _ = quickstop(connected=False, aligned=False)
+    player.refused.add((JobKind.SECURE, "traction-right"))
+    assert fault_of(player.until(has_fault)) == ("COM-08", "traction-right")
+    for _ in range(5):
+        assert player.tick(requests=(Request.ARM,)).event is None
+    assert not any("stopped" in wish.phase for wish in player.wishes)
+
+
+def test_stop_takes_the_arm_of_a_bring_up() -> None:
+    player, steps = quickstop(armed=True)
+    player.enter()
+    assert not steps.armed
+
+
+@pytest.mark.parametrize("mode", ["quickstop", "end"])
+def test_deaf_drive_is_stopped_by_a_job_in_every_stop_or_by_our_silence(mode: str) -> None:
+    player = quickstop()[0] if mode == "quickstop" else Player(EndMode(plan(connected=True)))
+    player.refused.add((JobKind.HALT, "traction-left"))
+    enabled = drive("traction-left", state=DriveState.OPERATION_ENABLE)
+    player.world.update(standing=False, drives=drives(enabled, state=DriveState.QUICK_STOP_ACTIVE))
+    player.until(lambda wish: bool(wish.jobs), longest=0.2)
+    assert [(job.kind, job.drive) for job in player.jobs] == [(JobKind.HALT, "traction-left")]
+    for _ in range(10):
+        assert not player.tick().heartbeat
+
+
+def test_stop_that_is_asked_for_again_and_again_gives_a_deaf_drive_no_heartbeat_back() -> None:
+    player, steps = quickstop()
+    player.refused.add((JobKind.HALT, "traction-left"))
+    player.world["standing"] = False
+    for _ in range(8):  # more often than a drive needs to be found deaf
+        player._entered = False
+        player.tick()
+    assert [job.drive for job in player.jobs] == ["traction-left", "traction-right"], "each once"
+    assert not player.tick().heartbeat
+    assert not EndMode(steps).step(snapshot(player.time, standing=False)).heartbeat, "nor does the end"
 
 
 def test_quick_stop_during_a_controlled_stop_makes_it_a_quick_one() -> None:
@@ -301,9 +341,17 @@ def test_drives_that_refuse_to_be_disarmed_do_not_hold_the_end_up() -> None:
 def test_end_before_the_drives_were_configured_only_disarms() -> None:
     player = ending(connected=False)
     player.until(lambda wish: wish.finished, longest=1.0)
+    assert all(wish.phase == "listening" for wish in player.wishes[:14]), "not a frame before that"
     assert not any(wish.exchange for wish in player.wishes)
     assert not any(wish.heartbeat for wish in player.wishes[:-2])
     assert {job.kind for job in player.jobs} == {JobKind.DISARM}
+
+
+def test_end_of_a_second_artemis_sends_nothing() -> None:
+    player = ending(connected=False)
+    player.world["verdict"] = judged("COM-18", final=True)
+    player.until(lambda wish: wish.finished, longest=1.0)
+    assert not any(wish.exchange or wish.heartbeat or wish.jobs for wish in player.wishes)
 
 
 def test_ended_stays_ended() -> None:
@@ -314,4 +362,4 @@ def test_ended_stays_ended() -> None:
 
 def test_mode_without_being_entered_enters_itself() -> None:
     mode: ModeLogic = EndMode(plan())
-    assert mode.step(snapshot()).jobs
+    assert mode.step(snapshot(1.0)).jobs

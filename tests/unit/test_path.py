@@ -108,6 +108,20 @@ def test_a_file_of_another_kind_gives_a_short_message() -> None:
     assert "981 more problems" in problems[-1]
 
 
+def test_a_cell_is_shown_in_short_and_printable() -> None:
+    header, row = problems_of("x,y," + "\x1b" * 500 + "\n0,0,1\n0.5,\x1b[2J" + "9" * 500 + ",1\n1,0,1\n")
+    for problem in (header, row):
+        assert problem.isprintable()
+        assert len(problem) < 200
+    assert header.startswith(r"p.csv:1:5: unknown column '\x1b\x1b")
+    assert row.startswith(r"p.csv:3:5: y: expected a finite number, found '\x1b[2J999")
+
+
+def test_more_columns_than_any_table_has_are_one_problem() -> None:
+    (problem,) = problems_of("x,y" + ",z" * 100_000 + "\n0,0\n")
+    assert problem == "p.csv:1:1: 100002 columns; expected at most 20"
+
+
 def test_huge_files_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table_module, "MAX_ROWS", 10)
     assert "more than 10 rows" in problems_of("\n".join(f"{0.1 * i},0" for i in range(20)))[0]

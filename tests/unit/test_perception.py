@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, STEERING, TRACTION, drive, drives, sensed
@@ -204,3 +206,92 @@ def test_angle_of_a_steering_drive_that_is_not_enabled_is_the_measured_one(state
     assert (both.steering_left, both.steering_right) == (measured, measured)
     assert both.steering == pytest.approx(measured, abs=0.02)
     assert left.speed == right.speed == both.speed == POINTS.speed
+
+
+# ---------------------------------------------------------------------------------------------- where it is, or not
+
+LEFT = TRACTION[0]
+CONFIGURED = JobResult(id=1, kind=JobKind.CONFIGURE, drive=LEFT, ok=True)
+"""The drive's counter goes on from wherever it is."""
+
+
+def rolling(time: float, way: float, **left: Any) -> Sensed:  # noqa: ANN401 (of `DriveFeedback`)
+    """Both driven wheels rolled so far and were heard, but for what is different of the left one."""
+    wheels = (drive(name, position=way, frames=1, age=0.0) for name in TRACTION)
+    return sensed(time, drives=drives(*(replace(wheel, **left) if wheel.name == LEFT else wheel for wheel in wheels)))
+
+
+def place_is_lost(speed: float, *then: Sensed) -> bool:
+    """After the robot was heard to drive for 0.4 s, and then this was sensed."""
+    eyes = Eyes()
+    for number in range(20):
+        eyes.look(rolling(number * PERIOD, speed * number * PERIOD))
+    for sample in then:
+        snapshot = eyes.look(sample)
+    return snapshot.odometry.lost
+
+
+@pytest.mark.parametrize(("speed", "lost"), [(0.4, True), (0.06, True), (0.0, False)])
+@pytest.mark.parametrize(
+    "anew",
+    [
+        lambda sample: replace(sample, drives=drives(drive(LEFT, boots=1, position=0.0, age=0.1))),
+        lambda sample: replace(sample, results=(CONFIGURED,)),
+        lambda sample: replace(sample, results=(CONFIGURED,), urgent=True),
+    ],
+    ids=["restarted", "configured", "in an extra tick"],
+)
+def test_place_is_lost_when_a_counter_begins_anew_unless_the_robot_stood(
+    speed: float, lost: bool, anew: Callable[[Sensed], Sensed]
+) -> None:
+    way = speed * 19 * PERIOD
+    assert place_is_lost(speed, anew(rolling(0.4, way)), rolling(0.42, way)) is lost
+
+
+def test_place_is_kept_by_a_robot_that_came_to_rest_before_its_drives_were_configured() -> None:
+    resting = [rolling(0.4 + number * PERIOD, 0.16) for number in range(10)]
+    assert not place_is_lost(0.4, *resting, replace(rolling(0.6, 0.16), results=(CONFIGURED,)), rolling(0.62, 0.16))
+
+
+def test_place_is_lost_by_a_robot_of_which_one_wheel_was_heard_no_more() -> None:
+    """The other one came to rest in sight."""
+    resting = [rolling(0.4 + number * PERIOD, 0.16, frames=0, age=0.3) for number in range(10)]
+    assert place_is_lost(0.4, *resting, replace(rolling(0.6, 0.16), results=(CONFIGURED,)))
+
+
+@pytest.mark.parametrize(("way", "lost"), [(0.009, False), (0.011, True), (-0.011, True)])
+def test_place_is_lost_by_a_robot_that_rolled_while_nobody_listened(way: float, lost: bool) -> None:
+    deaf = replace(rolling(0.4, 0.0, frames=0, age=None), results=(CONFIGURED,))
+    assert place_is_lost(0.0, deaf, rolling(1.0, way)) is lost
+    assert not place_is_lost(0.0, rolling(0.4, 0.0), rolling(1.0, way)), "counted all the time"
+
+
+@pytest.mark.parametrize(("jumps", "lost"), [(1, False), (2, True)])
+def test_place_is_lost_by_a_wheel_whose_position_jumps(jumps: int, lost: bool) -> None:
+    assert place_is_lost(0.0, rolling(0.4, 0.0, jumps=jumps)) is lost
+
+
+def test_place_stays_lost_until_it_is_the_origin() -> None:
+    eyes = Eyes()
+    eyes.look(rolling(0.0, 0.0))
+    eyes.look(rolling(0.02, 0.01))
+    eyes.look(replace(rolling(0.04, 0.02), results=(CONFIGURED,)))
+    assert all(eyes.look(rolling(number * PERIOD, 0.02)).odometry.lost for number in range(3, 20))
+    eyes.perception.reset()
+    assert not eyes.look(rolling(0.4, 0.02)).odometry.lost
+
+
+@pytest.mark.parametrize(
+    ("speed", "age", "lost"), [(0.4, 0.5, False), (0.4, 0.51, True), (0.4, None, True), (0.0, 9.0, False)]
+)
+def test_place_is_lost_while_a_wheel_is_not_heard_that_was_rolling(speed: float, age: float | None, lost: bool) -> None:
+    silent = rolling(1.0, speed * 19 * PERIOD, frames=0, age=age)
+    assert place_is_lost(speed, silent) is lost
+    assert not place_is_lost(speed, silent, rolling(2.0, 0.5)), "it counted on"
+
+
+def test_a_steering_drive_that_begins_anew_loses_no_way() -> None:
+    told = replace(CONFIGURED, drive=STEERING[0])
+    restarted = replace(rolling(0.4, 0.16), results=(told,))
+    other = tuple(replace(each, boots=each.name == STEERING[0]) for each in restarted.drives)
+    assert not place_is_lost(0.4, replace(restarted, drives=other), rolling(0.42, 0.16))

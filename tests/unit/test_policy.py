@@ -43,6 +43,10 @@ def test_empty_policy_changes_nothing(id: str, row: Row) -> None:
     assert stricter({id: Policy()}) == ROWS
 
 
+def test_robot_waits_after_a_recovery_unless_a_policy_says_otherwise() -> None:
+    assert Policy().resume == "wait"
+
+
 def test_no_policy_is_the_table() -> None:
     assert stricter({}) == ROWS
 

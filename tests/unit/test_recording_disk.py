@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import threading
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
@@ -20,6 +21,7 @@ from artemis.recording.journal import Entry, Journal, read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder
 from artemis.testing.failing_disk import FailingDisk
+from artemis.values import Tick
 
 
 def first(count: int) -> list[synthetic_run.Observed]:
@@ -203,6 +205,37 @@ def test_a_journal_that_can_be_written_again_is_no_trouble_any_more(tmp_path: Pa
     assert journal.missing is not None
 
 
+@pytest.mark.parametrize("threaded", [False, True])
+def test_the_journal_says_each_second_that_the_run_goes_on_also_when_the_recording_has_ended(
+    tmp_path: Path, threaded: bool
+) -> None:
+    disk, journal = FailingDisk(), tmp_path / "journal.jsonl"
+    told: list[float] = []
+
+    def look(number: int) -> None:
+        if number == 60:
+            disk.fail("recording", errno.ENOSPC)
+        told.extend(entry.time for entry in read_journal(journal).entries if entry.kind == "running")
+
+    recorder = record_on(disk, tmp_path, 215, threaded=threaded, fail=look)
+    last = read_journal(journal).entries[-1]
+    assert last.kind == "running"
+    assert last.time == pytest.approx(4.0, abs=0.02)
+    assert sorted({round(time) for time in told}) == [1, 2, 3, 4]
+    recorder.close("done")
+    assert "running" not in {entry.kind for entry in read_journal(journal).entries}
+
+
+def test_a_journal_that_cannot_be_written_is_told_within_a_second_when_nothing_happens(tmp_path: Path) -> None:
+    disk = FailingDisk()
+    recorder = record_on(disk, tmp_path, 110, threaded=False, fail=lambda number: None)
+    disk.fail("journal", errno.EIO)
+    for each in first(160)[110:]:
+        recorder.observe(each.tick, each.frames, each.true_pose)
+    assert [trouble.journal for trouble in recorder.troubles()] == [True]
+    recorder.close()
+
+
 def test_a_disk_that_refuses_from_the_start_refuses_the_run(tmp_path: Path) -> None:
     disk = FailingDisk()
     journal = Journal(tmp_path / "journal.jsonl", disk)
@@ -211,6 +244,51 @@ def test_a_disk_that_refuses_from_the_start_refuses_the_run(tmp_path: Path) -> N
         Recorder(tmp_path / "recording.mcap", synthetic_run.provenance(), threaded=False, journal=journal, disk=disk)
 
     assert (tmp_path / "journal.jsonl").stat().st_size == 0  # closed
+
+
+# --------------------------------------------------------------------------------------------- a bug in the writing
+
+
+def test_a_thread_that_dies_is_told_at_the_next_tick_and_what_it_left_is_written_at_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write: Callable[..., None] = Recorder._write_tick
+    died: list[object] = []
+
+    def failing(recorder: Recorder, tick: Tick, *arguments: object) -> None:
+        if tick.snapshot.sensed.index == 20:
+            raise TypeError("Encoding objects of type Foreign is unsupported")
+        write(recorder, tick, *arguments)
+
+    monkeypatch.setattr(Recorder, "_write_tick", failing)
+    monkeypatch.setattr(threading, "excepthook", died.append)
+    journal = Journal(tmp_path / "journal.jsonl")
+    recorder = Recorder(tmp_path / "recording.mcap", synthetic_run.provenance(), threaded=True, journal=journal)
+    observed = first(101)
+    for each in observed[:21]:
+        assert recorder.troubles() == []
+        recorder.observe(each.tick, each.frames)
+    assert recorder._thread is not None
+    recorder._thread.join()
+    (trouble,) = recorder.troubles()
+    assert (trouble.id, trouble.journal) == ("DSK-05", True)
+    assert "writing it has failed: TypeError(" in trouble.detail
+    for each in observed[21:]:
+        recorder.observe(each.tick, each.frames)
+    recorder.close("failed")
+
+    assert len(died) == 1, "the error itself is shown where those of all threads are"
+    read = [tick.sensed.index for tick in Recording(tmp_path).ticks()]
+    assert 5 < len(read) <= 20
+    assert read == list(range(len(read)))
+    assert recorder.dropped == 101 - len(read)
+    assert [trouble.id for trouble in recorder.troubles()] == ["DSK-05"]
+    entries = read_journal(tmp_path / "journal.jsonl").entries
+    assert [(entry.kind, entry.text) for entry in entries[-3:]] == [
+        ("mode", "ready -> follow"),
+        ("gap", f"{101 - len(read)} ticks were not recorded, the first is {len(read)}"),
+        ("end", "failed"),
+    ]
 
 
 # --------------------------------------------------------------------------------------------- the disk itself

@@ -336,6 +336,46 @@ def test_length_that_was_not_announced_ends_a_read(size: int, data: bytes, last:
     on_virtual_time(main())
 
 
+@pytest.mark.parametrize(
+    ("size", "data", "segments"),
+    [(None, b"1234567", 586), (None, b"1", 4097), (None, b"", 1), (20, b"", 1), (4097, b"1234567", 0)],
+)
+def test_a_read_without_end_is_given_up(size: int | None, data: bytes, segments: int) -> None:
+    def script(request: Request) -> list[tuple[float, Answer | bytes]]:
+        if isinstance(request, Upload):
+            return [(0.003, Segmented(index=0x1008, subindex=0, size=size))]
+        assert isinstance(request, NextSegment)
+        return [(0.003, Segment(toggle=request.toggle, data=data, last=False))]
+
+    async def main() -> None:
+        node = Node(script)
+        async with asyncio.timeout(60.0):
+            with pytest.raises(SdoAbort, match=r"steer-left: SDO abort 0x06070010 at 0x1008:0: .*length"):
+                await node.client.read(0x1008, 0)
+        assert node.requests[-1] == Abort(index=0x1008, subindex=0, code=0x06070010)
+        assert len(node.requests) == 1 + segments + 1
+
+    on_virtual_time(main())
+
+
+@pytest.mark.parametrize("announced", [True, False])
+def test_the_longest_object_is_read(announced: bool) -> None:
+    content = bytes(range(256)) * 16
+    parts = iter([content[start : start + 7] for start in range(0, 4096, 7)])
+
+    def script(request: Request) -> list[tuple[float, Answer | bytes]]:
+        if isinstance(request, Upload):
+            return [(0.0, Segmented(index=0x1008, subindex=0, size=4096 if announced else None))]
+        assert isinstance(request, NextSegment)
+        part = next(parts)
+        return [(0.0, Segment(toggle=request.toggle, data=part, last=len(part) < 7))]
+
+    async def main() -> None:
+        assert await Node(script).client.read(0x1008, 0) == content
+
+    on_virtual_time(main())
+
+
 def test_length_need_not_be_announced() -> None:
     def script(request: Request) -> list[tuple[float, Answer | bytes]]:
         if isinstance(request, Upload):

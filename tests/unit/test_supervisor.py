@@ -58,7 +58,7 @@ def test_in_bring_up_a_lost_heartbeat_is_no_news_and_any_other_emergency_is(exch
     watch.ill(SICK, emergencies=(0x8130,))
     watch.ill(OTHER, emergencies=(0x4210,))
     watch.tick()
-    assert watch.found() == ([("DRV-06", OTHER)] if exchange else [])
+    assert watch.found() == [("DRV-06", OTHER)]
 
 
 @pytest.mark.parametrize("state", FAULT_STATES)
@@ -70,6 +70,20 @@ def test_fault_state_whose_reason_was_heard_is_only_that_reason(state: DriveStat
     for _ in range(10):
         watch.tick()
         assert watch.found() == [("DRV-02", SICK)]
+
+
+def test_reason_explains_one_stay_in_the_fault_state_and_not_the_next() -> None:
+    watch = Watch()
+    watch.ill(SICK, state=DriveState.FAULT, emergencies=(0x2310,))
+    watch.tick()
+    watch.ill(SICK, state=DriveState.FAULT)
+    watch.tick()
+    assert watch.acknowledge() == Verdict(), "it is told only once"
+    watch.well()
+    watch.tick()
+    watch.ill(SICK, state=DriveState.FAULT)
+    watch.tick()
+    assert watch.found() == [("COM-01", SICK)]
 
 
 def test_reason_of_one_drive_does_not_explain_the_fault_of_another() -> None:
@@ -155,47 +169,6 @@ def test_lost_adapter_does_not_explain_late_ticks() -> None:
     watch = Watch()
     watch.tick(late=0.2, **edge("COM-22"))
     assert watch.ids() == ["COM-22", "SYS-01", "SYS-03"]
-
-
-# ---------------------------------------------------------------------------------------------- extra ticks
-
-
-def test_extra_ticks_are_never_late_and_interrupt_no_time() -> None:
-    watch = Watch()
-    for late, urgent in ((0.03, False), (0.0, True), (0.03, False), (0.0, True)):
-        watch.tick(late=late, urgent=urgent, after=0.0 if urgent else PERIOD)
-        assert watch.found() == []
-    watch.tick(late=0.03)
-    assert watch.found() == [("SYS-01", "")]
-
-
-def test_extra_ticks_keep_the_time_of_the_motion() -> None:
-    watch = Watch()
-    watch.angles[0] = 0.2
-    while watch.time < 0.37:
-        watch.tick()
-        watch.tick(urgent=True, after=0.001)
-    assert watch.found() == []
-    watch.ticks(0.06)
-    assert watch.found() == [("STE-01", SICK)]
-
-
-def test_extra_tick_begins_the_time_of_what_it_sees() -> None:
-    watch = Watch()
-    watch.ill(SICK, frames=3)
-    watch.tick(urgent=True)
-    watch.ticks(0.06)
-    assert watch.found() == []
-    watch.ticks(0.04)
-    assert watch.found() == [("COM-15", SICK)]
-
-
-def test_motion_is_not_measured_in_extra_ticks() -> None:
-    watch = Watch()
-    for _ in range(20):
-        watch.ways[0] += 0.1
-        watch.tick(urgent=True)
-    assert watch.found() == []
 
 
 # ---------------------------------------------------------------------------------------------- latching
@@ -331,6 +304,7 @@ def test_robot_that_does_not_slow_down_is_stopped_harder_each_time() -> None:
     watch.ticks(2.0)
     assert watch.verdict.alarm
     assert "PRESS THE EMERGENCY STOP" in watch.text("RUN-03")
+    assert watch.verdict.final, "nor is it driven again"
     assert watch.severity("RUN-03") is S0
 
 
@@ -342,6 +316,15 @@ def test_quick_stop_that_nothing_is_wrong_with_but_that_it_does_not_stop_is_swit
     watch.until("RUN-03")
     assert watch.severity("RUN-03") is S0
     assert not watch.verdict.alarm
+
+
+def test_robot_that_does_not_slow_down_though_it_was_switched_off_raises_the_alarm() -> None:
+    watch = Watch()
+    watch.drive(0.6)
+    watch.ticks(0.5)
+    watch.wish = COASTING
+    watch.until("RUN-03")
+    assert (watch.severity("RUN-03"), watch.verdict.alarm) == (S0, True)
 
 
 def test_robot_that_slows_down_once_it_is_switched_off_raises_no_alarm() -> None:

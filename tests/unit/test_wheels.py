@@ -369,7 +369,7 @@ def test_rolling_about_the_kingpins_is_no_slip() -> None:
 def test_wheels_that_are_not_driven_do_not_slip() -> None:
     made = road(0.4)
     made.wish, made.speeds = STOPPING, (0.4, 0.0)
-    made.tick()
+    made.ticks(0.3)
     assert made.value("RUN-05") is None
 
 

@@ -220,7 +220,7 @@ def along(arc_length: float, cross_track: float = 0.0) -> Tracking:
     return Tracking(arc_length=arc_length, length=9.0, cross_track=cross_track)
 
 
-@pytest.mark.parametrize(("away", "there"), [(0.19, False), (0.21, True), (-0.21, True)])
+@pytest.mark.parametrize(("away", "there"), [(0.2, False), (0.21, True), (-0.21, True)])
 def test_robot_away_from_its_path_is_read(away: float, there: bool) -> None:
     assert wished(0.3, tracking=along(1.0, away)).value("PTH-06") == (abs(away) if there else None)
 

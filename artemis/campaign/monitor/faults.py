@@ -29,8 +29,8 @@ AUTOMATIC = {
     **dict.fromkeys(("COM-07", "COM-08", "COM-31", "RUN-05", "SYS-01", "INP-01", "INP-03", "INP-06"), 3),
 }
 """Automatic recoveries of single rows in a run of less than a minute."""
-BY_ITSELF = ("COM-16", "COM-20", "COM-09", "COM-06", "RUN-12", "INP-08", "DSK-02", "DSK-03", "DSK-05", "PLG-05")
-FINAL = ("DRV-05", "DRV-21", "COM-18", "COM-19", "RUN-03", "STE-04", "STE-07", "PLG-07", "SYS-04")
+BY_ITSELF = ("COM-16", "COM-20", "COM-09", "COM-06", "RUN-12", "INP-08", "DSK-02", "DSK-03", "DSK-05")
+FINAL = ("DRV-05", "DRV-21", "COM-18", "COM-19", "RUN-03", "RUN-08", "STE-04", "STE-07", "PLG-05", "PLG-07", "SYS-04")
 """Rows that no acknowledgment clears."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from artemis.errors import writable
 from artemis.supervision.catalogue.communication import COMMUNICATION
 from artemis.supervision.catalogue.drives import DRIVES
 from artemis.supervision.catalogue.host import HOST
@@ -17,7 +18,7 @@ ROWS: dict[str, Row] = {**DRIVES, **COMMUNICATION, **MOTION, **INPUTS, **SURROUN
 EMERGENCIES: dict[int, str] = {code: id for id, row in ROWS.items() for code in row.codes}
 """EMCY error code -> row. A code that is not here is UNKNOWN_CODE, never ignored."""
 
-UNKNOWN_CODE, DAMAGED_EMERGENCY, EMERGENCY_STORM = "DRV-31", "DRV-32", "DRV-33"
+UNKNOWN_CODE, DAMAGED_EMERGENCY = "DRV-31", "DRV-32"
 
 
 def fault(id: str, device: str = "", detail: str = "", severity: Severity | None = None) -> Fault:
@@ -25,7 +26,7 @@ def fault(id: str, device: str = "", detail: str = "", severity: Severity | None
     row = ROWS[id]
     severity = row.severity if severity is None else severity
     who = f"{device}: " if device else ""
-    what = f" ({detail})" if detail else ""
+    what = f" ({writable(detail)})" if detail else ""
     return Fault(
         id=id,
         severity=severity,

@@ -147,7 +147,6 @@ COMMUNICATION: dict[str, Row] = {
         "duplicated frames",
         Found.DESIGN,
         recovery=ITSELF,
-        within=0.0,
         reason="a frame that comes twice says the same twice",
     ),
     "COM-14": Row(
@@ -200,7 +199,7 @@ COMMUNICATION: dict[str, Row] = {
         S1,
         X,
         "another artemis uses this bus",
-        "end the other one",
+        "end the other one; where it came first, this run ends and sends the drives nothing",
         to_fault=True,
         stages=(Stage(S1),),
     ),
@@ -252,8 +251,6 @@ COMMUNICATION: dict[str, Row] = {
     "COM-23": Row(
         "adapter back",
         Found.DESIGN,
-        recovery=K,
-        within=1.0,
         reason="it is opened again; then all waits for an acknowledgment, and every node is brought up again",
     ),
     "COM-24": Row(
@@ -372,8 +369,8 @@ COMMUNICATION: dict[str, Row] = {
         _UP,
         S1,
         K,
-        "could not be released: it may report a lost heartbeat now",
-        "harmless once the run has ended; the next start resets it",
+        "could not be released: it may still be on until it misses our heartbeat",
+        "does its motor still turn? press the emergency stop; the next start resets a lost heartbeat",
         to_fault=True,
         within=0.0,
     ),

@@ -22,9 +22,9 @@ _TEN = 10 * MINUTE
 _HEARD, _EPOS4 = Found.EMERGENCY, "the code exists on the EPOS4 only"
 
 
-def _row(name: str, codes: tuple[int, ...], recovery: Recovery, text: str, advice: str, *, within: float = 0.02) -> Row:
+def _row(name: str, codes: tuple[int, ...], recovery: Recovery, text: str, advice: str) -> Row:
     """Every error of a drive stops all of them, by their own ramps, and leads to `fault`."""
-    return Row(name, _HEARD, S1, recovery, text, advice, to_fault=True, within=within, codes=codes)
+    return Row(name, _HEARD, S1, recovery, text, advice, to_fault=True, codes=codes)
 
 
 def _absent(name: str) -> Row:
@@ -50,7 +50,11 @@ DRIVES: dict[str, Row] = {
         "while braking: lower quick_stop_deceleration_m_s2 in the robot file; else check the supply",
     ),
     "DRV-04": _row(
-        "under-voltage", (0x3220,), K, "supply voltage too low", "charge the battery; released emergency stop? fuse?"
+        "under-voltage",
+        (0x3220,),
+        K._replace(settle=5.0),
+        "supply voltage too low",
+        "charge the battery; released emergency stop? fuse?",
     ),
     "DRV-05": _row(
         "logic supply",
@@ -173,7 +177,6 @@ DRIVES: dict[str, Row] = {
         "error reset",
         Found.DESIGN,
         recovery=ITSELF,
-        within=0.0,
         reason="code 0x0000 only says that no error is left; it never leads out of `fault`",
     ),
     "DRV-31": _row(

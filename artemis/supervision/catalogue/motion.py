@@ -99,10 +99,12 @@ MOTION: dict[str, Row] = {
     ),
     "RUN-07": Row("odometry against localisation", Found.ABSENT, S2, automatic(2, _TEN), reason="needs a localisation"),
     "RUN-08": Row(
-        "16-bit counter wraps",
-        Found.DESIGN,
-        recovery=ITSELF,
-        reason="the 32-bit position (object 0x6064) is read instead",
+        "odometry lost",
+        Found.MODE,
+        S2,
+        X,
+        "where the robot is, is not known any more: it rolled uncounted, or a position jumped",
+        "end the run, bring the robot back to the start of its path, begin anew",
     ),
     "RUN-09": Row("32-bit counter wraps", Found.DESIGN, recovery=ITSELF, reason="differences are taken modulo 2**32"),
     "RUN-10": Row(
@@ -232,7 +234,6 @@ MOTION: dict[str, Row] = {
     "CAL-02": Row(
         "motion before calibration",
         Found.DESIGN,
-        recovery=K,
         reason="the mode table has no way from `init` to driving but through the alignment",
     ),
 }

@@ -74,7 +74,7 @@ class Stage(NamedTuple):
 class Found(Enum):
     """Where a fault is noticed."""
 
-    EMERGENCY = "the drive says so (EMCY)"
+    EMERGENCY = "EMCY"
     MEASURED = "measured by the supervisor at every tick"
     MODE = "found by the mode that runs"
     BRING_UP = "found while the drives are brought up"

@@ -22,10 +22,10 @@ SURROUNDINGS: dict[str, Row] = {
     "LOC-03": Row("divergence", _ABSENT, S2, automatic(1, _TEN), reason=_LOCALISATION),
     "LOC-04": Row("pose is not a number", _ABSENT, S2, ITSELF, reason=_LOCALISATION),
     "LOC-05": Row("poses go back in time", _ABSENT, S2, ITSELF, reason=_LOCALISATION),
-    "PTH-01": Row("path missing", _LOADING, recovery=K, within=0.0),
-    "PTH-02": Row("path with wrong points", _LOADING, recovery=K, within=0.0),
-    "PTH-03": Row("path too sharp", _LOADING, recovery=K, within=0.0),
-    "PTH-04": Row("path with gaps", _LOADING, recovery=K, within=0.0),
+    "PTH-01": Row("path missing", _LOADING, within=0.0),
+    "PTH-02": Row("path with wrong points", _LOADING, within=0.0),
+    "PTH-03": Row("path too sharp", _LOADING, within=0.0),
+    "PTH-04": Row("path with gaps", _LOADING, within=0.0),
     "PTH-05": Row(
         "start too far from the path",
         Found.MODE,
@@ -33,7 +33,6 @@ SURROUNDINGS: dict[str, Row] = {
         K,
         "start pose too far from the path",
         "place the robot at the path, heading along it",
-        within=0.02,
     ),
     "PTH-06": Row(
         "off the path",
@@ -64,7 +63,6 @@ SURROUNDINGS: dict[str, Row] = {
         K,
         "drove on beyond the end of the path",
         "follower, speed",
-        within=0.02,
     ),
     "PTH-09": Row("follower late", Found.EDGE, S2, K, "answered late", "it must return within 15 ms", within=0.08),
 }

@@ -1,0 +1,92 @@
+"""`artemis path`: the arguments of its commands. Heavy imports stay in the commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+SMOOTHING, SPACING = 0.3, 0.05
+"""Defaults, those of `artemis.motion` (which imports numpy)."""
+
+paths = typer.Typer(
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    help="Path files: from a run, from files of others, and what is in one.",
+)
+
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The path file to write.")]
+Smoothing = Annotated[float, typer.Option(metavar="M", help="Wavelength whose waves are halved; 0: none.")]
+WithSpeed = Annotated[bool, typer.Option("--with-speed", help="Keep the speeds, too.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite.")]
+
+
+@paths.command("record")
+def record_path(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.mcap.")],
+    output: Output,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="What a step recorded as that.")] = None,
+    begin: Annotated[float | None, typer.Option("--from", metavar="T", help="Run time [s].")] = None,
+    end: Annotated[float | None, typer.Option("--to", metavar="T", help="Run time [s].")] = None,
+    close_within: Annotated[float, typer.Option(metavar="M", help="Close it if its ends are so near.")] = 0.0,
+    smoothing: Smoothing = SMOOTHING,
+    spacing: Annotated[float, typer.Option(metavar="M", help="Between the points.")] = SPACING,
+    speed: Annotated[float | None, typer.Option(metavar="M/S", help="Must be possible on it.")] = None,
+    with_speed: WithSpeed = False,
+    force: Force = False,
+) -> None:
+    """Make a path file of what was driven by hand in a run, or between two times."""
+    from artemis.commands import path_record
+    from artemis.errors import ConfigError
+
+    if name is not None and (begin is not None or end is not None):
+        raise ConfigError("--name and --from or --to: choose by name or by time, not by both")
+    choice = path_record.Choice(name=name, begin=begin, end=end)
+    drawing = path_record.Drawing(
+        smoothing=smoothing, spacing=spacing, close_within=close_within, with_speed=with_speed
+    )
+    raise typer.Exit(path_record.record_path(run, output, choice, drawing, speed=speed, force=force))
+
+
+@paths.command("show")
+def show_paths(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Path files.")],
+    robot: Annotated[Path | None, typer.Option(metavar="ROBOT", help="Robot file (YAML): can it drive them?")] = None,
+    speed: Annotated[float | None, typer.Option(metavar="M/S", help="Of the robot; its highest, if left out.")] = None,
+    figure: Annotated[Path | None, typer.Option("--output", "-o", metavar="FIGURE", help="Draw them (.png).")] = None,
+) -> None:
+    """Say what is true of path files, and draw them."""
+    from artemis.commands import path_show
+
+    raise typer.Exit(path_show.show_paths(files, robot, speed, figure))
+
+
+@paths.command("import")
+def import_path(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Table, GPX track, or waypoints of ROS (YAML).")],
+    output: Output,
+    kind: Annotated[
+        str | None, typer.Option("--format", metavar="csv|gpx|nav2", help="By the suffix, if left out.")
+    ] = None,
+    closed: Annotated[bool, typer.Option("--closed", help="Its end goes on to its start.")] = False,
+    reverse: Annotated[bool, typer.Option("--reverse", help="From its last point to its first.")] = False,
+    origin: Annotated[bool, typer.Option("--origin", help="Move it: begins at 0, 0 along x.")] = False,
+    smoothing: Smoothing = SMOOTHING,
+    with_speed: WithSpeed = False,
+    force: Force = False,
+) -> None:
+    """Make a path file of a file of others."""
+    from artemis.commands import path_import
+
+    path_import.import_path(
+        file,
+        output,
+        kind,
+        smoothing=smoothing,
+        closed=closed,
+        reverse=reverse,
+        origin=origin,
+        with_speed=with_speed,
+        force=force,
+    )

@@ -1,0 +1,261 @@
+"""`artemis path record`: a path file of what was driven in a run."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from artemis.commands.path_files import comments, keeps_up, refuse_smoothing, say, write_files
+from artemis.errors import ConfigError, shown
+from artemis.mission.problems import nearest
+from artemis.motion.path import SMOOTHING, check_drivable
+from artemis.motion.spline import Array
+from artemis.motion.track import SHORTEST, SPACING, loop_end
+from artemis.motion.waypoints import Leg, PathRows, deviation, drawn, highest_speed, legs_of, rows_of
+from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.values import Mode, Pose, Request
+from artemis.vehicle import Robot
+
+LEAP = 0.2
+"""A robot that is so far [m] from where it was last seen has been driven in between: there a new path begins."""
+FORWARD_ONLY = "mode follow drives forwards only, and refuses this file"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """How a path is made of points."""
+
+    smoothing: float = SMOOTHING
+    """Wavelength [m] of which the amplitude is halved."""
+    spacing: float = SPACING
+    """Between the points of the file [m]."""
+    close_within: float = 0.0
+    """A path that ends so near its beginning [m] is closed."""
+    with_speed: bool = False
+
+    def problems(self) -> list[str]:
+        """What makes no sense."""
+        problems = refuse_smoothing(self.smoothing)
+        if not 0.01 <= self.spacing <= 0.5:
+            problems.append(f"--spacing {self.spacing:g}: expected 0.01 to 0.5 m")
+        if not 0 <= self.close_within <= 5:
+            problems.append(f"--close-within {self.close_within:g}: expected 0 to 5 m")
+        return problems
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """What of a run is wanted: a path by its name, a time, or all that was driven by hand."""
+
+    name: str | None = None
+    begin: float | None = None
+    """Run time [s]."""
+    end: float | None = None
+
+    def words(self) -> str:
+        """For a file's header."""
+        if self.name is not None:
+            return f"recorded as {self.name}"
+        return "driven by hand" if self.begin is None and self.end is None else "driven"
+
+
+@dataclass(slots=True)
+class Driven:
+    """What was driven without a gap, tick by tick."""
+
+    poses: list[Pose] = field(default_factory=list)
+    speeds: list[float] = field(default_factory=list)
+    """Of the virtual front wheel [m/s], forward positive."""
+    times: list[float] = field(default_factory=list)
+    """Run time [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Made:
+    """A leg as a path file."""
+
+    rows: PathRows
+    way: str
+    """When it was driven, and in which direction."""
+    off: float
+    """Largest distance of what was driven from the path [m]."""
+    backward: bool
+
+    def words(self, robot: Robot) -> list[str]:
+        """What to know of it."""
+        closed = ", closed" if self.rows.path.closed else ""
+        return [
+            f"{self.rows.path.length:.2f} m{closed}, driven {self.way}",
+            f"at most {1000 * self.off:.1f} mm from what was driven",
+            *([FORWARD_ONLY] if self.backward else []),
+            keeps_up(self.rows.path, *highest_speed(self.rows.path, robot)),
+        ]
+
+
+def record_path(
+    run: Path, output: Path, choice: Choice, drawing: Drawing, *, speed: float | None = None, force: bool = False
+) -> int:
+    """Make a path file of what was driven in a run, one for each direction; 1 if the robot cannot follow it.
+
+    Args:
+        run: Folder of a run, or its recording.
+        output: The file; `-1`, `-2` ... are added to its name where the robot changed its direction.
+        choice: What of the run.
+        drawing: How the path is made.
+        speed: Must be possible on the path [m/s]; None: only its shape matters.
+        force: Overwrite files.
+
+    Raises:
+        ConfigError: a value makes no sense, nothing was driven, a file is there already or cannot be written.
+        RecordingError: the recording cannot be read.
+    """
+    problems = drawing.problems()
+    if speed is not None and not 0 < speed < math.inf:
+        problems.append(f"--speed {speed:g}: expected more than 0 m/s")
+    if problems:
+        raise ConfigError(problems)
+    recording = Recording(run)
+    robot = recording.robot
+    parts = list(_parts(recording, choice, drawing.spacing))
+    names = [output] if len(parts) == 1 else [output.with_stem(f"{output.stem}-{n + 1}") for n in range(len(parts))]
+    made = {file: _made(*part, drawing, str(file)) for file, part in zip(names, parts, strict=True)}
+    write_files(
+        {file: _header(recording, choice, drawing, part) + part.rows.text for file, part in made.items()}, force
+    )
+    failed = False
+    for file, part in made.items():
+        impossible = check_drivable(part.rows.path, robot, min(speed or 0.0, robot.limits.speed_m_s))
+        if speed is not None and speed > robot.limits.speed_m_s:
+            impossible.append(f"{speed:g} m/s is more than the robot can: {robot.limits.speed_m_s:g} m/s")
+        say(file, [*part.words(robot), *impossible])
+        failed = failed or bool(impossible)
+    if recording.missing:
+        sys.stdout.write(f"the recording is not whole: {recording.missing}\n")
+    return int(failed)
+
+
+def _parts(recording: Recording, choice: Choice, spacing: float) -> Iterator[tuple[Driven, Leg]]:
+    """What was chosen of a run, piece by piece in one direction.
+
+    Raises:
+        ConfigError: it is nothing that makes a path.
+    """
+    found = False
+    too_short = 0.0
+    for driven in _stretches(recording, choice):
+        for leg in legs_of(driven.poses, spacing):
+            if leg.length >= SHORTEST:
+                found = True
+                yield driven, leg
+            else:
+                too_short = max(too_short, leg.length)
+                place = f"{driven.times[leg.kept[0]]:.2f} s to {driven.times[leg.kept[-1]]:.2f} s"
+                sys.stdout.write(f"left out: {leg.length:.2f} m, {place}; a path has at least {SHORTEST:g} m\n")
+    if not found:
+        what = f"at most {too_short:.2f} m in one direction" if too_short else f"nothing was {choice.words()}"
+        hint = "choose another time with --from and --to" if choice.name is None else "was it driven?"
+        missing = f"; the recording is not whole: {recording.missing}" if recording.missing else ""
+        raise ConfigError(f"{recording.path}: no path in it: {what}; {hint}{missing}")
+
+
+def _stretches(recording: Recording, choice: Choice) -> list[Driven]:
+    chosen = _Chosen(recording, choice)
+    stretches: list[Driven] = []
+    for tick in recording.ticks():
+        record = tick.record
+        wanted = chosen.takes(tick)
+        if record.reset_pose or chosen.begins_anew:
+            stretches.clear()
+        if not wanted or record.reset_pose or record.odometry.lost:
+            continue
+        pose = record.odometry.pose
+        last = stretches[-1].poses[-1] if stretches else None
+        if last is None or math.hypot(pose.x - last.x, pose.y - last.y) > LEAP:
+            stretches.append(Driven())
+        stretches[-1].poses.append(pose)
+        stretches[-1].speeds.append(record.odometry.speed)
+        stretches[-1].times.append(record.time)
+    return stretches
+
+
+class _Chosen:
+    """Says of one tick after the other whether it belongs to what is wanted."""
+
+    def __init__(self, recording: Recording, choice: Choice) -> None:
+        self.begins_anew = False
+        self._choice = choice
+        self._by_button: bool | None = None
+        self._inputs: dict[int, str] = {}
+        if choice.name is None:
+            return
+        names: list[str] = []
+        for index, step in enumerate(recording.mission.get("steps", ())):
+            teleop = step.get("teleop") or {}
+            if name := teleop.get("record"):
+                names.append(name)
+                if name == choice.name:
+                    self._inputs[index] = teleop["input"]
+        if not self._inputs:
+            hint = nearest(choice.name, names, "recorded") if names else "; no step of its mission has `record:`"
+            raise ConfigError(f"{recording.path}: no path {shown(choice.name)} was recorded{hint}")
+
+    def takes(self, tick: RecordedTick) -> bool:
+        """By name: what mode teleop recorded, see there."""
+        choice, record = self._choice, tick.record
+        if choice.name is None:
+            if choice.begin is None and choice.end is None:
+                return record.mode is Mode.TELEOP
+            return (choice.begin is None or record.time >= choice.begin) and (
+                choice.end is None or record.time <= choice.end
+            )
+        source = self._inputs.get(record.step)
+        if record.mode is not Mode.TELEOP or source is None:
+            return False
+        pressed = any(Request.RECORD in sample.requests for sample in tick.sensed.inputs if sample.source == source)
+        self._by_button = not self._by_button if pressed else self._by_button
+        self.begins_anew = pressed and bool(self._by_button)
+        return self._by_button is not False
+
+
+def _points(poses: Sequence[Pose]) -> tuple[Array, Array]:
+    return np.array([pose.x for pose in poses]), np.array([pose.y for pose in poses])
+
+
+def _made(driven: Driven, leg: Leg, drawing: Drawing, source: str) -> Made:
+    """A leg as a path file named `source`."""
+    poses = [driven.poses[index] for index in leg.kept]
+    count = loop_end(poses, drawing.close_within, leg.backward)
+    kept = leg.kept[:count]
+    speeds = np.abs([driven.speeds[index] for index in kept]) if drawing.with_speed else None
+    closed = None if count is None else True
+    try:
+        curve = drawn(
+            *_points(poses[:count]), spacing=drawing.spacing, smoothing=drawing.smoothing, closed=closed, speed=speeds
+        )
+    except ConfigError as error:
+        raise ConfigError([f"{source}: {problem}" for problem in error.problems]) from error
+    rows = rows_of(curve, source, backward=leg.backward, with_speed=drawing.with_speed)
+    off, _ = deviation(*_points(driven.poses[kept[0] : kept[-1] + 1]), rows.path)
+    direction = "backwards" if leg.backward else "forwards"
+    way = f"{direction}, {driven.times[kept[0]]:.2f} s to {driven.times[kept[-1]]:.2f} s of the run"
+    return Made(rows=rows, way=way, off=off, backward=leg.backward)
+
+
+def _header(recording: Recording, choice: Choice, drawing: Drawing, made: Made) -> str:
+    path = recording.path.resolve()
+    run = path.parent.name if path.name == "recording.mcap" else path.name
+    length = f"{made.rows.path.length:.3f} m{', closed' if made.rows.path.closed else ''}"
+    lines = [
+        f"Path of the centre of the rear axle in the frame of the odometry of the run {run}",
+        f"of {recording.start:%Y-%m-%d %H:%M:%S} UTC, {choice.words()}, {made.way}.",
+        f"Length {length}; a point every {drawing.spacing:g} m; smoothing {drawing.smoothing:g} m;",
+        f"read again, the curve is at most {1000 * made.off:.1f} mm from what was driven.",
+    ]
+    lines += [f"Backwards: the headings point against the way; {FORWARD_ONLY}."] if made.backward else []
+    lines += [f"The recording is not whole: {recording.missing}."] if recording.missing else []
+    return comments(lines)

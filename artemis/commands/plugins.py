@@ -1,0 +1,114 @@
+"""`artemis plugins`: what is installed, and the beginning of a plugin of one's own."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+from artemis.errors import ConfigError
+from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, listing
+
+GROUPS = {"input": INPUTS, "follower": FOLLOWERS}
+NAME = re.compile("[a-z][a-z0-9]*(-[a-z0-9]+)*")
+LONGEST = 30
+"""Letters of a name: longer ones would make long lines of the package's code."""
+ADVICE = {
+    "input": "As it is, it drives by itself, with nobody at an enable button: run it in simulation only.",
+    "follower": "It is pure pursuit, to begin with; `path.csv` is a path to try it on.",
+}
+
+
+def show_plugins() -> int:
+    """Print every installed plugin with where it comes from; the exit status: 1 if one is broken."""
+    broken = False
+    for group in CONTRACTS:
+        for found in listing(group, check=True):
+            origin = f"{found.distribution or 'unknown package'} {found.version}".rstrip()
+            sys.stdout.write(f"{group:18}  {found.name:14}  {origin:22}  {found.target}\n")
+            if found.error:
+                broken = True
+                sys.stdout.write(f"    BROKEN: {found.error}\n")
+    return int(broken)
+
+
+def begin_plugin(kind: str, name: str, folder: Path) -> None:
+    """Write the package `artemis-NAME` into `folder`: a plugin that works, its tests, a mission for it.
+
+    Raises:
+        ConfigError: an impossible or taken name, the package's folder is there already, or it cannot be written.
+    """
+    root = folder / f"artemis-{name}"
+    problems = [] if kind in GROUPS else [f"no plugins of kind {kind!r}: write {' or '.join(GROUPS)}"]
+    problems += _problems_of_name(name, kind)
+    if not folder.is_dir():
+        problems.append(f"--folder {folder}: no such folder")
+    elif root.exists():
+        problems.append(f"{root}: is there already; another name, or another --folder")
+    if problems:
+        raise ConfigError(problems)
+    try:
+        for file, text in _Package(kind, name).files().items():
+            (root / file).parent.mkdir(parents=True, exist_ok=True)
+            (root / file).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{error.filename}: cannot be written: {error.strerror}") from error
+    sys.stdout.write(f"{root}: made; README.md says how to go on\n")
+
+
+def _problems_of_name(name: str, kind: str) -> list[str]:
+    if not NAME.fullmatch(name) or len(name) > LONGEST:
+        expected = (
+            f"expected at most {LONGEST} small letters and digits, parts joined by single hyphens, a letter first"
+        )
+        return [f"{name!r} is no name of a plugin: {expected}"]
+    for found in listing(GROUPS[kind]) if kind in GROUPS else ():
+        if found.name == name:
+            return [f"the {kind} '{name}' is installed already, from {found.distribution}; another name"]
+    try:
+        installed = distribution(f"artemis-{name}")
+    except PackageNotFoundError:
+        return []
+    return [f"a package artemis-{name} {installed.version} is installed already; another name"]
+
+
+@dataclass(frozen=True)
+class _Package:
+    """The texts of a package for a plugin."""
+
+    kind: str
+    name: str
+
+    def files(self) -> dict[str, str]:
+        """Texts by their file's name in the package."""
+        made = {
+            "pyproject.toml": self._filled("pyproject.toml"),
+            "README.md": self._filled("README.md"),
+            f"src/{self._module}/__init__.py": self._filled(f"{self.kind}/plugin.py"),
+            f"src/{self._module}/py.typed": "",
+            f"tests/test_{self._module}.py": self._filled(f"{self.kind}/test.py"),
+            "mission.yaml": self._filled(f"{self.kind}/mission.yaml"),
+            "robot.yaml": (files("artemis.testing") / "artemis.yaml").read_text(encoding="utf-8"),
+        }
+        return made | ({"path.csv": self._filled("follower/path.csv")} if self.kind == "follower" else {})
+
+    @property
+    def _module(self) -> str:
+        return f"artemis_{self.name.replace('-', '_')}"
+
+    def _filled(self, template: str) -> str:
+        title = "".join(part.capitalize() for part in self.name.split("-"))
+        text = (files("artemis.plugins") / "templates" / f"{template}.txt").read_text(encoding="utf-8")
+        return Template(text).substitute(
+            name=self.name,
+            kind=self.kind,
+            group=GROUPS[self.kind],
+            module=self._module,
+            title=title,
+            plugin=f"{title}{self.kind.capitalize()}",
+            advice=ADVICE[self.kind],
+        )

@@ -1,0 +1,43 @@
+"""Who a device is, so that a profile finds it again: the same after every plug and every start of the computer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from hashlib import sha256
+
+from artemis.devices.hid.port import HidInfo
+
+_DIGITS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """A kind of device, and with a serial number a single one.
+
+    The descriptor belongs to it because one vendor and product number is sold with different layouts, and because the
+    modes of a device differ in it.
+    """
+
+    bus: str
+    vendor: int
+    product: int
+    descriptor_hash: str
+    """First 16 hexadecimal digits of the SHA-256 of the raw report descriptor."""
+    serial: str = ""
+    """Empty: the device has none, or any of its kind is meant."""
+
+    @classmethod
+    def of(cls, info: HidInfo, descriptor: bytes) -> Identity:
+        """That of a device which is there; `descriptor` is raw."""
+        digits = sha256(descriptor).hexdigest()[:_DIGITS]
+        return cls(info.bus, info.vendor, info.product, digits, info.serial)
+
+    def matches(self, other: Identity) -> bool:
+        """Whether `other` is of this kind, and this very device if this one has a serial number."""
+        same_kind = (self.bus, self.vendor, self.product, self.descriptor_hash) == (
+            other.bus,
+            other.vendor,
+            other.product,
+            other.descriptor_hash,
+        )
+        return same_kind and self.serial in ("", other.serial)

@@ -1,0 +1,77 @@
+"""Who is on the bus: asks a robot's drives what they are, and changes nothing."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass
+
+from artemis.devices.can_bus import FrameBus
+from artemis.devices.drive import Drives
+from artemis.devices.epos import EposDrive
+from artemis.devices.epos_jobs import EposJobs
+from artemis.devices.epos_objects import SERIAL_NUMBER, U32, VENDOR, Object
+from artemis.errors import DeviceError, DeviceLost
+from artemis.values import Nmt
+from artemis.vehicle import Robot
+
+LISTEN = 0.5
+"""Heartbeats are waited for so long [s]; those of a configured drive come in a fifth of it."""
+DEVICE_TYPE, PRODUCT, REVISION = Object(0x1000, 0, U32), Object(0x1018, 2, U32), Object(0x1018, 3, U32)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Node:
+    """A drive of the robot file, and what it says of itself."""
+
+    name: str
+    node_id: int
+    problem: str = ""
+    """Why it says nothing; then the rest means nothing."""
+    device_type: int = 0
+    """Object 0x1000."""
+    vendor: int = 0
+    """This and the following: object 0x1018."""
+    product: int = 0
+    revision: int = 0
+    serial: int = 0
+    nmt: Nmt | None = None
+    """By its heartbeat; None: it sends none."""
+    history: tuple[int, ...] = ()
+    """Error codes of object 0x1003, newest first."""
+
+
+async def ask_nodes(robot: Robot, bus: FrameBus) -> list[Node]:
+    """Every drive of the robot file, in its order. Only reads; not while somebody else talks SDO to the drives."""
+    drives = Drives(robot, bus)
+
+    def receive() -> None:
+        with suppress(DeviceLost):  # then no drive answers, which is told
+            drives.receive()
+
+    drives.wire.listen(receive)
+    await asyncio.sleep(LISTEN)
+    receive()
+    return list(await asyncio.gather(*(_ask(drive) for drive in drives.nodes)))
+
+
+async def _ask(drive: EposDrive) -> Node:
+    nmt = drive.feedback(asyncio.get_running_loop().time()).nmt
+    jobs = EposJobs(drive)
+    try:
+        values = [await jobs.read(object) for object in (DEVICE_TYPE, VENDOR, PRODUCT, REVISION, SERIAL_NUMBER)]
+        history = await jobs.read_history()
+    except DeviceError as error:
+        return Node(name=drive.name, node_id=drive.node_id, problem=error.problem)
+    device_type, vendor, product, revision, serial = values
+    return Node(
+        name=drive.name,
+        node_id=drive.node_id,
+        device_type=device_type,
+        vendor=vendor,
+        product=product,
+        revision=revision,
+        serial=serial,
+        nmt=Nmt.PRE_OPERATIONAL if nmt is Nmt.INITIALISING else nmt,  # a boot-up was its last word (CiA 301 7.3.2.2)
+        history=history,
+    )

@@ -1,0 +1,212 @@
+"""From points to a path file: split where the direction changes, smoothed, measured against what was given."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree  # scipy has no types
+
+from artemis.errors import ConfigError
+from artemis.motion.angles import wrap
+from artemis.motion.demand import steering_per_way
+from artemis.motion.path import MAX_LENGTH, MAX_TURN, MIN_STEP, Path, moving, path_from_csv, path_from_points
+from artemis.motion.spline import Array
+from artemis.motion.track import Track
+from artemis.values import Pose
+from artemis.vehicle import Robot
+
+TURNING = 0.01
+"""So far back [m] is a change of direction; less is noise of a robot that stands."""
+SLOWEST = 0.1
+"""Least speed in a path file [m/s]: a robot that drives as slowly as when it was stopped never gets on."""
+CANDIDATES = 8
+"""Samples of a line next to a point: where the line meets itself, the nearest one may be of the farther branch."""
+FARTHEST = 1e8
+"""Coordinates [m] beyond are no place on Earth in any frame, and have no millimetres left."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leg:
+    """What was driven between two changes of direction."""
+
+    kept: list[int]
+    """Which of the poses are its points."""
+    backward: bool
+    length: float
+    """Way [m]."""
+
+
+def legs_of(poses: Sequence[Pose], spacing: float) -> list[Leg]:
+    """Split what was driven, densely sampled, at changes of direction; thinned to `spacing` [m], or 5 degrees.
+
+    The ends of a leg are kept, be they ever so near to the points before.
+    """
+    if len(poses) < 2:
+        return []
+    x, y, heading = np.array([(pose.x, pose.y, pose.heading) for pose in poses]).T
+    dx, dy = np.diff(x), np.diff(y)
+    way = np.append(0.0, np.cumsum(dx * np.cos(heading[:-1]) + dy * np.sin(heading[:-1])))
+    return [
+        Leg(
+            kept=_thinned(poses, begin, end, spacing),
+            backward=bool(way[end] < way[begin]),
+            length=float(np.hypot(dx[begin:end], dy[begin:end]).sum()),
+        )
+        for begin, end in _monotonous(way)
+    ]
+
+
+def _monotonous(way: Array) -> list[tuple[int, int]]:
+    """Stretches in which a signed way [m] only rises or only falls, but for `TURNING`."""
+    stretches: list[tuple[int, int]] = []
+    begin = furthest = 0
+    sign = 0.0
+    for index, value in enumerate(way.tolist()):
+        if sign == 0.0:
+            if abs(value - way[begin]) > TURNING:
+                sign, furthest = math.copysign(1.0, value - way[begin]), index
+        elif (value - way[furthest]) * sign > 0:
+            furthest = index
+        elif (way[furthest] - value) * sign > TURNING:
+            stretches.append((begin, furthest))
+            begin, furthest, sign = furthest, index, -sign
+    return [*stretches, (begin, furthest)] if sign else stretches
+
+
+def _thinned(poses: Sequence[Pose], begin: int, end: int, spacing: float) -> list[int]:
+    """Which of the poses to keep, from when the robot started to move."""
+    start = poses[begin]
+    while _apart(poses[begin + 1], start) < MIN_STEP:
+        begin += 1
+    track = Track(spacing=spacing)
+    kept = [index for index in range(begin, end) if track.add(poses[index])]
+    distant = moving(np.array([poses[index].x for index in kept]), np.array([poses[index].y for index in kept]))
+    kept = [kept[index] for index in distant]
+    while len(kept) > 1 and _apart(poses[kept[-1]], poses[end]) < MIN_STEP:
+        kept.pop()
+    return [*kept, end]
+
+
+def _apart(one: Pose, other: Pose) -> float:
+    return math.hypot(one.x - other.x, one.y - other.y)
+
+
+def cusps(x: Array, y: Array) -> list[tuple[int, float]]:
+    """Points at which a way reverses, and by how much it turns there [rad]."""
+    dx, dy = np.diff(x), np.diff(y)
+    turns = np.abs((np.diff(np.arctan2(dy, dx)) + math.pi) % math.tau - math.pi)
+    return [(int(index) + 1, float(turns[index])) for index in np.flatnonzero(turns > MAX_TURN)]
+
+
+def check_extent(x: Array, y: Array, place: str = "") -> None:
+    """Refuse a way [m] that cannot be meant, before it fills the memory with samples; `place` begins the message.
+
+    Raises:
+        ConfigError: it is too long, too short, or far off.
+    """
+    if not np.abs([x, y]).max() < FARTHEST:
+        raise ConfigError(f"{place}more than {FARTHEST:.0f} m off; expected coordinates in metres")
+    length = float(np.hypot(np.diff(x), np.diff(y)).sum())
+    if not 2 * MIN_STEP < length <= MAX_LENGTH:
+        raise ConfigError(f"{place}path of {length:g} m; expected at most {MAX_LENGTH:.0f} m, coordinates in metres")
+
+
+def drawn(
+    x: Array, y: Array, *, spacing: float, smoothing: float, closed: bool | None = None, speed: Array | None = None
+) -> Path:
+    """The smooth curve through points at least `MIN_STEP` apart, sampled at `spacing` [m].
+
+    Raises:
+        ConfigError: fewer than two points, too long a way, or one that reverses.
+    """
+    if len(x) < 2:
+        raise ConfigError(f"{len(x)} distinct points; expected at least 2")
+    check_extent(x, y)
+    apart = math.hypot(x[0] - x[-1], y[0] - y[-1]) >= MIN_STEP
+    around = [0, 1] if closed and apart else [1] if closed else []
+    if found := cusps(np.append(x, x[around]), np.append(y, y[around])):
+        index, turn = found[0]
+        where = f"x {x[index % len(x)]:.2f} m, y {y[index % len(x)]:.2f} m"
+        raise ConfigError(f"reverses at {where} ({math.degrees(turn):.0f} deg); split it there")
+    with np.errstate(all="ignore"):
+        path = path_from_points(x, y, speed=speed, spacing=spacing, smoothing=smoothing, closed=closed)
+    if not np.isfinite([path.x, path.y, path.curvature]).all():
+        raise ConfigError("no smooth curve goes through its points; leave some out")
+    return path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathRows:
+    """A path file but for its comments, and the curve that the file is read as."""
+
+    text: str
+    path: Path
+
+
+def rows_of(curve: Path, source: str, *, backward: bool = False, with_speed: bool = False) -> PathRows:
+    """A curve as a path file: its samples, with the robot's heading [rad], and the speed [m/s] if asked for.
+
+    Args:
+        curve: sampled as the file shall be.
+        source: name of the file, for messages.
+        backward: the robot drives it backwards: its headings point against the curve.
+        with_speed: with the curve's speeds, at least `SLOWEST`.
+
+    Raises:
+        ConfigError: the file could not be read again as this curve.
+    """
+    headings = [wrap(heading + (math.pi if backward else 0.0)) for heading in curve.heading.tolist()]
+    speeds = [] if curve.speed is None or not with_speed else np.maximum(curve.speed, SLOWEST).tolist()
+    x, y = (np.round(column, 5) + 0.0 for column in (curve.x, curve.y))  # no -0.0
+    if curve.closed:
+        x[-1], y[-1] = x[0], y[0]
+    names = ["x_m", "y_m", "heading_rad"] + (["speed_m_s"] if speeds else [])
+    cells = [[f"{value:.5f}" for value in column] for column in (x.tolist(), y.tolist(), headings)]
+    if speeds:
+        cells.append([f"{speed:.3f}" for speed in speeds])
+    text = "\n".join([",".join(names), *map(",".join, zip(*cells, strict=True))]) + "\n"
+    path = path_from_points(x, y, closed=curve.closed) if backward else path_from_csv(text, source)
+    if curve.closed and not path.closed:
+        raise ConfigError(f"{source}: its ends do not meet smoothly; leave it open, or close it by hand")
+    return PathRows(text=text, path=path)
+
+
+def deviation(x: Array, y: Array, path: Path) -> tuple[float, int]:
+    """Largest distance [m] of points from a path, and of which point."""
+    return largest_distance(np.column_stack([x, y]), np.column_stack([path.x, path.y]))
+
+
+def largest_distance(points: Array, line: Array) -> tuple[float, int]:
+    """Largest distance [m] of `points` from a densely sampled `line`, and of which point; both have shape (n, 2)."""
+    candidates = cKDTree(line).query(points, k=min(CANDIDATES, len(line)))[1]
+    distance = np.full(len(points), np.inf)
+    for nearest in candidates.T:
+        for first in (np.maximum(nearest - 1, 0), np.minimum(nearest, len(line) - 2)):
+            distance = np.minimum(distance, _from_segments(points, line[first], line[first + 1]))
+    worst = int(np.argmax(distance))
+    return float(distance[worst]), worst
+
+
+def _from_segments(points: Array, begins: Array, ends: Array) -> Array:
+    """Distance of each point from its segment [m]."""
+    along, away = ends - begins, points - begins
+    square = np.sum(along * along, axis=1)
+    share = np.clip(np.sum(away * along, axis=1) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+    return np.asarray(np.hypot(*(away - share[:, None] * along).T))
+
+
+def highest_speed(path: Path, robot: Robot) -> tuple[float, int | None]:
+    """Highest speed of the virtual front wheel [m/s] at which the steering keeps up, at most the robot's.
+
+    Where the path has speeds of its own, these count if they are lower. And the sample of the path that bounds it;
+    None: none does.
+    """
+    own = np.inf if path.speed is None else path.speed
+    turn = steering_per_way(path.curvature, path.spacing, robot.geometry)
+    rate = math.radians(robot.limits.steering_rate_wheel_deg_s)
+    possible = np.where(turn * np.minimum(own, robot.limits.speed_m_s) > rate, rate / np.maximum(turn, 1e-9), np.inf)
+    worst = int(np.argmin(possible))
+    return (float(possible[worst]), worst) if np.isfinite(possible[worst]) else (robot.limits.speed_m_s, None)

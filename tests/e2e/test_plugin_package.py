@@ -1,0 +1,103 @@
+"""A package as `artemis plugins new` writes it: installed in an environment of its own, tried, and driven with."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+
+import pytest
+from command_line import PATIENCE, assert_left_at_rest, modes_of, only_run
+
+from artemis.commands.plugins import GROUPS, begin_plugin
+from artemis.recording.mcap_reader import Recording
+
+ROOT = Path(__file__).parents[2]
+(SESSION,) = re.findall(r"^```console\n(.*?)^```$", (ROOT / "docs/plugins.md").read_text(), re.MULTILINE | re.DOTALL)
+OFFLINE = ["--no-index", "--no-build-isolation", "--disable-pip-version-check"]
+"""For pip: everything that a package of a plugin needs is there already."""
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(4 * PATIENCE)]
+
+
+class Environment:
+    """A virtual environment which also finds what this one has, artemis and pip among it; packages go into it alone."""
+
+    def __init__(self, folder: Path) -> None:
+        venv.create(folder, symlinks=True)
+        (packages,) = folder.glob("lib/python*/site-packages")
+        ours = sysconfig.get_path("purelib")
+        (packages / "ours.pth").write_text(f"import site; site.addsitedir({ours!r})\n")
+        self._python = str(folder / "bin" / "python")
+        self._variables = {
+            name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "PYTHON"))
+        }
+
+    def run(self, folder: Path, program: str, *arguments: str) -> str:
+        """What `program` prints; it must end well."""
+        line = [self._python, "-m", program, *arguments, *(OFFLINE if program == "pip" else [])]
+        done = subprocess.run(
+            line,
+            cwd=folder,
+            env=self._variables,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=2 * PATIENCE,
+        )
+        assert done.returncode == 0, f"{program} {shlex.join(arguments)}:\n{done.stdout}{done.stderr}"
+        return done.stdout
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> Environment:
+    return Environment(tmp_path_factory.mktemp("environment"))
+
+
+@pytest.mark.parametrize("kind", GROUPS)
+def test_a_new_package_works_at_once(kind: str, environment: Environment, tmp_path: Path) -> None:
+    """The session of the docs, line by line; for a follower with the kind and the name of one."""
+    folder, shown = tmp_path, {}
+    for line in SESSION.splitlines():
+        words = line.removeprefix("$ ").replace("input", kind).replace("curves", f"curves-{kind}")
+        program, *arguments = shlex.split(words)
+        if program == "cd":
+            folder /= arguments[0]
+        else:
+            shown[shlex.join([program, *arguments])] = environment.run(folder, program, *arguments)
+    assert re.search(r"\b1[0-9] passed", shown["pytest"])
+    listed = (
+        rf"^{GROUPS[kind]} +curves-{kind} +artemis-curves-{kind} 0\.1\.0 +artemis_curves_{kind}:Curves{kind.title()}"
+    )
+    assert re.search(listed, shown["artemis plugins"], re.MULTILINE)
+    run = only_run(folder)
+    assert {"input": "teleop", "follower": "follow"}[kind] in modes_of(run)
+    assert_left_at_rest(run)
+    assert Recording(run).ticks()
+    way = re.search(r"^distance +(\d+\.\d+) m", shown["artemis run mission.yaml"], re.MULTILINE)
+    assert way
+    assert float(way[1]) > 2.0
+
+
+def test_code_of_a_new_package_is_clean(tmp_path: Path) -> None:
+    """By the rules of artemis itself, also with the longest name."""
+    for kind in GROUPS:
+        begin_plugin(kind, f"a{kind[0]}-{'x' * 27}", tmp_path)
+    packages = sorted(tmp_path.iterdir())
+    environment = {**os.environ, "MYPYPATH": ":".join(str(folder) for folder in (ROOT, *(p / "src" for p in packages)))}
+    settings = str(ROOT / "pyproject.toml")
+    for package in packages:
+        for line in (["check"], ["format", "--check"]):
+            tool = [sys.executable, "-m", "ruff", *line, "--no-cache", "--config", settings, "."]
+            done = subprocess.run(tool, cwd=package, capture_output=True, text=True, timeout=PATIENCE)
+            assert done.returncode == 0, done.stdout
+    checked = [str(package / part) for package in packages for part in ("src", "tests")]
+    cache = str(ROOT / "build" / "mypy")  # kept: without it everything that a plugin imports is checked again
+    tool = [sys.executable, "-m", "mypy", "--strict", "--config-file", settings, "--cache-dir", cache, *checked]
+    done = subprocess.run(tool, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=4 * PATIENCE)
+    assert done.returncode == 0, done.stdout

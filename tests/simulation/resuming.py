@@ -1,0 +1,103 @@
+"""What tests of `--resume` share: short runs that end half-way, and what is left of them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rig import CALIBRATE, follow, straight, write_mission
+
+from artemis import app
+from artemis.devices.can_bus import Traffic
+from artemis.errors import ConfigError
+from artemis.mission.loading import load_mission
+from artemis.recording.disk import Disk
+from artemis.recording.journal import Entry, read_journal
+from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.recording.provenance import Resumption
+from artemis.values import Mode, Request, Tick
+
+FAR, HALF, LONGEST = 1.5, 0.75, 120.0
+STEPS = [CALIBRATE, follow(0.4)]
+
+
+@dataclass
+class Done:
+    """A run, and what it left behind."""
+
+    outcome: app.Outcome
+    ticks: list[Tick] = field(default_factory=list)
+
+    @property
+    def folder(self) -> Path:
+        return self.outcome.run.path
+
+    @property
+    def recorded(self) -> list[RecordedTick]:
+        return list(Recording(self.folder).ticks())
+
+    @property
+    def journal(self) -> tuple[Entry, ...]:
+        return read_journal(self.outcome.run.journal).entries
+
+    def following(self) -> list[Tick]:
+        return [tick for tick in self.ticks if tick.mode is Mode.FOLLOW and tick.wish.tracking]
+
+    def arc_lengths(self) -> list[float]:
+        return [tick.wish.tracking.arc_length for tick in self.following() if tick.wish.tracking]
+
+
+def run(
+    mission: Path,
+    resume: Path | None = None,
+    until: Callable[[Tick], bool] = lambda tick: False,
+    *,
+    simulate: bool = False,
+    disk: Disk | None = None,
+) -> Done:
+    """Run a mission, or go on with a run of it; somebody ends it in order after the tick that is `until`."""
+    loaded, ticks = load_mission(mission), list[Tick]()
+    asked: list[Callable[[Request], None]] = []
+
+    def operator(request: Callable[[Request], None], typed: object) -> Callable[[], None]:
+        asked.append(request)
+        return lambda: None
+
+    def watch(tick: Tick, traffic: Traffic) -> None:
+        assert tick.snapshot.time < LONGEST
+        ticks.append(tick)
+        if asked and until(tick):
+            asyncio.get_running_loop().call_soon(asked.pop(), Request.END)
+
+    found = resumption(mission, resume, simulate) if resume else None
+    outcome = app.run_mission(
+        loaded, mission, simulate=simulate, watch=watch, operator=operator, resumption=found, disk=disk
+    )
+    return Done(outcome, ticks)
+
+
+def driven(metres: float) -> Callable[[Tick], bool]:
+    return lambda tick: bool(tick.wish.tracking and tick.wish.tracking.arc_length >= metres)
+
+
+def waited(seconds: float) -> Callable[[Tick], bool]:
+    return lambda tick: tick.mode is Mode.READY and tick.done >= seconds
+
+
+def line(folder: Path) -> Path:
+    return write_mission(folder, STEPS, {"line.csv": straight(FAR)})
+
+
+def resumption(mission: Path, run: Path, simulate: bool = False) -> Resumption:
+    return app.resumption_from(load_mission(mission), mission, run, simulate)[0]
+
+
+def refused(mission: Path, run: Path, simulate: bool = False) -> str:
+    """Why; empty if it is not."""
+    try:
+        resumption(mission, run, simulate)
+    except ConfigError as error:
+        return str(error)
+    return ""

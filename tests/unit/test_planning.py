@@ -1,0 +1,101 @@
+"""What a mission says of its steps is in the plan, and so is the speed that loading has checked."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from shutil import copy
+
+import pytest
+from core_builders import ROBOT
+
+from artemis.config import Config
+from artemis.errors import ConfigError, PluginError
+from artemis.mission.loading import load_mission
+from artemis.planning import made, plan_from
+from artemis.plugins import registry
+from artemis.plugins.contracts import Setup
+from artemis.states.mode import FollowStep, TeleopStep
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+STICK = {"plugin": "scripted", "file": "stick.csv"}
+
+
+@pytest.mark.parametrize("speed", [0.25, None])
+def test_steps_know_the_speed_that_was_checked(tmp_path: Path, speed: float | None) -> None:
+    copy(MISSIONS / "robots" / "artemis.yaml", tmp_path / "robot.yaml")
+    copy(MISSIONS / "inputs" / "loop.csv", tmp_path / "stick.csv")
+    copy(MISSIONS / "paths" / "slalom.csv", tmp_path / "path.csv")
+    mission = {
+        "mission": "two-speeds",
+        "robot": "robot.yaml",
+        "bus": "simulation",
+        "inputs": {"stick": STICK if speed is None else {**STICK, "max_speed_m_s": speed}},
+        "steps": [
+            {"calibrate": {"steering": "from_potentiometers"}},
+            {"follow": {"path": "path.csv", "follower": {"plugin": "indiveri", "speed_m_s": 0.15}}},
+            {"teleop": {"input": "stick", "until": {"button": "done"}}},
+        ],
+        "simulation": {"inputs": {"stick": {**STICK, "max_speed_m_s": 0.6}}},
+    }
+    (tmp_path / "mission.yaml").write_text(json.dumps(mission))
+    _, follow, teleop = plan_from(load_mission(tmp_path / "mission.yaml")).steps
+    assert isinstance(follow, FollowStep)
+    assert follow.speed == 0.15
+    assert isinstance(teleop, TeleopStep)
+    assert teleop.speed == speed, "the mission's input's, not its stand-in's"
+
+
+class Leisurely:
+    """A follower that may be told a speed."""
+
+    class Config(Config):
+        speed_m_s: float | None = None
+
+    def __init__(self, config: object, setup: Setup) -> None: ...
+
+
+@pytest.mark.parametrize(("says", "refused"), [({}, True), ({"speed_m_s": None}, True), ({"speed_m_s": 0.1}, False)])
+def test_follower_without_a_speed_is_checked_for_the_robot_s_limit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, says: dict[str, object], refused: bool
+) -> None:
+    monkeypatch.setattr(registry, "load", lambda group, name: Leisurely)
+    copy(MISSIONS / "robots" / "artemis.yaml", tmp_path / "robot.yaml")
+    copy(MISSIONS / "paths" / "straight.csv", tmp_path / "path.csv")
+    mission = {
+        "mission": "leisurely",
+        "robot": "robot.yaml",
+        "bus": "simulation",
+        "steps": [
+            {"calibrate": {"steering": "from_potentiometers"}},
+            {"follow": {"path": "path.csv", "follower": {"plugin": "leisurely", **says}}},
+        ],
+        "supervision": {"stop_distance_m": 0.1},
+    }
+    (tmp_path / "mission.yaml").write_text(json.dumps(mission))
+    if refused:
+        with pytest.raises(ConfigError, match=r"0\.7 m/s cannot be stopped in time"):
+            load_mission(tmp_path / "mission.yaml")
+    else:
+        load_mission(tmp_path / "mission.yaml")
+
+
+@pytest.mark.parametrize("error", [ValueError("no table"), SystemExit(0)], ids=repr)
+def test_plugin_that_cannot_be_made_refuses_the_run_with_its_name_and_reason(error: BaseException) -> None:
+    class Unwilling(Leisurely):
+        def __init__(self, config: object, setup: Setup) -> None:
+            raise error
+
+    setup = Setup(name="unwilling", robot=ROBOT, folder=Path())
+    with pytest.raises(PluginError, match=r"PLG-01 unwilling: .*cannot be made: (ValueError|SystemExit)\(") as refused:
+        made(Unwilling, Config(), setup)
+    assert refused.value.__cause__ is error
+
+
+def test_plugin_that_refuses_its_configuration_says_so_itself() -> None:
+    class Careful(Leisurely):
+        def __init__(self, config: object, setup: Setup) -> None:
+            raise ConfigError("careful: too fast")
+
+    with pytest.raises(ConfigError, match=r"^careful: too fast$"):
+        made(Careful, Config(), Setup(name="careful", robot=ROBOT, folder=Path()))

@@ -1,0 +1,364 @@
+"""Teaching a profile: the lesson alone, fed with moments; and the dialogue, with a person and a device in memory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from hid_devices import DESCRIPTORS
+from pad import Pad, device_of, encode
+
+from artemis import clock
+from artemis.commands import calibrate_input
+from artemis.commands.calibrate_input import teach
+from artemis.devices.hid.descriptor import parse_descriptor
+from artemis.devices.hid.port import HidInfo
+from artemis.errors import ConfigError, DeviceLost
+from artemis.plugins.inputs.hands import BUTTONS
+from artemis.plugins.inputs.profiles import Profile, profile_from, profile_named
+from artemis.plugins.inputs.teach import Learnt, Moment, lesson
+from artemis.testing.fake_hid import FakeHid
+
+# ---------------------------------------------------------------------------------------------- the lesson
+
+
+class Pupil:
+    """A device whose controls are moved in front of a lesson."""
+
+    def __init__(self, name: str) -> None:
+        self.profile = profile_named(name)
+        self.descriptor = parse_descriptor(DESCRIPTORS[device_of(self.profile)])
+        self.pad = Pad(name)
+        self.lesson = lesson(self.profile.kind, self.descriptor)
+        self.text = next(self.lesson)
+        self.now = 0.0
+        self.learnt: Learnt | None = None
+
+    def show(self, *, typed: str | None = None, seconds: float = 0.01, heard: bool = True) -> str:
+        """Moments of the levels as they are; what the lesson tells then."""
+        for _ in range(round(seconds / 0.01)):
+            self.now += 0.01
+            try:
+                moment = Moment(time=self.now, values=self.values(), heard=heard, typed=typed)
+                self.text = self.lesson.send(moment)
+            except StopIteration as end:
+                self.learnt = self.learnt or end.value
+                self.text = "the end"
+                return self.text
+        return self.text
+
+    def values(self) -> dict[str, int]:
+        """Every field, as after a report; nothing before the first one."""
+        if not self.pad.levels:
+            return {}
+        number = next(f.report_id for f in self.descriptor.fields if f.name == "x")
+        return self.descriptor.decode(encode(self.descriptor, number, self.pad.levels)) or {}
+
+    def rest(self, heard: bool = True) -> None:
+        self.show(typed="")
+        self.show(seconds=0.6, heard=heard)
+
+    def swing(self, *places: dict[str, float]) -> str:
+        """Move axes to each of these places, then let go of them."""
+        for place in places:
+            self.pad.release()
+            self.pad.move(**place)
+            self.show()
+        self.pad.release()
+        return self.show()
+
+    def press(self, role: str) -> str:
+        self.pad.press(role)
+        self.show()
+        self.pad.press(role, down=False)
+        return self.show()
+
+    def move_all(self) -> None:
+        if self.profile.kind == "stick":
+            self.swing({"x": 1.0}, {"x": -1.0})
+            self.swing({"y": 1.0}, {"y": -1.0})
+            corner = 1.0 if self.profile.gate == "square" else math.sqrt(0.5)
+            self.swing({"x": corner, "y": corner})
+        else:
+            self.swing({"steering": 1.0}, {"steering": -1.0})
+            self.swing({"gas": 1.0})
+            self.swing({"brake": 1.0})
+
+    def press_all(self) -> None:
+        for role in (
+            "enable",
+            "quickstop",
+            *(r for r in BUTTONS[self.profile.kind] if r not in ("enable", "quickstop")),
+        ):
+            if role in self.profile.buttons:
+                self.press(role)
+            else:
+                self.show(typed="")
+
+
+@pytest.mark.parametrize(
+    "name", ["logitech-extreme-3d-pro", "logitech-g27", "sony-dualsense-bluetooth", "xbox-elite-2-bluetooth"]
+)
+def test_lesson_finds_the_profile_that_is_known(name: str) -> None:
+    pupil = Pupil(name)
+    pupil.rest()
+    pupil.move_all()
+    pupil.press_all()
+    assert pupil.learnt is not None
+    known = pupil.profile
+    assert pupil.learnt.axes == known.axes
+    assert pupil.learnt.buttons == known.buttons
+    assert pupil.learnt.gate == known.gate
+    assert pupil.learnt.reports == "always"
+
+
+def test_device_that_is_silent_at_rest_reports_changes() -> None:
+    pupil = Pupil("logitech-g27")
+    pupil.rest(heard=False)
+    pupil.move_all()
+    pupil.press_all()
+    assert pupil.learnt is not None
+    assert pupil.learnt.reports == "on_change"
+
+
+def test_centre_is_the_median_of_its_noise() -> None:
+    pupil = Pupil("logitech-extreme-3d-pro")
+    pupil.show(typed="")
+    for index in range(60):
+        pupil.pad.levels["x"] = 515 if index % 3 else 520
+        pupil.show()
+    pupil.pad.levels["x"] = 515
+    for x in (1020, 3, 515):
+        pupil.pad.levels["x"] = x
+        pupil.show()
+    pupil.pad.release()
+    pupil.swing({"y": 1.0}, {"y": -1.0})
+    pupil.swing({"x": 1.0, "y": 1.0})
+    pupil.press_all()
+    assert pupil.learnt is not None
+    x_axis = pupil.learnt.axes["x"]
+    assert (x_axis.minimum, x_axis.centre, x_axis.maximum, x_axis.inverted) == (3, 515, 1020, False)
+
+
+def test_nothing_is_measured_while_something_moves() -> None:
+    pupil = Pupil("logitech-extreme-3d-pro")
+    pupil.show(typed="")
+    for index in range(200):
+        pupil.pad.levels["x"] = 400 + 5 * index % 200
+        pupil.show()
+    assert pupil.text == "something moves; leave everything alone"
+    pupil.pad.release()
+    assert pupil.show(seconds=0.8).startswith("x: push the stick to the right")
+
+
+def test_silent_device_is_asked_to_say_something_first() -> None:
+    pupil = Pupil("logitech-g27")
+    levels, pupil.pad.levels = pupil.pad.levels, {}
+    assert pupil.show(typed="").startswith("nothing was heard of the device yet; press each pedal")
+    pupil.pad.levels = levels
+    assert pupil.show(typed="", seconds=0.7).startswith("steering: turn the wheel")
+
+
+def test_small_movements_are_not_the_asked_ones() -> None:
+    pupil = Pupil("logitech-g27")
+    pupil.rest()
+    assert pupil.swing({"steering": 0.05}, {"steering": -0.05}).startswith("steering")
+    assert pupil.swing({"steering": 0.4}).startswith("steering")
+    assert pupil.swing({"steering": -0.4}).startswith("gas")
+    assert pupil.swing({"gas": 0.2}).startswith("gas")
+    pupil.pad.move(gas=1.0)
+    assert pupil.show(seconds=2.0).startswith("gas")  # held: which end is released is not known yet
+    pupil.pad.release()
+    assert pupil.show().startswith("brake")
+
+
+def test_combined_pedals_are_told() -> None:
+    pupil = Pupil("logitech-g27")
+    pupil.rest()
+    pupil.swing({"steering": 1.0}, {"steering": -1.0})
+    pupil.swing({"gas": 1.0})
+    assert "(that was z, which is gas; pedals on one axis cannot both be told" in pupil.swing({"gas": 0.9})
+    assert pupil.swing({"brake": 1.0}).startswith("press the button for enable")
+
+
+def test_buttons_count_when_they_go_down_and_once() -> None:
+    pupil = Pupil("logitech-extreme-3d-pro")
+    pupil.rest()
+    pupil.move_all()
+    assert pupil.show(typed="").endswith("(it cannot be left out)")
+    pupil.pad.press("quickstop")  # held while the next is asked for
+    pupil.show()
+    assert pupil.text.startswith("press the button for quick stop")
+    pupil.show(seconds=0.5)
+    assert pupil.text.startswith("press the button for quick stop")
+    pupil.pad.press("quickstop", down=False)
+    pupil.show()
+    assert pupil.press("quickstop").endswith("(button.2 is enable already)")
+    assert pupil.press("enable").startswith("press the button for faster")
+
+
+def test_hat_directions_can_be_taught() -> None:
+    pupil = Pupil("logitech-extreme-3d-pro")
+    pupil.rest()
+    pupil.move_all()
+    pupil.press("enable")
+    pupil.press("quickstop")
+    for hat in (8, 1, 0, 8, 3, 4, 8):  # on the way between two directions
+        pupil.pad.levels["hat"] = hat
+        pupil.show()
+    for _ in BUTTONS["stick"]:
+        pupil.show(typed="")
+    assert pupil.learnt is not None
+    assert pupil.learnt.buttons == {
+        "enable": "button.1",
+        "quickstop": "button.2",
+        "faster": "hat.up",
+        "slower": "hat.down",
+    }
+
+
+# ---------------------------------------------------------------------------------------------- the dialogue
+
+Act = Callable[[], str | None]
+
+
+class Person:
+    """Does what it is told with a device, and types."""
+
+    def __init__(self, pad: Pad, answers: dict[str, str]) -> None:
+        self.pad, self.answers, self.told = pad, answers, list[str]()
+        self._acts: Iterator[None] = iter(())
+        self._line: str | None = None
+
+    def say(self, text: str) -> None:
+        self.told.append(text)
+        self._acts = self._act(text)
+
+    def typed(self) -> str | None:
+        next(self._acts, None)
+        line, self._line = self._line, None
+        return line
+
+    def _act(self, text: str) -> Iterator[None]:
+        pad = self.pad
+        answer = next((answer for asked, answer in self.answers.items() if asked in text), None)
+        if answer is not None:
+            self._line = answer
+        elif "press Enter" in text:
+            pad.release()
+            pad.send()
+            yield
+            yield
+            self._line = ""
+        elif text.partition(":")[0] in ("steering", "gas", "brake"):
+            role = text.partition(":")[0]
+            for share in (1.0, 0.0, -1.0, 0.0) if role == "steering" else (1.0, 0.0):
+                pad.move(**{role: share})
+                pad.send()
+                yield
+        elif text.startswith("press the button"):
+            role = next(
+                (role for role in pad.profile.buttons if f"for {role}" in text.replace("quick s", "quicks")), ""
+            )
+            if not role:
+                self._line = ""
+            for down in (True, False) if role else ():
+                pad.press(role, down=down)
+                pad.send()
+                yield
+
+
+G27 = "logitech-g27"
+
+
+def dialogue(
+    output: Path | None, answers: dict[str, str], pad: Pad | None = None, **keys: str | None
+) -> tuple[int, Person]:
+    pad = pad or Pad(G27)
+    person = Person(pad, {"a stick": "w", **answers})
+    options = {"device": None, "name": "my-wheel", **keys}
+    status = clock.run(teach(pad.hid, person, options["device"], options["name"], output), simulated=True)
+    return status, person
+
+
+def test_dialogue_writes_what_it_has_learnt_when_that_is_confirmed(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "wheel.yaml"
+    status, person = dialogue(path, {"write ": "yes"})
+    assert status == 0
+    taught, known = profile_from(path.read_bytes(), "wheel"), profile_named(G27)
+    assert (taught.name, taught.device, taught.axes) == ("my-wheel", known.device, known.axes)
+    assert taught.buttons == known.buttons
+    assert taught.reports == "on_change"
+    assert "my-wheel" in person.told[-1]
+    assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("answer", ["no", "n"])
+def test_without_confirmation_nothing_changes(tmp_path: Path, answer: str) -> None:
+    path = tmp_path / "wheel.yaml"
+    path.write_text("as it was")
+    assert dialogue(path, {"replace ": answer})[0] == 1
+    assert path.read_text() == "as it was"
+
+
+def test_taught_profile_is_found_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    assert dialogue(None, {"write ": "yes"})[0] == 0
+    found: Profile = profile_named("my-wheel")
+    assert found.kind == "wheel"
+    assert Pad(G27).ready().enabled  # its own profile is still there
+
+
+def test_interruption_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(calibrate_input, "_chosen", interrupted)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    assert calibrate_input.calibrate_input(None, None, tmp_path / "wheel.yaml") == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unplugged_device_ends_the_dialogue(tmp_path: Path) -> None:
+    pad = Pad(G27)
+
+    class Clumsy(Person):
+        def say(self, text: str) -> None:
+            super().say(text)
+            if text.startswith("gas"):
+                self.pad.hid.unplug()
+
+    with pytest.raises(DeviceLost, match="is gone"):
+        clock.run(teach(pad.hid, Clumsy(pad, {"a stick": "w"}), None, None, tmp_path / "x.yaml"), simulated=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_device_is_chosen_among_several() -> None:
+    hid = FakeHid()
+    with pytest.raises(DeviceLost, match=r"no joystick, gamepad or wheel is plugged in$"):
+        calibrate_input._chosen(hid, None)
+    one = HidInfo("/dev/hidraw0", "usb", 0x046D, 0xC29B, "A1", "Wheel", 0)
+    two = HidInfo("/dev/hidraw1", "usb", 0x046D, 0xC215, "", "Stick", 0)
+    mouse = HidInfo("/dev/hidraw2", "usb", 0x046D, 0xC077, "", "Mouse", 0, 0x10002)
+    for info in (one, two, mouse):
+        hid.plug(info, DESCRIPTORS["logitech_g27"])
+    assert calibrate_input._chosen(hid, "046D:c215") == two
+    assert calibrate_input._chosen(hid, "a1") == one
+    with pytest.raises(DeviceLost, match=r"several devices are plugged in; choose with --device") as caught:
+        calibrate_input._chosen(hid, None)
+    assert "Mouse" not in str(caught.value)
+    with pytest.raises(DeviceLost, match="no 046d:ffff is plugged in"):
+        calibrate_input._chosen(hid, "046d:ffff")
+
+
+def test_wrong_name_is_refused_before_the_lesson() -> None:
+    with pytest.raises(ConfigError, match="--name 'My Wheel': expected at most 64 small letters"):
+        dialogue(None, {}, name="My Wheel")
+
+
+def test_dialogue_without_a_person_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
+    with pytest.raises(ConfigError, match="a person at a terminal"):
+        calibrate_input.calibrate_input(None, None, None)

@@ -1,0 +1,209 @@
+"""What is driven by hand becomes points, and those a path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+from artemis.errors import ConfigError
+from artemis.motion.path import path_from_csv
+from artemis.motion.track import ANGLE, SPACING, Track, loop_end
+from artemis.values import Pose
+from artemis.vehicle import Robot
+from artemis.yaml_file import load
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return Robot.model_validate(load(FilePath(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
+
+
+def track_of(poses: list[Pose]) -> Track:
+    track = Track()
+    for pose in poses:
+        track.add(pose)
+    return track
+
+
+def line(length: float, step: float = 0.013) -> list[Pose]:
+    return [Pose(x=step * index) for index in range(round(length / step) + 1)]
+
+
+def circle(turn: float, radius: float = 1.5) -> list[Pose]:
+    """Poses a centimetre apart around a circle to the left, from the origin along x, for `turn` [rad]."""
+    angles = np.linspace(0.0, turn, round(turn * radius / 0.01) + 1)
+    return [
+        Pose(x=radius * math.sin(angle), y=radius * (1 - math.cos(angle)), heading=math.remainder(angle, math.tau))
+        for angle in angles.tolist()
+    ]
+
+
+# ---------------------------------------------------------------------------------------------- points
+
+
+def test_points_are_kept_by_distance() -> None:
+    track = track_of(line(1.0))
+    assert [pose.x for pose in track.poses] == pytest.approx([0.052 * index for index in range(20)])
+    assert SPACING == 0.05
+
+
+def test_points_are_kept_by_angle() -> None:
+    track = track_of([Pose(heading=math.radians(1.001 * degrees)) for degrees in range(31)])
+    assert [round(math.degrees(pose.heading)) for pose in track.poses] == [0, 5, 10, 15, 20, 25, 30]
+    assert math.radians(5) == ANGLE
+
+
+def test_the_angle_between_points_is_the_short_way_round() -> None:
+    assert len(track_of([Pose(heading=math.radians(179)), Pose(heading=math.radians(-179))]).poses) == 1
+    assert len(track_of([Pose(heading=math.radians(179)), Pose(heading=math.radians(-175))]).poses) == 2
+
+
+def test_a_robot_that_stands_adds_one_point() -> None:
+    assert len(track_of([Pose(x=1.0)] * 500).poses) == 1
+
+
+def test_the_spacing_can_be_chosen_and_add_says_what_it_kept() -> None:
+    track = Track(spacing=0.5)
+    assert [track.add(Pose(x=x)) for x in (0.0, 0.4, 0.5, 0.9, 1.0)] == [True, False, True, False, True]
+
+
+# ---------------------------------------------------------------------------------------------- legs
+
+
+def test_one_direction_is_one_leg() -> None:
+    assert [(len(poses), backward) for poses, backward in track_of(line(1.0)).legs()] == [(20, False)]
+    assert Track().legs() == []
+    assert track_of([Pose()]).legs() == []
+
+
+def test_a_leg_ends_where_the_direction_changes_and_the_next_begins_there() -> None:
+    there = line(1.0)
+    legs = track_of([*there, *reversed(there), *there]).legs()
+    assert [backward for _, backward in legs] == [False, True, False]
+    assert legs[0][0][-1] is legs[1][0][0]
+    assert legs[1][0][-1] is legs[2][0][0]
+
+
+def test_backwards_is_told_by_the_heading_not_by_the_axis() -> None:
+    west = [Pose(x=-pose.x, heading=math.pi) for pose in line(1.0)]
+    assert [backward for _, backward in track_of(west).legs()] == [False]
+    assert [backward for _, backward in track_of([Pose(x=-pose.x) for pose in line(1.0)]).legs()] == [True]
+
+
+# ---------------------------------------------------------------------------------------------- the path
+
+
+def test_the_path_is_what_was_driven(robot: Robot) -> None:
+    path = track_of(circle(4.0)).path(robot, 0.1)
+    assert not path.closed
+    assert path.length == pytest.approx(6.0, abs=0.05)
+    distance = np.hypot(path.x, path.y - 1.5)
+    assert np.abs(distance - 1.5).max() < 0.005
+
+
+@pytest.mark.parametrize(
+    ("turn", "close_within", "closed"),
+    [
+        (math.tau - 0.3, 0.5, True),
+        (math.tau - 0.3, 0.4, False),  # 0.45 m are missing
+        (math.tau + 0.3, 0.5, True),  # beyond the start
+        (math.tau + 0.3, 0.4, False),
+        (math.pi, 4.0, False),  # the other way
+        (0.5, 5.0, False),  # hardly begun
+    ],
+)
+def test_ends_that_nearly_meet_are_closed_if_asked(
+    robot: Robot, turn: float, close_within: float, closed: bool
+) -> None:
+    path = track_of(circle(turn)).path(robot, 0.1, close_within)
+    assert path.closed is closed
+    if closed:
+        assert path.length == pytest.approx(math.tau * 1.5, abs=0.02)
+        assert np.abs(np.hypot(path.x, path.y - 1.5) - 1.5).max() < 0.01
+
+
+def test_ends_in_opposite_directions_are_not_closed() -> None:
+    turned = [*line(1.0), *(Pose(x=pose.x, y=0.1, heading=math.pi) for pose in reversed(line(1.0)))]
+    assert loop_end(turned, 0.2) is None
+
+
+def test_an_end_that_comes_from_the_side_is_not_closed() -> None:
+    across = [Pose(x=-0.1, y=0.05 * index - 0.3, heading=math.pi / 2) for index in range(7)]
+    assert loop_end([*line(1.0), *across], 0.5) is None
+
+
+def test_what_lies_beyond_the_start_is_left_out_of_a_closed_path() -> None:
+    poses = circle(math.tau + 0.3)
+    count = loop_end(poses, 0.5)
+    assert count is not None
+    gap = math.hypot(poses[count - 1].x, poses[count - 1].y)
+    assert 0 < gap < 0.05
+    assert poses[count - 1].x < 0.0
+
+
+def test_a_loop_driven_backwards_is_closed_in_its_own_direction() -> None:
+    poses = [Pose(x=-p.x, y=p.y, heading=-p.heading) for p in circle(math.tau + 0.3)]
+    count = loop_end(poses, 0.5, backward=True)
+    assert count is not None
+    assert poses[count - 1].x > 0.0
+
+
+def test_no_poses_make_no_loop() -> None:
+    assert loop_end([], 1.0) is None
+    assert loop_end([Pose()] * 10, 1.0) == 10  # standing on one place: refused as too short
+
+
+# ---------------------------------------------------------------------------------------------- what is no path
+
+
+def backwards() -> Track:
+    return track_of([*line(1.0), *reversed(line(0.5))])
+
+
+def nothing() -> Track:
+    return Track()
+
+
+def short() -> Track:
+    return track_of(line(0.25))
+
+
+def sharp() -> Track:
+    return track_of(circle(3.0, radius=0.2))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (backwards, "driven backwards"),
+        (nothing, "only 0.00 m"),
+        (short, "only 0.21 m were recorded, at least 0.3 m are needed"),
+        (sharp, "too sharp at"),
+    ],
+)
+def test_what_cannot_be_followed_is_refused(robot: Robot, make: Callable[[], Track], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        make().path(robot, 0.1)
+
+
+def test_standing_and_turning_on_the_spot_is_too_short(robot: Robot) -> None:
+    with pytest.raises(ConfigError, match=r"only 0\.00 m"):
+        track_of([Pose(heading=math.radians(degrees)) for degrees in range(90)]).path(robot, None)
+
+
+def test_without_a_speed_the_robots_highest_counts(robot: Robot) -> None:
+    bend = track_of([*line(1.0), *(Pose(x=1.0 + p.x, y=p.y, heading=p.heading) for p in circle(2.0, radius=0.6))])
+    assert bend.path(robot, 0.05).length > 2.0
+    with pytest.raises(ConfigError, match="too fast at"):
+        bend.path(robot, None)
+
+
+def test_the_file_of_a_track_is_read_as_its_path(robot: Robot) -> None:
+    track = track_of(circle(4.0))
+    path, again = track.path(robot, 0.1), path_from_csv(track.as_csv(), "track.csv")
+    assert again.length == pytest.approx(path.length, abs=1e-3)
+    assert np.abs(np.interp(path.arc_length, again.arc_length, again.x) - path.x).max() < 2e-3
