@@ -183,6 +183,12 @@ def test_numbers_of_another_size_do_not_fit() -> None:
     assert find_profile(identity, parse_descriptor(DESCRIPTORS["logitech_extreme_3d_pro"]), [profile]) is None
 
 
+def test_device_of_an_unknown_bus_is_known_by_the_rest() -> None:
+    identity = identity_of("logitech-g27", "logitech_g27", bus="unknown")
+    descriptor = parse_descriptor(DESCRIPTORS["logitech_g27"])
+    assert find_profile(identity, descriptor, PROFILES.values()) == PROFILES["logitech-g27"]
+
+
 @pytest.mark.parametrize("change", [{"bus": "bluetooth"}, {"vendor": 1}, {"product": 1}])
 def test_another_device_has_another_profile(change: dict[str, object]) -> None:
     identity = identity_of("logitech-g27", "logitech_g27", **change)

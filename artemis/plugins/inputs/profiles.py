@@ -64,8 +64,8 @@ class DeviceKey(Config):
 
     def is_of(self, identity: Identity) -> bool:
         """Whether bus, vendor and product are those of the device."""
-        ours = self.bus, self.vendor, self.product
-        return ours == (identity.bus, identity.vendor, identity.product)
+        same_bus = identity.bus in (self.bus, "unknown")  # hidapi knows no bus of what a program plugs in (uhid)
+        return same_bus and (self.vendor, self.product) == (identity.vendor, identity.product)
 
 
 class Profile(Config):
