@@ -15,8 +15,8 @@ from artemis.states.mode import (
     fail,
     failure,
     finish_jobs,
+    hands_on,
     listen,
-    released,
     secure,
 )
 from artemis.supervision import catalogue
@@ -55,11 +55,11 @@ class InitMode(RoutineMode):
             return (yield from fail(SILENT, fault))
         plan.connected = True
         snapshot = yield from self._prove_watchdog(snapshot)
-        while not (released(snapshot) and (plan.armed or Request.ARM in snapshot.sensed.requests)):
+        while (held := hands_on(snapshot.sensed.inputs)) or not (plan.armed or Request.ARM in snapshot.sensed.requests):
             if not (plan.armed or snapshot.sensed.attended):
                 plan.failed = True
                 yield replace(OFF, event=Event.END, phase="nobody there to arm")
-            snapshot = yield replace(OFF, phase="waiting for arm" if released(snapshot) else "release the controls")
+            snapshot = yield replace(OFF, phase=held or "waiting for arm")
         plan.armed = plan.held = False
         yield from align(plan, snapshot)
         first, plan.aligned, plan.placed = not plan.placed, True, True

@@ -24,6 +24,7 @@ from artemis.values import (
     JobKind,
     JobResult,
     Nmt,
+    OperatorInput,
     Pose,
     Snapshot,
     Wish,
@@ -252,9 +253,13 @@ def is_second(plan: Plan, snapshot: Snapshot) -> bool:
     return not plan.connected and any(fault.id == "COM-18" for fault in snapshot.verdict.faults)
 
 
-def released(snapshot: Snapshot) -> bool:
-    """Every control rests."""
-    return all(sample.neutral for sample in snapshot.sensed.inputs)
+def hands_on(inputs: Iterable[OperatorInput]) -> str | None:
+    """What a person has to do before every control rests; None: nothing. Of some devices nothing is known at first."""
+    held = [sample for sample in inputs if not sample.neutral]
+    silent = [sample.source for sample in held if sample.age is None]
+    if silent:
+        return f"release the controls; {', '.join(silent)} was not heard yet: move it once"
+    return "release the controls" if held else None
 
 
 def secure(plan: Plan, wish: Wish, snapshot: Snapshot) -> Finished:

@@ -16,7 +16,7 @@ from artemis.states.mode import (
     fail,
     failure,
     finish_jobs,
-    released,
+    hands_on,
     secure,
 )
 from artemis.supervision import catalogue
@@ -108,4 +108,4 @@ def _waits_for(snapshot: Snapshot) -> str | None:
         return f"this run cannot go on, end it: {verdict.faults[0].text}"
     if verdict.stops:
         return "recovers by itself" if verdict.recovers else f"acknowledge: {verdict.faults[0].text}"
-    return None if released(snapshot) else "release the controls"
+    return hands_on(snapshot.sensed.inputs)

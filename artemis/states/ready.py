@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from artemis.states.mode import ON, CalibrateStep, FollowStep, Plan, TeleopStep, WaitStep
+from artemis.states.mode import ON, CalibrateStep, FollowStep, Plan, TeleopStep, WaitStep, hands_on
 from artemis.values import Event, Snapshot, Wish
 
 
@@ -30,8 +30,8 @@ class ReadyMode:
             case FollowStep():
                 return replace(stand, event=Event.FOLLOW)
             case TeleopStep(input=name):
-                if not all(sample.neutral for sample in snapshot.sensed.inputs if sample.source == name):
-                    return replace(stand, phase="release the controls")
+                if held := hands_on(sample for sample in snapshot.sensed.inputs if sample.source == name):
+                    return replace(stand, phase=held)
                 return replace(stand, event=Event.TELEOP)
             case WaitStep(seconds=seconds):
                 self._plan.done = snapshot.time - self._since

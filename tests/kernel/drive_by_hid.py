@@ -194,6 +194,8 @@ def drive(name: str, channel: str, slow: float, environment: Mapping[str, str]) 
 
 def act(hand: Hand, device: UhidDevice, told: Told, slow: float) -> None:
     """What a person does: drive, lose the device, plug it in with the stick pushed, release, arm, drive, end."""
+    told.wait_for("release the controls")  # nothing is known of a device before its first report
+    device.send(hand.rest)
     told.wait_for("hold the enable button")
     device.send(hand.report("enable"))
     device.send(hand.report("enable", forward=1.0))

@@ -127,7 +127,7 @@ def test_init_that_is_not_armed_waits_with_the_drives_off_until_it_is() -> None:
     assert bring_up.player.until(has_event).event is Event.ALIGNED
 
 
-PRESSED = (OperatorInput(source="stick"), OperatorInput(source="other", neutral=False))
+PRESSED = (OperatorInput(source="stick"), OperatorInput(source="other", neutral=False, age=0.0))
 
 
 def test_arm_with_a_control_pressed_is_refused_and_not_kept() -> None:

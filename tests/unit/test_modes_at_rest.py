@@ -27,7 +27,7 @@ from core_builders import (
 
 from artemis.motion.perception import STANDING_TIME
 from artemis.states.end import EndMode
-from artemis.states.mode import LISTEN, CalibrateStep, ModeLogic, Plan
+from artemis.states.mode import LISTEN, CalibrateStep, ModeLogic, Plan, hands_on
 from artemis.states.quickstop import QuickstopMode
 from artemis.supervision import catalogue
 from artemis.values import (
@@ -363,3 +363,10 @@ def test_ended_stays_ended() -> None:
 def test_mode_without_being_entered_enters_itself() -> None:
     mode: ModeLogic = EndMode(plan())
     assert mode.step(snapshot(1.0)).jobs
+
+
+def test_a_device_that_said_nothing_yet_has_to_be_moved_once() -> None:
+    unknown, pushed = OperatorInput(source="stick", neutral=False), OperatorInput(source="pad", neutral=False, age=0.0)
+    assert hands_on([unknown]) == "release the controls; stick was not heard yet: move it once"
+    assert hands_on([pushed]) == "release the controls"
+    assert hands_on([OperatorInput(source="stick")]) is None
