@@ -144,8 +144,9 @@ class Told:
 def started(*command: str, environment: Mapping[str, str]) -> Iterator[tuple[subprocess.Popen[str], Told]]:
     """An `artemis` command, killed at the end if it still runs."""
     pipe = subprocess.PIPE
+    artemis = [str(Path(__file__).with_name("slowed.py"))] if "FAKETIME" in environment else ["-m", "artemis"]
     with subprocess.Popen(
-        [sys.executable, "-m", "artemis", *command],
+        [sys.executable, *artemis, *command],
         stdin=subprocess.DEVNULL,
         stdout=pipe,
         stderr=subprocess.STDOUT,
