@@ -194,7 +194,7 @@ class Supervisor:
             return True
         spent = sum(time > now - recovery.window for time in self._recovered.get(id, ()))
         others = any((other, device) in self._latched for other in recovery.unless)
-        return recovery.kind is Kind.AUTOMATIC and spent < recovery.times and not others
+        return spent < recovery.times and not others
 
     def _worst(self, now: float) -> Verdict:
         faults = tuple(sorted((entry.fault for entry in self._latched.values()), key=lambda fault: -fault.severity))

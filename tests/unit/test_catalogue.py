@@ -323,3 +323,7 @@ def test_message_that_cannot_be_read_is_a_fault_as_well() -> None:
 )
 def test_the_text_of_a_fault_can_be_written_whatever_was_seen(detail: str, shown: str) -> None:
     assert catalogue.fault("INP-01", "stick", detail).text == f"stick: input lost ({shown})"
+
+
+def test_only_what_recovers_by_itself_has_a_number_of_recoveries() -> None:
+    assert all((row.recovery.times > 0) is (row.recovery.kind is Kind.AUTOMATIC) for row in catalogue.ROWS.values())
