@@ -115,8 +115,10 @@ def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
         return False
     if loaded.mission.simulation.pace is not None:
         return loaded.mission.simulation.pace == "fast"
+    from artemis.plugins.registry import INPUTS, load
+
     used = inputs_used(loaded, simulated=True).values()
-    return not any(getattr(plugin_from("artemis.inputs", use)[0], "live", False) for use in used)
+    return not any(getattr(load(INPUTS, use.plugin), "live", False) for use in used)
 
 
 def is_simulated(loaded: LoadedMission, simulate: bool = False) -> bool:

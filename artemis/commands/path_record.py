@@ -15,7 +15,7 @@ from artemis.errors import ConfigError, shown
 from artemis.mission.problems import nearest
 from artemis.motion.path import SMOOTHING, check_drivable
 from artemis.motion.spline import Array
-from artemis.motion.track import SHORTEST, SPACING, loop_end
+from artemis.motion.track import SHORTEST, SPACING, Track, loop_end
 from artemis.motion.waypoints import Leg, PathRows, deviation, drawn, highest_speed, legs_of, rows_of
 from artemis.recording.mcap_reader import RecordedTick, Recording
 from artemis.values import Mode, Pose, Request
@@ -189,7 +189,7 @@ class _Chosen:
     def __init__(self, recording: Recording, choice: Choice) -> None:
         self.begins_anew = False
         self._choice = choice
-        self._by_button: bool | None = None
+        self._track = Track()  # of its button alone
         self._inputs: dict[int, str] = {}
         if choice.name is None:
             return
@@ -217,9 +217,9 @@ class _Chosen:
         if record.mode is not Mode.TELEOP or source is None:
             return False
         pressed = any(Request.RECORD in sample.requests for sample in tick.sensed.inputs if sample.source == source)
-        self._by_button = not self._by_button if pressed else self._by_button
-        self.begins_anew = pressed and bool(self._by_button)
-        return self._by_button is not False
+        counts = self._track.records(pressed=pressed)
+        self.begins_anew = pressed and counts
+        return counts
 
 
 def _points(poses: Sequence[Pose]) -> tuple[Array, Array]:

@@ -36,13 +36,17 @@ class Track:
     """Whether it is being recorded since the button for it was pressed; None: it never was."""
 
     def see(self, pose: Pose, *, pressed: bool) -> None:
-        """The robot is at `pose`. All is recorded; once the button was pressed, what lies between two presses only."""
+        """The robot is at `pose`, and the button was just `pressed` or not."""
+        if self.records(pressed=pressed):
+            self.add(pose)
+
+    def records(self, *, pressed: bool) -> bool:
+        """Whether the present place counts: all do; once the button was pressed, those between two presses only."""
         if pressed:
             self.by_button = not self.by_button
             if self.by_button:
                 self.poses.clear()
-        if self.by_button is not False:
-            self.add(pose)
+        return self.by_button is not False
 
     def add(self, pose: Pose) -> bool:
         """The robot is at `pose` now; kept if that is far enough from the last one. Whether it was."""

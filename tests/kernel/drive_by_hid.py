@@ -43,9 +43,6 @@ steps:
 """
 PATIENCE = 240.0
 """Longest time for anything to come [s], on the slowest machine."""
-NOTICED = 0.06
-"""A device that is gone has to be noticed in this time [s] (INP-01), and a tick."""
-TICK = 0.02
 STANDS = 0.005
 """[m/s]."""
 
@@ -195,13 +192,24 @@ def drive(name: str, channel: str, slow: float, environment: Mapping[str, str]) 
 
 def act(hand: Hand, device: UhidDevice, told: Told, slow: float) -> None:
     """What a person does: drive, lose the device, plug it in with the stick pushed, release, arm, drive, end."""
+
+    def drive() -> None:
+        device.send(hand.report("enable"))
+        device.send(hand.report("enable", forward=1.0))
+        told.wait_for("teleop     driving")
+        time.sleep(1.0 * slow)
+
+    def release_and_arm() -> None:
+        device.send(hand.rest)
+        time.sleep(1.5 * slow)
+        device.send(hand.report("arm"))
+        device.send(hand.rest)
+        told.wait_for("hold the enable button")
+
     told.wait_for("release the controls")  # nothing is known of a device before its first report
     device.send(hand.rest)
     told.wait_for("hold the enable button")
-    device.send(hand.report("enable"))
-    device.send(hand.report("enable", forward=1.0))
-    told.wait_for("teleop     driving")
-    time.sleep(1.0 * slow)
+    drive()
     device.close()
     told.wait_for("INP-01")
     told.wait_for("quickstop")
@@ -211,22 +219,11 @@ def act(hand: Hand, device: UhidDevice, told: Told, slow: float) -> None:
     time.sleep(3.0 * slow)
     if any("driving" in line for line in told.come()):
         raise Wrong("it drives by itself after the device was plugged in again")
-    device.send(hand.rest)
-    time.sleep(1.5 * slow)
-    device.send(hand.report("arm"))
-    device.send(hand.rest)
-    told.wait_for("hold the enable button")
-    device.send(hand.report("enable"))
-    device.send(hand.report("enable", forward=1.0))
-    told.wait_for("teleop     driving")
-    time.sleep(1.0 * slow)
+    release_and_arm()
+    drive()
     device.send(hand.report("enable", "quickstop", forward=1.0))
     told.wait_for("request    quick stop")
-    device.send(hand.rest)
-    time.sleep(1.5 * slow)
-    device.send(hand.report("arm"))
-    device.send(hand.rest)
-    told.wait_for("hold the enable button")
+    release_and_arm()
     device.send(hand.report("done"))
     device.send(hand.rest)
     told.wait_for("report  ")

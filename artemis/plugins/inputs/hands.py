@@ -17,8 +17,8 @@ from artemis.plugins.inputs.chain import centre_pedal, curve, push
 from artemis.plugins.inputs.joystick import (
     STANDSTILL,
     Gate,
+    Momentum,
     deflection_from_stick,
-    reverse_at_standstill,
     speed_from_stick,
     steering_from_stick,
     step_range,
@@ -77,7 +77,8 @@ class Hands:
         self._source, self._grip, self._range = source, grip, speed_range
         self._axes: tuple[float, ...] = (0.0,) * len(AXES[grip.kind])
         self._down: Set[str] = frozenset()
-        self._steering = self._moving = self._wished = self._rolling = 0.0
+        self._momentum = Momentum(grip.deceleration)
+        self._steering = self._wished = self._rolling = 0.0
         self._last: float | None = None
         self._backwards = self._turns_round = False
 
@@ -108,16 +109,15 @@ class Hands:
     def wish(self, now: float) -> OperatorInput:
         """What the newest axes wish at run time `now` [s], neutral if they rest; the steering angle trails."""
         grip = self._grip
-        # A device does not hear how fast the robot is; it knows how fast it can be, braking from what was wished.
         passed = 0.0 if self._last is None else now - self._last
-        slowed = math.copysign(max(abs(self._moving) - grip.deceleration * passed, 0.0), self._moving)
+        slowed = self._momentum.brake(passed)
         self._last = now
         up, down = self._rolling + grip.acceleration * passed, self._rolling - grip.deceleration * passed
         self._rolling = max(min(self._wished, up), down)
         wish = self._wish_of_stick() if grip.kind == "stick" else self._wish_of_wheel(abs(slowed))
         self._steering = trail(wish.steering, self._steering, grip.band, grip.steering_limit)
-        speed = reverse_at_standstill(wish.speed, slowed)
-        self._moving, self._wished = max(speed, slowed, key=abs), abs(speed)
+        speed = self._momentum.follow(wish.speed)
+        self._wished = abs(speed)
         return replace(wish, speed=speed, steering=self._steering, age=0.0, axes=self._axes)
 
     def _wish_of_stick(self) -> OperatorInput:

@@ -56,6 +56,25 @@ def trail(angle: float, in_force: float, band: float, limit: float) -> float:
     return min(max(in_force, angle - band), angle + band)
 
 
+class Momentum:
+    """How fast the robot may still be: a device does not hear it, but knows what was wished, and how it brakes."""
+
+    def __init__(self, deceleration: float) -> None:
+        """`deceleration` of a robot that shall stand [m/s²]."""
+        self._deceleration, self._speed = deceleration, 0.0
+
+    def brake(self, passed: float) -> float:
+        """The highest speed [m/s], signed, that is left after `passed` [s] of braking."""
+        self._speed = math.copysign(max(abs(self._speed) - self._deceleration * passed, 0.0), self._speed)
+        return self._speed
+
+    def follow(self, wished: float) -> float:
+        """The wished speed [m/s], 0 where it is the other way and the robot may not stand yet."""
+        speed = reverse_at_standstill(wished, self._speed)
+        self._speed = max(speed, self._speed, key=abs)
+        return speed
+
+
 def reverse_at_standstill(wished: float, speed: float) -> float:
     """The wished speed [m/s], but 0 while the robot still moves the other way faster than `STANDSTILL`."""
     return 0.0 if wished * speed < 0 and abs(speed) > STANDSTILL else wished

@@ -18,7 +18,7 @@ from artemis.config import Config
 from artemis.errors import DeviceLost
 from artemis.plugins.contracts import Setup
 from artemis.plugins.inputs.hands import top_speed
-from artemis.plugins.inputs.joystick import reverse_at_standstill, step_range
+from artemis.plugins.inputs.joystick import Momentum, step_range
 from artemis.values import OperatorInput, Request
 
 FIRST_REPEAT = 0.7
@@ -128,11 +128,11 @@ class KeyboardInput:
         limits = setup.robot.limits
         self._name, self._top_speed = setup.name, top_speed(config.max_speed_m_s, setup)
         self._limit, self._rate = math.radians(limits.steering_deg), math.radians(config.steering_deg_s)
-        self._deceleration, self._range = limits.deceleration_m_s2, config.speed_range
+        self._momentum, self._range = Momentum(limits.deceleration_m_s2), config.speed_range
         self._keys, self._waiting, self._closed = Keys(), bytearray(), False
         self._heard: float | None = None
         self._last_read: float | None = None
-        self._moving = self._steering = 0.0
+        self._steering = 0.0
         self._there = setup.typed(self._listen)
 
     def read(self, now: float) -> OperatorInput:
@@ -181,11 +181,8 @@ class KeyboardInput:
         return [REQUESTS[key] for key in others if key in REQUESTS]
 
     def _speed(self, forward: int, passed: float) -> float:
-        # A keyboard does not hear how fast the robot is; it knows how fast it can be, braking from what was wished.
-        slowed = math.copysign(max(abs(self._moving) - self._deceleration * passed, 0.0), self._moving)
-        speed = reverse_at_standstill(forward * self._range * self._top_speed, slowed)
-        self._moving = max(speed, slowed, key=abs)
-        return speed
+        self._momentum.brake(passed)
+        return self._momentum.follow(forward * self._range * self._top_speed)
 
     def _steer(self, wished: float, passed: float) -> float:
         step = self._rate * passed
