@@ -52,6 +52,8 @@ def judged(e: Evidence) -> Iterator[tuple[Injected, Expected, float]]:
     for injected in e.injected:
         expected = expectation(injected, e.tick)
         deadline = injected.time + expected.within + e.tick + max(0.0, 2.5 * (e.tick - 0.02)) + ROUNDING
+        if expected.when is When.BY_HAND:  # teleop stops at once, and is heard by the judge of the tick after
+            deadline += e.tick
         counted = injected.options.get("count") or injected.options.get("probability")
         if counted is None and injected.until > deadline + LASTS and _must_show(e, injected, expected, deadline):
             yield injected, expected, deadline
