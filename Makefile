@@ -5,7 +5,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test check bench host-death campaign coverage core-coverage mutation fuzz picture clean
+# Where it is set, every worker and every `artemis` that the tests start would compile everything again.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: demo test check bench bench-followers host-death campaign coverage core-coverage mutation fuzz picture clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
@@ -21,6 +24,9 @@ check: $(READY)
 
 bench: $(READY)
 	@$(BIN)/python -m tests.bench
+
+bench-followers: $(READY)
+	@$(BIN)/artemis bench followers --output build/bench-followers $(if $(PYTHON_ROBOTICS),--python-robotics $(PYTHON_ROBOTICS))
 
 host-death: $(READY)
 	@$(BIN)/python -m tests.host_death --cases 200

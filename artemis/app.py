@@ -20,7 +20,7 @@ from artemis.devices.reopening import ReopeningBus
 from artemis.errors import RecordingError
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.schema import BusWords, Stop
-from artemis.motion.path import Path
+from artemis.motion.route import Route
 from artemis.planning import inputs_used, is_fast, is_simulated, made, plan_for, setup_for
 from artemis.plugins.border import Border, close
 from artemis.plugins.contracts import InputDevice
@@ -147,7 +147,7 @@ class _Run:
             nodes={name: drive.node_id for name, drive in loaded.robot.drives.items()},
             disk=disk,
         )
-        for entry in first_entries(mission.mission, loaded.robot.robot, provenance, warning):
+        for entry in first_entries(mission.mission, loaded.robot.robot, provenance, warning, loaded.remarks):
             self._recorder.note(entry)
         self._interrupted: int | None = None
         self._listeners: list[Typed] = []
@@ -293,21 +293,14 @@ class _Run:
 
     def _show_paths(self) -> None:
         for step in self._plan.steps:
-            if isinstance(step, FollowStep) and isinstance(step.path, Path):
-                self._recorder.show_path(0.0, _poses(step.path))
+            if isinstance(step, FollowStep) and isinstance(step.route, Route):
+                self._recorder.show_path(0.0, step.route.poses(0.05))
 
 
 def _growth(grown: str) -> Fault:
     """The fault that a process is which has `grown`: a warning, while there is memory."""
     severity = None if usage()[0] > MOST_MEMORY else Severity.WARN
     return catalogue.fault("PLG-05", detail=grown, severity=severity)
-
-
-def _poses(path: Path) -> list[Pose]:
-    """The path as poses about every 5 cm, for viewers."""
-    count = max(2, min(2000, round(path.length / 0.05)))
-    points = (path.at(path.length * number / (count - 1)) for number in range(count))
-    return [Pose(x=point.x, y=point.y, heading=point.heading) for point in points]
 
 
 def run_mission(

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from artemis.commands.bench import bench
 from artemis.commands.path import paths
 from artemis.errors import ArtemisError, ConfigError, RecordingError
 
@@ -28,6 +29,7 @@ app = typer.Typer(
 plugins = typer.Typer(rich_markup_mode=None, invoke_without_command=True)
 app.add_typer(plugins, name="plugins")
 app.add_typer(paths, name="path")
+app.add_typer(bench, name="bench")
 
 calibrate = typer.Typer(
     rich_markup_mode=None, no_args_is_help=True, help="Teach artemis what it has to know of a device."
@@ -58,8 +60,8 @@ def check(missions: Annotated[list[Path], typer.Argument(metavar="MISSION...", h
     problems: list[str] = []
     for mission in missions:
         try:
-            load_mission(mission)
-            typer.echo(f"{mission}: ok")
+            loaded = load_mission(mission)
+            typer.echo("\n  ".join([f"{mission}: ok", *loaded.remarks]))
         except ConfigError as error:
             problems += error.problems
     if problems:

@@ -11,7 +11,8 @@ from artemis.errors import ConfigError, PluginError
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.policies import policies_from
 from artemis.mission.schema import Calibrate, Follow, PluginUse, Recorded, Teleop, Wait
-from artemis.motion.path import Path, path_from_csv
+from artemis.motion.fitting import route_for
+from artemis.motion.route import Route
 from artemis.plugins.border import PLUGIN_ERRORS, told
 from artemis.plugins.contracts import Setup
 from artemis.recording.provenance import Resumption
@@ -49,17 +50,23 @@ def _teleop_step(loaded: LoadedMission, action: Teleop) -> TeleopStep:
 
 def _follow_step(loaded: LoadedMission, action: Follow) -> FollowStep:
     plugin, config = plugin_from("artemis.followers", action.follower)
-    path: Path | str
+    route: Route | str
+    backward = None if action.direction is None else action.direction == "backward"
     close_within = 0.0
     if isinstance(action.path, Recorded):
-        path, close_within = action.path.recorded, action.path.close_within_m
+        route, close_within = action.path.recorded, action.path.close_within_m
     else:
-        path = path_from_csv(loaded.files[action.path].decode(), action.path).with_laps(action.laps)
+        speed = getattr(config, "speed_m_s", loaded.robot.limits.speed_m_s)
+        route, _ = route_for(loaded.files[action.path].decode(), action.path, loaded.robot, speed, **action.wanted)
     return FollowStep(
-        path=path,
+        route=route,
         follower=made(plugin, config, setup_for(loaded, action.follower.plugin)),
         laps=action.laps,
+        from_end=action.from_end,
+        backward=backward,
         close_within=close_within,
+        round_corners=action.round_corners_m,
+        allow_slowdown=action.allow_slowdown,
         nearest=action.start == "nearest",
         max_cross_track=action.max_cross_track_m,
         speed=getattr(config, "speed_m_s", None),

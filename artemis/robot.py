@@ -22,6 +22,8 @@ from artemis.values import Fault, Job, JobResult, Request, Sensed, SetPoints, Sn
 
 LIMITED_SPEED = 0.3
 """Ceiling of the speed while a verdict says LIMIT [m/s]."""
+ORDINARY = 0.002
+"""From the begin of a tick until its set-points are sent, where nothing holds it up, at most [s]."""
 
 
 class Core:
@@ -52,12 +54,16 @@ class Core:
         return Tick(snapshot=snapshot, mode=mode, step=step, done=done, wish=wish, action=action, set_points=points)
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
-        """The gate, from its last set-points on; wheels whose drives are off are where they are."""
-        verdict = snapshot.verdict
+        """The gate, from its last set-points on; wheels whose drives are off are where they are.
+
+        Set-points that were held up have just been sent: those of a tick right after them are hardly further on.
+        """
+        verdict, sensed = snapshot.verdict, snapshot.sensed
         ceiling = min(self._plan.top_speed, LIMITED_SPEED if verdict.limits else inf)
-        last = self._perception.as_they_stand(snapshot.sensed, self._points)
-        points = self._gate.limit(wish.command, last, snapshot.dt, ceiling, verdict.stops)
-        return self._perception.as_they_stand(snapshot.sensed, points)
+        last = self._perception.as_they_stand(sensed, self._points)
+        dt = min(snapshot.dt, sensed.time - sensed.sent + ORDINARY)
+        points = self._gate.limit(wish.command, last, dt, ceiling, verdict.stops)
+        return self._perception.as_they_stand(sensed, points)
 
 
 class Robot:
@@ -78,7 +84,7 @@ class Robot:
         self._requests: list[Request] = []
         self._results: list[JobResult] = []
         self._faults: list[Fault] = []
-        self._index, self._start, self._late = 0, 0.0, 0.0
+        self._index, self._start, self._late, self._sent = 0, 0.0, 0.0, 0.0
         self._ticking = False
         self._failure: BaseException | None = None
         drives.wire.listen(self._wake)
@@ -89,6 +95,8 @@ class Robot:
         sensed = self._sense(now, urgent)
         tick = self._core.decide(sensed)
         self._write(tick)
+        if not urgent:
+            self._sent = asyncio.get_running_loop().time() - self._start
         self._observe(tick)
         self._ticking = False
         return tick
@@ -134,6 +142,7 @@ class Robot:
             index=self._index - 1,
             time=now - self._start,
             late=0.0 if urgent else self._late,
+            sent=self._sent,
             urgent=urgent,
             attended=self._attended(now - self._start),
             drives=self._drives.feedback(now),

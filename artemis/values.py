@@ -181,8 +181,8 @@ class Sensed:
     index: int
     time: float
     """Run time [s]."""
-    late: float = 0.0
-    """How long after its time on the schedule the tick began [s]."""
+    late: float = 0.0  # how long after its time on the schedule the tick began [s]
+    sent: float = 0.0  # when the last scheduled tick's frames had been sent [s of the run]
     urgent: bool = False
     """An extra tick, off the schedule: writes stop frames only."""
     attended: bool = False
@@ -352,13 +352,13 @@ class Event(Enum):
 class Tracking:
     """How a path is being followed."""
 
-    arc_length: float
-    """Arc length of the projection [m]."""
-    length: float
-    """Of the whole path, all laps [m]."""
+    arc_length: float  # of the projection [m]
+    length: float  # of the whole path, all laps [m]
     cross_track: float
-    """Signed distance from the path by the estimated pose [m], left positive."""
-    heading_error: float = 0.0  # heading minus path tangent [rad]
+    """Signed distance from the path by the estimated pose [m], positive to the left in the direction of travel."""
+    heading_error: float = 0.0  # heading of the end that is ahead, minus path tangent [rad]
+    planned_speed: float | None = None  # that the path allows here, of the virtual front wheel [m/s]
+    feedforward: float | None = None  # steering for the path's curvature alone [rad]; the rest is feedback
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -169,7 +169,7 @@ def _evidence(
         looks=witness.looks,
         journal=journal,
         injected=_injected(given, journal, end),
-        operator=[(act["at_s"], act["do"]) for act in given.operator],
+        operator=_acts(given, journal),
         stick=_stick(given.files.get("stick.csv", "")),
         status=None if outcome is None else outcome.exit_status,
     )
@@ -188,6 +188,20 @@ def _injected(given: Scenario, journal: Journal, end: float) -> list[Injected]:
         if time <= end:  # a stall is noted when it is over
             found.append(Injected(time if line is None or "seconds" in fault else line.time, id, device, fault))
     return found
+
+
+def _acts(given: Scenario, journal: Journal) -> list[tuple[float, str]]:
+    """What the operator did; later than planned where the whole process stood still, and the operator in it."""
+    stood_still = max((fault.get("seconds", 0.0) for fault in given.faults), default=0.0)
+    heard = list(journal.of("request"))
+    acts = []
+    for planned, what in ((act["at_s"], act["do"]) for act in given.operator):
+        fits = (line for line in heard if line.text == what and 0.0 <= line.time - planned <= stood_still)
+        line = next(fits, None)
+        if line is not None:
+            heard.remove(line)
+        acts.append((planned if line is None else line.time, what))
+    return acts
 
 
 def _stick(table: str) -> list[Stick]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,13 @@ import numpy as np
 from artemis.commands.path_files import comments, refuse_smoothing, refuse_taken, say, write_files
 from artemis.commands.path_formats import READERS, SUFFIXES, Given
 from artemis.errors import ConfigError, shown
-from artemis.motion.joining import Placement, against, bulge, join
-from artemis.motion.path import MAX_GAP, SMOOTHING, moving
-from artemis.motion.path import Path as Curve
+from artemis.motion.joining import Placement, bulge, join
+from artemis.motion.path import SMOOTHING
+from artemis.motion.path_points import MAX_GAP, moving
+from artemis.motion.route import Part, Route, Stretch, across, stretches, turns_on_the_spot
 from artemis.motion.table import MAX_CHARACTERS
-from artemis.motion.waypoints import cusps, deviation, rows_of
+from artemis.motion.track import SPACING
+from artemis.motion.waypoints import deviation, drawn, rows_of
 from artemis.states.follow import START_ANGLE, START_DISTANCE
 from artemis.yaml_file import read
 
@@ -39,8 +42,8 @@ def import_path(
         kind: One of `READERS`; None: by the suffix.
         smoothing: Wavelength [m] of which the amplitude is halved.
         closed: It goes on from its end to its start.
-        reverse: It is driven the other way round.
-        origin: Moved so that it begins at 0, 0 along x.
+        reverse: From its last point to its first, with the robot's headings as they are.
+        origin: Moved so that it begins at 0, 0, the robot facing along x.
         with_speed: Keep the speeds.
         force: Overwrite a file.
 
@@ -54,50 +57,76 @@ def import_path(
         problem = f"no format {shown(kind)}" if kind else "its suffix says nothing of its format"
         raise ConfigError(f"{file}: {problem}; choose with --format {'|'.join(READERS)}")
     refuse_taken([output], force)
-    given = _checked(READERS[kind](read(file, MAX_CHARACTERS), str(file)), str(file), reverse)
+    given = _checked(READERS[kind](read(file, MAX_CHARACTERS), str(file)), str(file))
     if reverse:
         given = _turned(given)
     if with_speed and given.speed is None:
         raise ConfigError(f"{file}: no speeds in it; leave --with-speed out")
+    found = stretches(given.x, given.y, given.heading)
+    if closed and len(found) > 1:
+        raise ConfigError(f"{given.places[found[1][0]]}: the way reverses here, so it cannot be --closed")
     try:
-        curve = join(given.x, given.y, closed=closed, smoothing=smoothing, speed=given.speed)
+        route = _joined(given, found, closed, smoothing)
         if origin:
-            place = Placement(float(curve.x[0]), float(curve.y[0]), float(curve.heading[0]))
+            begin = route.parts[0].path
+            place = Placement(float(begin.x[0]), float(begin.y[0]), route.parts[0].heading_at(0.0))
             given.x, given.y = place.of_points(given.x, given.y)
-            curve = join(given.x, given.y, closed=closed, smoothing=smoothing, speed=given.speed)
+            route = _joined(given, found, closed, smoothing)
     except ConfigError as error:
         raise ConfigError([f"{file}: {problem}" for problem in error.problems]) from error
-    rows = rows_of(curve, str(output), with_speed=with_speed)
-    words = [*_words(given, rows.path, file.name), *given.notes]
+    if problems := [f"{given.places[found[part][0]]}: {words}" for part, words in turns_on_the_spot(route.parts)]:
+        raise ConfigError(problems)
+    rows = rows_of(route, str(output), with_speed=with_speed)
+    words = [*_words(given, found, rows.route, file.name), *given.notes]
     made = f"Made of {file.name} ({kind}){', turned round' if reverse else ''}{', moved' if origin else ''}"
     write_files({output: comments([made, *words]) + rows.text}, force)
     say(output, words)
 
 
-def _words(given: Given, path: Curve, name: str) -> list[str]:
+def _joined(given: Given, found: Sequence[Stretch], closed: bool, smoothing: float) -> Route:
+    """Smooth curves through the points, one for each direction."""
+    parts = []
+    for first, last, backward in found:
+        piece = slice(first, last + 1)
+        x, y, speed = given.x[piece], given.y[piece], None if given.speed is None else given.speed[piece]
+        if len(found) == 1:
+            curve = join(x, y, closed=closed, smoothing=smoothing, speed=speed)
+        else:
+            curve = drawn(x, y, spacing=SPACING, smoothing=smoothing, speed=speed, between_halts=True)
+        parts.append(Part(path=curve, backward=backward))
+    return Route(tuple(parts))
+
+
+def _words(given: Given, found: Sequence[Stretch], route: Route, name: str) -> list[str]:
     """What to know of a path made of points."""
-    off, worst = deviation(given.x, given.y, path)
+    pieces = [(first, given.x[first : last + 1], given.y[first : last + 1]) for first, last, _ in found]
+    paths = [part.path for part in route.parts]
+    off = max((*deviation(x, y, path), first) for (first, x, y), path in zip(pieces, paths, strict=True))
+    ways = ["backwards" if part.backward else "forwards" for part in route.parts]
+    driven = f", driven {', '.join(ways)}" if "backwards" in ways else ""
     words = [
-        f"{path.length:.2f} m{', closed' if path.closed else ''}, from {len(given.x)} points of {name}",
-        f"the points are at most {1000 * off:.1f} mm off the curve ({given.places[worst]})",
+        f"{route.length:.2f} m{', closed' if route.closed else ''}{driven}, from {len(given.x)} points of {name}",
+        f"the points are at most {1000 * off[0]:.1f} mm off the curve ({given.places[off[1] + off[2]]})",
     ]
     if np.hypot(np.diff(given.x), np.diff(given.y)).max() > MAX_GAP:
-        most, corner = bulge(given.x, given.y, path)
-        words.append(f"the curve leaves the straight lines between them by up to {most:.2f} m ({given.places[corner]})")
-    begin = path.at(0.0)
-    if math.hypot(begin.x, begin.y) > START_DISTANCE or abs(begin.heading) > START_ANGLE:
+        bulges = [(*bulge(x, y, path), first) for (first, x, y), path in zip(pieces, paths, strict=True)]
+        most, corner, first = max(bulges)
+        place = given.places[corner + first]
+        words.append(f"the curve leaves the straight lines between them by up to {most:.2f} m ({place})")
+    begin, heading = paths[0].at(0.0), route.parts[0].heading_at(0.0)
+    if math.hypot(begin.x, begin.y) > START_DISTANCE or abs(heading) > START_ANGLE:
         words.append(
-            f"begins at x {begin.x:.2f} m, y {begin.y:.2f} m, {math.degrees(begin.heading):.0f} deg, but a run at 0, 0 "
+            f"begins at x {begin.x:.2f} m, y {begin.y:.2f} m, {math.degrees(heading):.0f} deg, but a run at 0, 0 "
             "along x: --origin moves it there"
         )
     return words
 
 
-def _checked(given: Given, source: str, reverse: bool) -> Given:
+def _checked(given: Given, source: str) -> Given:
     """The distinct points; headings only if they say something.
 
     Raises:
-        ConfigError: too few points, a way that reverses or is driven backwards, speeds that are none.
+        ConfigError: too few points, headings across the way, speeds that are none.
     """
     kept = moving(given.x, given.y)
     x, y = given.x[kept], given.y[kept]
@@ -105,19 +134,16 @@ def _checked(given: Given, source: str, reverse: bool) -> Given:
         raise ConfigError(f"{source}:1:1: {len(kept)} distinct points; expected at least 2")
     places = [given.places[index] for index in kept]
     notes = list(given.notes)
-    problems = [
-        f"{places[index]}: the way reverses here ({math.degrees(turn):.0f} deg); split it"
-        for index, turn in cusps(x, y)
-    ]
-    if given.heading is not None and not np.any(given.heading):
+    heading = None if given.heading is None else given.heading[kept]
+    problems = []
+    if heading is not None and not np.any(heading):
         notes.append("every heading is 0: taken as not given")
-    elif given.heading is not None:
-        wrong = against(x, y, given.heading[kept])
-        if len(wrong) == len(kept) and not reverse:
-            problems.append(f"{places[0]}: every heading points against the way; drive it the other way with --reverse")
-        elif 0 < len(wrong) < len(kept):
-            hint = "drive forwards all the way; a heading in degrees is called heading_deg"
-            problems += [f"{places[index]}: the heading points against the way; {hint}" for index in wrong[:3]]
+        heading = None
+    elif heading is not None:
+        problems += [
+            f"{places[index]}: the heading points across the way; one in degrees is called heading_deg"
+            for index in across(x, y, heading, stretches(x, y, heading))[:3]
+        ]
     speed = given.speed if given.speed is None else given.speed[kept]
     if speed is not None:
         problems += [
@@ -126,10 +152,11 @@ def _checked(given: Given, source: str, reverse: bool) -> Given:
         ]
     if problems:
         raise ConfigError(problems)
-    return Given(x=x, y=y, speed=speed, places=places, notes=notes)
+    return Given(x=x, y=y, heading=heading, speed=speed, places=places, notes=notes)
 
 
 def _turned(given: Given) -> Given:
     """The same points from the last to the first."""
-    speed = None if given.speed is None else given.speed[::-1]
-    return Given(x=given.x[::-1], y=given.y[::-1], speed=speed, places=given.places[::-1], notes=given.notes)
+    heading, speed = (None if column is None else column[::-1] for column in (given.heading, given.speed))
+    x, y, places = given.x[::-1], given.y[::-1], given.places[::-1]
+    return Given(x=x, y=y, heading=heading, speed=speed, places=places, notes=given.notes)

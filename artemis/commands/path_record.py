@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,9 @@ import numpy as np
 from artemis.commands.path_files import comments, keeps_up, refuse_smoothing, say, write_files
 from artemis.errors import ConfigError, shown
 from artemis.mission.problems import nearest
-from artemis.motion.path import SMOOTHING, check_drivable
+from artemis.motion.path import SMOOTHING
+from artemis.motion.route import SHORTEST as SHORTEST_PART
+from artemis.motion.route import Part, Route
 from artemis.motion.spline import Array
 from artemis.motion.track import SHORTEST, SPACING, Track, loop_end
 from artemis.motion.waypoints import Leg, PathRows, deviation, drawn, highest_speed, legs_of, rows_of
@@ -23,7 +26,6 @@ from artemis.vehicle import Robot
 
 LEAP = 0.2
 """A robot that is so far [m] from where it was last seen has been driven in between: there a new path begins."""
-FORWARD_ONLY = "mode follow drives forwards only, and refuses this file"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,34 +79,33 @@ class Driven:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made:
-    """A leg as a path file."""
+    """What was driven without a gap, as a path file."""
 
     rows: PathRows
     way: str
     """When it was driven, and in which direction."""
     off: float
     """Largest distance of what was driven from the path [m]."""
-    backward: bool
 
     def words(self, robot: Robot) -> list[str]:
         """What to know of it."""
-        closed = ", closed" if self.rows.path.closed else ""
+        route = self.rows.route
+        slowest = min((part.path for part in route.parts), key=lambda path: highest_speed(path, robot)[0])
         return [
-            f"{self.rows.path.length:.2f} m{closed}, driven {self.way}",
+            f"{route.length:.2f} m{', closed' if route.closed else ''}, driven {self.way}",
             f"at most {1000 * self.off:.1f} mm from what was driven",
-            *([FORWARD_ONLY] if self.backward else []),
-            keeps_up(self.rows.path, *highest_speed(self.rows.path, robot)),
+            keeps_up(slowest, *highest_speed(slowest, robot)),
         ]
 
 
 def record_path(
     run: Path, output: Path, choice: Choice, drawing: Drawing, *, speed: float | None = None, force: bool = False
 ) -> int:
-    """Make a path file of what was driven in a run, one for each direction; 1 if the robot cannot follow it.
+    """Make a path file of what was driven in a run; 1 if the robot cannot follow it.
 
     Args:
         run: Folder of a run, or its recording.
-        output: The file; `-1`, `-2` ... are added to its name where the robot changed its direction.
+        output: The file; `-1`, `-2` ... are added to its name where there are gaps in what was driven.
         choice: What of the run.
         drawing: How the path is made.
         speed: Must be possible on the path [m/s]; None: only its shape matters.
@@ -129,7 +130,7 @@ def record_path(
     )
     failed = False
     for file, part in made.items():
-        impossible = check_drivable(part.rows.path, robot, min(speed or 0.0, robot.limits.speed_m_s))
+        impossible = part.rows.route.problems(robot, min(speed or 0.0, robot.limits.speed_m_s))
         if speed is not None and speed > robot.limits.speed_m_s:
             impossible.append(f"{speed:g} m/s is more than the robot can: {robot.limits.speed_m_s:g} m/s")
         say(file, [*part.words(robot), *impossible])
@@ -139,8 +140,8 @@ def record_path(
     return int(failed)
 
 
-def _parts(recording: Recording, choice: Choice, spacing: float) -> Iterator[tuple[Driven, Leg]]:
-    """What was chosen of a run, piece by piece in one direction.
+def _parts(recording: Recording, choice: Choice, spacing: float) -> Iterator[tuple[Driven, list[Leg]]]:
+    """What was chosen of a run, piece by piece without a gap.
 
     Raises:
         ConfigError: it is nothing that makes a path.
@@ -148,16 +149,20 @@ def _parts(recording: Recording, choice: Choice, spacing: float) -> Iterator[tup
     found = False
     too_short = 0.0
     for driven in _stretches(recording, choice):
-        for leg in legs_of(driven.poses, spacing):
-            if leg.length >= SHORTEST:
+        legs = legs_of(driven.poses, spacing)
+        for nudge, grouped in groupby(legs, key=lambda leg: leg.length < SHORTEST_PART):
+            piece = list(grouped)
+            length = sum(leg.length for leg in piece)
+            if not nudge and length >= SHORTEST:
                 found = True
-                yield driven, leg
+                yield driven, piece
             else:
-                too_short = max(too_short, leg.length)
-                place = f"{driven.times[leg.kept[0]]:.2f} s to {driven.times[leg.kept[-1]]:.2f} s"
-                sys.stdout.write(f"left out: {leg.length:.2f} m, {place}; a path has at least {SHORTEST:g} m\n")
+                too_short = max(too_short, length)
+                place = f"{driven.times[piece[0].kept[0]]:.2f} s to {driven.times[piece[-1].kept[-1]]:.2f} s"
+                least = SHORTEST_PART if nudge else SHORTEST
+                sys.stdout.write(f"left out: {length:.2f} m, {place}; at least {least:g} m are needed\n")
     if not found:
-        what = f"at most {too_short:.2f} m in one direction" if too_short else f"nothing was {choice.words()}"
+        what = f"at most {too_short:.2f} m in one piece" if too_short else f"nothing was {choice.words()}"
         hint = "choose another time with --from and --to" if choice.name is None else "was it driven?"
         missing = f"; the recording is not whole: {recording.missing}" if recording.missing else ""
         raise ConfigError(f"{recording.path}: no path in it: {what}; {hint}{missing}")
@@ -226,36 +231,52 @@ def _points(poses: Sequence[Pose]) -> tuple[Array, Array]:
     return np.array([pose.x for pose in poses]), np.array([pose.y for pose in poses])
 
 
-def _made(driven: Driven, leg: Leg, drawing: Drawing, source: str) -> Made:
-    """A leg as a path file named `source`."""
-    poses = [driven.poses[index] for index in leg.kept]
-    count = loop_end(poses, drawing.close_within, leg.backward)
-    kept = leg.kept[:count]
-    speeds = np.abs([driven.speeds[index] for index in kept]) if drawing.with_speed else None
-    closed = None if count is None else True
-    try:
-        curve = drawn(
-            *_points(poses[:count]), spacing=drawing.spacing, smoothing=drawing.smoothing, closed=closed, speed=speeds
-        )
-    except ConfigError as error:
-        raise ConfigError([f"{source}: {problem}" for problem in error.problems]) from error
-    rows = rows_of(curve, source, backward=leg.backward, with_speed=drawing.with_speed)
-    off, _ = deviation(*_points(driven.poses[kept[0] : kept[-1] + 1]), rows.path)
-    direction = "backwards" if leg.backward else "forwards"
-    way = f"{direction}, {driven.times[kept[0]]:.2f} s to {driven.times[kept[-1]]:.2f} s of the run"
-    return Made(rows=rows, way=way, off=off, backward=leg.backward)
+def _made(driven: Driven, legs: Sequence[Leg], drawing: Drawing, source: str) -> Made:
+    """Legs, each of which begins where the one before ends, as a path file named `source`."""
+    whole, closed, counts = len(legs) == 1, None, [len(leg.kept) for leg in legs]
+    if whole:
+        poses = [driven.poses[index] for index in legs[0].kept]
+        if (count := loop_end(poses, drawing.close_within, legs[0].backward)) is not None:
+            closed, counts = True, [count]
+    parts, off = [], 0.0
+    for leg, count in zip(legs, counts, strict=True):
+        kept = leg.kept[:count]
+        speeds = np.abs([driven.speeds[index] for index in kept]) if drawing.with_speed else None
+        try:
+            x, y = _points([driven.poses[index] for index in kept])
+            curve = drawn(
+                x,
+                y,
+                spacing=drawing.spacing,
+                smoothing=drawing.smoothing,
+                closed=closed,
+                speed=speeds,
+                between_halts=not whole,
+            )
+        except ConfigError as error:
+            raise ConfigError([f"{source}: {problem}" for problem in error.problems]) from error
+        parts.append(Part(path=curve, backward=leg.backward))
+    rows = rows_of(Route(tuple(parts)), source, with_speed=drawing.with_speed)
+    for leg, count, part in zip(legs, counts, rows.route.parts, strict=True):
+        off = max(off, deviation(*_points(driven.poses[leg.kept[0] : leg.kept[count - 1] + 1]), part.path)[0])
+    directions = ", ".join("backwards" if leg.backward else "forwards" for leg in legs)
+    end = driven.times[legs[-1].kept[counts[-1] - 1]]
+    return Made(
+        rows=rows, way=f"{directions}, {driven.times[legs[0].kept[0]]:.2f} s to {end:.2f} s of the run", off=off
+    )
 
 
 def _header(recording: Recording, choice: Choice, drawing: Drawing, made: Made) -> str:
     path = recording.path.resolve()
     run = path.parent.name if path.name == "recording.mcap" else path.name
-    length = f"{made.rows.path.length:.3f} m{', closed' if made.rows.path.closed else ''}"
+    length = f"{made.rows.route.length:.3f} m{', closed' if made.rows.route.closed else ''}"
     lines = [
         f"Path of the centre of the rear axle in the frame of the odometry of the run {run}",
         f"of {recording.start:%Y-%m-%d %H:%M:%S} UTC, {choice.words()}, {made.way}.",
         f"Length {length}; a point every {drawing.spacing:g} m; smoothing {drawing.smoothing:g} m;",
         f"read again, the curve is at most {1000 * made.off:.1f} mm from what was driven.",
     ]
-    lines += [f"Backwards: the headings point against the way; {FORWARD_ONLY}."] if made.backward else []
+    backward = any(part.backward for part in made.rows.route.parts)
+    lines += ["Where the headings point against the way it is driven backwards."] if backward else []
     lines += [f"The recording is not whole: {recording.missing}."] if recording.missing else []
     return comments(lines)

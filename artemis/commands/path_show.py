@@ -14,8 +14,9 @@ from artemis.commands.path_formats import text_of
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
 from artemis.motion.path import Path as Curve
-from artemis.motion.path import path_from_csv, place_on
-from artemis.motion.path_facts import Part, demand_of, facts_of
+from artemis.motion.path import place_on
+from artemis.motion.path_facts import PartFacts, demand_of, facts_of
+from artemis.motion.route import route_from_csv
 from artemis.motion.table import MAX_CHARACTERS
 from artemis.vehicle import Robot
 from artemis.yaml_file import read
@@ -53,7 +54,7 @@ def show_paths(files: Sequence[Path], robot_file: Path | None, speed: float | No
         if found.reversals:
             _row("reversals", "; ".join(f"line {line} (x {x:.2f} m, y {y:.2f} m)" for line, x, y in found.reversals))
         try:
-            path_from_csv(texts[file], str(file))
+            route_from_csv(texts[file], str(file))
         except ConfigError as error:
             say(file, ["mode follow refuses it:"])
             sys.stdout.writelines(f"  {problem}\n" for problem in error.problems)
@@ -63,7 +64,7 @@ def show_paths(files: Sequence[Path], robot_file: Path | None, speed: float | No
     return int(failed)
 
 
-def _show(part: Part, robot: Robot | None, speed: float | None) -> bool:
+def _show(part: PartFacts, robot: Robot | None, speed: float | None) -> bool:
     """Print what is true of a part; whether the robot cannot follow it."""
     path = part.path
     worst = int(np.argmax(np.abs(path.curvature)))

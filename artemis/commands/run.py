@@ -44,6 +44,8 @@ def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> 
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
         _print("warning", warning)
+    for remark in loaded.remarks:
+        _print("path", remark)
     driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
     hint = f"{HINT}; {DRIVING}" if driving else HINT
     with LiveView(_title(loaded, simulated), hint if operator else "", terminate, loaded.robot.bitrate) as view:

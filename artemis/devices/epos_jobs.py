@@ -131,8 +131,10 @@ class EposJobs:
         ends = (car.wheel_angles(-reach)[side] - LIMIT_MARGIN, car.wheel_angles(reach)[side] + LIMIT_MARGIN)
         ends = min(ends[0], angle - LIMIT_MARGIN), max(ends[1], angle + LIMIT_MARGIN)  # found beyond: it may come back
         limits = sorted(raw + round((end - angle) * self._epos.units.counts) for end in ends)
-        for limit, value, bound in zip((POSITION_MIN, POSITION_MAX), limits, LIMIT_OFF, strict=True):
-            await self._ensure(Setting(limit, value if abs(value) < abs(bound) else bound))
+        if not LIMIT_OFF[0] < limits[0] < limits[1] < LIMIT_OFF[1]:  # a set-point beyond would be one at the other end
+            raise NotKept(self.name, f"counts from {raw} on: too near the end of its counter for position limits")
+        for limit, value in zip((POSITION_MIN, POSITION_MAX), limits, strict=True):
+            await self._ensure(Setting(limit, value))
 
     async def check_target(self) -> tuple[int, ...]:
         """The set-point in the drive is harmless to enable with: no speed, or the present position.

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,9 +14,11 @@ from pydantic import ValidationError
 
 from artemis.config import Config
 from artemis.errors import ConfigError
+from artemis.mission.files import files_like, read_data, read_table
 from artemis.mission.problems import nearest, problems_from
 from artemis.mission.schema import (
     Follow,
+    FollowerUse,
     InjectedFault,
     Mission,
     PluginUse,
@@ -28,16 +29,13 @@ from artemis.mission.schema import (
     Teleop,
 )
 from artemis.vehicle import Robot
-from artemis.yaml_file import MAX_BYTES, Data, Document, KeyPath, read, survey
+from artemis.yaml_file import Data, Document, KeyPath, read, survey
 
 if TYPE_CHECKING:
     from artemis.sim.world import TrueRobot
 
-MAX_DATA_BYTES = 100_000_000
-"""Of a path or another table."""
 DETECT_AND_REACT = 0.12
 """Longest time [s] from a cause to the drives' braking that the stopping distance allows for."""
-_MAX_CANDIDATES = 1000
 
 Model = TypeVar("Model", bound=Config)
 
@@ -58,12 +56,15 @@ class LoadedMission:
     """Content of every file that the mission names, by the name as written there."""
     folder: FilePath
     """Where relative names start."""
+    remarks: tuple[str, ...] = ()
+    """What was changed in a path so that the robot can drive it."""
 
 
 def load_mission(path: FilePath) -> LoadedMission:
     """Read a mission and all that it names.
 
-    A plugin's option names a file if it is called `file` or ends in `_file`.
+    A plugin's option names a file if it is called `file` or ends in `_file`; that may be an earlier run, of which it
+    gets what the inputs gave (`artemis.plugins.inputs.recorded`).
 
     Raises:
         ConfigError: everything that is wrong in the mission, robot and path files, in the order of their lines.
@@ -110,6 +111,8 @@ class _Loading:
         self._problems: list[str] = []
         self._documents: dict[str, Document] = {}
         self._files: dict[str, bytes] = {}
+        self._remarks: list[str] = []
+        self._plugins: dict[KeyPath, tuple[Any, Config]] = {}
         self._document = self._survey(read(path), str(path))
         self._data = self._document.data if isinstance(self._document.data, dict) else {}
         self._robot_source = str(path)
@@ -123,6 +126,8 @@ class _Loading:
         self._check_steps(robot, inputs)
         self._check_faults(robot, inputs)
         self._check_policies()
+        if robot is not None:
+            self._check_inputs(robot)
         if self._problems or mission is None or robot is None or true_robot is None:
             raise ConfigError(sorted(dict.fromkeys(self._problems), key=_by_position))
         return LoadedMission(
@@ -133,6 +138,7 @@ class _Loading:
             documents=self._documents,
             files=self._files,
             folder=self._folder,
+            remarks=tuple(self._remarks),
         )
 
     # ------------------------------------------------------------------------------------------ reading and reporting
@@ -174,7 +180,7 @@ class _Loading:
             part = part.get(key) if isinstance(part, dict) else None
         return list(part) if isinstance(part, dict) else []
 
-    def _file(self, path: KeyPath, name: str, max_bytes: int = MAX_DATA_BYTES) -> bytes | None:
+    def _file(self, path: KeyPath, name: str, reader: Callable[[FilePath], bytes] = read_table) -> bytes | None:
         """Content of a file that the mission names at `path`."""
         if name in self._files:
             return self._files[name]
@@ -183,10 +189,10 @@ class _Loading:
             self._complain(path, f"outside the mission's folder {self._folder}: {name}; copy the file there")
             return None
         try:
-            self._files[name] = read(self._folder / name, max_bytes)
+            self._files[name] = reader(self._folder / name)
         except ConfigError as error:
             reason = str(error).removeprefix(f"{self._folder / name}: ")
-            hint = nearest(name, _files_like(self._folder, name), "files of that kind") if "not found" in reason else ""
+            hint = nearest(name, files_like(self._folder, name), "files of that kind") if "not found" in reason else ""
             self._complain(path, f"{reason}: {name}{hint}")
         return self._files.get(name)
 
@@ -194,7 +200,7 @@ class _Loading:
 
     def _robot(self) -> Robot | None:
         name = self._data.get("robot")
-        raw = self._file(("robot",), name, MAX_BYTES) if isinstance(name, str) and name else None
+        raw = self._file(("robot",), name, read) if isinstance(name, str) and name else None
         if raw is None:
             return None
         self._robot_source = str(self._folder / str(name))
@@ -214,9 +220,23 @@ class _Loading:
                 self._complain(("simulation", "inputs", name), f"no such input{nearest(name, inputs, 'inputs')}")
         return inputs
 
+    def _check_inputs(self, robot: Robot) -> None:
+        """What is wrong in the files of inputs that open nothing, and in keys of which nobody has complained yet."""
+        from artemis.mission.trial import trial
+        from artemis.plugins.contracts import Setup
+
+        for path, (plugin, config) in self._plugins.items():
+            setup = Setup(name=str(path[-1]), robot=robot, folder=self._folder, files=self._files)
+            for key, problem in trial(plugin, config, setup) if getattr(plugin, "pure", False) else ():
+                place = self._document.problem((*path, *key), "")
+                if not key:
+                    self._problems.append(problem)
+                elif not any(known.startswith(place) for known in self._problems):
+                    self._complain((*path, *key), problem)
+
     def _plugin(self, group: str, *path: str | int) -> Config | None:
         """Options of the plugin that the mission uses at `path`, with the files they name."""
-        use = self._part(PluginUse, *path)
+        use = self._part(FollowerUse if group == "artemis.followers" else PluginUse, *path)
         if use is None:
             return None
         from artemis.plugins.registry import load
@@ -230,7 +250,9 @@ class _Loading:
         config: Config | None = self._validated(plugin.Config, self._document, path, use.options)
         for name, value in config or ():
             if isinstance(value, str) and (name == "file" or name.endswith("_file")):
-                self._file((*path, name), value)
+                self._file((*path, name), value, read_data)
+        if config is not None:
+            self._plugins[path] = plugin, config
         return config
 
     def _check_bus(self) -> None:
@@ -317,20 +339,28 @@ class _Loading:
         raw = self._file((*at, "path"), follow.path)
         if raw is None:
             return
-        from artemis.motion.path import check_drivable, path_from_csv
+        from artemis.motion.route import route_from_csv
 
+        source = str(self._folder / follow.path)
         try:
-            path = path_from_csv(raw.decode(), str(self._folder / follow.path))
+            text = raw.decode()
+            route = route_from_csv(text, source)
         except UnicodeDecodeError as error:
             self._complain((*at, "path"), f"byte {error.start + 1} is not UTF-8: {follow.path}")
+            return
         except ConfigError as error:
             self._problems += error.problems
-        else:
-            if follow.laps > 1 and not path.closed:
-                self._complain((*at, "laps"), f"{follow.laps} laps need a closed path; {follow.path} is open")
-            if robot is not None and config is not None and speed is not None:
-                for problem in check_drivable(path, robot, speed):
-                    self._complain((*at, "path"), f"{follow.path}: {problem}")
+            return
+        if follow.laps > 1 and not route.closed:
+            how = "open" if len(route.parts) == 1 else "not: it reverses"
+            self._complain((*at, "laps"), f"{follow.laps} laps need a closed path; {follow.path} is {how}")
+        elif robot is not None and config is not None and speed is not None:
+            from artemis.mission.paths import judge_path
+
+            remarks, problems = judge_path(follow, text, source, robot, speed)
+            self._remarks += [f"{follow.path}: {remark}" for remark in remarks]
+            for problem in problems:
+                self._complain((*at, "path"), f"{follow.path}: {problem}")
 
     def _check_teleop(
         self, at: KeyPath, teleop: Teleop, robot: Robot | None, inputs: Mapping[str, Config | None]
@@ -362,18 +392,6 @@ class _Loading:
                 f"{limits.quick_stop_deceleration_m_s2:g} m/s² of braking need {math.ceil(needed * 1000) / 1000:g} m, "
                 f"supervision.stop_distance_m is {supervision.stop_distance_m:g}",
             )
-
-
-def _files_like(folder: FilePath, name: str) -> list[str]:
-    """Files near the mission that end like `name`, as the mission would name them."""
-    found = islice(_near(folder), _MAX_CANDIDATES)
-    suffix = FilePath(name).suffix
-    return sorted(file.relative_to(folder).as_posix() for file in found if file.suffix == suffix and file.is_file())
-
-
-def _near(folder: FilePath) -> Iterator[FilePath]:
-    yield from folder.glob("*")
-    yield from folder.glob("*/*")
 
 
 def _by_position(problem: str) -> tuple[str, int, int]:

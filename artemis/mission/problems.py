@@ -69,8 +69,9 @@ def describe(value: object) -> str:
 def problems_from(error: ValidationError, document: Document, model: type[BaseModel], at: KeyPath = ()) -> list[str]:
     """One line with file, position and key for each error that `model` found in the part of a document at `at`."""
     found = [(_path(document, (*at, *detail["loc"])), detail) for detail in error.errors(include_url=False)]
+    beside = ("plugin",) if at[-1:] == ("follower",) else ()  # a follower's own keys stand beside its name
     return [
-        document.problem(path, _words(detail, model, path[len(at) :]))
+        document.problem(path, _words(detail, model, path[len(at) :], beside))
         for path, detail in found
         if not _follows_from_damage(document, path, detail["type"])
     ]
@@ -100,12 +101,12 @@ def _path(document: Document, location: KeyPath) -> KeyPath:
     return tuple(path)
 
 
-def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath) -> str:
+def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath, beside: tuple[str, ...]) -> str:
     kind, found, context = detail["type"], detail["input"], detail.get("ctx", {})
     if kind == "missing":
         return _missing(found, model, path)
     if kind == "extra_forbidden":
-        known = [name for around in _models_around(model, path) for name in around.model_fields]
+        known = [*beside, *(name for around in _models_around(model, path) for name in around.model_fields)]
         return f"unknown key{nearest(str(path[-1]), known, 'known keys')}"
     if kind == "value_error":
         return f"{context['error']}" + (f", found {describe(found)}" if isinstance(found, str) else "")

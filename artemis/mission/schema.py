@@ -40,6 +40,12 @@ class PluginUse(Config):
         return dict(self.model_extra or {})
 
 
+class FollowerUse(PluginUse):
+    """A path follower; artemis' own unless another is named."""
+
+    plugin: str = "frenet"
+
+
 class BusWords(Config):
     """A real CAN bus in python-can's own words; words beside `interface` are the interface's."""
 
@@ -93,13 +99,34 @@ class Follow(Config):
         Annotated[FileName, Tag("<file>")] | Annotated[Recorded, Tag("<recorded>")], Discriminator(_kind_of_path)
     ]
     """Table of x, y in metres, from where the robot stands when the run is armed; or {recorded: NAME}."""
-    follower: PluginUse
+    follower: FollowerUse
     laps: Annotated[int, Field(ge=1, le=10_000)] = 1
     """More than one only on a closed path."""
     start: Literal["beginning", "nearest"] = "beginning"
     """Where the path is begun: where it begins, or at its nearest point."""
+    from_end: bool = False
+    """From the path's last point to its first, headings as they are: what was driven forwards is driven backwards."""
+    direction: Literal["forward", "backward"] | None = None
+    """Which end of the robot is ahead when it begins; each reversal changes that. Goes before the path's headings, and
+    before what `from_end` makes of them; without any of these: forward."""
+    round_corners_m: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """A corner that is too sharp for the robot becomes the nearest curve that it can drive, if that is no farther from
+    the corner; 0: it is refused (PTH-03)."""
+    allow_slowdown: bool = False
+    """Where steering or a wheel cannot keep up the robot drives slower; false: the path is refused (PTH-03)."""
     max_cross_track_m: Annotated[float, Field(gt=0, le=0.6)] = 0.6
     """Farther from the path than this the robot is lost and stops (fault PTH-06)."""
+
+    @property
+    def wanted(self) -> dict[str, Any]:
+        """How the route of its path file is wanted: words of `artemis.motion.fitting.route_for`."""
+        return {
+            "laps": self.laps,
+            "from_end": self.from_end,
+            "backward": None if self.direction is None else self.direction == "backward",
+            "round_corners": self.round_corners_m,
+            "allow_slowdown": self.allow_slowdown,
+        }
 
 
 class Wait(Config):

@@ -7,20 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artemis.motion.path import MAX_GAP, MIN_STEP, SMOOTHING, Path
+from artemis.motion.path import SMOOTHING, Path
+from artemis.motion.path_points import MAX_GAP, MIN_STEP
 from artemis.motion.spline import Array
 from artemis.motion.track import SPACING
 from artemis.motion.waypoints import drawn, largest_distance
-
-
-def against(x: Array, y: Array, heading: Array) -> list[int]:
-    """Points at which a heading [rad] points against the way, whose direction is the mean of both sides."""
-    dx, dy = np.diff(x), np.diff(y)
-    length = np.hypot(dx, dy)
-    ux, uy = dx / length, dy / length
-    along_x = np.concatenate([ux[:1], ux[:-1] + ux[1:], ux[-1:]])
-    along_y = np.concatenate([uy[:1], uy[:-1] + uy[1:], uy[-1:]])
-    return np.flatnonzero(along_x * np.cos(heading) + along_y * np.sin(heading) < 0).tolist()
 
 
 def join(x: Array, y: Array, *, closed: bool, smoothing: float = SMOOTHING, speed: Array | None = None) -> Path:

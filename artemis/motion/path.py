@@ -12,8 +12,8 @@ from scipy.interpolate import CubicSpline  # scipy has no types
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
 from artemis.motion.demand import steering_per_way
-from artemis.motion.spline import Array, parameter_from_arc, smoothed
-from artemis.motion.table import Table
+from artemis.motion.path_points import MIN_STEP, cusps, read_points, wrapped
+from artemis.motion.spline import Array, parameter_from_arc, smoothed, smoothed_between_halts
 from artemis.vehicle import Robot
 
 SPACING = 0.02
@@ -21,19 +21,7 @@ SPACING = 0.02
 SMOOTHING = 0.3
 """Wavelength [m] of which smoothing halves the amplitude. A drivable circle (r > 0.3 m) moves by less than 1 mm, while
 the noise of millimetres in a recording, which curvature would multiply, goes."""
-MIN_STEP = 0.001
-"""Points closer to the one before [m] are standstill or duplicates."""
-MAX_GAP = 1.0
-MAX_LENGTH = 20_000.0
-"""Longer paths [m] are a mistake of units, and would fill the memory with samples."""
-MAX_TURN = math.radians(120)
-"""A sharper turn between three points is a reversal (a cusp), not a curve."""
 WINDOW = 0.3
-
-COLUMNS = {"x": "x", "y": "y", "heading": "heading", "speed": "speed"} | {
-    "x_m": "x", "y_m": "y", "heading_rad": "heading", "speed_m_s": "speed"
-}  # fmt: skip
-"""What a header may call a column."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +92,11 @@ class Path:
     def length(self) -> float:
         """Way from the start to the end of the last lap [m]."""
         return self._last * self.spacing * self.laps - self._driven
+
+    def duration(self, speed: float) -> float:
+        """How long all laps take [s] at a speed [m/s], or the path's own where that is lower."""
+        slowness = 1 / speed if self.speed is None else float(np.mean(1 / np.minimum(self.speed, speed)))
+        return self.length * slowness
 
     def with_laps(self, laps: int) -> Path:
         """The same path, driven `laps` times.
@@ -245,7 +238,7 @@ class Path:
 
 
 def path_from_csv(text: str, source: str, *, spacing: float = SPACING, smoothing: float = SMOOTHING) -> Path:
-    """Read a path: columns x, y [m], optionally heading [rad] and speed [m/s].
+    """Read the curve of a path file without reversals: columns x, y [m], optionally heading [rad] and speed [m/s].
 
     Args:
         text: the whole file: comma, semicolon or blanks between cells, header optional, `#` starts a comment.
@@ -256,16 +249,12 @@ def path_from_csv(text: str, source: str, *, spacing: float = SPACING, smoothing
     Raises:
         ConfigError: every problem found, with file:line:column (faults PTH-01, PTH-02, PTH-04).
     """
-    table = Table(text, source, COLUMNS, required=("x", "y"))
-    if not table.complete:
-        table.raise_problems()
-    x, y = np.array(table.columns["x"]), np.array(table.columns["y"])
-    kept = moving(x, y)
-    _check_points(table, x, y, kept)
-    table.raise_problems()
-    speed = np.array(table.columns["speed"])[kept] if "speed" in table.columns else None
-    path = path_from_points(x[kept], y[kept], speed=speed, spacing=spacing, smoothing=smoothing)
-    path.dropped = len(x) - len(kept)
+    points = read_points(text, source)
+    for index, turn in cusps(points.x, points.y):
+        points.report(index, f"the path reverses here ({math.degrees(turn):.0f} deg); split it")
+    points.table.raise_problems()
+    path = path_from_points(points.x, points.y, speed=points.speed, spacing=spacing, smoothing=smoothing)
+    path.dropped = len(points.table.lines) - len(points.kept)
     return path
 
 
@@ -277,6 +266,7 @@ def path_from_points(
     spacing: float = SPACING,
     smoothing: float = SMOOTHING,
     closed: bool | None = None,
+    between_halts: bool = False,
 ) -> Path:
     """Lay a smooth curve through points that are at least `MIN_STEP` apart, and sample it.
 
@@ -287,16 +277,22 @@ def path_from_points(
         spacing: arc length between samples [m].
         smoothing: wavelength [m] of which the amplitude is halved; 0 goes exactly through the points.
         closed: whether it goes on from its end to its start; None: if they meet.
+        between_halts: it is open, and keeps its curvature up to its ends, as between two reversals.
     """
     points = np.column_stack([x, y])
-    closed = _is_closed(points) if closed is None else closed
+    closed = not between_halts and _is_closed(points) if closed is None else closed
     if closed and math.dist(points[0], points[-1]) >= MIN_STEP:
         points = np.vstack([points, points[:1]])
         speed = None if speed is None else np.append(speed, speed[0])
     elif closed:
         points[-1] = points[0]
     parameter = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-    smooth = smoothed(parameter, points, smoothing, closed) if smoothing > 0 else points
+    if smoothing == 0:
+        smooth = points
+    elif between_halts:
+        smooth = smoothed_between_halts(parameter, points, smoothing)
+    else:
+        smooth = smoothed(parameter, points, smoothing, closed)
     curve = CubicSpline(parameter, smooth, bc_type="periodic" if closed else "not-a-knot")
     sampled, arc = parameter_from_arc(curve, parameter[-1], spacing)
     (px, py), (dx, dy), (ddx, ddy) = curve(sampled).T, curve(sampled, 1).T, curve(sampled, 2).T
@@ -314,22 +310,20 @@ def path_from_points(
 
 def check_drivable(path: Path, robot: Robot, speed: float) -> list[str]:
     """Why a robot cannot follow a path at a speed of its virtual front wheel [m/s]; empty if it can (PTH-03)."""
-    geometry, limits = robot.geometry, robot.limits
-    problems = []
-    bound = math.tan(math.radians(limits.steering_deg)) / geometry.wheelbase_m
+    limits, problems = robot.limits, []
+    bound = math.tan(math.radians(limits.steering_deg)) / robot.geometry.wheelbase_m
     worst = int(np.argmax(np.abs(path.curvature)))
     if abs(path.curvature[worst]) > bound:
         problems.append(
             f"too sharp at {place_on(path, worst)}: curvature {path.curvature[worst]:.2f} 1/m, "
             f"possible {bound:.2f} 1/m ({limits.steering_deg:g} deg of steering); widen the curve"
         )
-    rate = steering_per_way(path.curvature, path.spacing, geometry) * np.minimum(
-        speed, np.inf if path.speed is None else path.speed
-    )
+    turn, own = steering_demand(path, robot)
+    rate = turn * np.minimum(speed, own)
     worst, possible = int(np.argmax(rate)), limits.steering_rate_wheel_deg_s
     needed = math.degrees(rate[worst])
     if needed > possible:
-        speed = min(speed, path.speed_at(worst * path.spacing))
+        speed = min(speed, float(own[worst]))
         problems.append(
             f"too fast at {place_on(path, worst)}: a wheel would steer with {needed:.0f} deg/s, possible {possible:g} "
             f"deg/s; drive at most {speed * possible / needed:.2f} m/s"
@@ -337,47 +331,30 @@ def check_drivable(path: Path, robot: Robot, speed: float) -> list[str]:
     return problems
 
 
+def steering_demand(path: Path, robot: Robot) -> tuple[Array, Array]:
+    """What a path asks of the steering, each of shape (n,).
+
+    An open path begins and ends at standstill. There the wheels are turned first, and where smoothing leads the
+    curvature to 0 nobody has to follow.
+
+    Returns:
+        How far a wheel is steered for each metre [rad/m], 0 next to the ends of an open path; and the highest speed of
+        the virtual front wheel there [m/s], by the path's own speeds and from and to standstill.
+    """
+    turn = steering_per_way(path.curvature, path.spacing, robot.geometry)
+    own = np.full_like(turn, np.inf) if path.speed is None else path.speed
+    if not path.closed:
+        ends = min(round(SMOOTHING / 2 / path.spacing), len(turn))
+        turn[:ends] = turn[len(turn) - ends :] = 0.0
+        way, limits = path.arc_length, robot.limits
+        own = np.minimum(own, np.sqrt(2 * limits.acceleration_m_s2 * way))
+        own = np.minimum(own, np.sqrt(2 * limits.deceleration_m_s2 * way[::-1]))
+    return turn, own
+
+
 def place_on(path: Path, index: int) -> str:
     """A sample of a path, for people."""
     return f"{index * path.spacing:.2f} m (x {path.x[index]:.2f} m, y {path.y[index]:.2f} m)"
-
-
-def moving(x: Array, y: Array) -> list[int]:
-    """Indices of the points that are at least `MIN_STEP` from the last one kept."""
-    kept: list[int] = []
-    last = (math.inf, math.inf)
-    for index, point in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
-        if not math.dist(point, last) < MIN_STEP:
-            kept.append(index)
-            last = point
-    return kept
-
-
-def _check_points(table: Table, x: Array, y: Array, kept: list[int]) -> None:
-    """Report what makes readable points no path: too few, too far apart, reversing, driven backwards."""
-    if len(kept) < 2:
-        table.report_file(f"{len(kept)} distinct points; expected at least 2")
-        return
-    dx, dy = np.diff(x[kept]), np.diff(y[kept])
-    gaps, tangents = np.hypot(dx, dy), np.arctan2(dy, dx)
-    if gaps.sum() > MAX_LENGTH:
-        table.report_file(f"path of {gaps.sum():.0f} m; expected at most {MAX_LENGTH:.0f} m, coordinates in metres")
-    for index in np.flatnonzero(gaps > MAX_GAP):
-        if not table.is_torn(kept[index + 1]):
-            problem = f"{gaps[index]:.2f} m from the point before; expected at most {MAX_GAP:g} m"
-            table.report(kept[index + 1], problem)
-    turns = np.abs(_wrapped(np.diff(tangents)))
-    for index in np.flatnonzero(turns > MAX_TURN):
-        table.report(kept[index + 1], f"the path reverses here ({math.degrees(turns[index]):.0f} deg); split it")
-    if "heading" in table.columns:
-        headings = np.array(table.columns["heading"])[kept[:-1]]
-        for index in np.flatnonzero(np.cos(headings - tangents) < 0):
-            problem = f"heading {headings[index]:.2f} rad points against the path; expected it driven forward"
-            table.report(kept[index], problem, "heading")
-    if "speed" in table.columns:
-        speeds = np.array(table.columns["speed"])[kept]
-        for index in np.flatnonzero(speeds <= 0):
-            table.report(kept[index], f"speed: expected more than 0 m/s, found {speeds[index]:g}", "speed")
 
 
 def _is_closed(points: Array) -> bool:
@@ -389,8 +366,4 @@ def _is_closed(points: Array) -> bool:
         return False
     directions = [steps[-1], seam, steps[0]] if math.hypot(*seam) >= MIN_STEP else [steps[-1], steps[0]]
     headings = np.array([math.atan2(step[1], step[0]) for step in directions])
-    return bool(np.all(np.abs(_wrapped(np.diff(headings))) <= math.radians(60)))
-
-
-def _wrapped(angles: Array) -> Array:
-    return np.asarray((angles + math.pi) % math.tau - math.pi)
+    return bool(np.all(np.abs(wrapped(np.diff(headings))) <= math.radians(60)))

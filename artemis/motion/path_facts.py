@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from artemis.errors import ConfigError
-from artemis.motion.demand import steering_per_way
-from artemis.motion.path import COLUMNS, Path, check_drivable, moving, path_from_points
-from artemis.motion.spline import Array
+from artemis.motion.path import Path, check_drivable, steering_demand
+from artemis.motion.path_points import COLUMNS, points_of
+from artemis.motion.route import part_of, stretches
 from artemis.motion.table import Table
-from artemis.motion.waypoints import check_extent, cusps, deviation, highest_speed
+from artemis.motion.waypoints import check_extent, deviation, highest_speed
 from artemis.vehicle import Robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class PartFacts:
     """The points between two changes of direction, and the curve through them."""
 
     path: Path
@@ -34,52 +32,32 @@ class Part:
 class Facts:
     """A path file, part by part."""
 
-    parts: list[Part]
+    parts: list[PartFacts]
     reversals: list[tuple[int, float, float]]
     """Line in the file, x and y [m]."""
 
 
 def facts_of(text: str, source: str) -> Facts:
-    """Read a path file as `path_from_csv` does, but split it where the direction changes.
+    """Read a path file as `route_from_csv` does, but with whatever makes mode follow refuse it.
 
     Raises:
         ConfigError: what cannot be read, with file:line:column.
     """
     table = Table(text, source, COLUMNS, required=("x", "y"))
     table.raise_problems()
-    columns = {name: np.array(values) for name, values in table.columns.items()}
-    kept = moving(columns["x"], columns["y"])
-    if len(kept) < 2:
-        raise ConfigError(f"{source}:1:1: {len(kept)} distinct points; expected at least 2")
-    x, y = columns["x"][kept], columns["y"][kept]
+    points = points_of(table)
+    x, y = points.x, points.y
     check_extent(x, y, f"{source}:1:1: ")
-    backward, ends = _directions(x, y, columns["heading"][kept] if "heading" in columns else None)
+    found = stretches(x, y, points.heading)
     parts = []
-    for first, last in pairwise(ends):
+    for first, last, backward in found:
         px, py = x[first : last + 1], y[first : last + 1]
-        speed = columns["speed"][kept][first : last + 1] if "speed" in columns else None
-        path = path_from_points(px, py, speed=speed)
+        path = part_of(points, (first, last, backward), whole=len(found) == 1).path
         off, _ = deviation(px, py, path)
         gap = float(np.hypot(np.diff(px), np.diff(py)).max())
-        parts.append(Part(path=path, points=len(px), gap=gap, off=off, backward=backward[first]))
-    lines = [table.lines[index] for index in kept]
-    reversals = [(lines[index], float(x[index]), float(y[index])) for index in ends[1:-1]]
+        parts.append(PartFacts(path=path, points=len(px), gap=gap, off=off, backward=backward))
+    reversals = [(table.lines[points.kept[first]], float(x[first]), float(y[first])) for first, *_ in found[1:]]
     return Facts(parts=parts, reversals=reversals)
-
-
-def _directions(x: Array, y: Array, heading: Array | None) -> tuple[list[bool], list[int]]:
-    """Of each way from a point to the next whether it is driven backwards; and the points where parts begin or end.
-
-    Without headings the path begins forwards, and each cusp changes the direction.
-    """
-    turned = np.zeros(len(x) - 1, dtype=int)
-    turned[[index for index, _ in cusps(x, y)]] = 1
-    if heading is None:
-        backward = np.cumsum(turned) % 2
-    else:
-        backward = (np.cos(heading[:-1] - np.arctan2(np.diff(y), np.diff(x))) < 0).astype(int)
-    changes = np.flatnonzero((np.diff(backward) != 0) | (turned[1:] != 0)) + 1
-    return backward.astype(bool).tolist(), [0, *changes.tolist(), len(x) - 1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,8 +82,8 @@ def demand_of(path: Path, robot: Robot, speed: float | None) -> Demand:
     """What a path asks of a robot at a speed [m/s]; None: at the highest that is possible."""
     highest, bounded_at = highest_speed(path, robot)
     speed = highest if speed is None else speed
-    own = np.inf if path.speed is None else path.speed
-    rate = steering_per_way(path.curvature, path.spacing, robot.geometry) * np.minimum(own, speed)
+    turn, own = steering_demand(path, robot)
+    rate = turn * np.minimum(own, speed)
     return Demand(
         steering=math.atan(robot.geometry.wheelbase_m * float(np.abs(path.curvature).max())),
         rate=float(rate.max()),

@@ -56,6 +56,32 @@ def smoothed(parameter: Array, points: Array, wavelength: float, closed: bool) -
     return np.asarray(points - stiffness * inverse_weight[:, None] * force)
 
 
+def smoothed_between_halts(parameter: Array, points: Array, wavelength: float) -> Array:
+    """As `smoothed` an open curve, but one that keeps its curvature up to its ends, where the robot stands.
+
+    The curve is smoothed with its reflections across the normals at its ends, by which an arc goes on as an arc; a
+    smoothing spline by itself ends straight.
+    """
+    if len(points) < 3:
+        return points
+    before, after = _reflected(parameter, points, wavelength), _reflected(-parameter[::-1], points[::-1], wavelength)
+    count = len(before[0])
+    whole = np.concatenate([before[0], parameter, -after[0][::-1]])
+    rows = np.vstack([before[1], points, after[1][::-1]])
+    return smoothed(whole, rows, wavelength, closed=False)[count : count + len(points)]
+
+
+def _reflected(parameter: Array, points: Array, wavelength: float) -> tuple[Array, Array]:
+    """What goes before the first point: parameters, rising, and points; reaching two wavelengths."""
+    way = parameter - parameter[0]
+    near = max(int(np.searchsorted(way, wavelength / 2, side="right")), 3)
+    tangent = np.array([np.polyfit(way[:near], column, 2)[1] for column in points[:near].T])
+    tangent /= np.hypot(*tangent)
+    last = max(int(np.searchsorted(way, 2 * wavelength, side="right")), 2)
+    off = points[1:last] - points[0]
+    return (parameter[0] - way[1:last])[::-1], (points[0] + off - 2 * (off @ tangent)[:, None] * tangent)[::-1]
+
+
 def parameter_from_arc(curve: CubicSpline, end: float, spacing: float) -> tuple[Array, float]:
     """Where to evaluate a curve so that its points have a constant distance along it.
 

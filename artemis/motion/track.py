@@ -11,7 +11,11 @@ import numpy as np
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
-from artemis.motion.path import MIN_STEP, Path, check_drivable, path_from_points
+from artemis.motion.fitting import fitted
+from artemis.motion.path import path_from_points
+from artemis.motion.path_points import MIN_STEP, moving
+from artemis.motion.route import Part, Route
+from artemis.motion.spline import Array
 from artemis.values import Pose
 from artemis.vehicle import Robot
 
@@ -21,6 +25,8 @@ ALIKE = math.radians(60)
 """Ends of a closed path may differ in direction by this much [rad]."""
 SEAM = math.radians(30)
 """The way from the end of a closed path to its start may differ from the direction there by this much [rad]."""
+TURNING = 0.01
+"""So far back [m] is a change of direction; less is noise of a robot that stands."""
 SHORTEST = 0.3
 """Least length of a path [m]."""
 
@@ -34,6 +40,8 @@ class Track:
     """A pose is kept so far from the last one [m], or turned by `ANGLE`."""
     by_button: bool | None = None
     """Whether it is being recorded since the button for it was pressed; None: it never was."""
+    tip: Pose | None = None
+    """Where the robot got farthest beyond the last pose kept."""
 
     def see(self, pose: Pose, *, pressed: bool) -> None:
         """The robot is at `pose`, and the button was just `pressed` or not."""
@@ -46,10 +54,17 @@ class Track:
             self.by_button = not self.by_button
             if self.by_button:
                 self.poses.clear()
+                self.tip = None
         return self.by_button is not False
 
     def add(self, pose: Pose) -> bool:
-        """The robot is at `pose` now; kept if that is far enough from the last one. Whether it was."""
+        """The robot is at `pose` now; kept if that is far enough from the last one. Whether it was.
+
+        Where the robot turns back, the place that it reached is kept, too.
+        """
+        if self.tip is not None and self._reach(self.tip) - self._reach(pose) > TURNING:
+            self.poses.append(self.tip)
+            self.tip = None
         last = self.poses[-1] if self.poses else None
         far = (
             last is None
@@ -58,41 +73,59 @@ class Track:
         )
         if far:
             self.poses.append(pose)
+            self.tip = None
+        elif len(self.poses) > 1 and self._reach(pose) > (SPACING / 10 if self.tip is None else self._reach(self.tip)):
+            self.tip = pose
         return far
+
+    def _reach(self, pose: Pose) -> float:
+        """How far a pose is from the last one kept [m], in the direction in which that was reached."""
+        before, last = self.poses[-2:]
+        return math.copysign(1.0, _way(before, last)) * _way(last, pose)
 
     def legs(self) -> list[tuple[list[Pose], bool]]:
         """The poses between two changes of direction, and whether they were driven backwards."""
-        legs: list[tuple[list[Pose], bool]] = []
-        for before, pose in pairwise(self.poses):
-            way = (pose.x - before.x) * math.cos(before.heading) + (pose.y - before.y) * math.sin(before.heading)
-            if not legs or (way < 0) is not legs[-1][1]:
-                legs.append(([before], way < 0))
-            legs[-1][0].append(pose)
-        return legs
+        way = np.cumsum([0.0, *(_way(before, pose) for before, pose in pairwise(self.poses))])
+        return [(self.poses[begin : end + 1], bool(way[end] < way[begin])) for begin, end in one_way(way)]
 
-    def path(self, robot: Robot, speed: float | None, close_within: float = 0.0) -> Path:
-        """The path to follow, smooth, and drivable at a speed of the virtual front wheel [m/s].
+    def route(
+        self,
+        robot: Robot,
+        speed: float | None,
+        close_within: float = 0.0,
+        round_corners: float = 0.0,
+        allow_slowdown: bool = False,
+    ) -> Route:
+        """What was driven, as a route to follow: smooth, and drivable at a speed of the virtual front wheel [m/s].
 
-        One that ends within `close_within` [m] of where it began, in about the same direction, goes on there.
+        One without reversals that ends within `close_within` [m] of where it began, in about the same direction, goes
+        on there. The last two: as of `fitted`.
 
         Raises:
-            ConfigError: too short, driven backwards somewhere, or more than the robot can do.
+            ConfigError: too short, or more than the robot can do.
         """
-        legs = self.legs()
-        if any(backward for _, backward in legs):
-            raise ConfigError("the robot was driven backwards: record only what it shall follow forwards")
-        kept = loop_end(self.poses, close_within)
-        points = np.array([(pose.x, pose.y) for pose in self.poses[:kept]]).reshape(-1, 2)
-        length = float(np.hypot(*np.diff(points, axis=0).T).sum()) if len(points) > 1 else 0.0
+        legs, closed = self.legs(), None
+        whole = len(legs) == 1
+        if whole:
+            poses, backward = legs[0]
+            if (count := loop_end(poses, close_within, backward)) is not None:
+                legs, closed = [(poses[:count], backward)], True
+        length = sum(math.hypot(b.x - a.x, b.y - a.y) for poses, _ in legs for a, b in pairwise(poses))
         if length < SHORTEST:
             raise ConfigError(f"only {length:.2f} m were recorded, at least {SHORTEST:g} m are needed")
-        moved = np.append(True, np.hypot(*np.diff(points, axis=0).T) > SPACING / 10)
-        closed = None if kept is None else True
-        path = path_from_points(points[moved, 0], points[moved, 1], closed=closed)
-        problems = check_drivable(path, robot, robot.limits.speed_m_s if speed is None else speed)
+        parts = []
+        for poses, backward in legs:
+            x, y = np.array([(pose.x, pose.y) for pose in poses]).T
+            kept = moving(x, y)
+            path = path_from_points(x[kept], y[kept], closed=closed, between_halts=not whole)
+            parts.append(Part(path=path, backward=backward))
+        speed = robot.limits.speed_m_s if speed is None else speed
+        route = Route(tuple(parts))
+        route, _ = fitted(route, robot, speed, round_corners=round_corners, allow_slowdown=allow_slowdown)
+        problems = route.problems(robot, speed)
         if problems:
             raise ConfigError(problems)
-        return path
+        return route
 
     def as_csv(self) -> str:
         """As a file: x and y [m], heading [rad]."""
@@ -119,3 +152,25 @@ def loop_end(poses: Sequence[Pose], close_within: float, backward: bool = False)
         if abs(wrap(last.heading - first.heading)) <= ALIKE and abs(wrap(seam - ahead)) <= SEAM:
             return count
     return None
+
+
+def one_way(way: Array) -> list[tuple[int, int]]:
+    """Stretches in which a signed way [m] only rises or only falls, but for `TURNING`."""
+    stretches: list[tuple[int, int]] = []
+    begin = furthest = 0
+    sign = 0.0
+    for index, value in enumerate(way.tolist()):
+        if sign == 0.0:
+            if abs(value - way[begin]) > TURNING:
+                sign, furthest = math.copysign(1.0, value - way[begin]), index
+        elif (value - way[furthest]) * sign > 0:
+            furthest = index
+        elif (way[furthest] - value) * sign > TURNING:
+            stretches.append((begin, furthest))
+            begin, furthest, sign = furthest, index, -sign
+    return [*stretches, (begin, furthest)] if sign else stretches
+
+
+def _way(pose: Pose, other: Pose) -> float:
+    """How far ahead of a pose another one is [m]."""
+    return (other.x - pose.x) * math.cos(pose.heading) + (other.y - pose.y) * math.sin(pose.heading)

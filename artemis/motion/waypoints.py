@@ -11,15 +11,14 @@ from scipy.spatial import cKDTree  # scipy has no types
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
-from artemis.motion.demand import steering_per_way
-from artemis.motion.path import MAX_LENGTH, MAX_TURN, MIN_STEP, Path, moving, path_from_csv, path_from_points
+from artemis.motion.path import Path, path_from_points, steering_demand
+from artemis.motion.path_points import MAX_LENGTH, MIN_STEP, cusps, moving
+from artemis.motion.route import Route, route_from_csv
 from artemis.motion.spline import Array
-from artemis.motion.track import Track
+from artemis.motion.track import Track, one_way
 from artemis.values import Pose
 from artemis.vehicle import Robot
 
-TURNING = 0.01
-"""So far back [m] is a change of direction; less is noise of a robot that stands."""
 SLOWEST = 0.1
 """Least speed in a path file [m/s]: a robot that drives as slowly as when it was stopped never gets on."""
 CANDIDATES = 8
@@ -55,25 +54,8 @@ def legs_of(poses: Sequence[Pose], spacing: float) -> list[Leg]:
             backward=bool(way[end] < way[begin]),
             length=float(np.hypot(dx[begin:end], dy[begin:end]).sum()),
         )
-        for begin, end in _monotonous(way)
+        for begin, end in one_way(way)
     ]
-
-
-def _monotonous(way: Array) -> list[tuple[int, int]]:
-    """Stretches in which a signed way [m] only rises or only falls, but for `TURNING`."""
-    stretches: list[tuple[int, int]] = []
-    begin = furthest = 0
-    sign = 0.0
-    for index, value in enumerate(way.tolist()):
-        if sign == 0.0:
-            if abs(value - way[begin]) > TURNING:
-                sign, furthest = math.copysign(1.0, value - way[begin]), index
-        elif (value - way[furthest]) * sign > 0:
-            furthest = index
-        elif (way[furthest] - value) * sign > TURNING:
-            stretches.append((begin, furthest))
-            begin, furthest, sign = furthest, index, -sign
-    return [*stretches, (begin, furthest)] if sign else stretches
 
 
 def _thinned(poses: Sequence[Pose], begin: int, end: int, spacing: float) -> list[int]:
@@ -94,13 +76,6 @@ def _apart(one: Pose, other: Pose) -> float:
     return math.hypot(one.x - other.x, one.y - other.y)
 
 
-def cusps(x: Array, y: Array) -> list[tuple[int, float]]:
-    """Points at which a way reverses, and by how much it turns there [rad]."""
-    dx, dy = np.diff(x), np.diff(y)
-    turns = np.abs((np.diff(np.arctan2(dy, dx)) + math.pi) % math.tau - math.pi)
-    return [(int(index) + 1, float(turns[index])) for index in np.flatnonzero(turns > MAX_TURN)]
-
-
 def check_extent(x: Array, y: Array, place: str = "") -> None:
     """Refuse a way [m] that cannot be meant, before it fills the memory with samples; `place` begins the message.
 
@@ -115,9 +90,16 @@ def check_extent(x: Array, y: Array, place: str = "") -> None:
 
 
 def drawn(
-    x: Array, y: Array, *, spacing: float, smoothing: float, closed: bool | None = None, speed: Array | None = None
+    x: Array,
+    y: Array,
+    *,
+    spacing: float,
+    smoothing: float,
+    closed: bool | None = None,
+    speed: Array | None = None,
+    between_halts: bool = False,
 ) -> Path:
-    """The smooth curve through points at least `MIN_STEP` apart, sampled at `spacing` [m].
+    """The smooth curve through points at least `MIN_STEP` apart, sampled at `spacing` [m]; else as `path_from_points`.
 
     Raises:
         ConfigError: fewer than two points, too long a way, or one that reverses.
@@ -132,7 +114,9 @@ def drawn(
         where = f"x {x[index % len(x)]:.2f} m, y {y[index % len(x)]:.2f} m"
         raise ConfigError(f"reverses at {where} ({math.degrees(turn):.0f} deg); split it there")
     with np.errstate(all="ignore"):
-        path = path_from_points(x, y, speed=speed, spacing=spacing, smoothing=smoothing, closed=closed)
+        path = path_from_points(
+            x, y, speed=speed, spacing=spacing, smoothing=smoothing, closed=closed, between_halts=between_halts
+        )
     if not np.isfinite([path.x, path.y, path.curvature]).all():
         raise ConfigError("no smooth curve goes through its points; leave some out")
     return path
@@ -140,38 +124,47 @@ def drawn(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathRows:
-    """A path file but for its comments, and the curve that the file is read as."""
+    """A path file but for its comments, and the route that the file is read as."""
 
     text: str
-    path: Path
+    route: Route
+
+    @property
+    def path(self) -> Path:
+        """The first part's curve."""
+        return self.route.parts[0].path
 
 
-def rows_of(curve: Path, source: str, *, backward: bool = False, with_speed: bool = False) -> PathRows:
-    """A curve as a path file: its samples, with the robot's heading [rad], and the speed [m/s] if asked for.
+def rows_of(route: Route, source: str, *, with_speed: bool = False) -> PathRows:
+    """A route as a path file: samples of its curves, with the robot's heading [rad], and the speed [m/s] if asked for.
 
     Args:
-        curve: sampled as the file shall be.
+        route: its curves sampled as the file shall be; each begins where the one before ends.
         source: name of the file, for messages.
-        backward: the robot drives it backwards: its headings point against the curve.
-        with_speed: with the curve's speeds, at least `SLOWEST`.
+        with_speed: with the curves' speeds, at least `SLOWEST`.
 
     Raises:
-        ConfigError: the file could not be read again as this curve.
+        ConfigError: the file could not be read again as this route.
     """
-    headings = [wrap(heading + (math.pi if backward else 0.0)) for heading in curve.heading.tolist()]
-    speeds = [] if curve.speed is None or not with_speed else np.maximum(curve.speed, SLOWEST).tolist()
-    x, y = (np.round(column, 5) + 0.0 for column in (curve.x, curve.y))  # no -0.0
-    if curve.closed:
-        x[-1], y[-1] = x[0], y[0]
-    names = ["x_m", "y_m", "heading_rad"] + (["speed_m_s"] if speeds else [])
-    cells = [[f"{value:.5f}" for value in column] for column in (x.tolist(), y.tolist(), headings)]
-    if speeds:
-        cells.append([f"{speed:.3f}" for speed in speeds])
-    text = "\n".join([",".join(names), *map(",".join, zip(*cells, strict=True))]) + "\n"
-    path = path_from_points(x, y, closed=curve.closed) if backward else path_from_csv(text, source)
-    if curve.closed and not path.closed:
+    rows: list[str] = []
+    speeds = with_speed and route.parts[0].path.speed is not None
+    for part in route.parts:
+        x, y = (np.round(column, 5) + 0.0 for column in (part.path.x, part.path.y))  # no -0.0
+        if part.path.closed:
+            x[-1], y[-1] = x[0], y[0]
+        headings = [wrap(heading + math.pi * part.backward) for heading in part.path.heading.tolist()]
+        cells = [[f"{value:.5f}" for value in column] for column in (x.tolist(), y.tolist(), headings)]
+        if speeds and part.path.speed is not None:
+            cells.append([f"{speed:.3f}" for speed in np.maximum(part.path.speed, SLOWEST).tolist()])
+        rows += list(map(",".join, zip(*cells, strict=True)))[1 if rows else 0 :]
+    header = "x_m,y_m,heading_rad" + (",speed_m_s" if speeds else "")
+    text = "\n".join([header, *rows]) + "\n"
+    again = route_from_csv(text, source)
+    if route.closed and not again.closed:
         raise ConfigError(f"{source}: its ends do not meet smoothly; leave it open, or close it by hand")
-    return PathRows(text=text, path=path)
+    if [part.backward for part in again.parts] != [part.backward for part in route.parts]:
+        raise ConfigError(f"{source}: its reversals are not found again; leave out what is shorter than a few points")
+    return PathRows(text=text, route=again)
 
 
 def deviation(x: Array, y: Array, path: Path) -> tuple[float, int]:
@@ -204,8 +197,7 @@ def highest_speed(path: Path, robot: Robot) -> tuple[float, int | None]:
     Where the path has speeds of its own, these count if they are lower. And the sample of the path that bounds it;
     None: none does.
     """
-    own = np.inf if path.speed is None else path.speed
-    turn = steering_per_way(path.curvature, path.spacing, robot.geometry)
+    turn, own = steering_demand(path, robot)
     rate = math.radians(robot.limits.steering_rate_wheel_deg_s)
     possible = np.where(turn * np.minimum(own, robot.limits.speed_m_s) > rate, rate / np.maximum(turn, 1e-9), np.inf)
     worst = int(np.argmin(possible))

@@ -182,20 +182,33 @@ def plain_following(answer: object) -> Following | None:
     if not isinstance(tracking, Tracking):
         return None
     place = (tracking.arc_length, tracking.length, tracking.cross_track, tracking.heading_error)
-    if not _holds((*place, command.speed, command.steering), NUMBER):
+    parts = [part for part in (tracking.planned_speed, tracking.feedforward) if part is not None]
+    if not _holds((*place, *parts, command.speed, command.steering), NUMBER):
         return None
     try:
         arc_length, length, cross_track, heading_error = map(float, place)
+        planned_speed, feedforward = _part(tracking.planned_speed), _part(tracking.feedforward)
         speed, steering = float(command.speed), float(command.steering)
     except OverflowError:  # a whole number too large for a float
         return None
-    if not all(map(isfinite, (arc_length, length, cross_track, heading_error))):
+    if not all(map(isfinite, (arc_length, length, cross_track, heading_error, planned_speed or 0, feedforward or 0))):
         return None
     return Following(
         command=DriveCommand(speed=speed, steering=steering, action=command.action),
-        tracking=Tracking(arc_length=arc_length, length=length, cross_track=cross_track, heading_error=heading_error),
+        tracking=Tracking(
+            arc_length=arc_length,
+            length=length,
+            cross_track=cross_track,
+            heading_error=heading_error,
+            planned_speed=planned_speed,
+            feedforward=feedforward,
+        ),
         finished=bool(answer.finished),
     )
+
+
+def _part(value: float | None) -> float | None:
+    return None if value is None else float(value)
 
 
 def told(value: object) -> str:

@@ -44,7 +44,9 @@ class Setup:
 class InputDevice(Protocol):
     """Turns a device's reports into wishes of an operator.
 
-    A class whose devices need a person or a wire, and so real time in simulation, too, states `live = True`.
+    A class whose devices need a person or a wire, and so real time in simulation, too, states `live = True`. A class
+    that opens nothing when it is made states `pure = True`: `artemis check` makes one, to find what is wrong in its
+    files.
     """
 
     Config: ClassVar[type[Config]]
@@ -71,12 +73,16 @@ class Following:
 
 
 class Follower(Protocol):
-    """Drives the robot along a path."""
+    """Drives the robot along a path, always forwards.
+
+    A path with reversals is given part by part. For one that is driven backwards the snapshot's odometry and set-points
+    are those of a robot whose other end is ahead, and the command is turned back; what was sensed stays as it is.
+    """
 
     Config: ClassVar[type[Config]]
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
-        """Begin: `path` in the frame of the odometry, the robot standing at `snapshot`."""
+        """Begin: `path` in the frame of the odometry, the robot standing at `snapshot`. Again at each reversal."""
 
     def step(self, snapshot: Snapshot) -> Following:
         """Command for this tick. Called at every scheduled tick while the mode is `follow`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from importlib.metadata import version
@@ -48,8 +48,13 @@ class Provenance:
     """The run that is gone on with."""
 
 
-def first_entries(mission: str, robot: str, provenance: Provenance, warning: str | None) -> list[Entry]:
-    """How a journal begins: of what it is, and since when; which run goes on; what was wrong before the start."""
+def first_entries(
+    mission: str, robot: str, provenance: Provenance, warning: str | None, remarks: Sequence[str] = ()
+) -> list[Entry]:
+    """How a journal begins: of what it is, and since when; which run goes on; what was wrong before the start.
+
+    And what was changed in the mission's paths.
+    """
     facts = {
         "mission": mission,
         "robot": robot,
@@ -64,4 +69,4 @@ def first_entries(mission: str, robot: str, provenance: Provenance, warning: str
         entries.append(Entry(time=0.0, kind="resume", text=f"goes on with {resumed.run}", data=data))
     if warning:
         entries.append(Entry(time=0.0, kind="warning", text=warning, level=Level.WARNING))
-    return entries
+    return entries + [Entry(time=0.0, kind="path", text=remark) for remark in remarks]

@@ -160,6 +160,24 @@ def cross_track_figure(run: Series) -> Figure:
     return figure
 
 
+def plan_figure(run: Series) -> Figure:
+    """Speed as planned and as driven; steering for the path itself, and what feedback adds to it."""
+    figure, (speeds, angles) = _rows(run, 2, 1.7, sharey=False)
+    driven = np.where(np.isfinite(run.planned_speed), np.abs(run.speed), np.nan)
+    speeds.plot(*thinned(run.time, run.planned_speed), color=PATH, linewidth=4.0, alpha=0.45, label="planned")
+    speeds.plot(*thinned(run.time, driven), color=ESTIMATED, label="driven")
+    speeds.set_ylabel("speed [m/s]")
+    backward = np.where(run.set_points[:, 0] < 0, -1.0, 1.0)  # a follower is shown the other end as the front
+    feedback = backward * run.set_points[:, 1] - run.feedforward
+    angles.plot(*thinned(run.time, np.degrees(run.feedforward)), color=PATH, label="feed-forward")
+    angles.plot(*thinned(run.time, np.degrees(feedback)), color=ESTIMATED, label="feedback")
+    angles.set_ylabel("steering [°]")
+    for axes in (speeds, angles):
+        _mark_faults(axes, run)
+        _legend(axes)
+    return figure
+
+
 def speed_figure(run: Series) -> Figure:
     """Rolling speed of each driven wheel: set-point and measured."""
     return _wheel_figure(run, "traction", 1.0, "speed [m/s]")
@@ -208,6 +226,7 @@ def bus_figure(run: Series) -> Figure:
 FIGURES: tuple[tuple[str, str, Callable[[Series], Figure]], ...] = (
     ("Path and trajectory", "Centre of the rear axle, seen from above, in the frame of the odometry.", path_figure),
     ("Cross-track error", "Distance of the rear axle from the path, left positive.", cross_track_figure),
+    ("Plan and feedback", "Speed and angle of the virtual front wheel, as the follower plans them.", plan_figure),
     ("Wheel speeds", "Rolling speed of the driven wheels: set-point and measured.", speed_figure),
     ("Steering angles", "Angles of the steered wheels, left positive: set-point and measured.", steering_figure),
     ("Modes, drives and events", "What the robot and its drives were doing, and what happened.", timeline_figure),
@@ -218,10 +237,13 @@ FIGURES: tuple[tuple[str, str, Callable[[Series], Figure]], ...] = (
 
 def drawn(run: Series) -> Iterator[tuple[str, str, str]]:
     """Title, caption and SVG element of every figure that has something to show."""
-    followed = bool(np.isfinite(run.cross_track).any())
+    shown: dict[Callable[[Series], Figure], bool] = {
+        cross_track_figure: bool(np.isfinite(run.cross_track).any()),
+        plan_figure: bool(np.isfinite(run.planned_speed).any()),
+    }
     with style():
         for title, caption, draw in FIGURES:
-            if followed or draw is not cross_track_figure:
+            if shown.get(draw, True):
                 yield title, caption, svg(draw(run))
 
 
@@ -254,7 +276,7 @@ def _trajectory(axes: Axes, poses: Array, color: str, label: str) -> None:
 
 
 def _rows(
-    run: Series, count: int, height: float, *, sharex: bool = True, below: float = 0.0
+    run: Series, count: int, height: float, *, sharex: bool = True, sharey: bool = True, below: float = 0.0
 ) -> tuple[Figure, list[Axes]]:
     """Axes below each other [`height` inch each], run time on the lowest (or the first, unless they share it).
 
@@ -263,7 +285,7 @@ def _rows(
     gap = 0.38 if sharex else 0.6
     total = MARGIN_TOP + count * height + (count - 1) * gap + MARGIN_BOTTOM + below
     figure = Figure(figsize=(WIDTH, total))
-    rows = list(figure.subplots(count, 1, sharex=sharex, sharey=True, squeeze=False)[:, 0])
+    rows = list(figure.subplots(count, 1, sharex=sharex, sharey=sharey, squeeze=False)[:, 0])
     figure.subplots_adjust(
         left=MARGIN_LEFT / WIDTH,
         right=0.99,

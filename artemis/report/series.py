@@ -13,7 +13,7 @@ from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
 from artemis.report.bus_load import measure_bus_load
-from artemis.report.cross_track import follow_true_pose, paths_of
+from artemis.report.cross_track import follow_true_pose, routes_of
 from artemis.values import DriveFeedback, Mode, Pose, SetPoints, Tracking
 from artemis.vehicle import Robot
 
@@ -60,6 +60,12 @@ class Series:
     true_arc_length: Array
     true_cross_track: Array
     """The same by the true pose."""
+    planned_speed: Array
+    """That the path allowed, by the follower's plan [m/s]; nan where nothing was followed, or without a plan."""
+    feedforward: Array
+    """Steering for the path's curvature alone [rad]; nan likewise."""
+    set_points: Array
+    """Speed [m/s] and angle [rad] of the virtual front wheel that left the gate, shape (n, 2)."""
     late: Array
     """How late each tick began [s]."""
     modes: tuple[Interval, ...]
@@ -84,7 +90,7 @@ def read_series(recording: Recording) -> Series:
     table = _read_table(recording)
     time, true, tracking = table.columns(0, 1)[:, 0], table.columns(5, 8), table.columns(8, 11)
     following = np.array([mode is Mode.FOLLOW for mode in table.modes], dtype=bool) & np.isfinite(tracking[:, 0])
-    paths, projected = follow_true_pose(paths_of(recording), following, tracking, true)
+    paths, projected = follow_true_pose(routes_of(recording), following, table.steps, tracking, true)
     modes = _intervals(time, [mode.value for mode in table.modes])
     doing = {Mode.CALIBRATE.value, Mode.TELEOP.value, Mode.FOLLOW.value}
     frames, bus_time, bus_load = measure_bus_load(recording, time, table.indices)
@@ -99,6 +105,9 @@ def read_series(recording: Recording) -> Series:
         cross_track=np.where(following, tracking[:, 1], np.nan),
         true_arc_length=projected[:, 0],
         true_cross_track=projected[:, 1],
+        planned_speed=np.where(following, table.columns(13, 14)[:, 0], np.nan),
+        feedforward=np.where(following, table.columns(14, 15)[:, 0], np.nan),
+        set_points=table.columns(15, 17),
         late=table.columns(1, 2)[:, 0],
         modes=modes,
         steps=tuple(interval for interval in modes if interval.value in doing),
@@ -123,6 +132,8 @@ class _Table:
     numbers: array[float]
     indices: list[int]
     modes: list[Mode]
+    steps: list[int]
+    """Of the mission, done at each tick."""
     states: dict[str, list[str]]
     resets: list[int]
     finished: bool = False
@@ -132,15 +143,16 @@ class _Table:
         return np.asarray(self.numbers, dtype=np.float64).reshape(-1, self.width)[:, first:end]
 
 
-_FIXED = 13
-"""Columns before those of the drives: time, late, estimated pose (3), true pose (3), tracking (3), distance, speed."""
+_FIXED = 17
+"""Columns before those of the drives: time, late, estimated pose (3), true pose (3), tracking (3), distance, speed,
+planned speed, feed-forward, commanded speed and steering."""
 _NO_POSE = Pose(x=nan, y=nan, heading=nan)
 _NO_TRACKING = Tracking(arc_length=nan, cross_track=nan, length=nan)
 
 
 def _read_table(recording: Recording) -> _Table:
     drives = recording.robot.drives
-    table = _Table(_FIXED + 2 * len(drives), array("d"), [], [], {name: [] for name in drives}, [])
+    table = _Table(_FIXED + 2 * len(drives), array("d"), [], [], [], {name: [] for name in drives}, [])
     for tick in recording.ticks():
         record = tick.record
         estimated, true = record.odometry.pose, record.true_pose or _NO_POSE
@@ -149,6 +161,8 @@ def _read_table(recording: Recording) -> _Table:
         table.numbers.extend((true.x, true.y, true.heading))
         table.numbers.extend((tracking.arc_length, tracking.cross_track, tracking.length))
         table.numbers.extend((record.odometry.distance, record.odometry.speed))
+        table.numbers.extend((_or_nan(tracking.planned_speed), _or_nan(tracking.feedforward)))
+        table.numbers.extend((record.set_points.speed, record.set_points.steering))
         heard = {drive.name: drive for drive in tick.sensed.drives}
         for name, drive in drives.items():
             feedback = heard.get(name) or DriveFeedback(name=name)
@@ -160,8 +174,13 @@ def _read_table(recording: Recording) -> _Table:
             table.resets.append(len(table.modes))
         table.indices.append(record.index)
         table.modes.append(record.mode)
+        table.steps.append(record.step)
         table.finished = record.finished
     return table
+
+
+def _or_nan(value: float | None) -> float:
+    return nan if value is None else value
 
 
 def _set_point(set_points: SetPoints, role: str, side: str) -> float:

@@ -194,7 +194,9 @@ class SimBus:
         self._schedule()
 
     def close(self) -> None:
-        """Stop waking anybody."""
+        """Stop waking anybody. What was sent still leaves: an adapter needs no host for that."""
+        while self._from_host or self._on_wire is not None:
+            self._advance(self._next_on_wire())
         self._wake = None
         if self._handle is not None:
             self._handle.cancel()

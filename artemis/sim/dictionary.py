@@ -7,7 +7,7 @@ The objects themselves stand in `epos_objects.py`.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
@@ -127,7 +127,7 @@ class Dictionary:
     Live objects have a `getter`; `checks` may refuse a value with `Abort`, `written` is told of one that was taken.
     """
 
-    def __init__(self, entries: list[Entry], power_off: Callable[[], bool]) -> None:
+    def __init__(self, entries: Sequence[Entry], power_off: Callable[[], bool]) -> None:
         self.entries = {entry.key: entry for entry in entries}
         self.values: dict[int, int] = {}
         """Stored numbers by `key_of`; what a live object holds is behind its getter."""

@@ -8,6 +8,7 @@ transmitted PDOs.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 from artemis.sim.dictionary import SIGNED, SIZES, Entry, Type
 
@@ -81,7 +82,8 @@ def _row(
     )
 
 
-def objects(node_id: int, hardware_version: int, firmware: int, serial_number: int) -> list[Entry]:
+@cache
+def objects(node_id: int, hardware_version: int, firmware: int, serial_number: int) -> tuple[Entry, ...]:
     """All objects of one drive as it leaves the factory.
 
     Args:
@@ -97,7 +99,8 @@ def objects(node_id: int, hardware_version: int, firmware: int, serial_number: i
     for row in rows:
         counts[row.index] = max(counts.get(row.index, 0), row.sub)
     described = {row.index for row in rows if row.sub == 0}
-    return rows + [_row(i, 0, U8, "const", n) for i, n in counts.items() if n > 0 and i not in described]
+    rows += [_row(i, 0, U8, "const", n) for i, n in counts.items() if n > 0 and i not in described]
+    return tuple(rows)
 
 
 def _communication(node_id: int) -> list[Entry]:

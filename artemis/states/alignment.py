@@ -120,9 +120,9 @@ def _way_to_go(plan: Plan, drive: DriveFeedback, snapshot: Snapshot) -> float:
 
 def _read_potentiometers(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snapshot, tuple[Readings, Snapshot]]:
     readings: dict[str, list[tuple[float, float]]] = {name: [] for name in plan.drives("steering")}
-    wish = replace(OFF, phase="reading potentiometers")
-    for _ in range(READINGS):
-        snapshot = yield wish
+    for _ in range(READINGS):  # the drives may still be on: a wheel that turned would roll
+        command = DriveCommand(steering=snapshot.set_points.steering)
+        snapshot = yield replace(OFF, command=command, phase="reading potentiometers")
         for drive in snapshot.sensed.drives:
             if drive.name in readings:
                 readings[drive.name].append(drive.potentiometers)

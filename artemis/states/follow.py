@@ -7,13 +7,12 @@ from dataclasses import replace
 from math import inf
 
 from artemis.errors import ConfigError
-from artemis.motion.path import Path
+from artemis.motion.route import Route
 from artemis.motion.track import Track
-from artemis.plugins.border import PLUGIN_ERRORS, plain_following, told
-from artemis.plugins.contracts import Following
 from artemis.states.mode import ON, FollowStep, Plan
+from artemis.states.parts import PartByPart
 from artemis.supervision import catalogue
-from artemis.values import DriveCommand, Event, Fault, Goal, Severity, Snapshot, Tracking, Wish
+from artemis.values import DriveCommand, Event, Fault, Goal, Pose, Severity, Snapshot, Tracking, Wish
 
 START_DISTANCE, START_ANGLE = 1.0, math.radians(60)
 """A path is not begun from further away or more askew than this [m, rad] (PTH-05)."""
@@ -21,9 +20,10 @@ ARMING_WAY, CONVERGENCE_WAY = 1.0, 5.0
 """The limit of the cross-track error counts once it was kept while the robot drove the first way [m], at the latest
 after the second."""
 SLACK, SLOWEST = 10.0, 0.05
-"""A path may take twice its time and this [s], at the second speed [m/s] where the follower tells none (PTH-08)."""
+"""A path may take twice its time, at the second speed [m/s] where the follower tells none, and for each of its parts
+the first [s] (PTH-08)."""
 AT_END, OVERRUN = 0.01, 0.2
-"""So close to its end [m] the path is over; a follower must not drive on for more than the second [m] (PTH-08)."""
+"""So close to its end [m] a part is over; a follower must not drive on for more than the second [m] (PTH-08)."""
 
 
 class FollowMode:
@@ -32,7 +32,7 @@ class FollowMode:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._begun: FollowStep | None = None
-        self._driven = 0.0
+        self._drive: PartByPart | None = None
         self._fault: Fault | None = None
         self._last: float | None = None
         self._way = self._outside = 0.0
@@ -41,40 +41,37 @@ class FollowMode:
         self._spent, self._longest = 0.0, inf
 
     def enter(self, snapshot: Snapshot) -> None:
-        """Start the follower on what is left of the path, unless it is on its way already."""
+        """Begin what is left of the path, unless the follower is on its way already."""
         step = self._plan.current
         self._fault, self._last, self._armed, self._over = None, None, False, None
-        if isinstance(step, FollowStep) and step is not self._begun:
-            try:
-                path = self._path(step)
-            except ConfigError as error:
-                self._fault = catalogue.fault("PTH-01", "", "; ".join(error.problems), Severity.CONTROLLED_STOP)
-                return
-            if step.nearest:
-                pose = snapshot.odometry.pose
-                rest = path.begun_at(path.nearest(pose.x, pose.y), self._plan.done)
-            else:
-                rest = path.rest(self._plan.done)
-            self._driven = path.length - rest.length
-            self._longest = 2 * path.length / (step.speed or SLOWEST) + SLACK
-            try:
-                step.follower.start(rest, snapshot)
-            except PLUGIN_ERRORS as error:
-                self._fault = catalogue.fault("PLG-02", "follower", f"start: {told(error)}")
-            else:
-                self._begun, self._spent = step, 0.0
+        if not isinstance(step, FollowStep):
+            return
+        if step is self._begun and self._drive is not None:
+            self._drive.go_on()
+            return
+        try:
+            route = self._route(step)
+        except ConfigError as error:
+            self._fault = catalogue.fault("PTH-01", "", "; ".join(error.problems), Severity.CONTROLLED_STOP)
+            return
+        rest = self._rest(route, step, snapshot.odometry.pose)
+        self._drive = PartByPart(step.follower, rest, route.length - rest.length, self._plan.robot)
+        self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
+        self._begun, self._spent = step, 0.0
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
-        step = self._plan.current
+        step, drive = self._plan.current, self._drive
         if not isinstance(step, FollowStep):
             return _stand(snapshot, event=Event.DONE)
         if snapshot.odometry.lost:
             return _stand(snapshot, fault=catalogue.fault("RUN-08"))
-        following = self._ask(step, snapshot) if self._fault is None else self._fault
+        if drive is None or self._fault is not None:
+            return _stand(snapshot, fault=self._fault)
+        following = drive.step(snapshot)
         if isinstance(following, Fault):
             return _stand(snapshot, fault=following)
-        tracking = self._on_whole_path(following.tracking)
+        tracking = following.tracking
         if fault := self._off_path(tracking, snapshot.odometry.distance, step.max_cross_track):
             return _stand(snapshot, fault=fault, tracking=tracking)
         self._plan.done = max(tracking.arc_length, 0.0)
@@ -83,7 +80,7 @@ class FollowMode:
                 self._plan.advance()
             return _stand(snapshot, event=Event.DONE if snapshot.standing else None, tracking=tracking)
         self._spent += snapshot.dt
-        if fault := self._overrun(tracking, snapshot.odometry.distance, self._longest):
+        if fault := self._overrun(tracking, drive.end, snapshot.odometry.distance):
             return _stand(snapshot, fault=fault, tracking=tracking)
         return Wish(
             command=following.command,
@@ -93,23 +90,23 @@ class FollowMode:
             phase="following",
         )
 
-    def _path(self, step: FollowStep) -> Path:
-        """The step's path; one that was recorded in this run is made now.
+    def _route(self, step: FollowStep) -> Route:
+        """The step's route; one that was recorded in this run is made now.
 
         Raises:
             ConfigError: nothing was recorded that can be followed.
         """
-        if isinstance(step.path, Path):
-            return step.path
-        track = self._plan.tracks.get(step.path, Track())
-        path = track.path(self._plan.robot, step.speed, step.close_within)
-        return path.with_laps(step.laps)
+        if isinstance(step.route, Route):
+            return step.route
+        track = self._plan.tracks.get(step.route, Track())
+        route = track.route(self._plan.robot, step.speed, step.close_within, step.round_corners, step.allow_slowdown)
+        return route.directed(from_end=step.from_end, backward=step.backward).with_laps(step.laps)
 
-    def _on_whole_path(self, tracking: Tracking) -> Tracking:
-        """Counted from where the step began, be it in an earlier run."""
-        if not self._driven:
-            return tracking
-        return replace(tracking, arc_length=tracking.arc_length + self._driven, length=tracking.length + self._driven)
+    def _rest(self, route: Route, step: FollowStep, pose: Pose) -> Route:
+        """What is left of it: where an open route goes on is said by what is done, for it may pass a place twice."""
+        if step.nearest and (route.closed or not self._plan.done):
+            return route.begun_at(route.nearest(pose.x, pose.y), self._plan.done)
+        return route.rest(self._plan.done)
 
     def _off_path(self, tracking: Tracking, distance: float, limit: float) -> Fault | None:
         """Too far away to begin (PTH-05), or lost on the way (PTH-06); `distance`: way of the robot [m]."""
@@ -125,23 +122,16 @@ class FollowMode:
         self._armed = self._armed or self._way - self._outside >= ARMING_WAY or self._way >= CONVERGENCE_WAY
         return catalogue.fault("PTH-06", "", _seen(tracking)) if self._armed and away > limit else None
 
-    def _overrun(self, tracking: Tracking, distance: float, longest: float) -> Fault | None:
-        """Driven on after the end, or for longer than `longest` [s]; `distance`: way of the robot [m]."""
-        if self._spent > longest:
+    def _overrun(self, tracking: Tracking, end: float, distance: float) -> Fault | None:
+        """Under way for too long, or driven on after the end of a part; `distance`: way of the robot [m]."""
+        if self._spent > self._longest:
             return catalogue.fault("PTH-08", "", f"{tracking.arc_length:.2f} m after {self._spent:.0f} s")
-        if tracking.length - tracking.arc_length > AT_END:
+        if end - tracking.arc_length > AT_END:
             self._over = None
             return None
         self._over = distance if self._over is None else self._over
         beyond = abs(distance - self._over)
         return catalogue.fault("PTH-08", "", f"{beyond:.2f} m beyond the end") if beyond > OVERRUN else None
-
-    def _ask(self, step: FollowStep, snapshot: Snapshot) -> Following | Fault:
-        try:
-            answer = step.follower.step(snapshot)
-        except PLUGIN_ERRORS as error:
-            return catalogue.fault("PLG-02", "follower", told(error))
-        return plain_following(answer) or catalogue.fault("PLG-06", "follower", told(answer))
 
 
 def _stand(

@@ -20,6 +20,7 @@ from artemis.states.mode import (
     secure,
 )
 from artemis.supervision import catalogue
+from artemis.supervision.measures import FAULT_STATES
 from artemis.supervision.supervisor import LOST_HEARTBEAT
 from artemis.values import DriveFeedback, DriveState, Event, Goal, JobKind, Nmt, Request, Snapshot, Wish
 
@@ -27,6 +28,8 @@ ANSWER_TIME = 1.5
 """Longest time for a state to be reached that needs no motion [s]."""
 HEARTBEATS = 5
 """Ticks with our heartbeat before it is withheld: a drive begins to watch with the first it hears."""
+WATCH_TIME = 0.2
+"""No drive misses our heartbeat sooner than this after the last one [s]."""
 NO_ANSWER = "COM-08"
 
 SILENT = Wish(heartbeat=False, exchange=False, supervised=False)
@@ -68,10 +71,14 @@ class InitMode(RoutineMode):
             yield ON
 
     def _prove_watchdog(self, snapshot: Snapshot) -> Routine:
-        """Withhold our heartbeat once, with no torque on: every drive must report it, then reset."""
+        """Withhold our heartbeat once, with no torque on: every drive must report it, then reset.
+
+        A drive that is in fault before it can miss our heartbeat has another reason, which no reset may hide.
+        """
         snapshot = yield from self._until(_off, WAKING, "COM-08", "no process data after configuration", snapshot)
         for _ in range(HEARTBEATS):
-            snapshot = yield WAKING
+            last_beat = snapshot.time
+            snapshot = yield from _sound((yield WAKING))
         missed: set[str] = set()
 
         def is_lost(drive: DriveFeedback) -> bool:
@@ -79,7 +86,8 @@ class InitMode(RoutineMode):
                 missed.add(drive.name)
             return drive.state is DriveState.FAULT
 
-        snapshot = yield from self._until(is_lost, WITHHOLDING, "COM-30", "no fault without our heartbeat", snapshot)
+        earliest, problem = last_beat + WATCH_TIME, "no fault without our heartbeat"
+        snapshot = yield from self._until(is_lost, WITHHOLDING, "COM-30", problem, snapshot, earliest)
         unheard = [name for name in self.plan.drives() if name not in missed]
         if unheard:  # an EMCY is sent once and may be lost; the drive remembers
             told, snapshot = yield from finish_jobs(WITHHOLDING, self.plan.jobs(JobKind.READ_HISTORY, unheard))
@@ -92,12 +100,23 @@ class InitMode(RoutineMode):
         return (yield from self._until(_off, RESETTING, "COM-08", "fault reset refused", snapshot))
 
     def _until(
-        self, done: Callable[[DriveFeedback], bool], wish: Wish, id: str, problem: str, snapshot: Snapshot
+        self,
+        done: Callable[[DriveFeedback], bool],
+        wish: Wish,
+        id: str,
+        problem: str,
+        snapshot: Snapshot,
+        earliest: float = 0.0,
     ) -> Routine:
-        """Yield `wish` until every drive is `done`; those that are not in time are the fault `id`."""
+        """Yield `wish` until every drive is `done`; those that are not in time are the fault `id`.
+
+        Before `earliest` [s of the run] no drive may be in fault.
+        """
         latest = snapshot.time + ANSWER_TIME
         while True:
             snapshot = yield wish
+            if snapshot.time < earliest:
+                yield from _sound(snapshot)
             waiting = [drive for drive in snapshot.sensed.drives if not done(drive)]
             if not waiting:
                 return snapshot
@@ -105,6 +124,14 @@ class InitMode(RoutineMode):
                 seen = f"{problem}; state {waiting[0].state.value}"
                 id = "COM-01" if waiting[0].state is DriveState.FAULT else id
                 return (yield from fail(SILENT, catalogue.fault(id, waiting[0].name, seen)))
+
+
+def _sound(snapshot: Snapshot) -> Routine:
+    """The snapshot; a drive that is in fault in it is COM-01."""
+    for drive in snapshot.sensed.drives:
+        if drive.state in FAULT_STATES:
+            return (yield from fail(SILENT, catalogue.fault("COM-01", drive.name, "before it could miss us")))
+    return snapshot
 
 
 def _off(drive: DriveFeedback) -> bool:

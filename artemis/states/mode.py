@@ -7,8 +7,8 @@ from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from artemis.motion.path import Path
 from artemis.motion.perception import STANDING_TIME
+from artemis.motion.route import Route
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Follower
 from artemis.supervision import catalogue
@@ -54,13 +54,21 @@ class CalibrateStep:
 class FollowStep:
     """Follow a path to its end; `max_cross_track` [m] is where the robot counts as lost."""
 
-    path: Path | str
+    route: Route | str
     """A text: the path that was recorded under this name in an earlier step."""
     follower: Follower
     laps: int = 1
-    """Of a path that is recorded first; another one has its own."""
+    """Of a path that is recorded first, like the next two; another one has its own."""
+    from_end: bool = False
+    """From its last point to its first."""
+    backward: bool | None = None
+    """Begin with the rear ahead, or not; None: as it was driven."""
     close_within: float = 0.0
     """A recorded path that ends so near its beginning [m] is closed."""
+    round_corners: float = 0.0
+    """How far a recorded path may be left at a corner that is too sharp [m]."""
+    allow_slowdown: bool = False
+    """Drive a recorded path slower where the steering needs it."""
     nearest: bool = False
     """Begin at the point of the path that is nearest to the robot."""
     max_cross_track: float = 0.6

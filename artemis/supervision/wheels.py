@@ -18,6 +18,8 @@ SPEED_TIME, SLIP_TIME = 0.04, 0.2
 """A wheel's speed is its way over this time [s]: halls are too coarse for less (0.2 mm a count)."""
 ANSWER_TIME = 0.2
 """What was commanded in this time [s] may still be on its way to the wheel."""
+TRAIL_TIME = 0.1
+"""A wheel that is slowed down is this far behind its command at most [s]."""
 RAMP_DELAY = 0.1
 """A drive begins its quick stop within this time [s]."""
 COASTING = 0.2
@@ -57,6 +59,7 @@ class Wheels:
         self._referenced: set[str] = set()
         self._pot_changes: dict[tuple[str, int], tuple[float, float]] = {}
         self._mark: float | None = None
+        self._arrived = False
 
     @property
     def speed(self) -> float:
@@ -135,11 +138,12 @@ class Wheels:
             return
         for side, (drive, speed) in enumerate(zip(drives[:2], self._speeds, strict=True), 1):
             asked = [moment[side] for moment in self._asked]
-            low, high = min(asked), max(asked)
+            recent = [moment[side] for moment in self._asked if moment[0] >= self._asked[-1][0] - TRAIL_TIME]
+            low, high = min(recent), max(recent)
             beyond = max(speed - max(high, 0.0), min(low, 0.0) - speed)
             if beyond > max(MOVING, RELATIVE * max(-low, high)):
                 yield "RUN-01", drive.name, beyond, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}"
-            if min(abs(low), abs(high)) > FAST and abs(speed) < STILL:
+            if min(abs(min(asked)), abs(max(asked))) > FAST and abs(speed) < STILL:
                 yield "RUN-04", drive.name, 1.0, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}"
         on = [drive.name for drive in drives[:2] if drive.state is DriveState.OPERATION_ENABLE]
         if len(on) == 1 and self.speed > MOVING:
@@ -220,7 +224,11 @@ class Wheels:
             if beyond > 0.0:
                 yield "RUN-12", "", beyond, f"{command.speed:+.2f} m/s, {degrees(command.steering):+.0f} degrees"
         tracking = last.tracking
-        if tracking is not None and abs(tracking.cross_track) > ASTRAY:
+        if tracking is None:
+            self._arrived = False
+        elif abs(tracking.cross_track) <= ASTRAY:
+            self._arrived = True
+        elif self._arrived:  # a path may begin beside the robot (PTH-05 says how far)
             yield "PTH-06", "", abs(tracking.cross_track), f"{tracking.cross_track:+.2f} m"
         if tracking is None or abs(command.speed) < MOVING:
             self._mark = None

@@ -323,7 +323,7 @@ class _Car:
         self.pose = pose
         self._gate, self._wheelbase = Gate(robot, 2 * PERIOD), robot.geometry.wheelbase_m
         self._wanted = self._done = SetPoints()
-        self._tick = 0
+        self._tick, self._distance = 0, 0.0
 
     @property
     def stands(self) -> bool:
@@ -335,7 +335,9 @@ class _Car:
         return Snapshot(
             sensed=Sensed(index=self._tick, time=self._tick * PERIOD),
             dt=PERIOD if self._tick else 0.0,
-            odometry=Odometry(pose=self.pose, speed=self._done.speed, steering=self._done.steering),
+            odometry=Odometry(
+                pose=self.pose, speed=self._done.speed, steering=self._done.steering, distance=self._distance
+            ),
             standing=self.stands,
             set_points=self._wanted,
             verdict=Verdict(),
@@ -349,6 +351,7 @@ class _Car:
         middle, forward = (self.pose.heading + heading) / 2, step * math.cos(steering)
         x, y = self.pose.x + forward * math.cos(middle), self.pose.y + forward * math.sin(middle)
         self.pose = Pose(x=x, y=y, heading=heading)
+        self._distance += forward
         self._tick += 1
 
 

@@ -207,7 +207,7 @@ def _acknowledge_on_and_on(stage: Stage, node: str | None, p: Presses) -> Undo:
 
 
 def _stall(stage: Stage, node: str | None, p: Stall) -> None:
-    stall(p.seconds)
+    stage.loop.call_soon(stall, p.seconds)  # not before the run has begun, whose time would begin later
 
 
 def _stalls(text: str, seconds: float) -> Injection:

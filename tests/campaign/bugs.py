@@ -327,6 +327,9 @@ BUGS: tuple[Bug, ...] = (
     Bug("controlled stop hardly brakes", "follower raises", "I4", {GATE_LIMITS: having(_deceleration=0.15)}),
     Bug("released button hardly brakes", "by hand", "I2", {GATE_LIMITS: having(_deceleration=0.15)}),
     Bug("steering rate is not limited", "follower steers too far", "I3", {GATE_LIMITS: having(_rate=5.0)}),
+    Bug(
+        "set-points that were held up count as old", "input takes long", "I9", {"artemis.robot.ORDINARY": becomes(9.0)}
+    ),
     Bug("steering angle is not limited", "follower steers too far", "I9", {GATE_LIMITS: having(_steering=1.4)}),
     Bug("driven wheels are swapped", "bend", "I3", {SET_POINT: _swapped("traction")}),
     Bug("steered wheels are swapped", "bend", "I3", {SET_POINT: _swapped("steering")}),
@@ -420,6 +423,7 @@ BUGS: tuple[Bug, ...] = (
     Bug("silent bus is not noticed", "silent bus", "I3", {DRIVES: without_rows("COM-29")}),
     Bug("second master is not noticed", "second master", "I3", {HOST: without_rows("COM-17")}),
     Bug("runaway is not noticed", "runaway", "I3", {WHEELS: without_rows("RUN-01")}),
+    Bug("slip is not noticed", "slipping", "I3", {WHEELS: without_rows("RUN-01", "RUN-05")}),
     Bug("potentiometers are not compared", "potentiometer off", "I3", {WHEELS: without_rows("STE-03")}),
     Bug("open potentiometer is not noticed", "potentiometer open", "I3", {WHEELS: without_rows("STE-04")}),
     Bug(

@@ -7,11 +7,14 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from artemis.campaign.one_run import Result, run_scenario
 from artemis.campaign.scenario import Scenario
 
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
+LONGEST = 30.0
+"""A run that takes longer does not end [s]: a planted bug need not be watched for as long as a campaign's seed."""
 Faults = Sequence[dict[str, Any]]
 Acts = Sequence[tuple[float, str]]
 TRUE_ROBOT: dict[str, float] = {"potentiometer_noise_v": 0.002, "slip": 0.005}
@@ -19,7 +22,7 @@ TRUE_ROBOT: dict[str, float] = {"potentiometer_noise_v": 0.002, "slip": 0.005}
 
 def run(given: Scenario, *, replayed: bool = False) -> Result:
     """In a folder that is gone afterwards."""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, patch.object(Scenario, "longest", LONGEST):
         return run_scenario(given, ROBOT.read_bytes(), Path(folder), replayed=replayed)
 
 
@@ -30,6 +33,7 @@ def _scenario(
     acts: Acts,
     *,
     killed_at: float | None = None,
+    tick_hz: float = 50,
     inputs: dict[str, Any] | None = None,
     **true_robot: float,
 ) -> Scenario:
@@ -37,6 +41,7 @@ def _scenario(
         "mission": "staged",
         "robot": "robot.yaml",
         "bus": "simulation",
+        "tick_hz": tick_hz,
         "inputs": inputs or {},
         "steps": steps,
         "simulation": {
@@ -55,11 +60,12 @@ def drive(
     rows: str = "",
     seconds: float = 3.5,
     pushed_from: float = 5.0,
+    top: float = 0.4,
     **keys: float,
 ) -> Scenario:
-    """By hand, from 5 s straight ahead with 0.4 m/s, the button released at 7 s; `rows` more of the stick's table."""
+    """By hand, from 5 s straight ahead with `top` [m/s], the button released at 7 s; `rows` more of the stick."""
     table = f"time_s,x,y,enable\n0,0,0,0\n{pushed_from},0,1,1\n7,0,1,0\n7.5,0,0,0\n{rows}60,0,0,0\n"
-    stick = {"stick": {"plugin": "scripted", "file": "stick.csv", "max_speed_m_s": 0.4}}
+    stick = {"stick": {"plugin": "scripted", "file": "stick.csv", "max_speed_m_s": top}}
     steps = [{"teleop": {"input": "stick", "until": {"seconds": seconds}}}]
     return _scenario(steps, {"stick.csv": table}, faults, acts, inputs=stick, **keys)
 
@@ -120,6 +126,8 @@ SCENARIOS: dict[str, Scenario] = {
     "unplugged": drive(fault("COM-22")),
     "silent bus": drive(fault("COM-29")),
     "runaway": drive(fault("RUN-01", node=LEFT)),
+    "slipping": drive(fault("RUN-05", node=LEFT)),
+    "slipping at full speed": drive(fault("RUN-05", node=LEFT), top=0.7),
     "potentiometer off": drive(fault("STE-03", node=STEER)),
     "potentiometer open": drive(fault("STE-04", node=STEER)),
     "frozen stick": drive(fault("INP-03", duration_s=6.0)),
@@ -132,10 +140,23 @@ SCENARIOS: dict[str, Scenario] = {
     "stopped, acknowledged only": drive(
         acts=[(6.5, "quickstop"), (8.0, "acknowledge"), (12.0, "end")], rows="9.5,0,1,1\n11,0,0,0\n", seconds=8.0
     ),
+    "stopped while the wheels are aligned": follow(acts=[(6.6, "quickstop"), (8.0, "arm")]),
     "stick held at the start": drive(pushed_from=3.0, seconds=1.0),
     "computer asleep": drive(fault("SYS-03", seconds=0.7)),
+    "computer dozes at the start": drive(fault("SYS-03", 0.0, seconds=0.15), acts=[(6.5, "end")]),
     "computer dozes": drive(fault("SYS-03", seconds=0.15)),
+    "input takes long": drive(
+        fault("PLG-04", 10.1, input="stick", seconds=0.05), rows="9,0,1,1\n10,-1,1,1\n12,0,0,0\n", seconds=8.0
+    ),
+    "counter near its end": drive(
+        fault("RUN-09", 0.0, STEER),
+        acts=[(5.0, "acknowledge"), (8.5, "arm")],
+        rows="13,-1,1,1\n15,0,0,0\n",
+        seconds=6.0,
+    ),
     "killed": drive(killed_at=6.5),
+    "program fails between two ticks": drive(fault("SYS-04", 4.1707), tick_hz=40),
+    "program fails just before a tick": drive(fault("SYS-04", 6.5199)),
     "follower raises": follow(fault("PLG-02", 8.5)),
     "follower asks for too much": follow(fault("RUN-12", 8.0, duration_s=1.2), bend=1.0),
     "follower steers too far": follow(

@@ -17,7 +17,7 @@ from artemis.campaign.one_run import Result
 from artemis.campaign.runs import Results, load_campaign
 
 ARTEMIS = [sys.executable, "-m", "artemis", "campaign"]
-SLICE = 40
+SLICE = 16
 PATIENCE = 500.0
 """Longest time for anything on a busy machine [s]."""
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(PATIENCE)]

@@ -8,12 +8,15 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import IO
+from unittest.mock import patch
 
 import pytest
 
+from artemis import cli
 from artemis.recording.mcap_reader import Recording
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -46,6 +49,16 @@ def artemis(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
     command = [*ARTEMIS, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, stdin=subprocess.DEVNULL)
+
+
+def artemis_here(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run the command in this process: a second less for what needs no process of its own."""
+    line, out, errors = ["artemis", *map(str, arguments)], StringIO(), StringIO()
+    with patch.object(sys, "argv", line), redirect_stdout(out), redirect_stderr(errors):
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+    assert isinstance(ended.value.code, int)
+    return subprocess.CompletedProcess(line, ended.value.code, out.getvalue(), errors.getvalue())
 
 
 @contextmanager

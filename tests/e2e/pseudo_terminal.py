@@ -26,7 +26,8 @@ class Terminal:
 
     def __init__(self, mission: Path, columns: int, no_colour: bool) -> None:
         self.host, device = pty.openpty()
-        fcntl.ioctl(device, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+        self.device = device
+        self.resize(columns)
         self.before = termios.tcgetattr(device)
         self.shown = self.everything = ""
         self.hear: Callable[[Terminal, str], None] | None = None
@@ -42,7 +43,10 @@ class Terminal:
             start_new_session=True,
             preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # the terminal's keys send it signals
         )
-        self.device = device
+
+    def resize(self, columns: int) -> None:
+        """Make the screen so wide."""
+        fcntl.ioctl(self.device, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
 
     def see(self, pattern: str) -> str:
         """Wait for words that were not seen before; what came up to them."""

@@ -17,6 +17,7 @@ from command_line import (
     PATIENCE,
     ROBOT,
     artemis,
+    artemis_here,
     assert_left_at_rest,
     modes_of,
     only_run,
@@ -144,15 +145,15 @@ def test_replay_of_a_changed_command_exits_with_1_and_names_tick_and_value(run: 
         return re.sub(rb'"set_points":\{"speed":[^,]*', b'"set_points":{"speed":0.35', record, count=1)
 
     rewrite(run / "recording.mcap", doctored, "/tick", 400, faster)
-    found = artemis("replay", doctored)
+    found = artemis_here("replay", doctored)
     assert found.returncode == 1
     assert re.search(r"tick 400 differs: set_points\.speed: recorded 0\.35, now 0\.", found.stdout)
 
 
 def test_replay_of_something_else_is_refused(tmp_path: Path, run: Path) -> None:
-    assert artemis("replay", tmp_path / "nothing").returncode == 2
+    assert artemis_here("replay", tmp_path / "nothing").returncode == 2
     (tmp_path / "recording.mcap").write_bytes((run / "recording.mcap").read_bytes()[:100])
-    found = artemis("replay", tmp_path)
+    found = artemis_here("replay", tmp_path)
     assert found.returncode == 2
     assert found.stderr.startswith(f"artemis: {tmp_path}/recording.mcap: ")
     assert len(found.stderr.splitlines()) == 1
@@ -190,8 +191,7 @@ def test_everything_wrong_is_said_at_once_with_its_place(tmp_path: Path) -> None
     mission = write_mission(tmp_path, more="tick_hz: 5\nsimulation: {pace: slow}\n")
     robot = tmp_path / "robots/artemis.yaml"
     robot.write_text(robot.read_text().replace("wheelbase_m: 0.560", "wheelbase_m: broad"))
-    for command in ("run", "check"):
-        found = artemis(command, mission)
+    for found in (artemis("run", mission), artemis_here("check", mission)):
         assert found.returncode == 2
         lines = found.stderr.splitlines()
         assert len(lines) == 3
@@ -214,14 +214,14 @@ def test_check_names_every_mission_and_a_shared_fault_once(tmp_path: Path) -> No
 
 def test_shipped_missions_pass_the_check() -> None:
     missions = sorted(MISSIONS.glob("*.yaml"))
-    found = artemis("check", *missions)
+    found = artemis_here("check", *missions)
     assert (found.returncode, found.stdout) == (0, "".join(f"{mission}: ok\n" for mission in missions))
 
 
 @pytest.mark.parametrize("what", ["missing.yaml", "", "empty.yaml"])
 def test_what_is_no_mission_file_is_refused_in_one_line(tmp_path: Path, what: str) -> None:
     (tmp_path / "empty.yaml").touch()
-    found = artemis("run", tmp_path / what)
+    found = artemis_here("run", tmp_path / what)
     assert found.returncode == 2
     assert len(found.stderr.splitlines()) == 1
     assert str(tmp_path / what) in found.stderr
@@ -246,7 +246,7 @@ def test_a_bus_that_cannot_be_opened_is_said_in_few_lines(tmp_path: Path, bus: s
 
 def test_a_run_that_is_stopped_and_not_armed_again_exits_with_1(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, more="simulation: {operator: [{at_s: 8.0, do: quickstop}]}\n")
-    found = artemis("run", mission)
+    found = artemis_here("run", mission)
     assert found.returncode == 1
     assert "request    quick stop" in found.stdout
     assert re.search(r"^result        FAILED", found.stdout, re.MULTILINE)
@@ -256,8 +256,9 @@ def test_a_run_that_is_stopped_and_not_armed_again_exits_with_1(tmp_path: Path) 
 
 
 def test_usage_errors_exit_with_2() -> None:
+    assert artemis("drive").returncode == 2
     for arguments in (["run"], ["run", "--fast", "x"], ["drive"], ["schema", "rover"], []):
-        assert artemis(*arguments).returncode == 2
+        assert artemis_here(*arguments).returncode == 2
 
 
 @pytest.mark.parametrize(
@@ -271,7 +272,7 @@ def test_usage_errors_exit_with_2() -> None:
     ],
 )
 def test_sim_refuses_words_that_the_back_end_would_swallow(option: str, words: str) -> None:
-    found = artemis("sim", ROBOT, "--interface", "udp_multicast", "--channel", "239.74.163.2", "--option", option)
+    found = artemis_here("sim", ROBOT, "--interface", "udp_multicast", "--channel", "239.74.163.2", "--option", option)
     assert found.returncode == 2
     assert words in found.stderr
     assert len(found.stderr.splitlines()) == 1

@@ -1,10 +1,10 @@
-"""`artemis devices` as a process: with whatever is plugged into this computer."""
+"""`artemis devices`: with whatever is plugged into this computer."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from command_line import artemis, write_mission
+from command_line import artemis, artemis_here, write_mission
 
 
 def test_devices_of_this_computer_and_drives_of_a_mission_are_listed(tmp_path: Path) -> None:
@@ -16,6 +16,6 @@ def test_devices_of_this_computer_and_drives_of_a_mission_are_listed(tmp_path: P
 
 
 def test_a_bad_mission_is_refused(tmp_path: Path) -> None:
-    done = artemis("devices", "--mission", write_mission(tmp_path, bus="nonsense"))
+    done = artemis_here("devices", "--mission", write_mission(tmp_path, bus="nonsense"))
     assert done.returncode == 2
     assert "mission.yaml:3:1: bus" in done.stderr

@@ -12,13 +12,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from command_line import MISSIONS, ROBOT, artemis, only_run
+from command_line import MISSIONS, ROBOT, artemis, artemis_here, only_run
 
 from artemis import cli
 from artemis.commands.path_record import Choice, Drawing, record_path
 from artemis.commands.path_show import show_paths
 from artemis.errors import ConfigError, RecordingError
 from artemis.motion.path import path_from_csv
+from artemis.motion.route import route_from_csv
 
 PATHS = MISSIONS / "paths"
 TABLE = """time_s, x, y, enable, done
@@ -81,40 +82,41 @@ def refused(arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytes
 # ---------------------------------------------------------------------------------------------- record
 
 
-def test_a_run_becomes_a_file_for_each_direction(folder: Path, tmp_path: Path) -> None:
+def test_a_run_becomes_a_file_with_its_reversals(folder: Path, tmp_path: Path) -> None:
     done = artemis("path", "record", folder / "run", "-o", tmp_path / "way.csv")
     assert done.returncode == 0, done.stderr
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["way-1.csv", "way-2.csv"]
-    there, back = (tmp_path / "way-1.csv").read_text(), (tmp_path / "way-2.csv").read_text()
-    assert re.search(r"way-1\.csv: \d\.\d\d m, driven forwards, 9\.\d+ s to 1\d\.\d\d s of the run", done.stdout)
-    assert re.search(r"way-2\.csv: \d\.\d\d m, driven backwards", done.stdout)
-    assert "way-2.csv: mode follow drives forwards only, and refuses this file" in done.stdout
+    assert [file.name for file in tmp_path.iterdir()] == ["way.csv"]
+    text = (tmp_path / "way.csv").read_text()
+    assert re.search(
+        r"way\.csv: \d\.\d\d m, driven forwards, backwards, 9\.\d+ s to 2\d\.\d\d s of the run", done.stdout
+    )
     assert "left out: 0.0" in done.stdout
-    head = [line for line in there.splitlines() if line.startswith("#")]
+    head = [line for line in text.splitlines() if line.startswith("#")]
     run = (folder / "run").resolve().name
     assert head[0].endswith(f"centre of the rear axle in the frame of the odometry of the run {run}")
     day = f"{run[:4]}-{run[4:6]}-{run[6:8]}"
-    assert re.fullmatch(rf"# of {day} [\d:]+ UTC, driven by hand, forwards, [\d.]+ s to [\d.]+ s of the run\.", head[1])
+    assert re.fullmatch(
+        rf"# of {day} [\d:]+ UTC, driven by hand, forwards, backwards, [\d.]+ s to [\d.]+ s of the run\.", head[1]
+    )
     assert re.fullmatch(r"# Length [\d.]+ m; a point every 0\.05 m; smoothing 0\.3 m;", head[2])
     assert re.fullmatch(r"# read again, the curve is at most [\d.]+ mm from what was driven\.", head[3])
-    path = path_from_csv(there, "way-1.csv")
-    assert (path.x[0], path.y[0]) == pytest.approx((0.0, 0.0), abs=0.01)
-    assert path.length > 2.0
-    with pytest.raises(ConfigError, match="points against the path"):
-        path_from_csv(back, "way-2.csv")
-    assert "# Backwards: " in back
+    assert "# Where the headings point against the way it is driven backwards." in head
+    there, back = route_from_csv(text, "way.csv").parts
+    assert (there.backward, back.backward) == (False, True)
+    assert (there.path.x[0], there.path.y[0]) == pytest.approx((0.0, 0.0), abs=0.01)
+    assert min(there.path.length, back.path.length) > 1.0
 
 
 def test_a_file_that_is_there_is_kept_unless_forced(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "way-2.csv").write_text("mine")
-    kept = artemis("path", "record", folder / "run", "-o", tmp_path / "way.csv")
+    (tmp_path / "way.csv").write_text("mine")
+    kept = artemis_here("path", "record", folder / "run", "-o", tmp_path / "way.csv")
     assert kept.returncode == 2
-    assert kept.stderr == f"{tmp_path}/way-2.csv: is there already; another name, or --force\n"
-    assert [file.name for file in tmp_path.iterdir()] == ["way-2.csv"]
-    assert (tmp_path / "way-2.csv").read_text() == "mine"
-    forced = artemis("path", "record", folder / "run", "-o", tmp_path / "way.csv", "--force")
+    assert kept.stderr == f"{tmp_path}/way.csv: is there already; another name, or --force\n"
+    assert (tmp_path / "way.csv").read_text() == "mine"
+    forced = artemis_here("path", "record", folder / "run", "-o", tmp_path / "way.csv", "--force")
     assert forced.returncode == 0
-    assert len(list(tmp_path.iterdir())) == 2
+    assert (tmp_path / "way.csv").read_text().startswith("# Path of the centre")
+    assert [file.name for file in tmp_path.iterdir()] == ["way.csv"]
 
 
 def test_a_time_of_the_run_can_be_chosen(folder: Path, tmp_path: Path) -> None:
@@ -239,7 +241,6 @@ def test_a_path_that_follow_refuses_is_shown_with_the_reasons(
     assert "driven backwards" in shown
     assert "at most 1.500 m apart" in shown
     assert "  reversals line 5 (x 2.50 m, y 0.00 m)\n" in shown
-    assert f"{file}:5:1: the path reverses here" in shown
     assert f"{file}:5:1: 1.50 m from the point before" in shown
     assert (tmp_path / "z.svg").stat().st_size > 10_000
 
@@ -295,7 +296,7 @@ def test_a_file_of_others_becomes_a_path_that_a_mission_accepts(
     shutil.copytree(MISSIONS, tmp_path / "m", ignore=shutil.ignore_patterns("runs"))
     (tmp_path / name).write_text(make())
     output = tmp_path / "m" / "paths" / "imported.csv"
-    done = artemis("path", "import", tmp_path / name, "-o", output, "--origin")
+    done = artemis_here("path", "import", tmp_path / name, "-o", output, "--origin")
     assert done.returncode == 0, done.stderr
     assert f"from {make().count('trkpt') or len(make().splitlines()) - 1} points of {name}" in done.stdout
     path = path_from_csv(output.read_text(), "imported.csv")
@@ -304,7 +305,7 @@ def test_a_file_of_others_becomes_a_path_that_a_mission_accepts(
     mission = mission.replace("paths/figure_eight.csv", "paths/imported.csv")
     mission = re.sub(r"laps: \d+", "laps: 1", re.sub(r"speed_m_s: [\d.]+", "speed_m_s: 0.1", mission))
     (tmp_path / "m" / "imported.yaml").write_text(mission)
-    checked = artemis("check", tmp_path / "m" / "imported.yaml")
+    checked = artemis_here("check", tmp_path / "m" / "imported.yaml")
     assert checked.returncode == 0, checked.stderr
 
 
@@ -315,7 +316,7 @@ def test_a_file_of_others_becomes_a_path_that_a_mission_accepts(
         ("w.gpx", "<gpx>\n<trk>", [], "w.gpx:2:6: not XML: no element found"),
         ("w.yaml", "poses:\n- {x: 1}\n", [], "w.yaml:2:3: poses[0].y: expected a number, found none"),
         ("w.csv", "x,y\n1,\n", [], "w.csv:2:3: y: expected a finite number, found ''"),
-        ("w.csv", "x,y\n0,0\n1,0\n0,0.01\n", [], "w.csv:3:1: the way reverses here"),
+        ("w.csv", "x,y\n0,0\n1,0\n0,0.01\n", ["--closed"], "w.csv:3:1: the way reverses here, so it cannot be"),
         ("w.kml", "<kml/>", [], "w.kml: its suffix says nothing of its format; choose with --format csv|gpx|nav2"),
         ("w.csv", "x,y\n", ["--format", "kml"], "w.csv: no format 'kml'; choose with --format csv|gpx|nav2"),
         ("w.csv", "0,0\n1,0\n", ["--smoothing", "9"], "--smoothing 9: expected 0 to 5 m"),

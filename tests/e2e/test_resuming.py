@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from command_line import artemis, only_run, read_until, skip_if_late, started, stream, write_mission
+from command_line import artemis, artemis_here, only_run, read_until, skip_if_late, started, stream, write_mission
 
 from artemis.errors import RecordingError
 from artemis.recording.journal import read_journal
@@ -60,10 +60,10 @@ def test_a_failed_run_tells_how_to_go_on(failed: subprocess.CompletedProcess[str
 
 def test_a_run_that_cannot_be_gone_on_with_tells_no_command_for_it(tmp_path: Path) -> None:
     """Nobody counted how far the robot rolled without power."""
-    failed = artemis("run", write_mission(tmp_path, more="simulation: {faults: [{at_s: 9.0, inject: SYS-09}]}\n"))
+    failed = artemis_here("run", write_mission(tmp_path, more="simulation: {faults: [{at_s: 9.0, inject: SYS-09}]}\n"))
 
     assert (failed.returncode, "go on" in failed.stdout) == (1, False)
-    refused = artemis("run", tmp_path / "mission.yaml", "--resume", only_run(tmp_path))
+    refused = artemis_here("run", tmp_path / "mission.yaml", "--resume", only_run(tmp_path))
     assert refused.returncode == 2
     assert "nobody knows where the robot is" in refused.stderr
 
@@ -84,7 +84,7 @@ def test_a_run_that_a_fault_ended_is_gone_on_with(
 
 def test_a_run_that_is_done_is_refused(resumed: subprocess.CompletedProcess[str], folder: Path, mission: Path) -> None:
     second = runs(folder)[-1]
-    again = artemis("run", mission, "--resume", second)
+    again = artemis_here("run", mission, "--resume", second)
 
     assert (again.returncode, again.stdout) == (2, "")
     assert again.stderr == (
@@ -96,7 +96,7 @@ def test_a_run_that_is_done_is_refused(resumed: subprocess.CompletedProcess[str]
 def test_a_run_whose_files_have_changed_is_refused_before_anything_moves(first: Path, tmp_path: Path) -> None:
     mission = write_mission(tmp_path, more=FAULT)
     (tmp_path / "paths/line.csv").write_text("x_m,y_m\n0,0\n1,0\n")
-    refused = artemis("run", mission, "--resume", first)
+    refused = artemis_here("run", mission, "--resume", first)
 
     assert refused.returncode == 2
     assert refused.stderr.startswith("paths/line.csv: is not what it was in ")

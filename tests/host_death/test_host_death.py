@@ -16,7 +16,7 @@ from .cases import GROUP, MISSIONS, PATIENCE, WATCH, Outcome, Process, draw, fre
 
 pytestmark = [pytest.mark.realtime, pytest.mark.timeout(1200)]
 
-CASES, SEED, JOBS = 20, 7, 4
+CASES, SEED, JOBS = 20, 7, 2
 ROBOT = MISSIONS / "robots" / "artemis.yaml"
 TICK = 0.02
 NODES = (1, 2, 3, 4)

@@ -5,18 +5,21 @@ from __future__ import annotations
 import argparse
 import os
 import queue
+import random
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import IO
 
+import can
 import yaml
 from uhid import UhidDevice
 
@@ -45,6 +48,12 @@ PATIENCE = 240.0
 """Longest time for anything to come [s], on the slowest machine."""
 STANDS = 0.005
 """[m/s]."""
+REPORTS, STOPS = 20, 3
+"""So often each is timed."""
+SETTLED, TICK = 0.7, 0.02
+"""After the first time a robot drives as fast as is wished [s]."""
+SET_POINTS, STOP_FRAMES, QUICK_STOP = (0x201, 0x202), range(0x301, 0x305), 0x0B
+"""RxPDO 1 of the traction drives; RxPDO 2 of all drives, and its controlword (firmware specification 2010, 8.1.3)."""
 
 
 class Wrong(Exception):
@@ -103,6 +112,59 @@ class Hand:
                 mask = (1 << field.bits) - 1
                 bits = bits & ~(mask << first) | (values[field.name] & mask) << first
         return bits.to_bytes(len(self.rest), "little")
+
+
+class Stopwatch:
+    """Times from a report of a device to the frame on the wire that carries it, by the kernel's time stamps."""
+
+    def __init__(self, channel: str, slow: float) -> None:
+        self._channel, self._slow, self._dice = channel, slow, random.Random(1)
+        self._reports: list[float] = []
+        self._stops: list[float] = []
+
+    def report(self, device: UhidDevice, report: bytes) -> None:
+        """To the first set-point that differs; the robot was driving at one speed."""
+        self._reports.append(self._took(device, report, lambda id, data, last: id in SET_POINTS and data != last))
+
+    def stop(self, device: UhidDevice, report: bytes) -> None:
+        """To the first quick stop."""
+        self._stops.append(
+            self._took(device, report, lambda id, data, last: id in STOP_FRAMES and data[0] == QUICK_STOP)
+        )
+
+    def told(self) -> str:
+        """What was measured, for people."""
+        kinds = (("report to set-point frame", self._reports), ("stop button to quick-stop frame", self._stops))
+        parts = [f"{name} {_milliseconds(times)}" for name, times in kinds]
+        return "; ".join(parts) + (f" (measured, divided by {self._slow:g})" if self._slow != 1.0 else "")
+
+    def _took(self, device: UhidDevice, report: bytes, carries: Callable[[int, bytes, bytes], bool]) -> float:
+        """[s], of artemis' own time.
+
+        Raises:
+            Wrong: no frame carries it.
+        """
+        last: dict[int, bytes] = {}
+        with can.Bus(interface="socketcan", channel=self._channel) as bus:
+            settled = time.monotonic() + (SETTLED + self._dice.uniform(0.0, TICK)) * self._slow
+            while (left := settled - time.monotonic()) > 0:
+                if (frame := bus.recv(left)) is not None:
+                    last[frame.arbitration_id] = bytes(frame.data)
+            sent = time.time()
+            device.send(report)
+            while time.time() < sent + PATIENCE:
+                frame = bus.recv(PATIENCE)
+                if frame is None:
+                    break
+                id, data = frame.arbitration_id, bytes(frame.data)
+                if frame.timestamp > sent and carries(id, data, last.get(id, data)):
+                    return (frame.timestamp - sent) / self._slow
+                last[id] = data
+        raise Wrong("no frame carries a report")
+
+
+def _milliseconds(times: list[float]) -> str:
+    return f"{1000 * median(times):.1f} ms, at most {1000 * max(times):.1f} ms of {len(times)}"
 
 
 class Told:
@@ -164,7 +226,7 @@ def drive(name: str, channel: str, slow: float, environment: Mapping[str, str]) 
     Raises:
         Wrong: the robot did what it must not, or did not what it must.
     """
-    hand = Hand.of(name)
+    hand, stopwatch = Hand.of(name), Stopwatch(channel, slow)
     with tempfile.TemporaryDirectory() as folder:
         mission = Path(folder) / "mission.yaml"
         mission.write_text(MISSION.format(root=ROOT, channel=channel, profile=name))
@@ -179,7 +241,7 @@ def drive(name: str, channel: str, slow: float, environment: Mapping[str, str]) 
             device.send(hand.rest)
             with started("run", str(mission), environment=environment) as (run, told):
                 try:
-                    act(hand, device, told, slow)
+                    act(hand, device, told, slow, stopwatch)
                 except (Wrong, queue.Empty) as error:
                     raise Wrong(
                         "\n    ".join([str(error) or "nothing more comes", *told.lines, *told.come()])
@@ -187,10 +249,10 @@ def drive(name: str, channel: str, slow: float, environment: Mapping[str, str]) 
                 if run.wait(PATIENCE) != 0:
                     raise Wrong("\n    ".join([f"exit status {run.returncode}", *told.lines, *told.come()]))
         (folder_of_run,) = (Path(folder) / "runs").iterdir()
-        return judge(folder_of_run)
+        return f"{judge(folder_of_run)}; {stopwatch.told()}"
 
 
-def act(hand: Hand, device: UhidDevice, told: Told, slow: float) -> None:
+def act(hand: Hand, device: UhidDevice, told: Told, slow: float, stopwatch: Stopwatch) -> None:
     """What a person does: drive, lose the device, plug it in with the stick pushed, release, arm, drive, end."""
 
     def drive() -> None:
@@ -221,9 +283,14 @@ def act(hand: Hand, device: UhidDevice, told: Told, slow: float) -> None:
         raise Wrong("it drives by itself after the device was plugged in again")
     release_and_arm()
     drive()
-    device.send(hand.report("enable", "quickstop", forward=1.0))
-    told.wait_for("request    quick stop")
-    release_and_arm()
+    for number in range(REPORTS):
+        stopwatch.report(device, hand.report("enable", forward=1.0 if number % 2 else 0.7))
+    for number in range(STOPS):
+        if number > 0:
+            drive()
+        stopwatch.stop(device, hand.report("enable", "quickstop", forward=1.0))
+        told.wait_for("request    quick stop")
+        release_and_arm()
     device.send(hand.report("done"))
     device.send(hand.rest)
     told.wait_for("report  ")

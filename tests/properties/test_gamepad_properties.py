@@ -15,7 +15,8 @@ from artemis.devices.hid.port import HidInfo
 from artemis.errors import DeviceLost, HidError
 from artemis.plugins.border import is_whole_input
 from artemis.plugins.contracts import Setup
-from artemis.plugins.inputs.gamepad import GamepadConfig, GamepadInput
+from artemis.plugins.inputs.gamepad import GamepadInput
+from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.profiles import profile_named
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import Request

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from hypothesis import given, settings
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from artemis.errors import ConfigError
 from artemis.motion.path import Path, path_from_csv, path_from_points
+from artemis.motion.route import route_from_csv
 
 
 def wave(amplitude: float, length: float, turned: float) -> Path:
@@ -66,6 +68,41 @@ def test_any_text_is_a_path_or_refused_with_its_places(text: str) -> None:
     else:
         assert problems
         assert all(problem.startswith("p.csv:") for problem in problems)
+
+
+near = st.floats(-0.4, 0.4)
+rows = st.lists(st.tuples(near, near, st.floats(-4, 4)), min_size=2, max_size=12)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.one_of(st.text(alphabet="0123456789.,; -\n#xyeinfhadg", max_size=80), rows), st.booleans())
+def test_any_points_are_a_route_that_a_car_can_be_put_on_or_refused(
+    given_rows: str | list[tuple[float, float, float]], headings: bool
+) -> None:
+    if isinstance(given_rows, str):
+        text = given_rows
+    else:
+        lines = [",".join(map(str, row if headings else row[:2])) for row in given_rows]
+        text = "\n".join(["x,y,heading" if headings else "x,y", *lines])
+    problems: list[str] | None = None
+    try:
+        route = route_from_csv(text, "p.csv")
+    except ConfigError as error:
+        problems = error.problems
+    if problems is not None:
+        assert problems
+        assert all(problem.startswith("p.csv:") for problem in problems)
+        return
+    assert route.length > 0
+    for part in route.parts:
+        assert np.isfinite(part.path.curvature).all()
+    for one, other in pairwise(route.parts):
+        end, begin = one.path.at(one.path.length), other.path.at(0.0)
+        assert math.dist((end.x, end.y), (begin.x, begin.y)) < 0.05
+        turn = one.heading_at(one.path.length) - other.heading_at(0.0)
+        assert abs(math.remainder(turn, math.tau)) < math.radians(46)
+    back = route.directed(from_end=True, backward=None)
+    assert [part.backward for part in reversed(back.parts)] == [not part.backward for part in route.parts]
 
 
 @settings(max_examples=40, deadline=None)

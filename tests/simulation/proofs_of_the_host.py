@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import errno
 import math
 import os
@@ -237,6 +238,8 @@ async def _stall(host: Host) -> None:
     for id, seconds in (("COM-31", 0.12), ("SYS-01", 0.07), ("SYS-03", 1.0), ("SYS-07", 1.0)):
         before = host.loop.time()
         host.inject(id)
+        assert host.loop.time() == before, "at once, but never within what runs"
+        await asyncio.sleep(0)
         assert host.loop.time() - before == pytest.approx(seconds)
         await host.tick(0.1)
     assert host.emergencies(LEFT) == [0x8130]  # only the long ones; once, as nobody resets it

@@ -14,6 +14,8 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.metadata import entry_points
 from pathlib import Path as FilePath
 from typing import Any
 from unittest.mock import patch
@@ -228,7 +230,8 @@ class Rig:
             simulate: As in `artemis run --simulate`.
         """
         self.mission, self.world = mission, world
-        self._loaded = load_mission(mission)
+        with patch(*_PLUGINS):
+            self._loaded = load_mission(mission)
         if true_robot is not None:
             self._loaded = replace(self._loaded, true_robot=true_robot)
         self._follower, self._input, self._settings, self._disturb = follower, input, settings, disturb
@@ -310,6 +313,7 @@ class Rig:
         yield "artemis.app.Robot", self._make_robot
         yield "artemis.planning.plan_from", self._make_plan
         yield "artemis.clock.SimulatedLoop", self._make_loop
+        yield _PLUGINS
 
     def _make_loop(self) -> clock.SimulatedLoop:
         loop = _LOOP()
@@ -380,6 +384,8 @@ class Killed(Exception):
 
 
 _LOOP, _PLAN_FROM = clock.SimulatedLoop, planning.plan_from
+_PLUGINS: tuple[str, Callable[..., Any]] = ("artemis.plugins.registry.entry_points", cache(entry_points))
+"""What is installed stays: it is looked up once, not again for every run."""
 
 
 def run(mission: FilePath, **keys: Any) -> Run:  # noqa: ANN401 (whatever `Rig` takes)

@@ -13,7 +13,8 @@ from rig import BRAKING, CALIBRATE, MISSIONS, STICK, TELEOP, TICK, Rig, Run, sta
 from artemis.devices.hid.port import HidInfo
 from artemis.mission.loading import load_mission
 from artemis.plugins.contracts import Setup
-from artemis.plugins.inputs.gamepad import GamepadConfig, GamepadInput
+from artemis.plugins.inputs.gamepad import GamepadInput
+from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.held import GONE
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import Mode, Request

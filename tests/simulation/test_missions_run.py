@@ -5,11 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 
 import pytest
-from rig import MISSIONS, Run, run
+from rig import MISSIONS, Run, Seen, run
 
 from artemis.mission.loading import load_mission
 from artemis.motion.path import path_from_csv
@@ -36,35 +36,44 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
 def true_cross_track(seen: Run) -> float:
     """The largest distance [m] of the true rear axle from the path, in the frame of the start."""
     path = path_from_csv((MISSIONS / "paths/figure_eight.csv").read_text(), "figure_eight.csv")
-    truths = [(s.pose, s.tick.wish.tracking) for s in seen.in_mode(Mode.FOLLOW)]
     origin = seen.in_mode(Mode.READY)[0].pose
     assert math.hypot(origin.x, origin.y) < 0.05  # the wheels were steered straight where the robot stood
     return max(
-        abs(path.project(*seen_from_origin((pose.x, pose.y), seen), near=tracking.arc_length).cross_track)
-        for pose, tracking in truths
-        if tracking is not None
+        abs(path.project(*place, near=tick.tick.wish.tracking.arc_length).cross_track)
+        for tick, place in places(seen)
+        if tick.tick.wish.tracking is not None
     )
 
 
-def seen_from_origin(point: tuple[float, float], seen: Run) -> tuple[float, float]:
+def places(seen: Run) -> Iterator[tuple[Seen, tuple[float, float]]]:
+    """Each tick on the path, with where the robot truly was in the frame of the start."""
     origin = seen.first(lambda s: s.tick.wish.reset_pose).pose
-    x, y = point[0] - origin.x, point[1] - origin.y
     cos, sin = math.cos(origin.heading), math.sin(origin.heading)
-    return x * cos + y * sin, y * cos - x * sin
+    for tick in seen.in_mode(Mode.FOLLOW):
+        x, y = tick.pose.x - origin.x, tick.pose.y - origin.y
+        yield tick, (x * cos + y * sin, y * cos - x * sin)
 
 
 def position_errors(seen: Run) -> list[float]:
     """Distance [m] between the true and the estimated position at each tick on the path."""
     errors = []
-    for tick in seen.in_mode(Mode.FOLLOW):
+    for tick, (x, y) in places(seen):
         estimated = tick.tick.snapshot.odometry.pose
-        x, y = seen_from_origin((tick.pose.x, tick.pose.y), seen)
         errors.append(math.hypot(x - estimated.x, y - estimated.y))
     return errors
 
 
 BY_HAND = "fault_recovery_by_hand.yaml"
 """Needs a person who acknowledges and arms."""
+ELSEWHERE = (
+    "record_and_follow.yaml",
+    "record_and_return.yaml",
+    "three_point_turn.yaml",
+    *(f"follow_{course}.yaml" for course in ("circle", "corner", "figure_eight", "slalom", "straight")),
+)
+"""test_record_and_follow.py, test_reversing.py and test_follow_missions.py run them."""
+TWIN, OTHER_TWIN = "figure_eight_socketcan.yaml", "figure_eight_udp.yaml"
+"""The bus is all in which they differ, and in simulation neither has it: one of them is run."""
 FAULTS = {"fault_recovery.yaml": ["DRV-25"], "can_overrun.yaml": ["DRV-18"]}
 """What is made to go wrong in a mission, and what it recovers from."""
 
@@ -74,8 +83,15 @@ def test_a_mission_that_comes_with_artemis_is_valid(name: str) -> None:
     assert load_mission(MISSIONS / name).mission.steps
 
 
+def test_twins_differ_in_nothing_but_the_bus() -> None:
+    one, other = (load_mission(MISSIONS / name).mission for name in (TWIN, OTHER_TWIN))
+    names = {"mission", "bus"}
+    assert one.bus != other.bus
+    assert one.model_dump(exclude=names) == other.model_dump(exclude=names)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in NAMES if name != BY_HAND])
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in (BY_HAND, *ELSEWHERE, OTHER_TWIN)])
 def test_a_mission_that_comes_with_artemis_runs_in_simulation_to_its_end(ran: Ran, name: str) -> None:
     seen = ran(name)
     assert (seen.status, seen.fault_ids) == (0, FAULTS.get(name, []))

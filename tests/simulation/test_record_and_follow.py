@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 import shutil
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -62,6 +64,7 @@ def farthest(some: list[tuple[float, float]], others: list[tuple[float, float]])
 def test_the_mission_is_done_and_stays_on_what_it_was_shown(seen: Run) -> None:
     assert (seen.status, seen.fault_ids) == (0, [])
     assert seen.plan.current is None
+    assert seen.ticks[-1].wish.finished
     assert seen.cross_track() < 0.02
     tracking = seen.in_mode(Mode.FOLLOW)[-1].tick.wish.tracking
     assert tracking is not None
@@ -110,7 +113,16 @@ def test_a_path_file_of_the_run_is_followed_by_another_run(
     assert max(abs(tracking.cross_track) for tracking in last if tracking) < 0.02
 
 
-def shown_with(presses_at: list[float], folder: Path) -> Run:
+Shown = Callable[..., Run]
+
+
+@pytest.fixture(scope="module")
+def shown_with(tmp_path_factory: pytest.TempPathFactory) -> Shown:
+    """A run with presses of the record button at these times, made once."""
+    return cache(lambda *presses_at: straight_on(presses_at, tmp_path_factory.mktemp("straight_on")))
+
+
+def straight_on(presses_at: tuple[float, ...], folder: Path) -> Run:
     """Drive straight on from 10 s to 20 s, with presses of the record button."""
     rows = [(0.0, 0, 0, 0), (9.0, 1, 0, 0), (10.0, 1, 0.5, 0), (20.0, 1, 0.0, 0), (22.0, 0, 0.0, 0)]
     for time in presses_at:
@@ -124,9 +136,9 @@ def shown_with(presses_at: list[float], folder: Path) -> Run:
     ("presses_at", "from_press", "to_press"), [([11.0, 15.0], 0, 1), ([11.0, 13.0, 16.0], 2, None)]
 )
 def test_a_second_press_ends_the_recording_and_a_third_begins_it_anew(
-    tmp_path: Path, presses_at: list[float], from_press: int, to_press: int | None
+    shown_with: Shown, presses_at: list[float], from_press: int, to_press: int | None
 ) -> None:
-    seen = shown_with(presses_at, tmp_path)
+    seen = shown_with(*presses_at)
     assert seen.status == 0
     times = presses(seen)
     assert len(times) == len(presses_at)
@@ -138,8 +150,8 @@ def test_a_second_press_ends_the_recording_and_a_third_begins_it_anew(
     assert farthest(written, driven) < 1e-3
 
 
-def test_nobody_who_presses_records_the_whole_step(tmp_path: Path) -> None:
-    seen = shown_with([], tmp_path)
+def test_nobody_who_presses_records_the_whole_step(shown_with: Shown) -> None:
+    seen = shown_with()
     written = points(kept(seen).read_text())
     assert written[0] == pytest.approx((0.0, 0.0), abs=1e-3)
     driven = poses_between(seen, 0.0, math.inf)
@@ -147,8 +159,10 @@ def test_nobody_who_presses_records_the_whole_step(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("presses_at", [[], [11.0, 15.0], [11.0, 13.0, 16.0], [12.0]])
-def test_a_path_by_its_name_is_what_the_run_has_kept(tmp_path: Path, presses_at: list[float]) -> None:
-    seen = shown_with(presses_at, tmp_path)
+def test_a_path_by_its_name_is_what_the_run_has_kept(
+    shown_with: Shown, tmp_path: Path, presses_at: list[float]
+) -> None:
+    seen = shown_with(*presses_at)
     assert seen.outcome is not None
     record_path(seen.outcome.run.path, tmp_path / "again.csv", Choice(name="shown"), Drawing())
     again, written = points((tmp_path / "again.csv").read_text()), points(kept(seen).read_text())

@@ -136,7 +136,7 @@ def recovering_rig(folder: Path, follower: Ahead) -> Rig:
 
 def test_after_being_lost_and_armed_again_the_step_goes_on(tmp_path: Path) -> None:
     seen = recovering_rig(tmp_path, lost_between((1.2, 2.0))).run()
-    assert (seen.status, seen.fault_ids) == (0, ["PTH-06", "PTH-06"])  # slower, then stopped
+    assert (seen.status, seen.fault_ids) == (0, ["PTH-06"])  # armed again, it may begin beside its path
     assert seen.modes.count(Mode.QUICKSTOP) == 1
     assert driven(seen.in_mode(Mode.FOLLOW)[-1]) == pytest.approx(LENGTH, abs=0.02)
 

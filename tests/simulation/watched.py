@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.epos_objects import Units
@@ -21,8 +21,7 @@ SET_POINTS, STOP_FRAMES = 0x200, 0x300
 """Identifiers of RxPDO 1 and 2, less the node."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Truth:
+class Truth(NamedTuple):
     """The machine at one instant."""
 
     time: float

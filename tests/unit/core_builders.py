@@ -17,6 +17,7 @@ from artemis.devices.can_bus import Frame
 from artemis.errors import DeviceLost
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.path import Path, path_from_points
+from artemis.motion.route import Part, Route
 from artemis.plugins.contracts import Following
 from artemis.states.mode import ModeLogic, Plan, Step
 from artemis.supervision import catalogue
@@ -48,7 +49,10 @@ TRACTION, STEERING = ("traction-left", "traction-right"), ("steer-left", "steer-
 NAMES = (*TRACTION, *STEERING)
 STRAIGHT_VOLTS = {"steer-left": (2.51, 2.48), "steer-right": (2.49, 2.52)}
 LOST_HEARTBEAT = 0x8130
+WATCH = 10
+"""Ticks without our heartbeat after which a drive misses it."""
 PATH = path_from_points(np.linspace(0.0, 4.0, 9), np.zeros(9))
+ROUTE = Route((Part(path=PATH),))
 
 
 def drive(name: str, **changes: Any) -> DriveFeedback:
@@ -126,7 +130,7 @@ class ObedientDrives:
         self.changes: dict[str, dict[str, Any]] = {name: {} for name in NAMES}
         self.deaf: set[str] = set()
         self.lazy: set[str] = set()
-        self._heard = dict.fromkeys(NAMES, False)
+        self._beats_missed = dict.fromkeys(NAMES, -math.inf)
 
     def react(self, wish: Wish, points: SetPoints) -> tuple[DriveFeedback, ...]:
         """Feedback after a tick with this wish and these set-points."""
@@ -136,10 +140,8 @@ class ObedientDrives:
         emergencies: tuple[int, ...] = ()
         if wish.exchange and name not in self.lazy:
             self.states[name] = _next(self.states[name], wish.traction if name in TRACTION else wish.steering)
-        if wish.heartbeat:
-            self._heard[name] = True
-        elif self._heard[name] and wish.exchange and name not in self.deaf:
-            self._heard[name] = False
+        self._beats_missed[name] = 0.0 if wish.heartbeat else self._beats_missed[name] + 1.0
+        if self._beats_missed[name] == WATCH and wish.exchange and name not in self.deaf:
             self.states[name], emergencies = DriveState.FAULT, (LOST_HEARTBEAT,)
         said: dict[str, Any] = {"state": self.states[name], "emergencies": emergencies}
         side = ROBOT.drives[name].side

@@ -10,7 +10,8 @@ from artemis.devices.hid.descriptor import Descriptor, parse_descriptor
 from artemis.devices.hid.port import HidInfo
 from artemis.errors import DeviceLost
 from artemis.plugins.contracts import Setup
-from artemis.plugins.inputs.gamepad import GamepadConfig, GamepadInput
+from artemis.plugins.inputs.gamepad import GamepadInput
+from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.profiles import SHIPPED, Profile, profile_named
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import OperatorInput, Request

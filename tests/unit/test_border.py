@@ -306,12 +306,26 @@ def test_what_a_follower_answers_is_made_of_plain_values(number: Any) -> None:  
     value = float(number)
     plain = Following(
         command=DriveCommand(speed=value, steering=value, action=Action.QUICKSTOP),
-        tracking=Tracking(arc_length=value, length=value, cross_track=value, heading_error=value),
+        tracking=Tracking(
+            arc_length=value,
+            length=value,
+            cross_track=value,
+            heading_error=value,
+            planned_speed=value,
+            feedforward=value,
+        ),
         finished=True,
     )
     strange = Following(
         command=DriveCommand(speed=number, steering=number, action=Action.QUICKSTOP),
-        tracking=Tracking(arc_length=number, length=number, cross_track=number, heading_error=number),
+        tracking=Tracking(
+            arc_length=number,
+            length=number,
+            cross_track=number,
+            heading_error=number,
+            planned_speed=number,
+            feedforward=number,
+        ),
         finished=np.True_,  # type: ignore[arg-type]
     )
     made = plain_following(strange)

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from core_builders import (
     NAMES,
-    PATH,
     PERIOD,
+    ROUTE,
     STEERING,
     TRACTION,
     ObedientDrives,
@@ -105,7 +105,7 @@ def test_run_without_steps_is_brought_up_and_ends_in_order() -> None:
 
 def test_steps_are_done_one_after_the_other() -> None:
     follower = StubFollower(lambda: replace(StubFollower().answer(), finished=True))
-    live = Live(WaitStep(seconds=0.1), FollowStep(path=PATH, follower=follower), WaitStep(seconds=0.1))
+    live = Live(WaitStep(seconds=0.1), FollowStep(route=ROUTE, follower=follower), WaitStep(seconds=0.1))
     live.until(Mode.END)
     modes = itertools.groupby(tick.mode for tick in live.ticks)
     assert [mode for mode, _ in modes] == [Mode.INIT, Mode.READY, Mode.FOLLOW, Mode.READY, Mode.END]
@@ -197,6 +197,17 @@ def test_controlled_stop_ramps_down_with_the_wheels_held_and_the_drives_enabled(
     assert speeds[-1] == 0.0
 
 
+@pytest.mark.parametrize(("held_up", "counted"), [(0.0, 1.0), (0.001, 1.0), (0.012, 0.5), (0.02, 0.1), (0.05, 0.1)])
+def test_set_points_follow_those_before_by_the_time_since_they_were_sent(held_up: float, counted: float) -> None:
+    live = driving()
+    before, live.time = live.ticks[-1].set_points, live.time + max(0.0, held_up - PERIOD)
+    sent = live.seen[-1].time + held_up
+    after = live.tick(inputs=(replace(STICK, speed=0.0, steering=-1.0),), sent=sent).set_points
+    assert before.speed - after.speed == pytest.approx(counted * 1.0 * PERIOD), "1 m/s² of the robot file"
+    turned = max(before.steering_left - after.steering_left, before.steering_right - after.steering_right)
+    assert turned == pytest.approx(counted * math.radians(33.0) * PERIOD), "33 degrees a second of the robot file"
+
+
 def test_speed_is_limited_while_a_verdict_says_so() -> None:
     live = driving()
     live.tick(inputs=(STICK,), faults=(catalogue.fault("COM-20"),))
@@ -219,7 +230,7 @@ def test_follower_drives_no_faster_than_what_was_checked_for_its_step(checked: f
     command = DriveCommand(speed=0.7)
     arc_lengths = itertools.count(start=0.0, step=0.02)
     follower = StubFollower(lambda: replace(following(arc_length=next(arc_lengths)), command=command))
-    live = Live(FollowStep(path=PATH, follower=follower, speed=checked))
+    live = Live(FollowStep(route=ROUTE, follower=follower, speed=checked))
     live.drives.changes = {name: {"frames": 1} for name in NAMES}
     live.until(Mode.FOLLOW)
     assert fastest(live) == pytest.approx(driven, abs=1e-12)

@@ -11,7 +11,7 @@ from epos_jobs_rig import LEFT, PER_DEGREE, STEER_LEFT, STEER_RIGHT, WATCH, Rig,
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.epos_objects import Units
-from artemis.errors import DeviceError, DeviceTimeout
+from artemis.errors import DeviceError, DeviceTimeout, NotKept
 from artemis.sim.dictionary import Abort, AbortCode, key_of
 from artemis.sim.epos import SimSettings
 from artemis.values import DriveState, Job, JobKind, Nmt
@@ -179,6 +179,19 @@ def test_referenced_drive_knows_its_angle_and_refuses_what_is_out_of_reach(
         assert [has(rig, 0x607D, 1), has(rig, 0x607D, 2)] == pytest.approx(ends, abs=0.02 * PER_DEGREE)
 
     on(name, test)
+
+
+@pytest.mark.parametrize("counts", [2**31 - 1000, 1000 - 2**31])
+def test_drive_that_may_count_beyond_its_last_number_is_refused(counts: int) -> None:
+    async def test(rig: Rig) -> None:
+        await bring_up(rig)
+        rig.node.failures.count_on_from(counts)
+        rig.writes()
+        with pytest.raises(NotKept, match=rf"counts from {counts} on: too near the end of its counter"):
+            await rig.jobs.reference(0.0)
+        assert rig.writes() == []
+
+    on(STEER_LEFT, test)
 
 
 # ---------------------------------------------------------------------------------------------- check target

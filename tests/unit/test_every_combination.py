@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from functools import cache
 
 import pytest
-from core_builders import NAMES, PATH, PERIOD, ROBOT, FakeBus, StubFollower, drive, drives, plan, snapshot
+from core_builders import NAMES, PERIOD, ROBOT, ROUTE, FakeBus, StubFollower, drive, drives, plan, snapshot
 
 from artemis.devices.drive import Drives
 from artemis.devices.epos_state import controlword
@@ -40,7 +40,7 @@ from artemis.values import (
 
 STEPS: dict[Mode, Step] = {
     Mode.CALIBRATE: CalibrateStep(),
-    Mode.FOLLOW: FollowStep(path=PATH, follower=StubFollower()),
+    Mode.FOLLOW: FollowStep(route=ROUTE, follower=StubFollower()),
     Mode.TELEOP: TeleopStep(input="stick", seconds=None),
 }
 FAULTS = [id for id, row in catalogue.ROWS.items() if row.found in WATCHED]

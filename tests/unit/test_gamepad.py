@@ -18,7 +18,8 @@ from artemis.errors import ConfigError, DeviceLost, HidError
 from artemis.plugins.border import Border
 from artemis.plugins.contracts import Setup
 from artemis.plugins.inputs.controls import Controls
-from artemis.plugins.inputs.gamepad import FIND, GamepadConfig, GamepadInput
+from artemis.plugins.inputs.gamepad import FIND, GamepadInput
+from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.held import DOUBT, GONE, SLOW, STALE, STUCK
 from artemis.plugins.inputs.profiles import SHIPPED, Profile
 from artemis.testing import contracts

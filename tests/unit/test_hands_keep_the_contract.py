@@ -8,7 +8,8 @@ from dataclasses import replace
 from pad import Pad
 
 from artemis.plugins.contracts import Setup
-from artemis.plugins.inputs.gamepad import GamepadConfig, GamepadInput
+from artemis.plugins.inputs.gamepad import GamepadInput
+from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.keyboard import KeyboardInput
 from artemis.testing.contracts import InputContract
 

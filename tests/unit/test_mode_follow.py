@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from core_builders import (
     PATH,
+    ROUTE,
     Player,
     StubFollower,
     fault_of,
@@ -37,7 +38,7 @@ from artemis.values import (
 
 def follow(answer: Callable[[], Any] | None = None, **options: Any) -> tuple[Player, StubFollower, Plan]:
     follower = StubFollower(answer)
-    steps = plan(FollowStep(path=PATH, follower=follower, **options))
+    steps = plan(FollowStep(route=ROUTE, follower=follower, **options))
     return Player(FollowMode(steps)), follower, steps
 
 
@@ -222,7 +223,7 @@ def test_path_that_takes_too_long_is_a_fault_that_counts_only_driving(monkeypatc
     told = [wish.fault is not None and wish.fault.id == "PTH-08" for wish in along(player, answers, follower)]
     assert told.index(True) in (4, 5)
     assert "0.5" in str(player.wishes[-1].fault)
-    steps.steps = (FollowStep(path=PATH, follower=follower, speed=in_one_second),)
+    steps.steps = (FollowStep(route=ROUTE, follower=follower, speed=in_one_second),)
     player.enter()
     assert not has_fault(player.tick()), "another step has its own time"
 
@@ -254,7 +255,7 @@ def test_interrupted_path_goes_on_without_starting_the_follower_again() -> None:
 
 def test_next_path_starts_its_own_follower() -> None:
     first, second = StubFollower(lambda: following(finished=True)), StubFollower()
-    steps = plan(FollowStep(path=PATH, follower=first), FollowStep(path=PATH, follower=second))
+    steps = plan(FollowStep(route=ROUTE, follower=first), FollowStep(route=ROUTE, follower=second))
     player = Player(FollowMode(steps))
     assert player.tick().event is Event.DONE
     player.enter()
@@ -264,7 +265,7 @@ def test_next_path_starts_its_own_follower() -> None:
 
 def test_same_step_twice_in_a_plan_is_started_twice() -> None:
     follower = StubFollower(lambda: following(finished=True))
-    steps = plan(*(FollowStep(path=PATH, follower=follower) for _ in range(2)))
+    steps = plan(*(FollowStep(route=ROUTE, follower=follower) for _ in range(2)))
     player = Player(FollowMode(steps))
     player.tick()
     player.enter()
@@ -289,7 +290,7 @@ class PathTaker(StubFollower):
 
 def test_a_path_of_which_an_earlier_run_has_driven_a_part_is_begun_there() -> None:
     follower = PathTaker()
-    steps = plan(FollowStep(path=PATH, follower=follower), done=1.25)
+    steps = plan(FollowStep(route=ROUTE, follower=follower), done=1.25)
     wish = Player(FollowMode(steps)).tick()
 
     assert follower.path.at(0.0).x == pytest.approx(1.25, abs=PATH.spacing)
@@ -303,7 +304,7 @@ def test_the_next_path_is_begun_at_its_start() -> None:
     first, second = PathTaker(), PathTaker()
     first.answer = lambda: following(finished=True)
     first.step = lambda snapshot: following(finished=True)  # type: ignore[method-assign]
-    steps = plan(FollowStep(path=PATH, follower=first), FollowStep(path=PATH, follower=second), done=1.25)
+    steps = plan(FollowStep(route=ROUTE, follower=first), FollowStep(route=ROUTE, follower=second), done=1.25)
     player = Player(FollowMode(steps))
     player.tick()
     player.enter()

@@ -16,6 +16,7 @@ from core_builders import (
     PERIOD,
     STEERING,
     TRACTION,
+    WATCH,
     ObedientDrives,
     Player,
     fault_of,
@@ -207,12 +208,27 @@ def test_emergency_in_one_tick_and_fault_state_in_another_prove_it_too() -> None
     bring_up = BringUp()
     player, late = bring_up.player, "steer-right"
     player.until(lambda wish: wish.exchange and not wish.heartbeat)
+    for _ in range(WATCH - 1):
+        player.tick()
     feedback = bring_up.drives.react(player.wishes[-1], SetPoints())
     assert all(LOST_HEARTBEAT in each.emergencies for each in feedback)
     waiting = [replace(each, state=DriveState.SWITCH_ON_DISABLED) if each.name == late else each for each in feedback]
     assert player.tick(drives=tuple(waiting)).traction is Goal.DISABLED
     both = player.tick(drives=tuple(replace(each, emergencies=()) for each in feedback))
     assert both.traction is Goal.FAULT_RESET
+
+
+@pytest.mark.parametrize("state", [DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED])
+@pytest.mark.parametrize("silent", [False, True], ids=["first contact", "heartbeat withheld"])
+def test_fault_before_a_drive_can_miss_our_heartbeat_is_not_reset(state: DriveState, silent: bool) -> None:
+    bring_up = BringUp()
+    player = bring_up.player
+    player.until(lambda wish: wish.exchange and wish.heartbeat is not silent)
+    for _ in range(WATCH - 3 if silent else 2):
+        player.tick()
+    bring_up.drives.changes["steer-left"] = {"state": state}
+    assert fault_of(player.tick()) == ("COM-01", "steer-left")
+    assert not any(Goal.FAULT_RESET in (wish.traction, wish.steering) for wish in player.wishes)
 
 
 def test_fault_that_cannot_be_reset_is_a_fault_of_its_drive() -> None:

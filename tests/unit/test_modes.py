@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from core_builders import (
     NAMES,
-    PATH,
     PERIOD,
+    ROUTE,
     ObedientDrives,
     Player,
     StubFollower,
@@ -224,7 +224,7 @@ def test_jobs_are_wished_once_and_waited_for_until_the_last_has_ended() -> None:
 
 STEPS: list[tuple[Step, Event]] = [
     (CalibrateStep(), Event.CALIBRATE),
-    (FollowStep(path=PATH, follower=StubFollower()), Event.FOLLOW),
+    (FollowStep(route=ROUTE, follower=StubFollower()), Event.FOLLOW),
     (TeleopStep(input="stick", seconds=None), Event.TELEOP),
 ]
 
@@ -275,6 +275,13 @@ def test_calibrate_aligns_and_is_done() -> None:
     kinds = [job.kind for job in player.jobs]
     assert kinds[:2] == [JobKind.REFERENCE] * 2
     assert {wish.command.speed for wish in player.wishes} == {0.0}
+
+
+def test_calibrate_holds_the_wheels_where_it_finds_them_until_it_knows_how_they_stand() -> None:
+    robot = ObedientDrives(DriveState.OPERATION_ENABLE)
+    player = Player(CalibrateMode(plan(CalibrateStep())), robot.react)
+    found = SetPoints(steering=0.1)
+    assert player.tick(set_points=found).command == DriveCommand(speed=0.0, steering=0.1)
 
 
 def test_calibrate_that_fails_is_a_fault_and_not_done() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from artemis.errors import ConfigError
-from artemis.motion import path as path_module
+from artemis.motion import path_points
 from artemis.motion import table as table_module
 from artemis.motion.path import Path, PathPoint, check_drivable, path_from_csv, path_from_points
 from artemis.vehicle import Robot
@@ -90,7 +90,6 @@ def test_every_problem_is_reported_with_its_place() -> None:
         ("x,x\n0,0\n1,0\n", "p.csv:1:3: second column for x"),
         ("x y\n0 0\n1.1 0\n", "p.csv:3:1: 1.10 m from the point before; expected at most 1 m"),
         ("x y\n0 0\n0.5 0\n1 0\n0.6 0.01", "p.csv:4:1: the path reverses here"),
-        ("x y heading\n0 0 3.1\n0.5 0 0\n1 0 0", "p.csv:2:5: heading 3.10 rad points against the path"),
         ("0,0,0,1,5\n", "expected 4 columns"),
     ],
 )
@@ -130,7 +129,7 @@ def test_huge_files_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_paths_too_long_to_sample_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(path_module, "MAX_LENGTH", 2.0)
+    monkeypatch.setattr(path_points, "MAX_LENGTH", 2.0)
     (problem,) = problems_of("\n".join(f"{0.5 * i},0" for i in range(20)))
     assert problem.startswith("p.csv:1:1: path of 10 m; expected at most 2 m")
 

@@ -12,6 +12,7 @@ from artemis.commands.path_formats import READERS, read_csv, read_gpx, read_nav2
 from artemis.commands.path_import import import_path
 from artemis.errors import ConfigError
 from artemis.motion.path import path_from_csv
+from artemis.motion.route import route_from_csv
 
 
 def problems_of(kind: str, text: str | bytes) -> list[str]:
@@ -252,14 +253,28 @@ def test_a_path_is_moved_to_where_a_run_begins(tmp_path: Path) -> None:
     assert path.y[-1] > 0.5
 
 
-@pytest.mark.parametrize(("reverse", "fits"), [(False, False), (True, True)])
-def test_a_way_driven_backwards_is_only_taken_the_other_way(tmp_path: Path, reverse: bool, fits: bool) -> None:
+@pytest.mark.parametrize("reverse", [False, True])
+def test_a_way_driven_backwards_stays_so_and_is_driven_forwards_the_other_way(tmp_path: Path, reverse: bool) -> None:
     text = "x,y,yaw_deg\n" + "".join(f"{0.5 * i},0,180\n" for i in range(5))
-    if fits:
-        assert path_from_csv(imported(tmp_path, text, reverse=reverse), "out.csv").x[-1] == pytest.approx(0.0)
-    else:
-        with pytest.raises(ConfigError, match=r"in.csv:2:1: every heading points against the way; .*--reverse"):
-            imported(tmp_path, text, reverse=reverse)
+    (part,) = route_from_csv(imported(tmp_path, text, reverse=reverse), "out.csv").parts
+    assert part.backward is not reverse
+    assert part.path.x[-1] == pytest.approx(0.0 if reverse else 2.0)
+
+
+def test_a_way_with_reversals_is_joined_part_by_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = "x,y\n" + "".join(f"{x},{0.1 * x}\n" for x in (5, 8, 11, 8.5, 6, 9))
+    there, back, again = route_from_csv(imported(tmp_path, text, origin=True), "out.csv").parts
+    assert [part.backward for part in (there, back, again)] == [False, True, False]
+    assert (there.path.x[0], there.path.y[0], there.path.heading[0]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
+    assert [p.path.length for p in (there, back, again)] == pytest.approx([6.03, 5.025, 3.015], abs=0.01)
+    assert "14.07 m, driven forwards, backwards, forwards, from 6 points of in.csv" in capsys.readouterr().out
+
+
+def test_a_way_that_begins_backwards_is_moved_so_that_the_robot_faces_along_x(tmp_path: Path) -> None:
+    text = "x,y,yaw_deg\n" + "".join(f"3,{0.5 * i},-90\n" for i in range(5))
+    (part,) = route_from_csv(imported(tmp_path, text, origin=True), "out.csv").parts
+    assert part.backward
+    assert (part.path.x[-1], part.path.y[-1], part.heading_at(0.0)) == pytest.approx((-2.0, 0.0, 0.0), abs=1e-4)
 
 
 def test_headings_that_are_all_0_are_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -272,8 +287,8 @@ def test_headings_that_are_all_0_are_none(tmp_path: Path, capsys: pytest.Capture
     [
         ("x,y\n", "in.csv:1:1: 0 distinct points"),
         ("x,y\n1,1\n1,1\n", "in.csv:1:1: 1 distinct points"),
-        ("x,y\n0,0\n1,0\n0.1,0\n", "in.csv:3:1: the way reverses here (180 deg)"),
-        ("x,y,yaw\n0,0,0.1\n1,0,3\n2,0,0\n", "in.csv:3:1: the heading points against the way"),
+        ("x,y,yaw\n0,0,0.1\n1,0,3\n2,0,0\n", "in.csv:3:1: the heading points across the way"),
+        ("x,y\n0,0\n1,0\n2,0\n1.43,0.82\n", "in.csv:4:1: the robot would turn by 55 deg on the spot"),
         ("x,y,v\n0,0,0.1\n1,0,-0.3\n2,0,0.1\n", "in.csv:3:1: speed: expected more than 0 m/s, found -0.3"),
         ("x,y\n0,0\n50000,0\n", "in.csv: path of 50000 m"),
         ("x,y\n0,0\n1e308,0\n", "in.csv: more than"),

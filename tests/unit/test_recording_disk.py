@@ -207,8 +207,9 @@ def test_a_journal_that_can_be_written_again_is_no_trouble_any_more(tmp_path: Pa
 
 @pytest.mark.parametrize("threaded", [False, True])
 def test_the_journal_says_each_second_that_the_run_goes_on_also_when_the_recording_has_ended(
-    tmp_path: Path, threaded: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, threaded: bool
 ) -> None:
+    monkeypatch.setattr("artemis.recording.journal.PREALLOCATED", 1 << 16)  # it is read 215 times
     disk, journal = FailingDisk(), tmp_path / "journal.jsonl"
     told: list[float] = []
 

@@ -73,6 +73,15 @@ def test_tick_after_one_that_took_too_long_knows_how_late_it_is() -> None:
     assert rig.scheduled == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.13, 0.14, 0.16, 0.18, 0.2])
 
 
+def test_tick_knows_when_the_set_points_before_it_were_sent() -> None:
+    rig = Rig()
+    busy(rig, at=0.1, seconds=0.03)
+    rig.at(0.135, rig.request(Request.QUICKSTOP))
+    rig.run(0.18)
+    sent = {round(sensed.time, 6): sensed.sent for sensed in rig.core.seen if sensed.time > 0.07}
+    assert sent == pytest.approx({0.08: 0.06, 0.1: 0.08, 0.13: 0.13, 0.135: 0.13, 0.14: 0.13, 0.16: 0.14, 0.18: 0.16})
+
+
 def test_extra_tick_after_a_late_one_is_not_late() -> None:
     rig = Rig()
     busy(rig, at=0.1, seconds=0.03)

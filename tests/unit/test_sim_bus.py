@@ -284,6 +284,19 @@ def test_closed_bus_schedules_nothing() -> None:
     simulate(main())
 
 
+def test_what_was_sent_still_leaves_when_the_bus_is_closed() -> None:
+    async def main() -> None:
+        node = FakeNode({0x080: [(0.0, SDO_ANSWER)]})
+        bus = make_bus(FakeWorld(node))
+        for frame in (SYNC, SDO_REQUEST):
+            bus.send(frame)
+        bus.close()
+        assert [frame for _, frame in node.heard] == [SYNC, SDO_REQUEST]
+        assert node.heard[-1][0] < 1e-3
+
+    simulate(main())
+
+
 def test_load_of_the_bus_is_counted() -> None:
     async def main() -> None:
         bus = make_bus(FakeWorld(FakeNode({0x601: [(0.0, SDO_ANSWER)]})))

@@ -239,6 +239,9 @@ def tracking(*arc_lengths: float, away: float = 0.0) -> Callable[[Watch], Ticks]
 
     def ticks(watch: Watch) -> Ticks:
         command = DriveCommand(speed=0.3)
+        if away:  # it was on its path
+            watch.wish = replace(DRIVING, tracking=Tracking(arc_length=0.0, length=9.0, cross_track=0.0))
+            yield {}
         while True:
             for arc in arc_lengths:
                 watch.wish = replace(
@@ -303,7 +306,7 @@ CASES = [
     Case("RUN-06", S1, RIGHT, "pushes", alone(0.049), alone(0.051), hold=0.059, slow=0.04),
     Case("RUN-10", S1, SICK, "jumped", ill(SICK, jumps=1), ill(SICK, jumps=2)),
     Case("RUN-12", WARN, "", "+0.72 m/s", wishing(**command(0.713)), wishing(**command(0.716)), hold=1.0),
-    Case("PTH-06", LIMIT, "", "+0.31 m", tracking(1.0, 2.0, away=0.299), tracking(1.0, 2.0, away=0.3051), hold=0.28),
+    Case("PTH-06", LIMIT, "", "+0.31 m", tracking(1.0, 2.0, away=0.299), tracking(1.0, 2.0, away=0.3051), 0.28, 0.02),
     Case("PTH-07", S2, "", "at 1.00 m", tracking(1.0, 1.011), tracking(1.0, 1.009), hold=3.0, slow=0.02),
     Case("STE-01", S1, SICK, "3.1 degrees", off_angle(2.95), off_angle(3.06), hold=0.38),
     Case("STE-02", S1, SICK, "+1.82 A", ill(SICK, current=1.79), ill(SICK, current=1.82), hold=0.28),

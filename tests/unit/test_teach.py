@@ -8,18 +8,23 @@ from pathlib import Path
 
 import pytest
 from hid_devices import DESCRIPTORS
-from pad import Pad, device_of, encode
+from pad import ROBOT, Pad, device_of, encode
 
 from artemis import clock
+from artemis.cli import app
 from artemis.commands import calibrate_input
 from artemis.commands.calibrate_input import teach
 from artemis.devices.hid.descriptor import parse_descriptor
 from artemis.devices.hid.port import HidInfo
 from artemis.errors import ConfigError, DeviceLost
+from artemis.plugins.contracts import Setup
+from artemis.plugins.inputs.gamepad import GamepadInput
+from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.hands import BUTTONS
-from artemis.plugins.inputs.profiles import Profile, profile_from, profile_named
+from artemis.plugins.inputs.profiles import Axis, Profile, profile_from, profile_named
 from artemis.plugins.inputs.teach import Learnt, Moment, lesson
 from artemis.testing.fake_hid import FakeHid
+from artemis.values import Request
 
 # ---------------------------------------------------------------------------------------------- the lesson
 
@@ -362,3 +367,102 @@ def test_dialogue_without_a_person_is_refused(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
     with pytest.raises(ConfigError, match="a person at a terminal"):
         calibrate_input.calibrate_input(None, None, None)
+
+
+# ---------------------------------------------------------------------------------------------- the command itself
+
+UNKNOWN = "dragonrise_0006"
+"""Sold with several layouts under one number, so that nothing is known of it."""
+GAMEPAD = HidInfo("/dev/hidraw4", "usb", 0x0079, 0x0006, "", "USB Gamepad", 0)
+REST = {"x": 130, "y": 125, "z": 128, "z.2": 127, "rz": 128, "hat": 15}
+PUSHES: dict[str, list[dict[str, int]]] = {
+    "x": [{"x": 255}, {}, {"x": 0}, {}],
+    "y": [{"y": 0}, {}, {"y": 255}, {}],
+    "corner": [{"x": 240, "y": 15}, {}],
+}
+PRESSES = {"enable": "button.5", "quick stop": "button.3", "faster": "hat", "arm": "button.10"}
+
+
+class AtHisGamepad:
+    """Somebody at the terminal, with a gamepad of which artemis knows nothing."""
+
+    def __init__(self, hid: FakeHid) -> None:
+        self.told: list[str] = []
+        self._hid, self._descriptor = hid, parse_descriptor(DESCRIPTORS[UNKNOWN])
+        self._acts: Iterator[str | None] = iter(())
+
+    def say(self, text: str) -> None:
+        self.told.append(text)
+        self._acts = self._act(text)
+
+    def typed(self) -> str | None:
+        return next(self._acts, None)
+
+    def send(self, **levels: int) -> None:
+        self._hid.send(encode(self._descriptor, 0, {**REST, **levels}))
+
+    def _act(self, text: str) -> Iterator[str | None]:
+        asked = text.partition(":")[0]
+        pressed = next((name for name in PRESSES if text.startswith(f"press the button for {name}")), None)
+        if text.startswith("a stick"):
+            yield "stick"
+        elif text.endswith("press Enter"):
+            self.send()
+            yield None
+            yield ""
+        elif asked in PUSHES:
+            for levels in PUSHES[asked]:
+                self.send(**levels)
+                yield None
+        elif pressed is not None:
+            down = {PRESSES[pressed]: 0 if PRESSES[pressed] == "hat" else 1}  # the hat: up
+            for levels in (down, {}):
+                self.send(**levels)
+                yield None
+        elif text.startswith("press the button"):
+            yield ""
+        elif text.startswith("write "):
+            yield "yes"
+
+
+def test_the_command_teaches_a_device_that_no_profile_knows_and_it_drives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hid = FakeHid()
+    hid.plug(GAMEPAD, DESCRIPTORS[UNKNOWN])
+    person = AtHisGamepad(hid)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    setup = Setup(name="stick", robot=ROBOT, folder=tmp_path)
+    stranger = GamepadInput(GamepadConfig(), setup, hid)
+    with pytest.raises(DeviceLost, match="there is no profile for it; teach it: artemis calibrate input"):
+        [stranger.read(now) for now in (0.0, 5.0)]
+
+    run = clock.run
+    monkeypatch.setattr("artemis.commands.calibrate_input.clock.run", lambda main, simulated: run(main, simulated=True))
+    monkeypatch.setattr("artemis.commands.calibrate_input.Hidraw", lambda: hid)
+    monkeypatch.setattr("artemis.commands.calibrate_input.Terminal", lambda: person)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    with pytest.raises(SystemExit) as end:
+        app(["calibrate", "input"])
+    assert end.value.code == 0
+    assert person.told[0] == str(GAMEPAD)
+    assert person.told[-1] == "written; a mission uses it with {plugin: gamepad, profile: usb-gamepad}"
+
+    taught = profile_named("usb-gamepad")
+    assert taught.axes["x"] == Axis(field="x", minimum=0, centre=130, maximum=255)
+    assert taught.axes["y"] == Axis(field="y", minimum=0, centre=125, maximum=255, inverted=True)
+    assert (taught.gate, taught.reports) == ("square", "on_change")
+    buttons = {"enable": "button.5", "quickstop": "button.3", "faster": "hat.up", "arm": "button.10"}
+    assert taught.buttons == buttons
+
+    device = GamepadInput(GamepadConfig(), setup, hid)  # auto: the one that is plugged in
+    device.read(0.0)
+    person.send()
+    for tick in range(1, 40):
+        device.read(tick * 0.02)
+    person.send(y=0, **{"button.5": 1})
+    sample = device.read(0.8)
+    assert sample.enabled
+    assert sample.speed == pytest.approx(ROBOT.limits.speed_m_s)
+    person.send(**{"button.3": 1})
+    assert device.read(0.82).requests == (Request.QUICKSTOP,)

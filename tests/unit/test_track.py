@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from artemis.errors import ConfigError
-from artemis.motion.path import path_from_csv
+from artemis.motion.path import Path, path_from_csv
+from artemis.motion.route import Route, route_from_csv
 from artemis.motion.track import ANGLE, SPACING, Track, loop_end
 from artemis.values import Pose
 from artemis.vehicle import Robot
@@ -71,6 +72,14 @@ def test_the_spacing_can_be_chosen_and_add_says_what_it_kept() -> None:
     assert [track.add(Pose(x=x)) for x in (0.0, 0.4, 0.5, 0.9, 1.0)] == [True, False, True, False, True]
 
 
+def test_a_recording_that_is_begun_anew_while_driving_knows_nothing_of_before() -> None:
+    track = Track()
+    for number, pose in enumerate(line(0.5)):
+        track.see(pose, pressed=number == 20)
+    assert [round(pose.x, 3) for pose in track.poses[:2]] == [0.26, 0.312]
+    assert track.poses[-1].x == pytest.approx(0.468)
+
+
 # ---------------------------------------------------------------------------------------------- legs
 
 
@@ -97,8 +106,15 @@ def test_backwards_is_told_by_the_heading_not_by_the_axis() -> None:
 # ---------------------------------------------------------------------------------------------- the path
 
 
+def only(route: Route) -> Path:
+    """The path of a route that is driven forwards."""
+    (part,) = route.parts
+    assert not part.backward
+    return part.path
+
+
 def test_the_path_is_what_was_driven(robot: Robot) -> None:
-    path = track_of(circle(4.0)).path(robot, 0.1)
+    path = only(track_of(circle(4.0)).route(robot, 0.1))
     assert not path.closed
     assert path.length == pytest.approx(6.0, abs=0.05)
     distance = np.hypot(path.x, path.y - 1.5)
@@ -119,7 +135,7 @@ def test_the_path_is_what_was_driven(robot: Robot) -> None:
 def test_ends_that_nearly_meet_are_closed_if_asked(
     robot: Robot, turn: float, close_within: float, closed: bool
 ) -> None:
-    path = track_of(circle(turn)).path(robot, 0.1, close_within)
+    path = only(track_of(circle(turn)).route(robot, 0.1, close_within))
     assert path.closed is closed
     if closed:
         assert path.length == pytest.approx(math.tau * 1.5, abs=0.02)
@@ -157,11 +173,44 @@ def test_no_poses_make_no_loop() -> None:
     assert loop_end([Pose()] * 10, 1.0) == 10  # standing on one place: refused as too short
 
 
+def there_and_back() -> list[Pose]:
+    """A metre and 32 mm along x, as ticks see it; back to the left, backwards; and forwards again."""
+    there = [Pose(x=0.004 * index) for index in range(259)]
+    angles = [0.004 * index / 0.8 for index in range(1, 200)]
+    back = [Pose(x=1.032 - 0.8 * math.sin(a), y=0.8 * (1 - math.cos(a)), heading=-a) for a in angles]
+    return [*there, *[there[-1]] * 20, *back, *[back[-1]] * 20, *reversed(back)]
+
+
+def test_what_was_driven_to_and_fro_is_a_route_whose_reversals_are_where_the_robot_turned_back(robot: Robot) -> None:
+    track = track_of(there_and_back())
+    route = track.route(robot, 0.1)
+    first, second, third = route.parts
+    assert [part.backward for part in route.parts] == [False, True, False]
+    assert (first.path.x[-1], first.path.y[-1]) == pytest.approx((1.032, 0.0), abs=1e-3)
+    assert (second.path.x[0], second.path.y[0]) == pytest.approx((1.032, 0.0), abs=1e-3)
+    assert second.path.length == pytest.approx(0.796, abs=0.005)
+    assert (third.path.x[0], third.path.y[0]) == pytest.approx((second.path.x[-1], second.path.y[-1]), abs=1e-3)
+    again = route_from_csv(track.as_csv(), "track.csv")
+    assert [part.backward for part in again.parts] == [False, True, False]
+    assert again.length == pytest.approx(route.length, abs=0.01)
+
+
+def test_a_way_driven_backwards_only_is_one_part_and_may_be_closed(robot: Robot) -> None:
+    poses = [Pose(x=-p.x, y=p.y, heading=-p.heading) for p in circle(math.tau - 0.2)]
+    (part,) = track_of(poses).route(robot, 0.1, 0.5).parts
+    assert part.backward
+    assert part.path.closed
+    (part,) = track_of(poses).route(robot, 0.1).parts
+    assert not part.path.closed
+
+
+def test_a_short_way_back_is_no_part(robot: Robot) -> None:
+    x = [*np.arange(0.0, 1.0, 0.004), *np.arange(1.0, 0.97, -0.004), *np.arange(0.97, 2.0, 0.004)]
+    route = track_of([Pose(x=float(place)) for place in x]).route(robot, 0.1)
+    assert only(route).length == pytest.approx(2.0, abs=0.06)
+
+
 # ---------------------------------------------------------------------------------------------- what is no path
-
-
-def backwards() -> Track:
-    return track_of([*line(1.0), *reversed(line(0.5))])
 
 
 def nothing() -> Track:
@@ -179,7 +228,6 @@ def sharp() -> Track:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (backwards, "driven backwards"),
         (nothing, "only 0.00 m"),
         (short, "only 0.21 m were recorded, at least 0.3 m are needed"),
         (sharp, "too sharp at"),
@@ -187,23 +235,23 @@ def sharp() -> Track:
 )
 def test_what_cannot_be_followed_is_refused(robot: Robot, make: Callable[[], Track], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
-        make().path(robot, 0.1)
+        make().route(robot, 0.1)
 
 
 def test_standing_and_turning_on_the_spot_is_too_short(robot: Robot) -> None:
     with pytest.raises(ConfigError, match=r"only 0\.00 m"):
-        track_of([Pose(heading=math.radians(degrees)) for degrees in range(90)]).path(robot, None)
+        track_of([Pose(heading=math.radians(degrees)) for degrees in range(90)]).route(robot, None)
 
 
 def test_without_a_speed_the_robots_highest_counts(robot: Robot) -> None:
     bend = track_of([*line(1.0), *(Pose(x=1.0 + p.x, y=p.y, heading=p.heading) for p in circle(2.0, radius=0.6))])
-    assert bend.path(robot, 0.05).length > 2.0
+    assert bend.route(robot, 0.05).length > 2.0
     with pytest.raises(ConfigError, match="too fast at"):
-        bend.path(robot, None)
+        bend.route(robot, None)
 
 
 def test_the_file_of_a_track_is_read_as_its_path(robot: Robot) -> None:
     track = track_of(circle(4.0))
-    path, again = track.path(robot, 0.1), path_from_csv(track.as_csv(), "track.csv")
+    path, again = only(track.route(robot, 0.1)), path_from_csv(track.as_csv(), "track.csv")
     assert again.length == pytest.approx(path.length, abs=1e-3)
     assert np.abs(np.interp(path.arc_length, again.arc_length, again.x) - path.x).max() < 2e-3

@@ -12,10 +12,12 @@ import pytest
 from artemis.errors import ConfigError
 from artemis.motion.demand import steering_per_way
 from artemis.motion.geodesy import local_metres
-from artemis.motion.joining import Placement, against, bulge, join
+from artemis.motion.joining import Placement, bulge, join
 from artemis.motion.path import Path, check_drivable, path_from_csv, path_from_points
 from artemis.motion.path_facts import demand_of, facts_of
-from artemis.motion.waypoints import cusps, deviation, drawn, highest_speed, largest_distance, legs_of, rows_of
+from artemis.motion.path_points import cusps
+from artemis.motion.route import Part, Route, route_from_csv
+from artemis.motion.waypoints import deviation, drawn, highest_speed, largest_distance, legs_of, rows_of
 from artemis.values import Pose
 from artemis.vehicle import Robot
 from artemis.yaml_file import load
@@ -30,6 +32,10 @@ def straight(*places: float, step: float = 0.004) -> list[Pose]:
     """Along x from one place to the next [m], as densely as a run has its ticks."""
     xs = np.concatenate([np.linspace(a, b, round(abs(b - a) / step) + 1) for a, b in itertools.pairwise(places)])
     return [Pose(x=x) for x in xs.tolist()]
+
+
+def only(path: Path, *, backward: bool = False) -> Route:
+    return Route((Part(path=path, backward=backward),))
 
 
 def eight(count: int = 400) -> tuple[np.ndarray, np.ndarray]:
@@ -78,7 +84,7 @@ def test_a_robot_that_stands_or_trembles_makes_no_leg() -> None:
 @pytest.mark.parametrize("smoothing", [0.0, 0.3, 1.0])
 def test_a_file_is_read_as_the_curve_that_was_written(smoothing: float) -> None:
     x, y = eight()
-    rows = rows_of(drawn(x, y, spacing=0.05, smoothing=smoothing), "eight.csv")
+    rows = rows_of(only(drawn(x, y, spacing=0.05, smoothing=smoothing)), "eight.csv")
     again = path_from_csv(rows.text, "eight.csv")
     assert again.closed
     assert (again.x == rows.path.x).all()
@@ -90,22 +96,45 @@ def test_a_file_is_read_as_the_curve_that_was_written(smoothing: float) -> None:
 
 def test_headings_of_a_file_point_along_the_path_or_against_it() -> None:
     curve = drawn(np.linspace(0, 2, 21), np.zeros(21), spacing=0.05, smoothing=0.3)
-    assert ",0.00000\n" in rows_of(curve, "f.csv").text
-    backward = rows_of(curve, "b.csv", backward=True).text
+    assert ",0.00000\n" in rows_of(only(curve), "f.csv").text
+    backward = rows_of(only(curve, backward=True), "b.csv").text
     assert ",3.14159\n" in backward
-    with pytest.raises(ConfigError, match="points against the path"):
-        path_from_csv(backward, "b.csv")
+    assert [part.backward for part in route_from_csv(backward, "b.csv").parts] == [True]
+
+
+def test_a_file_of_a_way_with_reversals_is_read_as_it_was_written() -> None:
+    there, back, again = (
+        drawn(np.linspace(a, b, 21), 0.1 * np.linspace(a, b, 21) ** 2, spacing=0.05, smoothing=0.3)
+        for a, b in ((0.0, 1.5), (1.5, 0.5), (0.5, 2.0))
+    )
+    parts = (Part(path=there, backward=True), Part(path=back), Part(path=again, backward=True))
+    rows = rows_of(Route(parts), "z.csv")
+    assert [part.backward for part in rows.route.parts] == [True, False, True]
+    for part, read in zip(parts, rows.route.parts, strict=True):
+        assert read.path.length == pytest.approx(part.path.length, abs=1e-3)
+        assert deviation(part.path.x, part.path.y, read.path)[0] < 0.002
+    lines = rows.text.splitlines()
+    assert len(lines) == 1 + len(there.x) + len(back.x) + len(again.x) - 2, "neighbours share a row"
+
+
+def test_a_way_whose_parts_turn_on_the_spot_is_not_written() -> None:
+    east, north = (
+        drawn(x, y, spacing=0.05, smoothing=0.3)
+        for x, y in ((np.linspace(0, 1, 11), np.zeros(11)), (np.full(11, 1.0), np.linspace(0, 1, 11)))
+    )
+    with pytest.raises(ConfigError, match="its reversals are not found again"):
+        rows_of(Route((Part(path=east), Part(path=north))), "f.csv")
 
 
 def test_speeds_of_a_file_are_never_too_low_to_get_on() -> None:
     x = np.linspace(0, 2, 21)
     speed = np.concatenate([[0.0], np.full(19, 0.5), [0.0]])
-    rows = rows_of(drawn(x, 0 * x, spacing=0.05, smoothing=0.3, speed=speed), "f.csv", with_speed=True)
+    rows = rows_of(only(drawn(x, 0 * x, spacing=0.05, smoothing=0.3, speed=speed)), "f.csv", with_speed=True)
     assert rows.path.speed is not None
     assert rows.path.speed.min() == pytest.approx(0.1)
     assert rows.path.speed.max() == pytest.approx(0.5)
     assert rows.text.startswith("x_m,y_m,heading_rad,speed_m_s\n")
-    unasked = rows_of(drawn(x, 0 * x, spacing=0.05, smoothing=0.3, speed=speed), "f.csv")
+    unasked = rows_of(only(drawn(x, 0 * x, spacing=0.05, smoothing=0.3, speed=speed)), "f.csv")
     assert unasked.path.speed is None
 
 
@@ -211,7 +240,7 @@ def test_a_way_may_pass_the_date_line() -> None:
 
 def test_waypoints_far_apart_are_joined_densely_through_each_of_them() -> None:
     x, y = np.array([0.0, 5.0, 9.0, 9.0]), np.array([0.0, 0.0, 3.0, 9.0])
-    path = rows_of(join(x, y, closed=False), "w.csv").path
+    path = rows_of(only(join(x, y, closed=False)), "w.csv").path
     assert np.hypot(np.diff(path.x), np.diff(path.y)).max() < 0.05
     assert deviation(x, y, path)[0] < 0.001
     most, corner = bulge(x, y, path)
@@ -228,7 +257,7 @@ def test_a_straight_way_has_no_corners() -> None:
 def test_waypoints_become_a_loop_if_asked(repeated: bool) -> None:
     corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0), *([(0.0, 0.0)] if repeated else [])]
     x, y = np.array(corners).T
-    path = rows_of(join(x, y, closed=True), "w.csv").path
+    path = rows_of(only(join(x, y, closed=True)), "w.csv").path
     assert path.closed
     assert 16.0 < path.length < 18.0
     assert deviation(x, y, path)[0] < 0.002
@@ -238,13 +267,6 @@ def test_waypoints_become_a_loop_if_asked(repeated: bool) -> None:
 def test_sparse_waypoints_whose_ends_are_a_step_apart_stay_open() -> None:
     angle = np.radians(np.arange(0, 360, 45))
     assert not join(5 * np.cos(angle), 5 * np.sin(angle), closed=False).closed
-
-
-def test_headings_against_the_way_are_found() -> None:
-    x, y = np.array([0.0, 1.0, 2.0, 2.0]), np.array([0.0, 0.0, 0.0, 1.0])
-    assert against(x, y, np.radians([0.0, 10.0, 45.0, 90.0])) == []
-    assert against(x, y, np.radians([180.0, 10.0, -80.0, 190.0])) == [0, 2, 3]
-    assert against(x, y, np.radians([180.0, 180.0, -135.0, -90.0])) == [0, 1, 2, 3]
 
 
 def test_a_placement_brings_its_place_to_the_origin() -> None:

@@ -136,16 +136,26 @@ def test_wheel_that_runs_away_is_read_with_its_excess(
 
 
 @pytest.mark.parametrize(("before", "after"), [(0.2, 0.5), (0.5, 0.2), (0.3, -0.3), (-0.5, 0.0)])
-def test_wheel_has_a_fifth_of_a_second_to_answer(before: float, after: float) -> None:
+def test_wheel_has_a_tenth_of_a_second_to_answer(before: float, after: float) -> None:
     made = road(before)
     made.drive(after, actual=before)
     told = made.history("RUN-01", 0.5, LEFT)
     first = next((number for number, value in enumerate(told) if value is not None), None)
     if abs(before) > abs(after) or before * after < 0:
-        assert first in (9, 10), "ten ticks after the command"
+        assert first in (4, 5), "five ticks after the command"
         assert told[-1] is not None
     else:
         assert first is None
+
+
+def test_wheel_that_slows_down_from_twice_its_command_is_read() -> None:
+    made = road(0.5)
+    told = []
+    for tick in range(20):
+        made.drive(0.5 - PERIOD * tick, actual=1.0 - 2.0 * PERIOD * tick)
+        made.tick()
+        told.append(made.value("RUN-01", LEFT) or 0.0)
+    assert sum(value > 0.15 for value in told) * PERIOD > 0.14, "1 m/s² of the robot file"
 
 
 # ---------------------------------------------------------------------------------------------- RUN-02

@@ -43,22 +43,22 @@ def test_slip_is_over_a_fifth_of_a_second_at_least_but_for_a_hundredth(after: fl
     assert made.value("RUN-05") == pytest.approx(slip)
 
 
-def test_command_counts_for_a_fifth_of_a_second() -> None:
+def test_command_counts_for_a_tenth_of_a_second() -> None:
     made = road(0.5)
     made.drive(0.2, actual=0.5)
     made.tick()
-    made.tick(after=0.179)
-    assert made.value("RUN-01", LEFT) is None, "the one before it was given 0.199 s ago"
+    made.tick(after=0.079)
+    assert made.value("RUN-01", LEFT) is None, "the one before it was given 0.099 s ago"
     made.tick(after=0.002)
     assert made.value("RUN-01", LEFT) == pytest.approx(0.3)
 
 
-def test_command_of_exactly_a_fifth_of_a_second_ago_counts() -> None:
+def test_command_of_exactly_a_tenth_of_a_second_ago_counts() -> None:
     made = Road()
     made.drive(0.5)
     made.tick(after=0.0)
     made.drive(0.2, actual=0.5)
-    made.tick(after=0.2)
+    made.tick(after=0.1)
     assert made.seen == {}
 
 
@@ -202,10 +202,10 @@ def test_robot_that_stood_shall_not_drive_faster_than_told(side: int) -> None:
 def test_a_fifth_of_the_faster_command_counts(sign: float) -> None:
     made = road(sign * 0.6)
     made.drive(sign * 0.3, actual=sign * 0.7)
-    made.ticks(0.1)
+    made.ticks(0.04)
     assert made.value("RUN-01", LEFT) is None
     made.roll(sign * 0.73)
-    made.ticks(0.06)
+    made.ticks(0.04)
     assert made.value("RUN-01", LEFT) == pytest.approx(0.13)
 
 

@@ -222,7 +222,23 @@ def along(arc_length: float, cross_track: float = 0.0) -> Tracking:
 
 @pytest.mark.parametrize(("away", "there"), [(0.2, False), (0.21, True), (-0.21, True)])
 def test_robot_away_from_its_path_is_read(away: float, there: bool) -> None:
-    assert wished(0.3, tracking=along(1.0, away)).value("PTH-06") == (abs(away) if there else None)
+    made = wished(0.3, tracking=along(0.9))
+    made.wish = replace(made.wish, tracking=along(1.0, away))
+    made.tick()
+    assert made.value("PTH-06") == (abs(away) if there else None)
+
+
+def test_robot_that_was_not_on_its_path_yet_is_not_away_from_it() -> None:
+    made = wished(0.3, tracking=along(0.0, 0.5))
+    assert made.value("PTH-06") is None
+    for cross_track in (0.2, 0.5):
+        made.wish = replace(made.wish, tracking=along(1.0, cross_track))
+        made.tick()
+    assert made.value("PTH-06") == 0.5
+    for tracking in (None, along(0.0, 0.5)):
+        made.wish = replace(made.wish, tracking=tracking)
+        made.tick()
+    assert made.value("PTH-06") is None
 
 
 def progress(*steps: tuple[float, float | None]) -> list[bool]:

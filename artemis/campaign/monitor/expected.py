@@ -50,6 +50,8 @@ STALL = Expected(W, 0.02, ("SYS-03", "DRV-20", "SYS-01", "COM-31", "PLG-03", "PT
 """The computer does nothing for a while; noticed as soon as it goes on."""
 LATE = 0.06
 """One tick so much too late [s] has to be noticed."""
+OFTEN_LATE = 0.02
+"""Some in a row so much too late are noticed, too."""
 LOST = ("COM-22",)
 
 EXPECTED: dict[str, Expected] = {
@@ -158,4 +160,8 @@ def expectation(injected: Injected, tick: float) -> Expected:
         return expected
     if seconds > LATE + tick:
         return STALL._replace(when=expected.when, within=STALL.within + seconds)
-    return UNTOLD if expected.shows == STALL.shows else expected
+    if expected.shows == STALL.shows:
+        return UNTOLD
+    behind = max(0.0, seconds - tick)  # three late answers in a row make the ticks late, too
+    shows = (*expected.shows, "SYS-01") if behind > OFTEN_LATE else expected.shows
+    return expected._replace(within=expected.within + 3 * behind, shows=shows)

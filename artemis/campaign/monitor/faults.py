@@ -15,6 +15,8 @@ from artemis.campaign.witness import SIDES
 WATCHED = {"ready", "calibrate", *DRIVING}
 COMMANDED = 0.2
 """Both driven wheels are clearly commanded to move [m/s]."""
+ASTRAY, ASTRAY_PART, SLIPS = 0.18, 0.23, 0.5
+"""A wheel runs away that turns so far beyond what it was told: [m/s], and as parts of it; one that slips, too."""
 ROUNDING = 1e-6
 """Of sums of times [s]."""
 LASTS = 0.15
@@ -48,14 +50,16 @@ class Seen(NamedTuple):
 
 
 def judged(e: Evidence) -> Iterator[tuple[Injected, Expected, float]]:
-    """Every injected fault that had to be noticed, with its deadline [s]."""
+    """Every injected fault that had to be noticed, with its deadline [s]; a program that is gone notices nothing."""
+    gone = inf if e.status is not None else e.beat_before(inf) + e.tick
     for injected in e.injected:
         expected = expectation(injected, e.tick)
         deadline = injected.time + expected.within + e.tick + max(0.0, 2.5 * (e.tick - 0.02)) + ROUNDING
         if expected.when is When.BY_HAND:  # teleop stops at once, and is heard by the judge of the tick after
             deadline += e.tick
         counted = injected.options.get("count") or injected.options.get("probability")
-        if counted is None and injected.until > deadline + LASTS and _must_show(e, injected, expected, deadline):
+        lasts = injected.until > deadline + LASTS and gone >= deadline
+        if counted is None and lasts and _must_show(e, injected, expected, deadline):
             yield injected, expected, deadline
 
 
@@ -74,7 +78,8 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
         case When.FOLLOWING:
             return modes == {"follow"}
         case When.MOVING:
-            return modes <= DRIVING and _commanded(e, injected.time - 0.1, end)
+            moving = modes <= DRIVING and _commanded(e, injected.time - 0.1, end)
+            return moving and (injected.id not in ("RUN-01", "RUN-05") or _runs_away(e, injected, end))
     return False
 
 
@@ -82,6 +87,16 @@ def _commanded(e: Evidence, begin: float, end: float) -> bool:
     """Both driven wheels are told to move all the time."""
     told = [[abs(v) for time, v in e.targets[side] if begin <= time <= end] for side in SIDES]
     return all(speeds and min(speeds) >= COMMANDED for speeds in told)
+
+
+def _runs_away(e: Evidence, injected: Injected, end: float) -> bool:
+    """The wheel truly turns clearly otherwise than told: one near its top speed lacks the voltage to go much faster."""
+    side = next(side for side in SIDES if e.robot.drive_at("traction", side)[0] == injected.node)
+    told = [speed for time, speed in e.targets[side] if injected.time - 0.1 <= time <= end]
+    turned = [look.rolling[SIDES.index(side)] for look in e.looks_between(injected.time, end)]
+    beyond, fastest = max(max(turned) - max(told), min(told) - min(turned)), max(map(abs, told))
+    slips = injected.id == "RUN-05" and beyond > SLIPS * fastest
+    return slips or beyond > max(ASTRAY, ASTRAY_PART * fastest)
 
 
 def seen(e: Evidence) -> list[Seen]:
@@ -211,6 +226,7 @@ _STEPS = ("calibrate", "teleop", "follow")
 CHANGES = {
     (None, "init"),
     (None, "fault"),
+    (None, "quickstop"),
     ("init", "ready"),
     ("quickstop", "ready"),
     ("quickstop", "init"),

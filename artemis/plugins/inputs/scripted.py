@@ -1,4 +1,4 @@
-"""An operator from a file: a table of stick positions and buttons over time stands in for a joystick."""
+"""An operator from a file: what was once done by hand, or written down, stands in for a device."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ from pydantic import Field
 
 from artemis.config import Config
 from artemis.errors import ConfigError
-from artemis.motion.table import Table
 from artemis.plugins.contracts import Setup
-from artemis.plugins.inputs.hands import AXES, BUTTONS, PEDALS, Grip, Hands, Kind, top_speed
+from artemis.plugins.inputs.hands import AXES, BUTTONS, Grip, Hands, top_speed
 from artemis.plugins.inputs.joystick import Gate
+from artemis.plugins.inputs.recorded import RecordedHand, is_recorded
+from artemis.plugins.inputs.script_rows import rows_from
 from artemis.values import OperatorInput, Request
+
+OF_ROWS = ("speed_range", "gate", "deadzone", "hysteresis_deg")
+"""Keys that say how levels become a wish: a recorded run holds the wishes themselves."""
 
 
 class ScriptedConfig(Config):
@@ -22,10 +26,13 @@ class ScriptedConfig(Config):
 
     file: str
     """A table with header: time_s, x (right positive), y (forward positive), and any of the buttons (0 or 1) enable,
-    faster, slower, quickstop, acknowledge, arm, end, done. A row holds until the time of the next one. For a wheel:
-    steering (right positive), gas and brake (0 to 1) instead of x and y, and the button reverse."""
+    faster, slower, quickstop, acknowledge, arm, end, done, record. A row holds until the time of the next one. For a
+    wheel: steering (right positive), gas and brake (0 to 1) instead of x and y, and the button reverse. Or the same as
+    YAML (.yaml), a list of mappings. Or an earlier run: its folder or its recording.mcap."""
+    input: str | None = None
+    """Of an earlier run: the name of the input there; None: as here."""
     max_speed_m_s: Annotated[float, Field(gt=0)] | None = None
-    """Speed at full deflection; None: the robot's limit."""
+    """Speed at full deflection, or the highest that an earlier run may have wished; None: the robot's limit."""
     speed_range: Annotated[float, Field(ge=0.2, le=1)] = 1.0
     """Share of it to begin with; the buttons faster and slower change it by 0.1."""
     gate: Gate = "square"
@@ -38,24 +45,66 @@ class ScriptedConfig(Config):
 
 
 class ScriptedInput:
-    """Plays a table from the first `read` on."""
+    """Plays a file from the first `read` on."""
 
     Config: ClassVar[type[Config]] = ScriptedConfig
     contract: ClassVar[int] = 1
+    pure: ClassVar[bool] = True
 
     def __init__(self, config: ScriptedConfig, setup: Setup) -> None:
-        """Take the table from the mission's files.
+        """Take the file from the mission's.
 
         Raises:
-            ConfigError: the file is not among them, everything that is wrong in it, or too high a speed.
+            ConfigError: it is not among them, everything that is wrong in it, or too high a speed.
         """
+        if config.file not in setup.files:
+            raise ConfigError(f"{setup.name}: file: no '{config.file}' among the mission's files")
+        content = setup.files[config.file]
+        self._name, self._done_at_end = setup.name, config.done_at_end
+        self._script = _recorded(config, setup, content) if is_recorded(content) else _Rows(config, setup, content)
+        self._start: float | None = None
+        self._row = -1
+        self._requests: list[Request] = []
+        self._done = False
+
+    def read(self, now: float) -> OperatorInput:
+        """The row in force at run time `now` [s]; time 0 of the file is the first read.
+
+        Raises:
+            DeviceLost: a recorded input was lost at that time.
+        """
+        self._start = now if self._start is None else self._start
+        time, times = now - self._start, self._script.times
+        while self._row + 1 < len(times) and times[self._row + 1] <= time:
+            self._row += 1
+            self._requests += self._script.go_to(self._row)  # every press on the way counts, once
+        if self._row < 0:
+            return OperatorInput(source=self._name)
+        ended = time >= times[-1]
+        if ended and self._done_at_end and not self._done:
+            self._done = True
+            self._requests += [] if Request.DONE in self._requests else [Request.DONE]
+        sample = self._script.sample(now)
+        silence = time - times[-1] if ended and not self._done_at_end else 0.0
+        requests, self._requests = tuple(self._requests), []
+        return replace(sample, requests=requests, age=None if sample.age is None else sample.age + silence)
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+class _Rows:
+    """Levels of axes and buttons, as hands would hold them."""
+
+    def __init__(self, config: ScriptedConfig, setup: Setup, content: bytes) -> None:
         limits = setup.robot.limits
         speed = top_speed(config.max_speed_m_s, setup)
-        kind, table = _table(config.file, setup)
-        self._config, self._lists = config, table.columns
-        self._times = self._lists["time_s"]
+        if config.input is not None:
+            raise ConfigError(f"{setup.name}: input: names one of an earlier run, and {config.file} is none")
+        kind, self._levels = rows_from(content, config.file)
+        self.times = self._levels["time_s"]
         self._axes = AXES[kind]
-        self._buttons = [name for name in self._lists if name in BUTTONS[kind]]
+        self._buttons = [name for name in BUTTONS[kind] if name in self._levels]
         grip = Grip(
             kind=kind,
             top_speed=speed,
@@ -66,84 +115,33 @@ class ScriptedInput:
             deadzone=config.deadzone,
             band=math.radians(config.hysteresis_deg),
         )
-        self._name, self._hands = setup.name, Hands(setup.name, grip, config.speed_range)
-        self._start: float | None = None
-        self._row = -1
-        self._done = False
+        self._hands = Hands(setup.name, grip, config.speed_range)
+        self._down: frozenset[str] = frozenset()
 
-    def read(self, now: float) -> OperatorInput:
-        """The row in force at run time `now` [s]; time 0 of the table is the first read."""
-        if self._start is None:
-            self._start = now
-        time = now - self._start
-        requests = self._advance(time)
-        if self._row < 0:
-            return OperatorInput(source=self._name)
-        ended = time >= self._times[-1]
-        if ended and self._config.done_at_end and not self._done:
-            self._done = True
-            requests += [] if Request.DONE in requests else [Request.DONE]
-        wish, down = self._hands.wish(now), self._down()
-        return replace(
-            wish,
-            enabled="enable" in down,
-            neutral=wish.neutral and "enable" not in down,
-            requests=tuple(requests),
-            age=time - self._times[-1] if ended and not self._config.done_at_end else 0.0,
-            buttons=tuple(name in down for name in self._buttons),
-        )
+    def go_to(self, row: int) -> list[Request]:
+        """What is asked for in the next row."""
+        axes = tuple(self._levels[name][row] for name in self._axes)
+        self._down = frozenset(name for name in self._buttons if self._levels[name][row] != 0)
+        return self._hands.grasp(axes, self._down)
 
-    def close(self) -> None:
-        """Nothing to give back."""
-
-    def _advance(self, time: float) -> list[Request]:
-        """Go to the row in force; every button pressed on the way counts, once."""
-        requests = []
-        while self._row + 1 < len(self._times) and self._times[self._row + 1] <= time:
-            self._row += 1
-            axes = tuple(self._lists[name][self._row] for name in self._axes)
-            requests += self._hands.grasp(axes, self._down())
-        return requests
-
-    def _down(self) -> frozenset[str]:
-        """The buttons that the row in force holds down."""
-        return frozenset(name for name in self._buttons if self._lists[name][self._row] != 0)
+    def sample(self, now: float) -> OperatorInput:
+        """What the row in force wishes at run time `now` [s]."""
+        wish, enabled = self._hands.wish(now), "enable" in self._down
+        buttons = tuple(name in self._down for name in self._buttons)
+        return replace(wish, enabled=enabled, neutral=wish.neutral and not enabled, buttons=buttons)
 
 
-def _table(file: str, setup: Setup) -> tuple[Kind, Table]:
-    """Read and check the table; what it stands in for shows in its header.
+def _recorded(config: ScriptedConfig, setup: Setup, content: bytes) -> RecordedHand:
+    """An input of an earlier run.
 
     Raises:
-        ConfigError: with every problem.
+        ConfigError: the run had no such input, or drove faster, or there are keys that mean nothing to it.
     """
-    if file not in setup.files:
-        raise ConfigError(f"{setup.name}: file: no '{file}' among the mission's files")
-    try:
-        text = setup.files[file].decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{file}:1:1: byte {error.start} is not text in UTF-8") from error
-    header = next((line for line in text.splitlines() if line.partition("#")[0].strip()), "").lower()
-    kind: Kind = "wheel" if any(name in header for name in AXES["wheel"]) else "stick"
-    columns = ("time_s", *AXES[kind])
-    table = Table(text, file, {name: name for name in (*columns, *BUTTONS[kind])}, required=columns)
-    if table.complete:
-        _check(table)
-    table.raise_problems()
-    return kind, table
-
-
-def _check(table: Table) -> None:
-    """Report times that do not rise, and levels that no stick or button has."""
-    if not table.lines:
-        table.report_file("no rows; expected at least one")
-    times = table.columns["time_s"]
-    for row, time in enumerate(times):
-        if time < 0 or (row > 0 and time <= times[row - 1]):
-            table.report(row, f"time_s: expected at least 0 and more than in the row before, found {time:g}", "time_s")
-    for name, levels in table.columns.items():
-        for row, level in enumerate(levels):
-            lowest = 0 if name in PEDALS else -1
-            if name in (*AXES["stick"], *AXES["wheel"]) and not lowest <= level <= 1:
-                table.report(row, f"{name}: expected {lowest} to 1, found {level:g}", name)
-            if name in BUTTONS["wheel"] and level not in (0, 1):
-                table.report(row, f"{name}: expected 0 or 1, found {level:g}", name)
+    meaningless = [key for key in OF_ROWS if key in config.model_fields_set]
+    if meaningless:
+        raise ConfigError([f"{setup.name}: {key}: of no use with an earlier run; leave it out" for key in meaningless])
+    hand = RecordedHand(content, config.file, config.input or setup.name, setup.name)
+    limit = top_speed(config.max_speed_m_s, setup)
+    if hand.top_speed > limit:
+        raise ConfigError(f"{setup.name}: file: it drove up to {hand.top_speed:g} m/s; {limit:g} are allowed")
+    return hand

@@ -106,7 +106,12 @@ MOTION: dict[str, Row] = {
         "where the robot is, is not known any more: it rolled uncounted, or a position jumped",
         "end the run, bring the robot back to the start of its path, begin anew",
     ),
-    "RUN-09": Row("32-bit counter wraps", Found.DESIGN, recovery=ITSELF, reason="differences are taken modulo 2**32"),
+    "RUN-09": Row(
+        "32-bit counter wraps",
+        Found.DESIGN,
+        recovery=ITSELF,
+        reason="differences are taken modulo 2**32; near its end a steering drive is refused (COM-10)",
+    ),
     "RUN-10": Row(
         "position jump",
         _SEEN,

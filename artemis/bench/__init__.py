@@ -1,0 +1,1 @@
+"""Followers measured on courses of known shape."""

@@ -1,0 +1,102 @@
+"""A route made to fit a robot, as far as a mission allows that: corners rounded, speeds lowered; and what was done."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from artemis.errors import ConfigError
+from artemis.motion.path import Path, place_on
+from artemis.motion.rounding import rounded
+from artemis.motion.route import Route, route_from_csv
+from artemis.motion.speed_profile import speed_profile
+from artemis.vehicle import Robot
+
+
+def route_for(
+    text: str,
+    source: str,
+    robot: Robot,
+    speed: float,
+    *,
+    laps: int = 1,
+    from_end: bool = False,
+    backward: bool | None = None,
+    round_corners: float = 0.0,
+    allow_slowdown: bool = False,
+) -> tuple[Route, list[str]]:
+    """The route of a path file, as a mission wants it driven by a robot; and in words what was changed for that.
+
+    Raises:
+        ConfigError: every problem of the file; a corner that cannot be rounded; laps over a route that is not closed.
+    """
+    route = route_from_csv(text, source).directed(from_end=from_end, backward=backward)
+    route, words = fitted(route, robot, speed, round_corners=round_corners, allow_slowdown=allow_slowdown)
+    return route.with_laps(laps), words
+
+
+def fitted(
+    route: Route, robot: Robot, speed: float, *, round_corners: float = 0.0, allow_slowdown: bool = False
+) -> tuple[Route, list[str]]:
+    """The route as the robot can drive it, and in words what was changed.
+
+    Args:
+        route: as read.
+        robot: that drives it.
+        speed: highest wish for the virtual front wheel [m/s].
+        round_corners: how far the new path may be from the given one at a corner [m]; 0: corners stay.
+        allow_slowdown: whether its speed is to be lowered to what steering and wheels can do.
+
+    Raises:
+        ConfigError: a corner needs more than `round_corners`, or no curve leads around it.
+    """
+    parts, words = [], []
+    for number, part in enumerate(route.parts, start=1):
+        path = part.path
+        told: list[str] = []
+        if round_corners > 0.0:
+            path, told = _rounded(path, robot, round_corners)
+        if allow_slowdown:
+            path, slowest = _slowed(path, robot, speed)
+            told += slowest
+        parts.append(replace(part, path=path))
+        words += [f"part {number}: {line}" if len(route.parts) > 1 else line for line in told]
+    return Route(tuple(parts)), words
+
+
+def _rounded(path: Path, robot: Robot, farthest: float) -> tuple[Path, list[str]]:
+    made, cuts = rounded(path, robot)
+    for cut in cuts:
+        if cut.distance > farthest:
+            raise ConfigError(
+                f"the corner at {cut.arc_length:.2f} m (x {cut.x:.2f} m, y {cut.y:.2f} m) must be left by "
+                f"{cut.distance:.3f} m; round_corners_m allows {farthest:g}"
+            )
+    return made, [
+        f"corner at {cut.arc_length:.2f} m (x {cut.x:.2f} m, y {cut.y:.2f} m) rounded: the path leaves it by "
+        f"{1e3 * cut.distance:.0f} mm"
+        for cut in cuts
+    ]
+
+
+def _slowed(path: Path, robot: Robot, speed: float) -> tuple[Path, list[str]]:
+    """With its planned speed as its own; where it is slowest, if that is less than what was asked for."""
+    profile = speed_profile(path, robot, speed)
+    asked = np.minimum(speed, np.inf if path.speed is None else path.speed)
+    if np.all(profile > asked - 1e-6):
+        return path, []
+    slowest = int(np.argmin(profile))
+    slowed = Path(
+        path.x,
+        path.y,
+        path.heading,
+        path.curvature,
+        spacing=path.spacing,
+        closed=path.closed,
+        speed=profile,
+        deviation=path.deviation,
+        dropped=path.dropped,
+    )
+    slowed.laps = path.laps
+    return slowed, [f"slowed down to {profile[slowest]:.2f} m/s at {place_on(path, slowest)}"]

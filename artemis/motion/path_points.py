@@ -1,0 +1,111 @@
+"""The points of a path file, checked one by one; which curve they make is said elsewhere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from artemis.motion.spline import Array
+from artemis.motion.table import Table
+
+MIN_STEP = 0.001
+"""Points closer to the one before [m] are standstill or duplicates."""
+MAX_GAP = 1.0
+MAX_LENGTH = 20_000.0
+"""Longer paths [m] are a mistake of units, and would fill the memory with samples."""
+MAX_TURN = math.radians(120)
+"""A sharper turn between three points is a reversal (a cusp), not a curve."""
+
+COLUMNS = {"x": "x", "y": "y", "heading": "heading", "speed": "speed"} | {
+    "x_m": "x", "y_m": "y", "heading_rad": "heading", "speed_m_s": "speed"
+}  # fmt: skip
+"""What a header may call a column."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Points:
+    """The distinct points of a path file; problems with them go to its table, which the reader raises in the end."""
+
+    table: Table
+    kept: list[int]
+    """Which rows of the table they are."""
+    x: Array
+    """[m], like `y`, shape (n,), n >= 2."""
+    y: Array
+    heading: Array | None
+    """Of the robot [rad]."""
+    speed: Array | None
+    """Of the virtual front wheel [m/s]."""
+
+    def report(self, index: int, problem: str, column: str | None = None) -> None:
+        """Something is wrong with a point."""
+        self.table.report(self.kept[index], problem, column)
+
+
+def read_points(text: str, source: str) -> Points:
+    """Read the points of a path file; whether they reverse is not looked at.
+
+    Raises:
+        ConfigError: what leaves no points to look at.
+    """
+    table = Table(text, source, COLUMNS, required=("x", "y"))
+    if not table.complete:
+        table.raise_problems()
+    points = points_of(table)
+    _check_points(points)
+    return points
+
+
+def points_of(table: Table) -> Points:
+    """The distinct points of a table.
+
+    Raises:
+        ConfigError: what is wrong with the table, if there are fewer than two.
+    """
+    x, y = np.array(table.columns["x"]), np.array(table.columns["y"])
+    kept = moving(x, y)
+    if len(kept) < 2:
+        table.report_file(f"{len(kept)} distinct points; expected at least 2")
+        table.raise_problems()
+    heading, speed = (
+        np.array(table.columns[name])[kept] if name in table.columns else None for name in ("heading", "speed")
+    )
+    return Points(table=table, kept=kept, x=x[kept], y=y[kept], heading=heading, speed=speed)
+
+
+def moving(x: Array, y: Array) -> list[int]:
+    """Indices of the points that are at least `MIN_STEP` from the last one kept."""
+    kept: list[int] = []
+    last = (math.inf, math.inf)
+    for index, point in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
+        if not math.dist(point, last) < MIN_STEP:
+            kept.append(index)
+            last = point
+    return kept
+
+
+def cusps(x: Array, y: Array) -> list[tuple[int, float]]:
+    """Points at which a way reverses, and by how much it turns there [rad]."""
+    turns = np.abs(wrapped(np.diff(np.arctan2(np.diff(y), np.diff(x)))))
+    return [(int(index) + 1, float(turns[index])) for index in np.flatnonzero(turns > MAX_TURN)]
+
+
+def wrapped(angles: Array) -> Array:
+    """Angles in [-pi, pi) [rad]."""
+    return np.asarray((angles + math.pi) % math.tau - math.pi)
+
+
+def _check_points(points: Points) -> None:
+    """Report what makes readable points no path: too far apart, too long, no speed."""
+    table, gaps = points.table, np.hypot(np.diff(points.x), np.diff(points.y))
+    if gaps.sum() > MAX_LENGTH:
+        table.report_file(f"path of {gaps.sum():.0f} m; expected at most {MAX_LENGTH:.0f} m, coordinates in metres")
+    for index in np.flatnonzero(gaps > MAX_GAP).tolist():
+        if not table.is_torn(points.kept[index + 1]):
+            problem = f"{gaps[index]:.2f} m from the point before; expected at most {MAX_GAP:g} m"
+            points.report(index + 1, problem)
+    if points.speed is not None:
+        for index in np.flatnonzero(points.speed <= 0).tolist():
+            points.report(index, f"speed: expected more than 0 m/s, found {points.speed[index]:g}", "speed")

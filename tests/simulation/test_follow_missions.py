@@ -1,0 +1,65 @@
+"""The default follower on the frame-level stack: the true error on each path, by odometry alone."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from rig import MISSIONS, Run, run
+
+from artemis.motion.path import path_from_csv
+from artemis.motion.spline import Array
+from artemis.values import Mode
+
+pytestmark = pytest.mark.slow
+
+ran = cache(lambda name: run(MISSIONS / f"follow_{name}.yaml", longest=120.0))
+
+
+def true_errors(seen: Run, file: str) -> Array:
+    """Distance of the true rear axle from the points of a path file [m], and where it is along x, shape (n, 2)."""
+    path = path_from_csv((MISSIONS / "paths" / file).read_text(), file, smoothing=0.0, spacing=0.005)
+    origin = seen.first(lambda s: s.tick.wish.reset_pose).pose
+    cos, sin = math.cos(origin.heading), math.sin(origin.heading)
+    rows, near = [], 0.0
+    for tick in seen.in_mode(Mode.FOLLOW):
+        x, y = tick.pose.x - origin.x, tick.pose.y - origin.y
+        x, y = x * cos + y * sin, y * cos - x * sin
+        found = path.project(x, y, near=near, window=0.3)
+        near = found.arc_length
+        rows.append((math.hypot(x - found.x, y - found.y), found.arc_length))
+    return np.array(rows)
+
+
+def rms(errors: Array) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "mean", "most"),
+    [
+        ("figure_eight", "figure_eight.csv", 0.004, 0.008),
+        ("circle", "circle.csv", 0.004, 0.008),
+        ("slalom", "slalom.csv", 0.006, 0.012),
+        ("corner", "corner.csv", 0.025, 0.115),
+    ],
+)
+def test_on_its_path(name: str, file: str, mean: float, most: float) -> None:
+    seen = ran(name)
+    assert (seen.status, seen.fault_ids) == (0, [])
+    errors = true_errors(seen, file)[:, 0]
+    assert rms(errors) <= mean
+    assert errors.max() <= most
+    assert max(tick.tick.set_points.speed for tick in seen.in_mode(Mode.FOLLOW)) > 0.6
+
+
+def test_onto_a_path_beside_it() -> None:
+    seen = ran("straight")
+    assert (seen.status, seen.fault_ids) == (0, [])
+    errors = true_errors(seen, "beside.csv")
+    outside = errors[errors[:, 0] > 0.02, 1]
+    assert errors[0, 0] == pytest.approx(0.5, abs=0.01)
+    assert outside.max() <= 2.5
+    assert errors[errors[:, 1] > 3.0, 0].max() < 0.01
