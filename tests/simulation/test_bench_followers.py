@@ -38,7 +38,7 @@ def test_two_followers_on_one_course(
     assert text in shown
     assert "skipped, no checkout is given" in text
     (line,) = [line for line in text.splitlines() if line.startswith("stanley ")][:1]
-    assert "69.1/80.0" in line
+    assert "67.6/80.0" in line
     rows = list(csv.DictReader((tmp_path / "out" / "followers.csv").read_text().splitlines()))
     assert {row["follower"] for row in rows} == {"stanley", "pure_pursuit"}
     assert len(rows) == 2 * (len(CASES) + 1)

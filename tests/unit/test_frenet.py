@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from artemis.bench.courses import five_courses
+from artemis.bench.cases import random_case
+from artemis.bench.courses import five_courses, random_course
 from artemis.bench.driving import Driven, drive
 from artemis.bench.plant import Conditions, bicycle
 from artemis.errors import ConfigError
@@ -182,6 +183,16 @@ def test_with_noise_and_a_wrong_steering_zero(seed: int) -> None:
         assert driven(name, 38.0, DISTURBED, seed).figures.steady_rms <= 0.006
     assert driven("corner", 38.0, DISTURBED, seed).figures.rms <= 0.025
     assert driven("straight", 38.0, DISTURBED, seed).figures.residual <= 0.003
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_never_lost_on_random_courses(seed: int) -> None:
+    """A slice of `artemis bench followers --random 2000 --follower frenet`."""
+    case = random_case(seed)
+    robot = case.robot(ROBOT)
+    result = drive(follower(robot), random_course(seed, ROBOT), robot, case.conditions, seed)
+    assert result.problem == ""
+    assert result.figures.steady_rms <= 0.025
 
 
 def test_the_steps_cost_does_not_depend_on_the_paths_length() -> None:

@@ -40,8 +40,9 @@ class StanleyConfig(Config):
     """Of the virtual front wheel."""
     gain_1_s: Annotated[float, Field(gt=0)] = 1.0
     """The paper's k: the rate at which a small error of the front axle falls."""
-    softening_m_s: Annotated[float, Field(ge=0)] = 0.1
-    """The paper's k_soft: keeps the steering calm at low speed."""
+    softening_m_s: Annotated[float, Field(ge=0)] = 0.3
+    """The paper's k_soft: keeps the steering calm at low speed. With less a robot that begins beside its path at rest
+    turns too far: its wheels take 2 s to full lock."""
 
 
 class StanleyFollower:
