@@ -12,6 +12,7 @@ from artemis.clock import until
 from artemis.devices.drive import Drives
 from artemis.errors import DeviceLost
 from artemis.motion.limits import Gate, is_sane
+from artemis.motion.pace import Pace
 from artemis.motion.perception import Perception
 from artemis.plugins.border import Border
 from artemis.states.mode import Plan
@@ -22,8 +23,6 @@ from artemis.values import Fault, Job, JobResult, Request, Sensed, SetPoints, Sn
 
 LIMITED_SPEED = 0.3
 """Ceiling of the speed while a verdict says LIMIT [m/s]."""
-ORDINARY = 0.002
-"""From the begin of a tick until its set-points are sent, where nothing holds it up, at most [s]."""
 
 
 class Core:
@@ -37,6 +36,7 @@ class Core:
         self._modes = Modes(plan)
         self._gate = Gate(plan.robot, dt_max=2 * period)
         self._wish, self._points = Wish(supervised=False), SetPoints()
+        self._pace = Pace()
 
     def decide(self, sensed: Sensed) -> Tick:
         """One tick, from what is sensed to what is to be done."""
@@ -54,15 +54,11 @@ class Core:
         return Tick(snapshot=snapshot, mode=mode, step=step, done=done, wish=wish, action=action, set_points=points)
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
-        """The gate, from its last set-points on; wheels whose drives are off are where they are.
-
-        Set-points that were held up have just been sent: those of a tick right after them are hardly further on.
-        """
+        """The gate, from its last set-points on; wheels whose drives are off are where they are."""
         verdict, sensed = snapshot.verdict, snapshot.sensed
         ceiling = min(self._plan.top_speed, LIMITED_SPEED if verdict.limits else inf)
         last = self._perception.as_they_stand(sensed, self._points)
-        dt = min(snapshot.dt, sensed.time - sensed.sent + ORDINARY)
-        points = self._gate.limit(wish.command, last, dt, ceiling, verdict.stops)
+        points = self._gate.limit(wish.command, last, self._pace.since_sent(snapshot), ceiling, verdict.stops)
         return self._perception.as_they_stand(sensed, points)
 
 

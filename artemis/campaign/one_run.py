@@ -196,8 +196,8 @@ def _acts(given: Scenario, journal: Journal) -> list[tuple[float, str]]:
     heard = list(journal.of("request"))
     acts = []
     for planned, what in ((act["at_s"], act["do"]) for act in given.operator):
-        fits = (line for line in heard if line.text == what and 0.0 <= line.time - planned <= stood_still)
-        line = next(fits, None)
+        late = ((line, line.time - planned) for line in heard if line.data["request"].replace(" ", "") == what)
+        line = next((line for line, by in late if 0.0 <= by <= stood_still), None)
         if line is not None:
             heard.remove(line)
         acts.append((planned if line is None else line.time, what))

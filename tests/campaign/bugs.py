@@ -328,7 +328,10 @@ BUGS: tuple[Bug, ...] = (
     Bug("released button hardly brakes", "by hand", "I2", {GATE_LIMITS: having(_deceleration=0.15)}),
     Bug("steering rate is not limited", "follower steers too far", "I3", {GATE_LIMITS: having(_rate=5.0)}),
     Bug(
-        "set-points that were held up count as old", "input takes long", "I9", {"artemis.robot.ORDINARY": becomes(9.0)}
+        "set-points that were held up count as old",
+        "input takes long",
+        "I9",
+        {"artemis.motion.pace.ORDINARY": becomes(9.0)},
     ),
     Bug("steering angle is not limited", "follower steers too far", "I9", {GATE_LIMITS: having(_steering=1.4)}),
     Bug("driven wheels are swapped", "bend", "I3", {SET_POINT: _swapped("traction")}),

@@ -116,6 +116,7 @@ SCENARIOS: dict[str, Scenario] = {
     "limit switch": drive(fault("DRV-26", node=RIGHT)),
     "unknown error": drive(fault("DRV-31", node=STEER)),
     "error unheard": drive(fault("DRV-08", node=RIGHT, heard=False)),
+    "collision unheard": drive(fault("DRV-21", node=RIGHT, heard=False)),
     "sensor supply, acknowledged": drive(fault("DRV-05", node=LEFT), acts=[(8.0, "acknowledge"), (10.0, "end")]),
     "silent drive": drive(fault("COM-11", node=STEER)),
     "no heartbeat": drive(fault("COM-28", node=RIGHT)),
@@ -148,6 +149,14 @@ SCENARIOS: dict[str, Scenario] = {
     "input takes long": drive(
         fault("PLG-04", 10.1, input="stick", seconds=0.05), rows="9,0,1,1\n10,-1,1,1\n12,0,0,0\n", seconds=8.0
     ),
+    "runaway while it slows down": drive(fault("RUN-01", 7.0, LEFT), top=0.5),
+    "stick lost before the start": drive(fault("INP-01", 0.0, duration_s=0.1)),
+    "killed before it can notice": drive(fault("COM-11", node=STEER), killed_at=6.55),
+    "follower late": follow(fault("PLG-03", 8.5, seconds=0.07)),
+    "acknowledged while the computer stands still": follow(
+        fault("PTH-09", 8.5, seconds=0.45), acts=[(8.7, "acknowledge"), (12.0, "arm")]
+    ),
+    "button stuck while the computer stands still": follow(fault("OPR-02", 8.0), fault("PTH-09", 8.6, seconds=0.45)),
     "counter near its end": drive(
         fault("RUN-09", 0.0, STEER),
         acts=[(5.0, "acknowledge"), (8.5, "arm")],

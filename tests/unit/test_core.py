@@ -208,6 +208,17 @@ def test_set_points_follow_those_before_by_the_time_since_they_were_sent(held_up
     assert turned == pytest.approx(counted * math.radians(33.0) * PERIOD), "33 degrees a second of the robot file"
 
 
+def test_set_points_that_always_take_long_to_be_sent_ramp_as_fast() -> None:
+    live = driving()
+    speeds = [live.tick(inputs=(AHEAD,), sent=live.time - PERIOD + 0.012).set_points.speed for _ in range(6)]
+    speeds += [
+        live.tick(inputs=(replace(AHEAD, speed=0.0),), sent=live.time - PERIOD + 0.012).set_points.speed
+        for _ in range(5)
+    ]
+    steps = [before - after for before, after in itertools.pairwise(speeds[5:])]
+    assert steps == pytest.approx([1.0 * PERIOD] * 5), "1 m/s² of the robot file"
+
+
 def test_speed_is_limited_while_a_verdict_says_so() -> None:
     live = driving()
     live.tick(inputs=(STICK,), faults=(catalogue.fault("COM-20"),))

@@ -46,6 +46,8 @@ _BRAKED = ("16", "18", "19", "20", "21", "22", "23", "24", "25", "26", "27")
 """Those after which it stops by its own ramp first."""
 UNHEARD = Expected(W, 0.1, ("COM-01",), coasts=True)
 """Any drive error whose EMCY is lost."""
+NO_REACTION = "DRV-21"
+"""For a COB-ID collision the EPOS firmware specification 2010 (12.2) names no reaction: only its EMCY tells."""
 STALL = Expected(W, 0.02, ("SYS-03", "DRV-20", "SYS-01", "COM-31", "PLG-03", "PTH-09"), stop="S2")
 """The computer does nothing for a while; noticed as soon as it goes on."""
 LATE = 0.06
@@ -154,7 +156,7 @@ def expectation(injected: Injected, tick: float) -> Expected:
     """What to expect of this one; `tick`: period of the host's ticks [s]."""
     expected = EXPECTED[injected.id]
     if injected.options.get("heard") is False:
-        return UNHEARD
+        return UNTOLD if injected.id == NO_REACTION else UNHEARD
     seconds = injected.options.get("seconds")
     if seconds is None or (expected.when is not When.FOLLOWING and expected.shows != STALL.shows):
         return expected

@@ -170,7 +170,7 @@ def _without_cause(e: Evidence) -> Iterator[Violation]:
 
 def recoveries(e: Evidence) -> Iterator[Violation]:
     """I10: what a person has to acknowledge waits for a person; automatic recoveries stay within their budgets."""
-    asked = e.acts("acknowledge") + [time for i in e.injected if i.id.startswith("OPR") for time in _presses(i)]
+    asked = e.acts("acknowledge") + [time for i in e.injected if i.id.startswith("OPR") for time in _presses(e, i)]
     by_itself: list[tuple[float, str]] = []
     stopping: dict[tuple[str, str], float] = {}
     for line in e.journal.lines:
@@ -193,10 +193,13 @@ def recoveries(e: Evidence) -> Iterator[Violation]:
         yield Violation("I10", by_itself[-1][0], f"{len(by_itself)} automatic recoveries")
 
 
-def _presses(injected: Injected) -> list[float]:
-    """When a button was pressed that is pressed again and again [s]."""
+def _presses(e: Evidence, injected: Injected) -> list[float]:
+    """When a button was heard that is pressed, or pressed again and again [s]: later where the process stood still."""
     times, rate = injected.options.get("times", 20), injected.options.get("rate_hz", 20.0)
-    return [injected.time + number / rate for number in range(times if injected.id == "OPR-02" else 1)]
+    stood_still = sum(i.options.get("seconds", 0.0) * i.options.get("times", 3) for i in e.injected)
+    last = injected.time + (times / rate if injected.id == "OPR-02" else 0.0) + stood_still + e.tick
+    heard = [line.time for line in e.journal.of("request") if line.data["request"] == "acknowledge"]
+    return [time for time in heard if injected.time <= time <= last]
 
 
 # ---------------------------------------------------------------------------------------------- I11, I0
