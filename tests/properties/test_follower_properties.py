@@ -74,7 +74,7 @@ SEEDS, OFFSETS, HEADINGS = st.integers(0, 999), st.floats(-0.8, 0.8), st.floats(
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(seed=SEEDS, offset=OFFSETS, heading=HEADINGS)
 def test_commands_stay_within_the_robots_limits(name: str, seed: int, offset: float, heading: float) -> None:
     _, _, told = snapshots(name, seed, offset, heading)
@@ -83,7 +83,7 @@ def test_commands_stay_within_the_robots_limits(name: str, seed: int, offset: fl
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(seed=SEEDS, offset=OFFSETS, heading=HEADINGS)
 def test_a_mirrored_path_gives_mirrored_commands(name: str, seed: int, offset: float, heading: float) -> None:
     path, seen, told = snapshots(name, seed, offset, heading)
@@ -97,7 +97,7 @@ def test_a_mirrored_path_gives_mirrored_commands(name: str, seed: int, offset: f
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(seed=SEEDS, offset=OFFSETS, heading=HEADINGS, by=st.floats(-3.0, 3.0))
 def test_where_the_origin_is_does_not_matter(name: str, seed: int, offset: float, heading: float, by: float) -> None:
     path, seen, told = snapshots(name, seed, offset, heading)
@@ -113,7 +113,7 @@ def test_where_the_origin_is_does_not_matter(name: str, seed: int, offset: float
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(seed=SEEDS, offset=OFFSETS, heading=HEADINGS, later=st.floats(0.0, 1e5))
 def test_the_time_of_day_and_earlier_drives_do_not_matter(
     name: str, seed: int, offset: float, heading: float, later: float

@@ -185,7 +185,7 @@ def test_with_noise_and_a_wrong_steering_zero(seed: int) -> None:
     assert driven("straight", 38.0, DISTURBED, seed).figures.residual <= 0.003
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(10))
 def test_never_lost_on_random_courses(seed: int) -> None:
     """A slice of `artemis bench followers --random 2000 --follower frenet`."""
     case = random_case(seed)
@@ -193,6 +193,36 @@ def test_never_lost_on_random_courses(seed: int) -> None:
     result = drive(follower(robot), random_course(seed, ROBOT), robot, case.conditions, seed)
     assert result.problem == ""
     assert result.figures.steady_rms <= 0.025
+
+
+def robot_with(geometry: dict[str, object], limits: dict[str, object]) -> Robot:
+    changed = {"geometry": ROBOT.geometry.model_copy(update=geometry), "limits": ROBOT.limits.model_copy(update=limits)}
+    return ROBOT.model_copy(update=changed)
+
+
+OTHERS = {
+    "long and slow to steer": robot_with(
+        {"wheelbase_m": 1.2, "track_m": 0.6, "scrub_radius_m": 0.05},
+        {"steering_deg": 35.0, "steering_rate_wheel_deg_s": 15.0},
+    ),
+    "a small car": robot_with(
+        {"wheelbase_m": 2.7, "track_m": 1.5, "scrub_radius_m": 0.0},
+        {"steering_deg": 33.0, "steering_rate_wheel_deg_s": 25.0, "speed_m_s": 2.0, "wheel_speed_m_s": 3.0},
+    ),
+    "driven behind": robot_with({"driven_axle": "rear"}, {}),
+}
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_robots_by_their_files_alone(name: str, seed: int) -> None:
+    """Each wheel within its own rate; a course of each random kind, every other one with the rear ahead."""
+    robot = OTHERS[name]
+    conditions = Conditions(start_speed=0.0, backward=seed % 2 == 1)
+    result = drive(follower(robot, robot.limits.speed_m_s), random_course(seed, robot), robot, conditions, seed)
+    radius = robot.geometry.wheelbase_m / math.tan(math.radians(robot.limits.steering_deg))
+    assert result.problem == ""
+    assert result.figures.steady_rms <= 0.06 * radius
 
 
 def test_the_steps_cost_does_not_depend_on_the_paths_length() -> None:
