@@ -13,6 +13,7 @@ import importlib.util
 import io
 import math
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
@@ -71,7 +72,7 @@ def reference(name: str, checkout: FilePath, robot: Robot, period: float, speed:
     return entry.adapter(module, robot, period, speed)
 
 
-class _Tracker:
+class _Tracker(ABC):
     """What all adapters share: the points, progress along the path, and where it ends."""
 
     Config: ClassVar[type[Config]] = Config
@@ -120,9 +121,9 @@ class _Tracker:
     def _begin(self) -> None:
         """The points are there."""
 
+    @abstractmethod
     def _control(self, snapshot: Snapshot, here: Projection) -> tuple[float, float]:
         """Speed [m/s] and angle [rad] of the virtual front wheel."""
-        raise NotImplementedError
 
     def _state(self, snapshot: Snapshot, ahead: float = 0.0) -> Theirs:
         """Their state of the robot, at a point `ahead` of its rear axle [m]; v is the rear axle's."""
