@@ -118,7 +118,7 @@ class _Tracker(ABC):
     def _within(self, steering: float) -> float:
         return min(max(float(steering), -self._limit), self._limit)
 
-    def _begin(self) -> None:
+    def _begin(self) -> None:  # noqa: B027 (only some have more to do)
         """The points are there."""
 
     @abstractmethod
