@@ -62,10 +62,8 @@ class DriveFeedback:
     """Traction: metres rolled since power-up (unwrapped). Steering: wheel angle [rad], absolute once referenced."""
     velocity: float = 0.0
     """Traction: m/s; steering: rad/s; as the drive measures it (coarse with hall sensors)."""
-    current: float = 0.0
-    """Motor current [A], signed."""
-    mode: int = 0
-    """Modes of operation display (object 0x6061)."""
+    current: float = 0.0  # motor current [A], signed
+    mode: int = 0  # modes of operation display (object 0x6061)
     potentiometers: tuple[float, float] = (0.0, 0.0)
     """Both analog inputs [V]; zero for a traction drive."""
     age: float | None = None
@@ -74,10 +72,8 @@ class DriveFeedback:
     heartbeat_age: float | None = None
     emergencies: tuple[int, ...] = ()
     """EMCY error codes that arrived since the last tick, oldest first."""
-    boots: int = 0
-    """Boot-up frames since the last tick."""
-    frames: int = 0
-    """TxPDO 1 since the last tick: one per SYNC."""
+    boots: int = 0  # boot-up frames since the last tick
+    frames: int = 0  # TxPDO 1 since the last tick: one per SYNC
     malformed: int = 0
     """Frames since the last tick that cannot be what they claim, and were dropped."""
     disordered: int = 0
@@ -131,6 +127,11 @@ class JobKind(Enum):
     REFERENCE = "reference"  # the wheel stands at the angle `value` [rad]: count from here; the drive keeps its zero
     CLEAR_TARGET = "clear target"  # write target 0 (traction) or the actual position (steering) and read it back
     READ_HISTORY = "read history"  # read the drive's error history (0x1003)
+    READ_CALIBRATION = "read calibration"  # what the drive keeps of its potentiometers (0x200C)
+    WRITE_CALIBRATION = "write calibration"  # `values`, read back; STORE keeps them when the power goes
+    READ_GAINS = "read gains"  # regulator gains: current P, I; velocity P, I; position P, I, D
+    WRITE_GAINS = "write gains"  # likewise
+    STORE = "store"  # all parameters of the drive, for ever (0x1010)
     DISARM = "disarm"  # switch the heartbeat consumer off, read it back, enter Pre-Operational
 
 
@@ -146,6 +147,7 @@ class Job:
     kind: JobKind
     drive: str
     value: float = 0.0
+    values: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,8 +214,7 @@ class Odometry:
     pose: Pose = Pose()
     speed: float = 0.0  # of the virtual front wheel [m/s]
     steering: float = 0.0  # of the virtual front wheel [rad]
-    distance: float = 0.0
-    """Way of the rear axle centre [m], forward positive."""
+    distance: float = 0.0  # way of the rear axle centre [m], forward positive
     slip: float = 0.0
     """Disagreement of the driven wheels in the last step [m/s]: how far each is from the rigid-body fit."""
     lost: bool = False  # driven wheels may have rolled while nobody counted: the pose means nothing
@@ -282,8 +283,7 @@ class Fault:
     device: str = ""
     to_fault: bool = True
     """Leads to the mode `fault` (else to `quickstop` from S2 on)."""
-    final: bool = False
-    """No acknowledgment helps in this run."""
+    final: bool = False  # no acknowledgment helps in this run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -293,8 +293,7 @@ class Verdict:
     severity: Severity = Severity.NONE
     faults: tuple[Fault, ...] = ()
     to_fault: bool = False
-    final: bool = False
-    """One of the faults cannot be acknowledged in this run."""
+    final: bool = False  # one of the faults cannot be acknowledged in this run
     recovers: bool = False
     """Whatever stops the robot will be forgotten without a person, once its cause is gone."""
     resumes: bool = False
@@ -379,10 +378,8 @@ class Wish:
     fault: Fault | None = None
     phase: str = ""
     tracking: Tracking | None = None
-    reset_pose: bool = False
-    """Make the present place the origin of the odometry."""
-    finished: bool = False
-    """The ordered end is complete; the run may stop ticking."""
+    reset_pose: bool = False  # make the present place the origin of the odometry
+    finished: bool = False  # the ordered end is complete; the run may stop ticking
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -88,7 +88,7 @@ class Drives:
     async def perform(self, job: Job) -> JobResult:
         """Do a job beside the ticks; a device that fails is a result, not an exception."""
         try:
-            values = await self._jobs[job.drive].perform(job.kind, job.value)
+            values = await self._jobs[job.drive].perform(job)
         except DeviceError as error:
             fault = fault_of(error)
             return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, detail=error.problem, fault=fault)

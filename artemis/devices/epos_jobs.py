@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from math import radians
 
 from artemis.devices.canopen import NmtCommand, SdoAbort, nmt_frame
@@ -11,17 +12,21 @@ from artemis.devices.epos_objects import (
     CONSUMER_HEARTBEAT,
     CONTROLWORD,
     ERROR_COUNT,
+    GAINS,
     HARDWARE_VERSION,
     LIMIT_OFF,
     MAXON,
+    MEMORY,
     MODE_DISPLAY,
     POSITION,
     POSITION_MAX,
     POSITION_MIN,
+    SAVE,
     SERIAL_NUMBER,
     SET_POINT,
     SOFTWARE_VERSION,
     STATUSWORD,
+    STORE,
     U32,
     VENDOR,
     Object,
@@ -32,7 +37,7 @@ from artemis.devices.epos_objects import (
 from artemis.devices.epos_state import Command, state_from_statusword
 from artemis.errors import DeviceError, DeviceLost, DeviceTimeout, NotKept, WrongDevice
 from artemis.motion.ackermann import Ackermann
-from artemis.values import POWERED, RESETS, DriveState, JobKind
+from artemis.values import POWERED, RESETS, DriveState, Job, JobKind
 from artemis.vehicle import OPERATING_MODES
 
 RESET_TIME = 1.0
@@ -52,6 +57,14 @@ _FAULTS: dict[type[DeviceError], str] = {
     NotKept: "COM-10",
 }
 
+_NUMBERS = {
+    JobKind.READ_CALIBRATION: MEMORY,
+    JobKind.WRITE_CALIBRATION: MEMORY,
+    JobKind.READ_GAINS: GAINS,
+    JobKind.WRITE_GAINS: GAINS,
+}
+"""What the jobs that move plain numbers read or write."""
+
 
 def fault_of(error: DeviceError) -> str:
     """The fault table's id of what a job met."""
@@ -67,25 +80,31 @@ class EposJobs:
         self._set_point = SET_POINT[epos.drive.role]
         self._one_at_a_time = asyncio.Lock()  # an end that comes early must not overtake the configuration
 
-    async def perform(self, kind: JobKind, value: float) -> tuple[int, ...]:
+    async def perform(self, job: Job) -> tuple[int, ...]:
         """Do a job once those before it have ended; its values, if it has any. Raises what the jobs raise."""
         async with self._one_at_a_time:
-            return await self._do(kind, value)
+            return await self._do(job)
 
-    async def _do(self, kind: JobKind, value: float) -> tuple[int, ...]:
-        match kind:
+    async def _do(self, job: Job) -> tuple[int, ...]:
+        match job.kind:
             case JobKind.SECURE:
-                await self.secure(value)
+                await self.secure(job.value)
             case JobKind.HALT:
                 await self._switch_off()
             case JobKind.CONFIGURE:
                 await self.configure()
             case JobKind.REFERENCE:
-                await self.reference(value)
+                await self.reference(job.value)
             case JobKind.CLEAR_TARGET:
                 return await self.check_target()
             case JobKind.READ_HISTORY:
                 return await self.read_history()
+            case JobKind.READ_CALIBRATION | JobKind.READ_GAINS:
+                return await self._read_all(_NUMBERS[job.kind])
+            case JobKind.WRITE_CALIBRATION | JobKind.WRITE_GAINS:
+                await self._write_all(_NUMBERS[job.kind], job.values)
+            case JobKind.STORE:
+                await self.write(STORE, SAVE)  # the drive is off and busy meanwhile
             case JobKind.DISARM:
                 await self.disarm()
         return ()
@@ -191,6 +210,13 @@ class EposJobs:
     async def write(self, object: Object, value: int) -> None:
         """Write an object."""
         await self._sdo.write(object.index, object.subindex, object.type.encode(value))
+
+    async def _read_all(self, objects: Sequence[Object]) -> tuple[int, ...]:
+        return tuple([await self.read(object) for object in objects])
+
+    async def _write_all(self, objects: Sequence[Object], values: Sequence[int]) -> None:
+        for object, value in zip(objects, values, strict=True):
+            await self._ensure(Setting(object, value))
 
     async def _ensure(self, setting: Setting) -> None:
         """Write only what differs: changing sensor data raises errors, and settings wear the memory."""

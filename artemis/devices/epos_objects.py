@@ -49,11 +49,14 @@ class Setting(NamedTuple):
 
 
 ERROR_COUNT = Object(0x1003, 0, U8)
+STORE = Object(0x1010, 1, U32)
 CONSUMER_HEARTBEAT = Object(0x1016, 1, U32)
 VENDOR = Object(0x1018, 1, U32)
 SERIAL_NUMBER = Object(0x1018, 4, U32)
 SOFTWARE_VERSION = Object(0x2003, 1, U16)
 HARDWARE_VERSION = Object(0x2003, 2, U16)
+MEMORY = tuple(Object(0x200C, number, I32) for number in range(1, 5))
+"""Custom persistent memory: four numbers of the user's own, kept with `STORE`."""
 POSITION_SETTING = Object(0x2062, 0, I32)
 ANALOG_1, ANALOG_2 = Object(0x207C, 1, I16), Object(0x207C, 2, I16)
 VELOCITY_AVERAGED = Object(0x2028, 0, I32)
@@ -65,7 +68,14 @@ POSITION = Object(0x6064, 0, I32)
 CURRENT = Object(0x6078, 0, I16)
 POSITION_MIN, POSITION_MAX = Object(0x607D, 1, I32), Object(0x607D, 2, I32)
 TARGET_VELOCITY = Object(0x60FF, 0, I32)
+GAINS = tuple(
+    Object(0x60F6 + regulator, number, I16)
+    for regulator, number in ((0, 1), (0, 2), (3, 1), (3, 2), (5, 1), (5, 2), (5, 3))
+)
+"""Of the regulators: current P, I; velocity P, I; position P, I, D."""
 
+SAVE = 0x65766173
+"""Signature that `STORE` wants: the letters "save" (CiA 301 7.5.2.13)."""
 MAXON = 0x000000FB
 UNREADABLE = -1
 """Error code that stands for an emergency frame of the wrong length."""
@@ -109,7 +119,7 @@ class Units:
         if drive.role == "traction":
             per_unit = 1 / robot.metres_per_count(drive.side)
         else:
-            per_unit = counts * drive.gear_ratio / (2 * pi)
+            per_unit = counts * drive.gear_ratio / (2 * pi) / robot.potentiometers(drive.side).scale
         self.counts = -per_unit if drive.mirrored else per_unit
         """Counts per metre (traction) or radian (steering) of the wheel, signed."""
         self.rpm = self.counts * 60 / counts
@@ -163,9 +173,7 @@ def settings(robot: Robot, drive: Drive) -> Iterator[Setting]:
 def _gains(drive: Drive) -> Iterator[Setting]:
     gains = drive.gains
     if gains is not None:
-        for index, values in ((0x60F6, gains.current), (0x60F9, gains.velocity), (0x60FB, gains.position)):
-            for subindex, value in enumerate(values, 1):
-                yield Setting(Object(index, subindex, I16), value)
+        yield from map(Setting, GAINS, (*gains.current, *gains.velocity, *gains.position))
 
 
 def pdo_settings(drive: Drive) -> Iterator[list[Setting]]:

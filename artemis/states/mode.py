@@ -183,6 +183,10 @@ class Plan:
             for drive, value in zip(names, given, strict=True)
         )
 
+    def job(self, kind: JobKind, drive: str, *values: int) -> tuple[Job, ...]:
+        """A new job for one drive, with numbers to write; alone in its tuple."""
+        return (Job(id=next(self._ids), kind=kind, drive=drive, values=values),)
+
 
 # ---------------------------------------------------------------------------------------------- routines
 

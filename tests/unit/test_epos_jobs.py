@@ -47,7 +47,7 @@ def test_halted_drive_stops_before_its_power_is_cut_and_keeps_its_configuration(
     async def test(rig: Rig) -> None:
         await rig.spin(1500)
         speeds = rig.watch_power()
-        await rig.jobs.perform(JobKind.HALT, 0.0)
+        await rig.jobs.perform(Job(id=1, kind=JobKind.HALT, drive=rig.jobs.name))
         await asyncio.sleep(0.05)
         assert rig.node.state is DriveState.SWITCH_ON_DISABLED
         assert len(speeds) == 1
@@ -341,8 +341,10 @@ def test_disarming_a_drive_in_fault_leaves_it_without() -> None:
 
 def test_every_kind_of_job_is_done_by_its_name() -> None:
     async def test(rig: Rig) -> None:
+        numbers = {JobKind.WRITE_CALIBRATION: (1, 2, 3, 4), JobKind.WRITE_GAINS: (1, 2, 3, 4, 5, 6, 7)}
         for kind in JobKind:
-            result = await rig.drives.perform(Job(id=1, kind=kind, drive=STEER_LEFT, value=0.1))
+            given = numbers.get(kind, ())
+            result = await rig.drives.perform(Job(id=1, kind=kind, drive=STEER_LEFT, value=0.1, values=given))
             assert result.ok, result.detail
         assert rig.epos.feedback(0.0).position == pytest.approx(0.1)
 

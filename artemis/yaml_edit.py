@@ -1,0 +1,171 @@
+"""Change single values of a YAML file and leave all the rest as its writer left it: comments, order, anchors."""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from pathlib import Path
+
+import yaml
+
+from artemis.errors import ConfigError
+from artemis.yaml_file import Data, dotted, read, survey
+
+Keys = tuple[str, ...]
+"""Where a value stands: its keys from the top."""
+_ROUNDS = 5
+"""A change inside an anchor changes its aliases, too: what those had is written out; that may go on so deep."""
+_ALIAS = re.compile(r"\s*\*[^\s,\]}]+")
+_ANCHOR = re.compile(r"&\S+")
+
+
+def edit(path: Path, changes: Mapping[Keys, Data]) -> None:
+    """Change values of a file; either all of it is changed or nothing.
+
+    Raises:
+        ConfigError: the file cannot be read or written, or a value cannot be changed in place.
+    """
+    content = edited(read(path), str(path), changes)
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.resolve().parent, prefix=f".{path.name}.", delete=False) as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary = Path(file.name)
+        temporary.chmod(path.stat().st_mode & 0o7777)
+        temporary.replace(path.resolve())
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def edited(raw: bytes, source: str, changes: Mapping[Keys, Data]) -> bytes:
+    """The content `raw` of a file with other values; keys that it lacks are added.
+
+    Args:
+        raw: A mapping in strict YAML.
+        source: Its name, for errors.
+        changes: New values by their keys. The mapping around each must be there.
+
+    Raises:
+        ConfigError: the file is broken, or a value cannot be changed in place; with its key.
+    """
+    wanted = _read(raw, source)
+    for keys, value in changes.items():
+        _set(wanted, keys, value, source)
+    for _ in range(_ROUNDS):
+        left = list(_differences(_read(raw, source), wanted))
+        if not left:
+            return raw
+        for keys in left:
+            raw = _with(raw.decode(), keys, wanted).encode()
+    raise ConfigError(f"{source}: {dotted(left[0])}: cannot be changed in place; write it by hand")
+
+
+def _read(raw: bytes, source: str) -> dict[str, Data]:
+    document, problems = survey(raw, source)
+    if problems or not isinstance(document.data, dict):
+        raise ConfigError(problems or f"{source}: expected keys with values")
+    return deepcopy(document.data)  # what an anchor and its aliases share must not be changed at once
+
+
+def _set(data: dict[str, Data], keys: Keys, value: Data, source: str) -> None:
+    for key in keys[:-1]:
+        part = data.get(key)
+        if not isinstance(part, dict):
+            raise ConfigError(f"{source}: {dotted(keys)}: there is no mapping {key}")
+        data = part
+    data[keys[-1]] = value
+
+
+def _differences(found: dict[str, Data], wanted: dict[str, Data], path: Keys = ()) -> Iterator[Keys]:
+    for key, value in wanted.items():
+        present = found.get(key)
+        if isinstance(value, dict) and isinstance(present, dict) and present.keys() <= value.keys():
+            yield from _differences(present, value, (*path, key))
+        elif key not in found or repr(present) != repr(value):  # true is not 1, nor 1 the same as 1.0
+            yield (*path, key)
+
+
+def _with(text: str, keys: Keys, wanted: Data) -> str:
+    """The text with the value at `keys` as in `wanted`, where it stands, or added to its mapping.
+
+    A mapping around it that stands elsewhere, behind an alias or a merge key, is written out whole.
+    """
+    mapping = yaml.compose(text, Loader=yaml.SafeLoader)
+    for number, key in enumerate(keys, 1):
+        assert isinstance(mapping, yaml.MappingNode)
+        assert isinstance(wanted, dict)
+        entry, wanted = _entry(mapping, key), wanted[key]
+        if entry is None:
+            return _added(text, mapping, f"{key}: {_written(wanted)}")
+        name, old = entry
+        if _is_alias(name, old) or number == len(keys):
+            break
+        mapping = old
+    if _is_alias(name, old):
+        begin = text.index(":", int(name.end_mark.index)) + 1
+        alias = _ALIAS.match(text, begin)
+        assert alias
+        return f"{text[:begin]} {_written(wanted)}{text[alias.end() :]}"
+    begin = int(old.start_mark.index if _is_one_piece(old) else text.index(":", name.end_mark.index) + 1)
+    if anchor := _ANCHOR.match(text, old.start_mark.index):
+        begin = anchor.end()
+    return f"{text[:begin].rstrip(' ')} {_written(wanted)}{text[_end(old) :]}"
+
+
+def _entry(mapping: yaml.MappingNode, key: str) -> tuple[yaml.Node, yaml.Node] | None:
+    """Key and value that stand in the mapping itself."""
+    return next(((name, value) for name, value in mapping.value if name.value == key), None)
+
+
+def _is_alias(name: yaml.Node, value: yaml.Node) -> bool:
+    return bool(value.start_mark.index < name.end_mark.index)
+
+
+def _end(node: yaml.Node) -> int:
+    """Where the text of a value ends; what the parser calls the end of a block is the beginning of the next."""
+    if _is_one_piece(node):
+        return int(node.end_mark.index)
+    last = node.value[-1]
+    if isinstance(last, yaml.Node):
+        return _end(last)
+    name, value = last
+    return int(name.end_mark.index) if _is_alias(name, value) else _end(value)
+
+
+def _is_one_piece(node: yaml.Node) -> bool:
+    return not isinstance(node, yaml.CollectionNode) or bool(node.flow_style) or not node.value
+
+
+def _added(text: str, mapping: yaml.MappingNode, entry: str) -> str:
+    """The text with another entry: before the closing bracket, or below the first entry."""
+    end = int(mapping.end_mark.index) - 1
+    if mapping.flow_style:
+        head = text[:end].rstrip(", ")
+        return f"{head}, {entry}{text[end:]}" if mapping.value else f"{head}{entry}{text[end:]}"
+    name, value = mapping.value[0]
+    begin = int(name.start_mark.index)
+    indent = "\n" + " " * int(name.start_mark.column)
+    if _is_alias(name, value) or _is_one_piece(value):
+        end = text.find("\n", int(name.end_mark.index) if _is_alias(name, value) else _end(value))
+        end = len(text) if end < 0 else end
+        return text[:end] + indent + entry + text[end:]
+    return text[:begin] + entry + indent + text[begin:]
+
+
+def _written(value: Data) -> str:
+    """A value on one line."""
+    match value:
+        case dict():
+            return "{" + ", ".join(f"{key}: {_written(part)}" for key, part in value.items()) + "}"
+        case list() | tuple():
+            return "[" + ", ".join(map(_written, value)) + "]"
+        case bool() | None:
+            return "null" if value is None else str(value).lower()
+        case str():
+            return "'" + value.replace("'", "''") + "'"
+        case _:
+            return repr(value)
