@@ -33,11 +33,12 @@ class QuickstopMode(RoutineMode):
     def enter(self, snapshot: Snapshot) -> None:
         """Begin anew."""
         super().enter(snapshot)
-        self._resumes = False
+        self._acknowledged = self._resumes = False
         self.plan.armed = False  # what was meant for a bring-up is no arm after a stop
 
     def step(self, snapshot: Snapshot) -> Wish:
         """As the routine says; drives without our configuration exchange nothing, their jobs stop them."""
+        self._acknowledged = self._acknowledged or Request.ACKNOWLEDGE in snapshot.sensed.requests
         if snapshot.verdict.stops:
             self._resumes = snapshot.verdict.resumes
         wish = super().step(snapshot)
@@ -77,11 +78,16 @@ class QuickstopMode(RoutineMode):
         """Armed by a person, or by a mission that says so where all causes are gone; with the controls released."""
         if _waits_for(snapshot) is not None:
             return False
-        return Request.ARM in snapshot.sensed.requests or (self._resumes and not self.plan.held)
+        return Request.ARM in snapshot.sensed.requests or self._goes_on
+
+    @property
+    def _goes_on(self) -> bool:
+        """By itself, once all causes are gone: the mission says so, and no person has taken the stop in hand."""
+        return self._resumes and not (self.plan.held or self._acknowledged)
 
     def _waiting(self, rest: Wish, snapshot: Snapshot, latest: float) -> Wish:
         """At rest, with what it waits for; ends the run where nobody will come."""
-        alone = not snapshot.sensed.attended and not (self._resumes and not self.plan.held)
+        alone = not snapshot.sensed.attended and not self._goes_on
         if alone or snapshot.time > latest:
             self.plan.failed = True
             expired = None if alone else catalogue.fault("OPR-03")

@@ -286,6 +286,20 @@ def test_stop_by_a_person_never_goes_on_by_itself() -> None:
     assert player.tick(verdict=Verdict(), requests=(Request.ARM,)).jobs
 
 
+@pytest.mark.parametrize("when", ["while it stops", "at rest"])
+def test_stop_that_a_person_acknowledged_goes_on_only_by_an_arm(when: str) -> None:
+    player, _ = quickstop()
+    player.world.update(STOPPED, verdict=judged("INP-03", recovers=True, resumes=True))
+    if when == "while it stops":
+        player.tick(requests=(Request.ACKNOWLEDGE,))
+    player.until(is_off)
+    if when == "at rest":
+        player.tick(requests=(Request.ACKNOWLEDGE,))
+    for _ in range(20):
+        assert player.tick(verdict=Verdict()).jobs == ()
+    assert player.tick(verdict=Verdict(), requests=(Request.ARM,)).jobs
+
+
 def test_run_ends_when_nobody_arms_for_ten_minutes() -> None:
     expires(*stopped())
 
