@@ -20,6 +20,9 @@ What the robot must react to while it runs is a value instead: `artemis.values.F
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 _MAX_SHOWN = 60
 
 
@@ -90,6 +93,13 @@ class RecordingError(ArtemisError):
 def writable(text: object) -> str:
     """Foreign text as a file in UTF-8 can hold it: bytes that are no text (`os.fsdecode`) are escaped."""
     return str(text).encode("utf-8", "backslashreplace").decode()
+
+
+def similar(word: str, names: Iterable[str]) -> str:
+    """The names in a message about an unknown one, the most similar first; empty where there are none."""
+    names = list(names)
+    nearest = difflib.get_close_matches(word, names, n=1, cutoff=0.0)
+    return f"nearest is '{nearest[0]}', there are {', '.join(names)}" if nearest else ""
 
 
 def shown(value: object) -> str:

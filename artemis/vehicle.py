@@ -52,10 +52,12 @@ class Limits(Config):
 
 
 class Potentiometers(Config):
-    """Both potentiometers of one steered wheel: angle = slope * (voltage - zero)."""
+    """One steered wheel. Both potentiometers, angle = slope * (voltage - zero), and the encoder of its motor."""
 
     zero_v: Pair
     slope_deg_per_v: Pair
+    scale: Positive = 1.0
+    """True change of the wheel's angle per change that the encoder counts through the gear."""
 
 
 class SteeringCalibration(Config):
@@ -105,6 +107,11 @@ class Gains(Config):
     current: PiGains
     velocity: PiGains
     position: PidGains
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """In the order of the objects: current P, I; velocity P, I; position P, I, D."""
+        return (*self.current, *self.velocity, *self.position)
 
 
 class Drive(Config):

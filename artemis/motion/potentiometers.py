@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import radians
 
 from artemis.vehicle import Potentiometers
@@ -24,3 +25,16 @@ def is_at_a_rail(volts: tuple[float, float]) -> bool:
     """Whether one of them is open or shorted."""
     margin = RAIL * SUPPLY_V
     return not (margin <= volts[0] <= SUPPLY_V - margin and margin <= volts[1] <= SUPPLY_V - margin)
+
+
+def memory_numbers(calibration: Potentiometers) -> tuple[int, ...]:
+    """What a drive keeps of a calibration (object 0x200C:1 to 4): zeros [uV], then slopes [millionths of deg/V]."""
+    return tuple(round(value * 1e6) for value in (*calibration.zero_v, *calibration.slope_deg_per_v))
+
+
+def memory_words(numbers: Sequence[int]) -> str:
+    """These numbers for people."""
+    if not any(numbers):
+        return "nothing"
+    first, second, slope, other = (number / 1e6 for number in numbers)
+    return f"zero {first:.4f} and {second:.4f} V, slope {slope:.3f} and {other:.3f} deg/V"

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import bisect
-import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
 
-from artemis.errors import ConfigError, shown
+from artemis.errors import ConfigError, shown, similar
 
 MAX_ROWS = 1_000_000
 MAX_COLUMNS = 20
@@ -109,8 +108,7 @@ class Table:
             written = cell.strip()
             name = self._names.get(written.lower())
             if name is None:
-                nearest = difflib.get_close_matches(written.lower(), self._names, n=1, cutoff=0.0)[0]
-                problem = f"unknown column {shown(written)}; nearest is '{nearest}', known are {', '.join(self._names)}"
+                problem = f"unknown column {shown(written)}; {similar(written.lower(), self._names)}"
                 self._problems.append((number, self._position(number, index), problem))
             elif name in self.columns:
                 problem = f"second column for {name}: {shown(written)}"

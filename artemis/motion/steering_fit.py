@@ -1,0 +1,133 @@
+"""Zero and slope of the potentiometers of one steered wheel, from readings while it turns (two-point, thesis 4.3.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from artemis.vehicle import Potentiometers
+
+ZERO_DIGITS, SLOPE_DIGITS = 4, 3
+"""Results are rounded to 0.1 mV (0.007 degrees) and 0.001 degrees per volt: less than they are spread."""
+
+
+class Pass(NamedTuple):
+    """Readings while a wheel turned one way."""
+
+    direction: float
+    """1 to the left, -1 to the right."""
+    readings: Sequence[tuple[float, float, float]]
+    """The encoder's angle of the wheel [rad], and the voltages of both potentiometers [V]."""
+
+
+class Line(NamedTuple):
+    """Voltage of one potentiometer over the encoder's angle: volt + per_radian * angle + lag * direction [V].
+
+    `lag` is what the wheel, and its potentiometers with it, stays behind its motor: half of the play.
+    """
+
+    volt: float
+    per_radian: float
+    lag: float
+    covariance: tuple[tuple[float, ...], ...]
+    """Of these three."""
+    misfit: float
+    """How far the mean of a pass is off at most [rad]; infinite where the voltage does not follow the wheel at all."""
+
+    def at(self, angle: float, direction: float = 0.0) -> float:
+        """Voltage [V]; direction 0: in the middle of the play."""
+        return self.volt + self.per_radian * angle + self.lag * direction
+
+    def spread(self, angle: float, direction: float = 0.0) -> float:
+        """Standard deviation of `at` [V]."""
+        at = np.array((1.0, angle, direction))
+        return sqrt(max(0.0, float(at @ np.array(self.covariance) @ at)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SteeringFit:
+    """What was found of one wheel. Pairs: both potentiometers."""
+
+    calibration: Potentiometers
+    zero_spread_v: tuple[float, float]
+    """Standard deviations of the means, like the next."""
+    slope_spread_deg_per_v: tuple[float, float]
+    backlash_deg: float
+    """Play between motor and wheel, and what the analog inputs lag behind the encoder."""
+    misfit_deg: float
+    """How far the mean of a pass is off its line at most."""
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """As plain data."""
+        return {
+            "zero_v": list(self.calibration.zero_v),
+            "slope_deg_per_v": list(self.calibration.slope_deg_per_v),
+            "zero_spread_v": list(self.zero_spread_v),
+            "slope_spread_deg_per_v": list(self.slope_spread_deg_per_v),
+            "backlash_deg": self.backlash_deg,
+            "misfit_deg": self.misfit_deg,
+        }
+
+
+def lines_through(passes: Sequence[Pass]) -> tuple[Line, Line]:
+    """The least-squares line of each potentiometer. Needs passes at two angles at least, in both directions."""
+    return _line(passes, 1), _line(passes, 2)
+
+
+def _line(passes: Sequence[Pass], column: int) -> Line:
+    angles = np.array([reading[0] for one in passes for reading in one.readings])
+    volts = np.array([reading[column] for one in passes for reading in one.readings])
+    directions = np.array([one.direction for one in passes for _ in one.readings])
+    wanted = np.column_stack((np.ones_like(angles), angles, directions))
+    found = np.linalg.lstsq(wanted, volts, rcond=None)[0]
+    left = volts - wanted @ found
+    variance = float(left @ left) / (len(left) - 3)
+    covariance = variance * np.linalg.pinv(wanted.T @ wanted)
+    ends = np.cumsum([len(one.readings) for one in passes])[:-1]
+    worst = max(abs(float(part.mean())) for part in np.split(left, ends))
+    volt, per_radian, lag = (float(number) for number in found)
+    misfit = worst / abs(per_radian) if per_radian else float("inf")
+    return Line(volt, per_radian, lag, tuple(tuple(map(float, row)) for row in covariance), misfit)
+
+
+def shown_straight(lines: tuple[Line, Line], known: Potentiometers) -> float:
+    """Encoder's angle [rad] at which a wheel stands straight by the mean of its potentiometers as they were known."""
+    offset = rise = 0.0
+    for line, zero, slope in zip(lines, known.zero_v, known.slope_deg_per_v, strict=True):
+        offset += slope * (line.volt - zero)
+        rise += slope * line.per_radian
+    return -offset / rise
+
+
+def fitted(lines: tuple[Line, Line], straight: float, direction: float, known: Potentiometers) -> SteeringFit:
+    """The calibration of a wheel.
+
+    Args:
+        lines: Of its potentiometers.
+        straight: Encoder's angle at which the wheel truly stands straight [rad].
+        direction: Which way it came there, see `Line.at`.
+        known: What the robot file said.
+    """
+    slopes = tuple(degrees(1.0) / line.per_radian for line in lines)
+    spreads = tuple(
+        abs(slope / line.per_radian) * sqrt(line.covariance[1][1]) for slope, line in zip(slopes, lines, strict=True)
+    )
+    play = sum(-2.0 * line.lag / line.per_radian for line in lines) / 2.0
+    zeros = tuple(round(line.at(straight, direction), ZERO_DIGITS) for line in lines)
+    calibration = Potentiometers(
+        zero_v=(zeros[0], zeros[1]),
+        slope_deg_per_v=(round(slopes[0], SLOPE_DIGITS), round(slopes[1], SLOPE_DIGITS)),
+        scale=known.scale,
+    )
+    return SteeringFit(
+        calibration=calibration,
+        zero_spread_v=(lines[0].spread(straight, direction), lines[1].spread(straight, direction)),
+        slope_spread_deg_per_v=(spreads[0], spreads[1]),
+        backlash_deg=degrees(play),
+        misfit_deg=degrees(max(line.misfit for line in lines)),
+    )

@@ -1,0 +1,141 @@
+"""How a drive follows a step, or the ramp that the gate makes of one: rise, overshoot, settling, errors. Pure.
+
+Terms as in textbooks of control (for example Ogata, Modern Control Engineering, 5th edition, 5.3): the rise goes from
+10 to 90 % of the way to where the drive comes to rest; the overshoot is what it goes beyond that, as a part of the
+way; it has settled once it stays within a band of so many per cent of the way. All times count from the moment at
+which the set-point begins to change.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from artemis.errors import CalibrationError
+from artemis.motion.spline import Array
+
+BANDS = (0.05, 0.02)
+"""Of settling, as parts of the way."""
+BEGUN, ARRIVED = 0.01, 0.99
+"""Parts of the set-point's way: from the first on it moves, at the second it is there."""
+TAIL = 0.2
+"""In this last part of the time that it is watched the drive has to rest; its mean there is where it rests."""
+MOVED = 0.1
+"""A drive that goes less than this part of the way does not follow."""
+FEWEST = 10
+"""Samples from the beginning of the step on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepResponse:
+    """What a drive made of one step. The unit is that of the values: rad, m/s."""
+
+    begin: float
+    """When the set-point began to change, in the time of the samples [s]."""
+    step: float
+    """By how much it changed."""
+    ramp: float
+    """How long that took [s]."""
+    watched: float
+    """How long the drive was watched from the beginning on [s]."""
+    rise: float | None
+    """10 to 90 % [s]; this and the following are None where the drive did not follow."""
+    overshoot: float | None
+    """As a part of the way, 0 or more."""
+    settled_5: float | None
+    """Stays within 5 % from then on [s]; None: not while it was watched."""
+    settled_2: float | None
+    """The same within 2 % [s]."""
+    steady_error: float
+    """Set-point less value in the end."""
+    largest_error: float
+    """The same on the way, without sign."""
+    peak_current: float
+    """Largest sampled current [A], without sign: between two samples there may be more."""
+
+
+def step_response(time: Array, set_point: Array, value: Array, current: Array, margin: float = 0.0) -> StepResponse:
+    """The response to the first step of a set-point that moves from rest to rest (and on from there, or back).
+
+    Args:
+        time: of the samples [s], shape (n,), rising.
+        set_point: what the drive was told, shape (n,).
+        value: what it measured, shape (n,).
+        current: of its motor [A], shape (n,).
+        margin: half the `width` that values made by `slope` belong to [s]: they know so long before of a change.
+
+    Raises:
+        CalibrationError: the set-point does not change, or there are too few samples.
+    """
+    first, arrived, last = _step(set_point)
+    last = int(np.searchsorted(time, time[last] - margin, side="right")) - 1
+    rest = float(value[int(np.searchsorted(time, time[first] - margin))])
+    time, set_point, value, current = (each[first : last + 1] for each in (time, set_point, value, current))
+    if len(time) < FEWEST:
+        raise CalibrationError(f"only {len(time)} samples of the step")
+    ramp, since = float(time[arrived - first] - time[0]), time - time[0]
+    step, error = float(set_point[-1] - set_point[0]), set_point - value
+    tail = since >= (1.0 - TAIL) * since[-1]
+    way = float(np.mean(value[tail])) - rest
+    shares = (value - rest) / way if abs(way) >= MOVED * abs(step) else None
+    follows = shares is not None and way * step > 0.0
+    settled = [_settled(since, shares, band) if shares is not None and follows else None for band in BANDS]
+    return StepResponse(
+        begin=float(time[0]),
+        step=step,
+        ramp=ramp,
+        watched=float(since[-1]),
+        rise=_reached(since, shares, 0.9) - _reached(since, shares, 0.1) if shares is not None and follows else None,
+        overshoot=max(0.0, float(np.max(shares)) - 1.0) if shares is not None and follows else None,
+        settled_5=settled[0],
+        settled_2=settled[1],
+        steady_error=float(np.mean(error[tail])),
+        largest_error=float(np.max(np.abs(error))),
+        peak_current=float(np.max(np.abs(current))),
+    )
+
+
+def slope(time: Array, value: Array, width: float) -> Array:
+    """Derivative of sampled values: slope of the straight line of least squares through `width` [s] around each.
+
+    A position in counts is too coarse for differences of two samples. What is faster than `width` is smoothed away.
+    """
+    slopes = np.zeros(len(time))
+    begins = np.searchsorted(time, time - 0.5 * width - 1e-9, side="left")
+    ends = np.searchsorted(time, time + 0.5 * width + 1e-9, side="right")
+    for index, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        away = time[begin:end] - np.mean(time[begin:end])
+        square = float(np.dot(away, away))
+        slopes[index] = np.dot(away, value[begin:end]) / square if square > 0.0 else 0.0
+    return slopes
+
+
+def _step(set_point: Array) -> tuple[int, int, int]:
+    """Indices: the last sample before the set-point moves, the first at its farthest place, the last there."""
+    way = set_point - set_point[:1]
+    top = float(way[np.argmax(np.abs(way))]) if len(way) else 0.0
+    if top == 0.0:
+        raise CalibrationError("the set-point does not change")
+    shares = way / top
+    there = np.flatnonzero(shares >= ARRIVED)
+    return max(int(np.argmax(shares > BEGUN)) - 1, 0), int(there[0]), int(there[-1])
+
+
+def _reached(since: Array, shares: Array, share: float) -> float:
+    """When this part of the way was passed first [s], between two samples in proportion."""
+    index = int(np.argmax(shares >= share))
+    if index == 0:
+        return float(since[0])
+    before, after = shares[index - 1], shares[index]
+    return float(since[index - 1] + (since[index] - since[index - 1]) * (share - before) / (after - before))
+
+
+def _settled(since: Array, shares: Array, band: float) -> float | None:
+    """When the values entered the band for good [s]; None: they left it in the last part of the time."""
+    away = np.abs(shares - 1.0)
+    outside = np.flatnonzero(away > band)
+    last = int(outside[-1])  # the first sample, which is all the way off, is one of them
+    if since[last] >= (1.0 - TAIL) * since[-1]:
+        return None
+    return float(since[last] + (since[last + 1] - since[last]) * (away[last] - band) / (away[last] - away[last + 1]))
