@@ -1,0 +1,1 @@
+"""Fits on recordings: what the geometry and the calibration of a machine truly are."""

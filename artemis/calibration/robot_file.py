@@ -1,0 +1,51 @@
+"""What a fit changes in a robot file."""
+
+from __future__ import annotations
+
+from math import degrees
+
+from artemis.calibration.kinematics import Kinematics
+from artemis.vehicle import Robot
+from artemis.yaml_file import Data
+
+DIGITS = 7
+"""Of the numbers that are written."""
+
+
+def changes(robot: Robot, machine: Kinematics) -> dict[tuple[str, ...], Data]:
+    """New values of a robot file by their keys; only what differs.
+
+    Args:
+        robot: The file's content, which the runs were counted with.
+        machine: What was fitted.
+
+    A wheel that counts `zero` when it is straight has its potentiometers' zero there: the voltages that they show at
+    that angle.
+    """
+    found: dict[tuple[str, ...], Data] = {}
+
+    def put(keys: tuple[str, ...], old: float, new: float) -> None:
+        if _rounded(new) != _rounded(old):
+            found[keys] = _rounded(new)
+
+    ways = {"left": machine.way_left, "right": machine.way_right}
+    zeros = {"left": machine.zero_left, "right": machine.zero_right}
+    scales = {"left": machine.scale_left, "right": machine.scale_right}
+    for side in ("left", "right"):
+        old = robot.metres_per_count(side)
+        put(("calibration", "traction", f"{side}_m_per_count"), old, old * ways[side])
+        wheel = robot.potentiometers(side)
+        pairs = zip(wheel.zero_v, wheel.slope_deg_per_v, strict=True)
+        volts = [_rounded(zero + degrees(zeros[side]) / slope) for zero, slope in pairs]
+        if volts != [_rounded(zero) for zero in wheel.zero_v]:
+            found["calibration", "steering", side, "zero_v"] = list(volts)
+        put(("calibration", "steering", side, "scale"), wheel.scale, wheel.scale * scales[side])
+    geometry = robot.geometry
+    put(("geometry", "wheelbase_m"), geometry.wheelbase_m, machine.wheelbase)
+    put(("geometry", "track_m"), geometry.track_m, machine.track)
+    put(("geometry", "scrub_radius_m"), geometry.scrub_radius_m, machine.scrub_radius)
+    return found
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")

@@ -1,0 +1,86 @@
+"""How far odometry with some parameters goes astray, along runs whose truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from artemis.calibration.fit import Fit, Run, at_sensor, refitted
+from artemis.calibration.increments import Moments
+from artemis.calibration.kinematics import Kinematics, dead_reckoned
+from artemis.motion.clocks import Clock
+from artemis.motion.spline import Array
+
+START = 0.05
+"""The odometry is laid on the truth by the moments until the robot has gone so far [m]."""
+FOLDS = 5
+"""Most parts into which runs are divided to check each by a fit of the others."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Track:
+    """The sensor of one run: truth and odometry, laid on it at its start; shape (n, 3), (n,)."""
+
+    name: str
+    true: Array
+    reckoned: Array
+    way: Array
+    """Of the truth's sensor until then [m]."""
+
+    @property
+    def error(self) -> Array:
+        """Distance of both [m], shape (n,)."""
+        return np.asarray(np.hypot(*(self.reckoned - self.true)[:, :2].T))
+
+
+def track(run: Run, machine: Kinematics, sensor: tuple[float, float, float], clock: Clock) -> Track:
+    """What the odometry of a machine makes of a run."""
+    begin, end = clock.shown(run.log.time[[0, -1]])
+    moments = Moments.of(run.truth, float(begin), float(end))
+    own = moments.averaged(clock.shown(run.log.time), at_sensor(dead_reckoned(run.log, machine), sensor))
+    true = moments.poses
+    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(own, axis=0)[:, :2].T)))
+    first = way <= START
+    turn = float(np.mean(true[first, 2] - own[first, 2]))
+    c, s = np.cos(turn), np.sin(turn)
+    turned = np.column_stack([c * own[:, 0] - s * own[:, 1], s * own[:, 0] + c * own[:, 1], own[:, 2] + turn])
+    turned[:, :2] += np.mean(true[first, :2] - turned[first, :2], axis=0)
+    return Track(name=run.log.name, true=true, reckoned=turned, way=way)
+
+
+def checked(found: Fit) -> list[tuple[Run, Kinematics]]:
+    """Every run with the machine that the others show; empty for fewer than three runs."""
+    if len(found.runs) < 3:
+        return []
+    folds = min(FOLDS, len(found.runs))
+    pairs = []
+    for fold in range(folds):
+        rest = [run for number, run in enumerate(found.runs) if number % folds != fold]
+        machine = refitted(found, rest)
+        pairs += [(run, machine) for number, run in enumerate(found.runs) if number % folds == fold]
+    return pairs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """Position errors of some runs [m]: mean and largest over all moments, mean at the ends; way [m]."""
+
+    runs: int
+    mean: float
+    max: float
+    end: float
+    way: float
+
+
+def score(tracks: Sequence[Track]) -> Score:
+    """In a few numbers; at least one track."""
+    errors = [each.error for each in tracks]
+    return Score(
+        runs=len(tracks),
+        mean=float(np.mean(np.concatenate(errors))),
+        max=float(max(error.max() for error in errors)),
+        end=float(np.mean([error[-1] for error in errors])),
+        way=float(np.mean([each.way[-1] for each in tracks])),
+    )
