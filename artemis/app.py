@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from math import inf
@@ -21,6 +21,7 @@ from artemis.errors import RecordingError
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.schema import BusWords, Stop
 from artemis.motion.route import Route
+from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import inputs_used, is_fast, is_simulated, made, plan_for, setup_for
 from artemis.plugins.border import Border, close
 from artemis.plugins.contracts import InputDevice
@@ -29,7 +30,7 @@ from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import Recorder
 from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.recording.resume import BROKEN, DONE, where_it_stopped
-from artemis.recording.run_folder import RunFolder, create_run_folder, keep_paths
+from artemis.recording.run_folder import RunFolder, create_run_folder, keep_calibration, keep_paths
 from artemis.robot import Core, Robot
 from artemis.states.mode import FollowStep, with_followers
 from artemis.supervision import catalogue
@@ -48,6 +49,11 @@ REQUESTS = {
     "acknowledge": Request.ACKNOWLEDGE,
     "arm": Request.ARM,
     "end": Request.END,
+    "accept": Request.ACCEPT,
+    "left_degree": Request.LEFT_DEGREE,
+    "right_degree": Request.RIGHT_DEGREE,
+    "left_tenth": Request.LEFT_TENTH,
+    "right_tenth": Request.RIGHT_TENTH,
 }
 
 
@@ -64,6 +70,8 @@ class Outcome:
     """Run time [s]."""
     elapsed: float
     """Seconds on the wall."""
+    steering: Mapping[str, SteeringFit]
+    """What was measured of the potentiometers, by side."""
     troubles: tuple[str, ...] = ()
     """What the disk did to the recording."""
 
@@ -164,12 +172,14 @@ class _Run:
         finally:
             self._recorder.close(outcome)
         kept = keep_paths(self.run, {name: track.as_csv() for name, track in self._plan.tracks.items()})
+        kept += keep_calibration(self.run, {side: fit.record for side, fit in self._plan.steering.items()})
         return Outcome(
             failed=self._plan.failed,
             interrupted=self._interrupted,
             run=self.run,
             duration=self._time,
             elapsed=clock.stopwatch() - begun,
+            steering=self._plan.steering,
             troubles=(*(trouble.detail for trouble in self._recorder.troubles()), *kept),
         )
 

@@ -4,38 +4,64 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
+from math import radians
 from typing import Any
 
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
+from artemis.mission.gains import merged
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.policies import policies_from
-from artemis.mission.schema import Calibrate, Follow, PluginUse, Recorded, Teleop, Wait
-from artemis.motion.fitting import route_for
-from artemis.motion.route import Route
+from artemis.mission.schema import Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Teleop, Wait
 from artemis.plugins.border import PLUGIN_ERRORS, told
 from artemis.plugins.contracts import Setup
 from artemis.recording.provenance import Resumption
 from artemis.robot import Core
+from artemis.states.gains import GainsStep, TurnStep
+from artemis.states.keeping import StoreSteeringStep
 from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
+from artemis.states.steering import SteeringStep
+from artemis.vehicle import Robot
 
 
 def plan_from(loaded: LoadedMission) -> Plan:
     """The mission's steps, with their paths read and their followers made."""
     steps: list[Step] = []
-    for step in loaded.mission.steps:
+    for number, step in enumerate(loaded.mission.steps):
         action = step.action
         match action:
             case Calibrate():
-                steps.append(CalibrateStep())
+                steps.append(_calibrate_step(loaded.robot, action))
             case Wait():
                 steps.append(WaitStep(seconds=action.seconds))
             case Teleop():
                 steps.append(_teleop_step(loaded, action))
             case Follow():
-                steps.append(_follow_step(loaded, action))
+                steps.append(_follow_step(loaded, number, action))
     policies = policies_from(loaded.mission.recovery)
-    return Plan(robot=loaded.robot, steps=tuple(steps), policies=policies)
+    found = next((step.reference for step in steps if isinstance(step, SteeringStep) and step.new), None)
+    return Plan(robot=loaded.robot, steps=tuple(steps), policies=policies, found=found)
+
+
+def _calibrate_step(robot: Robot, action: Calibrate) -> CalibrateStep:
+    if action.gains is not None:
+        known = {name: robot.drives[name].gains for name in action.gains}
+        new = {name: merged(action.gains[name], gains).numbers for name, gains in known.items() if gains is not None}
+        return GainsStep(gains=new)
+    if action.turn is not None:
+        return TurnStep(side=action.turn.side, angle=radians(action.turn.angle_deg))
+    match action.steering:
+        case MeasureSteering() as asked:
+            given = {"left": asked.reference_deg.left, "right": asked.reference_deg.right}
+            return SteeringStep(
+                sides=("left", "right") if asked.wheels == "both" else (asked.wheels,),
+                reference={side: radians(angle) for side, angle in given.items() if angle is not None},
+                save=asked.save,
+                new=asked.potentiometers == "new",
+            )
+        case "store_in_drives":
+            return StoreSteeringStep()
+    return CalibrateStep()
 
 
 def _teleop_step(loaded: LoadedMission, action: Teleop) -> TeleopStep:
@@ -48,28 +74,17 @@ def _teleop_step(loaded: LoadedMission, action: Teleop) -> TeleopStep:
     )
 
 
-def _follow_step(loaded: LoadedMission, action: Follow) -> FollowStep:
+def _follow_step(loaded: LoadedMission, number: int, action: Follow) -> FollowStep:
     plugin, config = plugin_from("artemis.followers", action.follower)
-    route: Route | str
-    backward = None if action.direction is None else action.direction == "backward"
-    close_within = 0.0
-    if isinstance(action.path, Recorded):
-        route, close_within = action.path.recorded, action.path.close_within_m
-    else:
-        speed = getattr(config, "speed_m_s", loaded.robot.limits.speed_m_s)
-        route, _ = route_for(loaded.files[action.path].decode(), action.path, loaded.robot, speed, **action.wanted)
+    recorded = action.path if isinstance(action.path, Recorded) else None
     return FollowStep(
-        route=route,
+        route=loaded.routes[number] if recorded is None else recorded.recorded,
         follower=made(plugin, config, setup_for(loaded, action.follower.plugin)),
-        laps=action.laps,
-        from_end=action.from_end,
-        backward=backward,
-        close_within=close_within,
-        round_corners=action.round_corners_m,
-        allow_slowdown=action.allow_slowdown,
+        close_within=0.0 if recorded is None else recorded.close_within_m,
         nearest=action.start == "nearest",
         max_cross_track=action.max_cross_track_m,
         speed=getattr(config, "speed_m_s", None),
+        **action.wanted,
     )
 
 

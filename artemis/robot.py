@@ -32,7 +32,7 @@ class Core:
         """`period` of the scheduled ticks [s]."""
         self._plan = plan
         self._perception = Perception(plan.robot, period, plan.start)
-        self._supervisor = Supervisor(plan.robot, period, plan.policies)
+        self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind)
         self._modes = Modes(plan)
         self._gate = Gate(plan.robot, dt_max=2 * period)
         self._wish, self._points = Wish(supervised=False), SetPoints()

@@ -93,6 +93,9 @@ class Request(Enum):
     END = "end"
     DONE = "done"
     RECORD = "record path"
+    ACCEPT = "accept"
+    LEFT_DEGREE, RIGHT_DEGREE = "a degree to the left", "a degree to the right"
+    LEFT_TENTH, RIGHT_TENTH = "a tenth of a degree to the left", "a tenth of a degree to the right"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,19 +25,16 @@ import numpy as np
 from artemis.bench.driving import Refused
 from artemis.config import Config
 from artemis.motion.angles import difference
-from artemis.motion.path import Path, Projection
+from artemis.motion.path import Path
 from artemis.plugins.contracts import Follower, Following
-from artemis.values import DriveCommand, Snapshot, Tracking
+from artemis.plugins.followers.progress import BRAKING, Progress
+from artemis.values import DriveCommand, Snapshot
 from artemis.vehicle import Robot
 
 Theirs: TypeAlias = Any
 """A module of the checkout, or a value of one."""
 SPACING = 0.02
 """Between the points that they get [m]. Some take the nearest point for the foot of the perpendicular."""
-FINISH = 0.02
-"""So near to its end [m] a path counts as driven."""
-BRAKING = 0.5
-"""Share of the robot's deceleration that the approach to the end uses: none of them stops by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +70,7 @@ def reference(name: str, checkout: FilePath, robot: Robot, period: float, speed:
 
 
 class _Tracker(ABC):
-    """What all adapters share: the points, progress along the path, and where it ends."""
+    """What all adapters share: the points, and the halt at the end, which none of the trackers makes by itself."""
 
     Config: ClassVar[type[Config]] = Config
     beyond: ClassVar[float] = 0.6
@@ -85,7 +82,7 @@ class _Tracker(ABC):
         self._wheelbase, self._limit = robot.geometry.wheelbase_m, math.radians(robot.limits.steering_deg)
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
-        self._path, self._arc_length, self._finished = path, 0.0, False
+        self._progress = Progress(path)
         points = [path.at(place) for place in np.arange(0.0, path.length, SPACING)]
         count = round(self.beyond / SPACING)
         # around a closed path the very same points: of equally near ones they take the first
@@ -96,23 +93,15 @@ class _Tracker(ABC):
         self._begin()
 
     def step(self, snapshot: Snapshot) -> Following:
-        pose = snapshot.odometry.pose
-        here = self._path.project(pose.x, pose.y, near=self._arc_length)
-        self._arc_length = here.arc_length
-        remaining = self._path.length - here.arc_length
-        self._finished = self._finished or remaining <= FINISH
+        progress = self._progress
+        tracking = progress.update(snapshot.odometry.pose)
         with redirect_stdout(io.StringIO()):  # one of them talks
-            speed, steering = self._control(snapshot, here)
-        speed = 0.0 if self._finished else min(speed, math.sqrt(2 * self._deceleration * remaining))
+            speed, steering = self._control(snapshot)
+        speed = min(speed, progress.halting_speed(self._deceleration))
         return Following(
             command=DriveCommand(speed=speed, steering=self._within(steering)),
-            tracking=Tracking(
-                arc_length=here.arc_length,
-                length=self._path.length,
-                cross_track=here.cross_track,
-                heading_error=difference(pose.heading, here.heading),
-            ),
-            finished=self._finished,
+            tracking=tracking,
+            finished=progress.finished,
         )
 
     def _within(self, steering: float) -> float:
@@ -122,7 +111,7 @@ class _Tracker(ABC):
         """The points are there."""
 
     @abstractmethod
-    def _control(self, snapshot: Snapshot, here: Projection) -> tuple[float, float]:
+    def _control(self, snapshot: Snapshot) -> tuple[float, float]:
         """Speed [m/s] and angle [rad] of the virtual front wheel."""
 
     def _state(self, snapshot: Snapshot, ahead: float = 0.0) -> Theirs:
@@ -146,7 +135,7 @@ class _PurePursuit(_Tracker):
         module.WB, module.MAX_STEER = self._wheelbase, self._limit
         self._course, self._target = module.TargetCourse(self._x, self._y), 0
 
-    def _control(self, snapshot: Snapshot, here: Projection) -> tuple[float, float]:
+    def _control(self, snapshot: Snapshot) -> tuple[float, float]:
         state = self._state(snapshot, ahead=self._wheelbase / 2)
         steering, self._target = self._module.pure_pursuit_steer_control(state, self._course, self._target)
         return self._speed, steering
@@ -158,7 +147,7 @@ class _Stanley(_Tracker):
         module.L, module.max_steer = self._wheelbase, self._limit
         self._target = 0
 
-    def _control(self, snapshot: Snapshot, here: Projection) -> tuple[float, float]:
+    def _control(self, snapshot: Snapshot) -> tuple[float, float]:
         steering, self._target = self._module.stanley_control(
             self._state(snapshot), self._x, self._y, self._heading, self._target
         )
@@ -171,7 +160,7 @@ class _Lqr(_Tracker):
         module.L, module.max_steer, module.dt = self._wheelbase, self._limit, self._period
         self._errors = 0.0, 0.0
 
-    def _control(self, snapshot: Snapshot, here: Projection) -> tuple[float, float]:
+    def _control(self, snapshot: Snapshot) -> tuple[float, float]:
         steering, _, *self._errors = self._module.lqr_steering_control(
             self._state(snapshot), self._x, self._y, self._heading, self._curvature, *self._errors
         )
@@ -187,9 +176,9 @@ class _Mpc(_Tracker):
         self._target, self._plan = 0, (None, None)
         self._speeds = [self._speed] * len(self._x)
 
-    def _control(self, snapshot: Snapshot, here: Projection) -> tuple[float, float]:
+    def _control(self, snapshot: Snapshot) -> tuple[float, float]:
         module, state = self._module, self._state(snapshot)
-        tangent = self._heading[min(round(max(here.arc_length, 0.0) / SPACING), len(self._heading) - 1)]
+        tangent = self._heading[min(round(max(self._progress.arc_length, 0.0) / SPACING), len(self._heading) - 1)]
         state.yaw = tangent + difference(state.yaw, tangent)  # continuous, as their reference
         points, self._target, angles = module.calc_ref_trajectory(
             state, self._x, self._y, self._heading, self._curvature, self._speeds, SPACING, self._target

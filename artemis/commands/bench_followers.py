@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from artemis.bench.judge import Track
 from artemis.bench.python_robotics import REFERENCES
 from artemis.bench.step_time import ROUNDS, SIZES, step_times, weaving_path
 from artemis.bench.tables import as_csv, grids, problems
-from artemis.errors import ConfigError
+from artemis.errors import ConfigError, similar
 from artemis.mission.loading import load_model
 from artemis.motion.spline import Array
 from artemis.plugins.border import PLUGIN_ERRORS, told
@@ -85,10 +84,7 @@ def _chosen(kind: str, names: Sequence[str], known: Sequence[str]) -> Sequence[s
     Raises:
         ConfigError: one is not known.
     """
-    unknown = []
-    for name in (name for name in names if name not in known):
-        nearest = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
-        unknown.append(f"no {kind} {name!r}; nearest is '{nearest}', there are {', '.join(known)}")
+    unknown = [f"no {kind} {name!r}; {similar(name, known)}" for name in names if name not in known]
     if unknown:
         raise ConfigError(unknown)
     return names or known

@@ -110,14 +110,19 @@ def _show_drives(loaded: LoadedMission) -> None:
 
 
 async def _ask(loaded: LoadedMission, simulated: bool) -> list[Node]:
-    bus = _open_bus(loaded, simulated)
+    bus = open_bus(loaded, simulated)
     try:
         return await ask_nodes(loaded.robot, bus)
     finally:
         bus.close()
 
 
-def _open_bus(loaded: LoadedMission, simulated: bool) -> FrameBus:
+def open_bus(loaded: LoadedMission, simulated: bool) -> FrameBus:
+    """The mission's bus, or one with simulated drives; needs a running loop.
+
+    Raises:
+        DeviceLost: it cannot be opened.
+    """
     words = loaded.mission.bus
     if isinstance(words, BusWords) and not simulated:
         return CanBus(words.words)

@@ -27,6 +27,8 @@ LONGEST_BAR = 30
 
 _RED, _YELLOW, _GREEN, _DIM, _BOLD = "31", "33", "32", "2", "1"  # SGR parameters (ECMA-48, 8.3.117)
 _MODE_COLOURS = {Mode.FAULT: _RED, Mode.QUICKSTOP: _YELLOW}
+_LABELS = {JobKind.READ_HISTORY: "history", JobKind.CLEAR_TARGET: "target"}
+"""What jobs brought back that people should see."""
 _MARGIN = 21
 """Characters before the text of a line."""
 _WIPE = "\r\x1b[2K"
@@ -84,8 +86,7 @@ class LiveView:
         if tick.snapshot.verdict is not self._verdict:
             self._compare(sensed.time, tick.snapshot.verdict)
         for result in sensed.results:
-            if result.values:
-                label = "history" if result.kind is JobKind.READ_HISTORY else "target"
+            if result.values and (label := _LABELS.get(result.kind)):
                 self._say(sensed.time, label, f"{result.drive}: {values_of(result)}", _YELLOW)
         if tick.wish.phase and (tick.mode, tick.wish.phase) != self._shown:
             self._shown = tick.mode, tick.wish.phase

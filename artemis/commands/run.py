@@ -1,19 +1,20 @@
-"""`artemis run` and `artemis report`: a mission with its live view, its summary and its page."""
+"""`artemis run`: a mission with its live view, its summary and its page."""
 
 from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from math import degrees
 from pathlib import Path
 from shlex import quote
 
-from artemis.app import Outcome, resumption_from, run_mission
+from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
-from artemis.commands.terminal import DRIVING, HINT, listen_to_keys, somebody_is_there
+from artemis.commands.terminal import DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
+from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords, Follow
@@ -24,6 +25,7 @@ from artemis.recording.provenance import Resumption
 from artemis.recording.resume import unfinished_run
 from artemis.report.page import write_report
 from artemis.report.summary import Summary, summary
+from artemis.values import Request, Tick
 
 
 def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> int:
@@ -38,26 +40,56 @@ def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> 
     """
     loaded = load_mission(source)
     resumption = _resumption(loaded, source, resume, simulate)
-    simulated = is_simulated(loaded, simulate)
-    fast = is_fast(loaded, simulate)
-    operator = listen_to_keys if somebody_is_there() and not fast else None
+    outcome = run_in_sight(loaded, source, simulate, resumption)
+    if outcome.failed:
+        with suppress(ConfigError):  # then it cannot be gone on with; why is said to who tries
+            resumption_from(loaded, source, outcome.run.path, simulate)
+            _print("go on", _command(source, outcome.run.path, simulate))
+    return outcome.exit_status
+
+
+def run_in_sight(
+    loaded: LoadedMission,
+    source: Path,
+    simulate: bool,
+    resumption: Resumption | None = None,
+    watch: Watch = lambda tick, traffic: None,
+    keys: Mapping[bytes, Request] = KEYS,
+    hint: str = HINT,
+) -> Outcome:
+    """Run a loaded mission with its live view, print the summary, write its page.
+
+    Args:
+        loaded: The mission.
+        source: Its file.
+        simulate: Against simulated drives, whatever its bus.
+        resumption: The run to go on with.
+        watch: Sees every tick, too.
+        keys: What the keys of the terminal ask for.
+        hint: Names them.
+
+    Raises:
+        DeviceLost: the bus cannot be opened; nothing has moved.
+        RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
+    """
+    simulated, fast = is_simulated(loaded, simulate), is_fast(loaded, simulate)
+    operator = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
         _print("warning", warning)
     for remark in loaded.remarks:
         _print("path", remark)
     driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
-    hint = f"{HINT}; {DRIVING}" if driving else HINT
+    hint = f"{hint}; {DRIVING}" if driving else hint
     with LiveView(_title(loaded, simulated), hint if operator else "", terminate, loaded.robot.bitrate) as view:
-        outcome = run_mission(
-            loaded, source, simulate=simulate, watch=view.show, operator=operator, resumption=resumption
-        )
+
+        def show(tick: Tick, traffic: Traffic) -> None:
+            view.show(tick, traffic)
+            watch(tick, traffic)
+
+        outcome = run_mission(loaded, source, simulate=simulate, watch=show, operator=operator, resumption=resumption)
     _conclude(outcome)
-    if outcome.failed:
-        with suppress(ConfigError):  # then it cannot be gone on with; why is said to who tries
-            resumption_from(loaded, source, outcome.run.path, simulate)
-            _print("go on", _command(source, outcome.run.path, simulate))
-    return outcome.exit_status
+    return outcome
 
 
 def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simulate: bool) -> Resumption | None:
@@ -83,18 +115,6 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
 
 def _command(source: Path, run: Path, simulate: bool) -> str:
     return f"artemis run {quote(str(source))}{' --simulate' * simulate} --resume {quote(str(run))}"
-
-
-def write_page(run: Path) -> str:
-    """Write report.html beside the recording; its path.
-
-    Raises:
-        RecordingError: the recording cannot be read, or the page not be written.
-    """
-    recording = Recording(run)
-    page = (run if run.is_dir() else run.parent) / "report.html"
-    write_report(recording, page)
-    return str(page)
 
 
 def _title(loaded: LoadedMission, simulated: bool) -> str:

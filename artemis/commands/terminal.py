@@ -8,13 +8,23 @@ import signal
 import sys
 import termios
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 
 from artemis.values import Request
 
 KEYS = {b" ": Request.QUICKSTOP, b"a": Request.ACKNOWLEDGE, b"r": Request.ARM, b"q": Request.END}
 """Space stops at once; a acknowledges, r arms again, q ends the run in order."""
+JOG_KEYS = {
+    b"+": Request.LEFT_DEGREE,
+    b"-": Request.RIGHT_DEGREE,
+    b".": Request.LEFT_TENTH,
+    b",": Request.RIGHT_TENTH,
+    b"\n": Request.ACCEPT,
+    b"\r": Request.ACCEPT,
+}
+"""Turn a wheel by a degree or a tenth to the left or right; enter accepts."""
+JOGGING = "+ - turn the wheel by a degree, . , by a tenth, enter accepts"
 HINT = "keys: space quick stop, a acknowledge, r arm again, q end"
 DRIVING = "arrow keys drive while held, + - speed range, p record path, d done"
 _CONTROL_CHARACTERS = 6  # place in what termios.tcgetattr returns
@@ -34,7 +44,9 @@ def somebody_is_there() -> bool:
 
 
 def listen_to_keys(
-    request: Callable[[Request], None], typed: Callable[[bytes], None] | None = None
+    request: Callable[[Request], None],
+    typed: Callable[[bytes], None] | None = None,
+    keys: Mapping[bytes, Request] = KEYS,
 ) -> Callable[[], None]:
     """Read keys from standard input on the running loop; returns how to stop and give the terminal back.
 
@@ -75,7 +87,7 @@ def listen_to_keys(
         if not data:
             hang_up()
         for key in data:
-            wanted = KEYS.get(bytes((key,)))
+            wanted = keys.get(bytes((key,)))
             if wanted is not None:
                 request(wanted)
 

@@ -173,7 +173,7 @@ def settings(robot: Robot, drive: Drive) -> Iterator[Setting]:
 def _gains(drive: Drive) -> Iterator[Setting]:
     gains = drive.gains
     if gains is not None:
-        yield from map(Setting, GAINS, (*gains.current, *gains.velocity, *gains.position))
+        yield from map(Setting, GAINS, gains.numbers)
 
 
 def pdo_settings(drive: Drive) -> Iterator[list[Setting]]:

@@ -17,6 +17,7 @@ from artemis.errors import ConfigError
 from artemis.mission.files import files_like, read_data, read_table
 from artemis.mission.problems import nearest, problems_from
 from artemis.mission.schema import (
+    Calibrate,
     Follow,
     FollowerUse,
     InjectedFault,
@@ -32,10 +33,8 @@ from artemis.vehicle import Robot
 from artemis.yaml_file import Data, Document, KeyPath, read, survey
 
 if TYPE_CHECKING:
+    from artemis.motion.route import Route
     from artemis.sim.world import TrueRobot
-
-DETECT_AND_REACT = 0.12
-"""Longest time [s] from a cause to the drives' braking that the stopping distance allows for."""
 
 Model = TypeVar("Model", bound=Config)
 
@@ -58,6 +57,8 @@ class LoadedMission:
     """Where relative names start."""
     remarks: tuple[str, ...] = ()
     """What was changed in a path so that the robot can drive it."""
+    routes: Mapping[int, Route]
+    """What is followed by the steps that name a path file, by the step's number from 0."""
 
 
 def load_mission(path: FilePath) -> LoadedMission:
@@ -112,6 +113,7 @@ class _Loading:
         self._documents: dict[str, Document] = {}
         self._files: dict[str, bytes] = {}
         self._remarks: list[str] = []
+        self._routes: dict[int, Route] = {}
         self._plugins: dict[KeyPath, tuple[Any, Config]] = {}
         self._document = self._survey(read(path), str(path))
         self._data = self._document.data if isinstance(self._document.data, dict) else {}
@@ -139,6 +141,7 @@ class _Loading:
             files=self._files,
             folder=self._folder,
             remarks=tuple(self._remarks),
+            routes=self._routes,
         )
 
     # ------------------------------------------------------------------------------------------ reading and reporting
@@ -321,11 +324,17 @@ class _Loading:
             if isinstance(step.action, Teleop) and step.action.record:
                 recorded.append(step.action.record)
             if isinstance(step.action, Follow):
-                self._check_follow(("steps", index, "follow"), step.action, robot, recorded)
+                self._check_follow(index, step.action, robot, recorded)
             elif isinstance(step.action, Teleop):
                 self._check_teleop(("steps", index, "teleop", "input"), step.action, robot, inputs)
+            elif isinstance(step.action, Calibrate) and step.action.gains is not None and robot is not None:
+                from artemis.mission.gains import check_gains
 
-    def _check_follow(self, at: KeyPath, follow: Follow, robot: Robot | None, recorded: list[str]) -> None:
+                for name, problem in check_gains(step.action.gains, robot):
+                    self._complain(("steps", index, "calibrate", "gains", name), problem)
+
+    def _check_follow(self, index: int, follow: Follow, robot: Robot | None, recorded: list[str]) -> None:
+        at = ("steps", index, "follow")
         config = self._plugin("artemis.followers", *at, "follower")
         speed = getattr(config, "speed_m_s", None)
         if robot is not None:
@@ -341,10 +350,8 @@ class _Loading:
             return
         from artemis.motion.route import route_from_csv
 
-        source = str(self._folder / follow.path)
         try:
-            text = raw.decode()
-            route = route_from_csv(text, source)
+            route = route_from_csv(raw.decode(), str(self._folder / follow.path))
         except UnicodeDecodeError as error:
             self._complain((*at, "path"), f"byte {error.start + 1} is not UTF-8: {follow.path}")
             return
@@ -355,12 +362,14 @@ class _Loading:
             how = "open" if len(route.parts) == 1 else "not: it reverses"
             self._complain((*at, "laps"), f"{follow.laps} laps need a closed path; {follow.path} is {how}")
         elif robot is not None and config is not None and speed is not None:
-            from artemis.mission.paths import judge_path
+            from artemis.mission.paths import drivable_route
 
-            remarks, problems = judge_path(follow, text, source, robot, speed)
-            self._remarks += [f"{follow.path}: {remark}" for remark in remarks]
-            for problem in problems:
-                self._complain((*at, "path"), f"{follow.path}: {problem}")
+            try:
+                self._routes[index], remarks = drivable_route(follow, route, robot, speed)
+                self._remarks += [f"{follow.path}: {remark}" for remark in remarks]
+            except ConfigError as error:
+                for problem in error.problems:
+                    self._complain((*at, "path"), f"{follow.path}: {problem}")
 
     def _check_teleop(
         self, at: KeyPath, teleop: Teleop, robot: Robot | None, inputs: Mapping[str, Config | None]
@@ -374,24 +383,11 @@ class _Loading:
 
     def _check_speed(self, at: KeyPath, speed: float, robot: Robot) -> None:
         """Refuse a speed of the virtual front wheel that the machine cannot drive, or not stop from in time."""
-        from artemis.motion.limits import stopping_distance
+        from artemis.mission.speeds import check_speed
 
-        limits = robot.limits
-        if speed > limits.speed_m_s:
-            self._complain(at, f"{speed:g} m/s is above the robot's limits.speed_m_s of {limits.speed_m_s:g}")
-        elif speed > limits.wheel_speed_m_s:
-            self._complain(
-                at, f"{speed:g} m/s is above the robot's limits.wheel_speed_m_s of {limits.wheel_speed_m_s:g}"
-            )
         supervision = self._part(Supervision, "supervision") if "supervision" in self._data else Supervision()
-        needed = stopping_distance(speed, DETECT_AND_REACT, limits.quick_stop_deceleration_m_s2)
-        if supervision is not None and needed > supervision.stop_distance_m:
-            self._complain(
-                at,
-                f"{speed:g} m/s cannot be stopped in time: {DETECT_AND_REACT:g} s to react and "
-                f"{limits.quick_stop_deceleration_m_s2:g} m/s² of braking need {math.ceil(needed * 1000) / 1000:g} m, "
-                f"supervision.stop_distance_m is {supervision.stop_distance_m:g}",
-            )
+        for problem in check_speed(speed, robot, math.inf if supervision is None else supervision.stop_distance_m):
+            self._complain(at, problem)
 
 
 def _by_position(problem: str) -> tuple[str, int, int]:

@@ -1,20 +1,25 @@
-"""What is wrong with a path for the robot that is to follow it, and what the mission has changed in it."""
+"""The route of a path file as a step of a mission wants it, and why a robot cannot follow it."""
 
 from __future__ import annotations
 
 from artemis.errors import ConfigError
 from artemis.mission.schema import Follow
 from artemis.motion.fitting import route_for
+from artemis.motion.route import Route
 from artemis.vehicle import Robot
 
 
-def judge_path(follow: Follow, text: str, source: str, robot: Robot, speed: float) -> tuple[list[str], list[str]]:
-    """Remarks and problems of a path file that can be read, at a speed of the virtual front wheel [m/s] (PTH-03)."""
-    try:
-        route, remarks = route_for(text, source, robot, speed, **follow.wanted)
-    except ConfigError as error:
-        return [], list(error.problems)
-    return remarks, [_with_hint(problem, follow) for problem in route.problems(robot, speed)]
+def drivable_route(follow: Follow, route: Route, robot: Robot, speed: float) -> tuple[Route, list[str]]:
+    """A route as `follow` wants it, at a speed of the virtual front wheel [m/s]; and in words what was changed.
+
+    Raises:
+        ConfigError: why the robot cannot follow it (PTH-03).
+    """
+    route, remarks = route_for(route, robot, speed, **follow.wanted)
+    problems = [_with_hint(problem, follow) for problem in route.problems(robot, speed)]
+    if problems:
+        raise ConfigError(problems)
+    return route, remarks
 
 
 def _with_hint(problem: str, follow: Follow) -> str:

@@ -25,6 +25,8 @@ def _check_name(name: str) -> str:
     return name
 
 
+Angle = Annotated[float, Field(ge=-45, le=45)]
+"""[degrees]."""
 Name = Annotated[str, AfterValidator(_check_name), Field(json_schema_extra={"pattern": "^[a-z0-9-]{1,64}$"})]
 
 
@@ -74,10 +76,80 @@ Bus = Annotated[
 ]
 
 
-class Calibrate(Config):
-    """Align the wheels and tell the drives where they stand."""
+class Reference(Config):
+    """True angle of each front wheel, measured from outside."""
 
-    steering: Literal["from_potentiometers"]
+    left: Angle | None = None
+    right: Angle | None = None
+
+
+class MeasureSteering(Config):
+    """Find zero and slope of the potentiometers: turn each wheel by 45 degrees to both sides and read them."""
+
+    wheels: Literal["left", "right", "both"] = "both"
+    reference_deg: Reference = Reference()
+    """True angle of a wheel, left positive, while it shows 0 (of one with new potentiometers: as it is found). Without
+    it a person turns the wheel until it stands straight."""
+    potentiometers: Literal["known", "new"] = "known"
+    """New: nothing that they say now is believed; the wheels are aligned by hand or reference alone."""
+    save: Literal["nothing", "ask", "drives"] = "nothing"
+    """What to do with the result in the drives' memory; ask: whoever is at the terminal."""
+
+    @model_validator(mode="after")
+    def _both(self) -> Self:
+        if self.potentiometers == "new" and self.wheels != "both":
+            raise ValueError("with new potentiometers both wheels are measured: leave `wheels` out")
+        return self
+
+
+def _kind_of_steering(steering: object) -> str:
+    return "<measured>" if isinstance(steering, dict | MeasureSteering) else "<word>"
+
+
+class NewGains(Config):
+    """Regulator gains of a drive to try; those that are left out stay as the robot file says."""
+
+    current: vehicle.PiGains | None = None
+    velocity: vehicle.PiGains | None = None
+    position: vehicle.PidGains | None = None
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Self:
+        if not self.model_dump(exclude_none=True):
+            raise ValueError("expected at least one of current, velocity, position")
+        return self
+
+
+class Turn(Config):
+    """Turn the wheels and back at rest, to see how the steering drives follow."""
+
+    side: Literal["left", "right"] = "left"
+    """Whose angle is meant."""
+    angle_deg: Annotated[float, Field(gt=0, le=20)] = 5.0
+    """To the left."""
+
+
+class Calibrate(Config):
+    """Align the wheels, or measure what the robot has to know of itself: exactly one key."""
+
+    steering: (
+        Annotated[
+            Annotated[Literal["from_potentiometers", "store_in_drives"], Tag("<word>")]
+            | Annotated[MeasureSteering, Tag("<measured>")],
+            Discriminator(_kind_of_steering),
+        ]
+        | None
+    ) = None
+    """Align the wheels; write the robot file's calibration into the drives; or measure a new one."""
+    gains: Annotated[dict[str, NewGains], Field(min_length=1)] | None = None
+    """Try other regulator gains, by drive: until the run ends, or a fault has the drives configured anew."""
+    turn: Turn | None = None
+    """Turn the wheels by a step."""
+
+    @model_validator(mode="after")
+    def _one_key(self) -> Self:
+        _check_one_key(self, "calibrate")
+        return self
 
 
 class Recorded(Config):
@@ -119,7 +191,7 @@ class Follow(Config):
 
     @property
     def wanted(self) -> dict[str, Any]:
-        """How the route of its path file is wanted: words of `artemis.motion.fitting.route_for`."""
+        """How its path is wanted: words of `artemis.motion.fitting.route_for`, and of `FollowStep`."""
         return {
             "laps": self.laps,
             "from_end": self.from_end,
@@ -196,9 +268,12 @@ def _check_one_key(config: Config, name: str) -> None:
         raise ValueError(f"{keys[0]} is empty; write its keys, or {{}} where it has none")
 
 
-def _check_not_empty(steps: tuple[Step, ...]) -> tuple[Step, ...]:
+def _check_steps(steps: tuple[Step, ...]) -> tuple[Step, ...]:
     if not steps:
         raise ValueError("expected at least one step")
+    measured = [step.calibrate.steering for step in steps if step.calibrate is not None]
+    if len(steps) > 1 and any(isinstance(one, MeasureSteering) and one.potentiometers == "new" for one in measured):
+        raise ValueError("new potentiometers are calibrated in a mission of their own: no other step may stand beside")
     return steps
 
 
@@ -227,7 +302,10 @@ class Operation(Config):
 
     at_s: Annotated[float, Field(ge=0)]
     """Run time."""
-    do: Literal["quickstop", "acknowledge", "arm", "end"]
+    do: Literal[
+        "quickstop", "acknowledge", "arm", "end", "accept", "left_degree", "right_degree", "left_tenth", "right_tenth"
+    ]
+    """The last five: what a person does who calibrates the steering."""
 
 
 class InjectedFault(Config):
@@ -272,7 +350,7 @@ class Mission(Config):
     tick_hz: Annotated[int, Field(ge=25, le=200)] = 50
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
     steps: Annotated[
-        tuple[Step, ...], Field(strict=False, json_schema_extra={"minItems": 1}), AfterValidator(_check_not_empty)
+        tuple[Step, ...], Field(strict=False, json_schema_extra={"minItems": 1}), AfterValidator(_check_steps)
     ]
     supervision: Supervision = Supervision()
     recovery: Annotated[

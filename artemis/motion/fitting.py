@@ -9,14 +9,13 @@ import numpy as np
 from artemis.errors import ConfigError
 from artemis.motion.path import Path, place_on
 from artemis.motion.rounding import rounded
-from artemis.motion.route import Route, route_from_csv
+from artemis.motion.route import Route
 from artemis.motion.speed_profile import speed_profile
 from artemis.vehicle import Robot
 
 
 def route_for(
-    text: str,
-    source: str,
+    route: Route,
     robot: Robot,
     speed: float,
     *,
@@ -26,12 +25,12 @@ def route_for(
     round_corners: float = 0.0,
     allow_slowdown: bool = False,
 ) -> tuple[Route, list[str]]:
-    """The route of a path file, as a mission wants it driven by a robot; and in words what was changed for that.
+    """A route as it was read, as a mission wants it driven by a robot; and in words what was changed for that.
 
     Raises:
-        ConfigError: every problem of the file; a corner that cannot be rounded; laps over a route that is not closed.
+        ConfigError: a corner that cannot be rounded; laps over a route that is not closed.
     """
-    route = route_from_csv(text, source).directed(from_end=from_end, backward=backward)
+    route = route.directed(from_end=from_end, backward=backward)
     route, words = fitted(route, robot, speed, round_corners=round_corners, allow_slowdown=allow_slowdown)
     return route.with_laps(laps), words
 
@@ -83,20 +82,7 @@ def _rounded(path: Path, robot: Robot, farthest: float) -> tuple[Path, list[str]
 def _slowed(path: Path, robot: Robot, speed: float) -> tuple[Path, list[str]]:
     """With its planned speed as its own; where it is slowest, if that is less than what was asked for."""
     profile = speed_profile(path, robot, speed)
-    asked = np.minimum(speed, np.inf if path.speed is None else path.speed)
-    if np.all(profile > asked - 1e-6):
+    if np.all(profile > path.speeds(speed) - 1e-6):
         return path, []
     slowest = int(np.argmin(profile))
-    slowed = Path(
-        path.x,
-        path.y,
-        path.heading,
-        path.curvature,
-        spacing=path.spacing,
-        closed=path.closed,
-        speed=profile,
-        deviation=path.deviation,
-        dropped=path.dropped,
-    )
-    slowed.laps = path.laps
-    return slowed, [f"slowed down to {profile[slowest]:.2f} m/s at {place_on(path, slowest)}"]
+    return path.with_speed(profile), [f"slowed down to {profile[slowest]:.2f} m/s at {place_on(path, slowest)}"]

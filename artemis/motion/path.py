@@ -95,8 +95,17 @@ class Path:
 
     def duration(self, speed: float) -> float:
         """How long all laps take [s] at a speed [m/s], or the path's own where that is lower."""
-        slowness = 1 / speed if self.speed is None else float(np.mean(1 / np.minimum(self.speed, speed)))
-        return self.length * slowness
+        return self.length * float(np.mean(1 / self.speeds(speed)))
+
+    def speeds(self, top: float) -> Array:
+        """Speed at the samples [m/s], shape (n,): `top`, or the path's own where that is lower."""
+        return np.minimum(top, np.full_like(self.x, np.inf) if self.speed is None else self.speed)
+
+    def with_speed(self, speed: Array) -> Path:
+        """The same path with other speeds of its own [m/s], shape (n,)."""
+        path = copy.copy(self)
+        path.speed, path._speed = speed, speed.tolist()  # noqa: SLF001
+        return path
 
     def with_laps(self, laps: int) -> Path:
         """The same path, driven `laps` times.
@@ -342,7 +351,7 @@ def steering_demand(path: Path, robot: Robot) -> tuple[Array, Array]:
         the virtual front wheel there [m/s], by the path's own speeds and from and to standstill.
     """
     turn = steering_per_way(path.curvature, path.spacing, robot.geometry)
-    own = np.full_like(turn, np.inf) if path.speed is None else path.speed
+    own = path.speeds(np.inf)
     if not path.closed:
         ends = min(round(SMOOTHING / 2 / path.spacing), len(turn))
         turn[:ends] = turn[len(turn) - ends :] = 0.0

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from artemis.motion.angles import difference, wrap
+from artemis.motion.odometry import move
 from artemis.values import Odometry, Pose
 
 POSITION_NOISE, HEADING_NOISE = 0.005, math.radians(0.25)
@@ -42,11 +43,9 @@ class PoseFilter:
         last, self._last = self._last, odometry
         way = odometry.distance - last.distance
         angle = (odometry.steering + last.steering) / 2 + self.steering_zero
-        turn = way * math.tan(angle) / self._wheelbase
-        middle = self.pose.heading + turn / 2
-        x, y = self.pose.x + way * math.cos(middle), self.pose.y + way * math.sin(middle)
-        off_x, off_y = odometry.pose.x - x, odometry.pose.y - y
-        off = difference(odometry.pose.heading, self.pose.heading + turn)
+        moved = move(self.pose, way, way * math.tan(angle) / self._wheelbase)
+        off_x, off_y = odometry.pose.x - moved.x, odometry.pose.y - moved.y
+        off = difference(odometry.pose.heading, moved.heading)
         if math.hypot(off_x, off_y) > JUMP or abs(off) > TURN:
             self.pose = odometry.pose
             return
@@ -58,8 +57,8 @@ class PoseFilter:
         self._zero -= zero_gain * self._both
         self._heading *= 1 - heading_gain
         self._both *= 1 - heading_gain
-        heading = wrap(self.pose.heading + turn + heading_gain * off)
-        self.pose = Pose(x=x + gain * off_x, y=y + gain * off_y, heading=heading)
+        heading = wrap(moved.heading + heading_gain * off)
+        self.pose = Pose(x=moved.x + gain * off_x, y=moved.y + gain * off_y, heading=heading)
         self.steering_zero = min(max(self.steering_zero + zero_gain * off, -ZERO_LIMIT), ZERO_LIMIT)
 
     def _predict(self, way: float, lever: float) -> None:

@@ -62,11 +62,11 @@ def rounded(path: Path, robot: Robot) -> tuple[Path, list[Cut]]:
         return path, []
     reach = math.ceil(REACH / bound / path.spacing)
     last = len(path.x) - 1
-    begin, start = 0, (path.x[0], path.y[0])
+    begin, start, done = 0, (path.x[0], path.y[0]), float(path.arc_length[-1]) * path.laps - path.length
     if path.closed:  # cut open where it is farthest from a corner
         gaps = np.diff(np.append(sharp, sharp[0] + last))
         begin = int(sharp[np.argmax(gaps)] + gaps.max() // 2) % last
-        path = _begun(path, begin)
+        path = path.begun_at((begin + 0.5) * path.spacing, 0.0)
         sharp = np.sort((sharp - begin) % last)
     groups = np.split(sharp, np.flatnonzero(np.diff(sharp) > 2 * reach) + 1)
     pieces: list[Array] = []
@@ -88,30 +88,9 @@ def rounded(path: Path, robot: Robot) -> tuple[Path, list[Cut]]:
     pieces.append(_samples(path, kept, last + 1))
     made = _joined(path, pieces)
     if path.closed:
-        made = _begun(made, int(np.argmin(np.hypot(made.x - start[0], made.y - start[1]))))
+        nearest = int(np.argmin(np.hypot(made.x[:-1] - start[0], made.y[:-1] - start[1])))
+        made = made.begun_at((nearest + 0.5) * made.spacing, done)
     return made, cuts
-
-
-def _begun(path: Path, first: int) -> Path:
-    """The same closed path, begun at another sample."""
-    turn = path.heading[-1] - path.heading[0]
-
-    def around(samples: Array, step: float = 0.0) -> Array:
-        return np.concatenate([samples[first:], samples[1 : first + 1] + step])
-
-    begun = Path(
-        around(path.x),
-        around(path.y),
-        around(path.heading, turn),
-        around(path.curvature),
-        spacing=path.spacing,
-        closed=True,
-        speed=None if path.speed is None else around(path.speed),
-        deviation=path.deviation,
-        dropped=path.dropped,
-    )
-    begun.laps = path.laps
-    return begun
 
 
 def _joined(path: Path, pieces: list[Array]) -> Path:

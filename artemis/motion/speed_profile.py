@@ -36,8 +36,7 @@ def speed_profile(path: Path, robot: Robot, speed: float) -> Array:
     turn = steering_per_way(path.curvature, path.spacing, geometry)
     rolling, scrub = wheel_ratio(path.curvature, robot)
     rate = STEERING_SHARE * math.radians(limits.steering_rate_wheel_deg_s)
-    top = np.minimum(speed, np.inf if path.speed is None else path.speed)
-    top = np.minimum(top, limits.wheel_speed_m_s / (rolling + scrub * turn))
+    top = np.minimum(path.speeds(speed), limits.wheel_speed_m_s / (rolling + scrub * turn))
     top = np.minimum(top, rate / np.maximum(turn, 1e-9))
     front = path.spacing * np.sqrt(1 + (path.curvature * geometry.wheelbase_m) ** 2)
     squared = np.maximum(top, CRAWL) ** 2

@@ -14,6 +14,7 @@ from pathlib import Path as FilePath
 from typing import ClassVar, Protocol
 
 from artemis.config import Config
+from artemis.errors import ConfigError
 from artemis.motion.path import Path
 from artemis.values import DriveCommand, OperatorInput, Snapshot, Tracking
 from artemis.vehicle import Robot
@@ -39,6 +40,17 @@ class Setup:
     typed: Callable[[Callable[[bytes], None]], bool] = lambda listener: False
     """Has `listener` called with whatever is typed at the terminal of the run, and with nothing once that is closed.
     False: nobody is at a terminal."""
+
+    def top_speed(self, key: str, wanted: float | None) -> float:
+        """The speed of the virtual front wheel [m/s] that a key of the plugin wants; None: the robot's limit.
+
+        Raises:
+            ConfigError: it is above the robot's limit.
+        """
+        limit = self.robot.limits.speed_m_s
+        if wanted is not None and wanted > limit:
+            raise ConfigError(f"{self.name}: {key}: {wanted:g}; the robot's limit is {limit:g}")
+        return limit if wanted is None else wanted
 
 
 class InputDevice(Protocol):

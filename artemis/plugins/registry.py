@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from artemis.config import Config
-from artemis.errors import PluginError
+from artemis.errors import PluginError, similar
 from artemis.plugins.contracts import CONTRACT, Follower, InputDevice
 
 INPUTS = "artemis.inputs"
@@ -68,10 +67,8 @@ def load(group: str, name: str) -> type[Any]:
     found = _found(group)
     claimants = [point for point in found if point.name == name]
     if not claimants:
-        names = sorted({point.name for point in found})
-        nearest = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
-        hint = f"nearest is '{nearest[0]}', installed are {', '.join(names)}" if nearest else "none is installed"
-        raise PluginError(f"{group}: no plugin '{name}'; {hint}")
+        installed = sorted({point.name for point in found})
+        raise PluginError(f"{group}: no plugin '{name}'; {similar(name, installed) or 'none is installed'}")
     if len(claimants) > 1:
         raise PluginError(_claimed_twice(group, claimants))
     return _import(claimants[0])

@@ -8,6 +8,7 @@ from typing import Any
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT
+from artemis.motion.potentiometers import memory_words
 from artemis.recording.journal import Entry, Level
 from artemis.supervision.catalogue import EMERGENCIES, ROWS, emergency
 from artemis.supervision.catalogue.row import SHORT
@@ -268,6 +269,8 @@ def values_of(result: JobResult) -> str:
             return ", ".join(map(meaning, result.values)) or "empty"
         case JobKind.CLEAR_TARGET if result.values:
             return f"stale set-point {result.values[0]} cleared"
+        case JobKind.READ_CALIBRATION if result.ok:
+            return f"keeps {memory_words(result.values)}"
     return ""
 
 

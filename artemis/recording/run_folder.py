@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -43,6 +44,11 @@ class RunFolder:
         """Paths that were recorded by driving."""
         return self.path / "paths"
 
+    @property
+    def calibration(self) -> Path:
+        """What was measured of the machine."""
+        return self.path / "calibration.json"
+
 
 def keep_paths(folder: RunFolder, paths: Mapping[str, str]) -> list[str]:
     """Write the paths that were driven by hand as `paths/NAME.csv`; what the disk refused."""
@@ -55,6 +61,17 @@ def keep_paths(folder: RunFolder, paths: Mapping[str, str]) -> list[str]:
         except OSError as error:
             refused.append(f"{file}: {error.strerror}; `artemis path record {folder.path}` makes it again")
     return refused
+
+
+def keep_calibration(folder: RunFolder, found: Mapping[str, object]) -> list[str]:
+    """Write what was measured of the steering, by side, as `calibration.json`; what the disk refused."""
+    if not found:
+        return []
+    try:
+        folder.calibration.write_text(json.dumps({"steering": found}, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        return [f"{folder.calibration}: {error.strerror}; the journal has the values"]
+    return []
 
 
 def create_run_folder(root: Path, mission: str, start: datetime, files: Mapping[str, bytes]) -> RunFolder:

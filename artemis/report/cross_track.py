@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from artemis.errors import ConfigError
 from artemis.motion.fitting import route_for
 from artemis.motion.path import Path
-from artemis.motion.route import Route
+from artemis.motion.route import Route, route_from_csv
 from artemis.motion.spline import Array
 from artemis.recording.mcap_reader import Recording
 
@@ -33,8 +33,7 @@ def routes_of(recording: Recording) -> dict[int, tuple[Route, bool]]:
             continue  # another step, or a path that was recorded
         try:
             route, _ = route_for(
-                recording.files[name].decode(),
-                name,
+                route_from_csv(recording.files[name].decode(), name),
                 recording.robot,
                 (follow.get("follower") or {}).get("speed_m_s") or recording.robot.limits.speed_m_s,
                 from_end=follow.get("from_end", False),

@@ -138,13 +138,13 @@ def path_figure(run: Series) -> Figure:
         axes.plot(x, y, marker="X", color=ALARM, markersize=9, linestyle="", label="fault", zorder=5)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.set_adjustable("datalim")
-    _legend(axes)
+    legend(axes)
     return figure
 
 
 def cross_track_figure(run: Series) -> Figure:
     """Distance from the path over time and over the way along it."""
-    figure, (over_time, over_arc) = _rows(run, 2, 2.1, sharex=False)
+    figure, (over_time, over_arc) = stacked(run, 2, 2.1, sharex=False)
     for error, arc_length, color, label in (
         (run.true_cross_track, run.true_arc_length, TRUE, "true"),
         (run.cross_track, run.arc_length, ESTIMATED, "by odometry"),
@@ -152,7 +152,7 @@ def cross_track_figure(run: Series) -> Figure:
         if np.isfinite(error).any():
             over_time.plot(*thinned(run.time, 1000 * error), color=color, label=label)
             over_arc.plot(*thinned(arc_length, 1000 * error), color=color)
-    _legend(over_time)
+    legend(over_time)
     for axes in (over_time, over_arc):
         axes.axhline(0.0, color=INK, linewidth=0.6)
         axes.set_ylabel("error [mm]")
@@ -162,7 +162,7 @@ def cross_track_figure(run: Series) -> Figure:
 
 def plan_figure(run: Series) -> Figure:
     """Speed as planned and as driven; steering for the path itself, and what feedback adds to it."""
-    figure, (speeds, angles) = _rows(run, 2, 1.7, sharey=False)
+    figure, (speeds, angles) = stacked(run, 2, 1.7, sharey=False)
     driven = np.where(np.isfinite(run.planned_speed), np.abs(run.speed), np.nan)
     speeds.plot(*thinned(run.time, run.planned_speed), color=PATH, linewidth=4.0, alpha=0.45, label="planned")
     speeds.plot(*thinned(run.time, driven), color=ESTIMATED, label="driven")
@@ -174,7 +174,7 @@ def plan_figure(run: Series) -> Figure:
     angles.set_ylabel("steering [°]")
     for axes in (speeds, angles):
         _mark_faults(axes, run)
-        _legend(axes)
+        legend(axes)
     return figure
 
 
@@ -193,7 +193,7 @@ def timeline_figure(run: Series) -> Figure:
     lanes = {"robot": (run.modes, MODE_COLORS)}
     lanes |= {name: (states, STATE_COLORS) for name, states in run.drive_states.items()}
     happenings = {"faults": ("fault", ALARM, "X"), "requests": ("request", ESTIMATED, "v"), "jobs": ("job", PATH, "d")}
-    figure, (axes,) = _rows(run, 1, 0.34 * (len(lanes) + len(happenings)), below=0.75)
+    figure, (axes,) = stacked(run, 1, 0.34 * (len(lanes) + len(happenings)), below=0.75)
     for row, (intervals, colors) in enumerate(lanes.values()):
         _band(axes, run, row, intervals, colors)
     for row, (kind, color, marker) in enumerate(happenings.values(), start=len(lanes)):
@@ -214,7 +214,7 @@ def timeline_figure(run: Series) -> Figure:
 
 def bus_figure(run: Series) -> Figure:
     """Load of the CAN bus over time."""
-    figure, (axes,) = _rows(run, 1, 1.7)
+    figure, (axes,) = stacked(run, 1, 1.7)
     if len(run.bus_load):
         axes.fill_between(run.bus_time, 100 * run.bus_load, step="mid", color=ESTIMATED, alpha=0.2, linewidth=0)
         axes.step(run.bus_time, 100 * run.bus_load, where="mid", color=ESTIMATED, linewidth=1.0)
@@ -275,7 +275,7 @@ def _trajectory(axes: Axes, poses: Array, color: str, label: str) -> None:
     axes.plot(x[kept], y[kept], color=color, label=label)
 
 
-def _rows(
+def stacked(
     run: Series, count: int, height: float, *, sharex: bool = True, sharey: bool = True, below: float = 0.0
 ) -> tuple[Figure, list[Axes]]:
     """Axes below each other [`height` inch each], run time on the lowest (or the first, unless they share it).
@@ -302,7 +302,7 @@ def _rows(
 
 def _wheel_figure(run: Series, role: str, scale: float, label: str) -> Figure:
     wheels = [(name, wheel) for name, wheel in run.wheels.items() if wheel.role == role]
-    figure, rows = _rows(run, len(wheels), 1.5)
+    figure, rows = stacked(run, len(wheels), 1.5)
     for axes, (name, wheel) in zip(rows, wheels, strict=True):
         color = LEFT if wheel.side == "left" else RIGHT
         set_point, measured = scale * wheel.set_point, scale * wheel.measured
@@ -311,7 +311,7 @@ def _wheel_figure(run: Series, role: str, scale: float, label: str) -> Figure:
         axes.set_title(name)
         axes.set_ylabel(label)
         _mark_faults(axes, run)
-        _legend(axes)
+        legend(axes)
     return figure
 
 
@@ -350,7 +350,8 @@ def _band(axes: Axes, run: Series, row: int, intervals: Sequence[Interval], colo
             axes.text(middle, row, interval.value, color="#1d2125", fontsize=8, ha="center", va="center")
 
 
-def _legend(axes: Axes) -> None:
+def legend(axes: Axes) -> None:
+    """Name the lines, in one row above the axes."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         lines: list[Line2D] = [handle for handle in handles if isinstance(handle, Line2D)]

@@ -8,11 +8,13 @@ from math import degrees
 from pathlib import Path
 
 from artemis.errors import RecordingError
+from artemis.motion.comparison import Comparison
 from artemis.recording.journal import Entry, Level
 from artemis.recording.mcap_reader import Recording
 from artemis.report.fault_words import explained, histories
-from artemis.report.series import read_series
+from artemis.report.series import Series, read_series
 from artemis.report.summary import Summary, summary
+from artemis.report.truth_words import comparison_rows
 
 MAX_FAULTS = 20
 """Rows of the table of faults."""
@@ -47,18 +49,22 @@ th { font-weight: 600; }
 """.strip()
 
 
-def write_report(recording: Recording, out: Path) -> Summary:
+def write_report(
+    recording: Recording, out: Path, series: Series | None = None, truth: tuple[str, Comparison] | None = None
+) -> Summary:
     """Write the report of a run to `out`; returns the summary that stands in it.
+
+    `series` saves reading the recording again; `truth`: where that comes from, and the comparison with it.
 
     Raises:
         RecordingError: the file cannot be written.
     """
-    from artemis.report import figures  # matplotlib takes a third of a second to import
+    from artemis.report import figures, truth_figures  # matplotlib takes a third of a second to import
 
-    run = read_series(recording)
+    run = series or read_series(recording)
     facts = summary(recording, run)
-    drawn = [f"<h2>{title}</h2>\n<p>{caption}</p>\n{svg}" for title, caption, svg in figures.drawn(run)]
-    page = _page(facts, drawn, run.entries, recording)
+    sections = [] if truth is None else [_truth_section(*truth), *_figures(truth_figures.truth_drawn(run, truth[1]))]
+    page = _page(facts, [*sections, *_figures(figures.drawn(run))], run.entries, recording)
     try:
         out.write_text(page, encoding="utf-8")
     except OSError as error:
@@ -66,7 +72,17 @@ def write_report(recording: Recording, out: Path) -> Summary:
     return facts
 
 
-def _page(facts: Summary, figures: Sequence[str], entries: Sequence[Entry], recording: Recording) -> str:
+def _figures(drawn: Iterable[tuple[str, str, str]]) -> list[str]:
+    return [f"<h2>{title}</h2>\n<p>{caption}</p>\n{svg}" for title, caption, svg in drawn]
+
+
+def _truth_section(source: str, comparison: Comparison) -> str:
+    rows = (("", row) for row in comparison_rows(comparison, source))
+    caption = "Odometry against the truth. Errors of the place in mm, of the heading in degrees."
+    return f"<h2>Truth</h2>\n<p>{caption}</p>\n{_table(('', ''), rows, numbers=0)}"
+
+
+def _page(facts: Summary, sections: Sequence[str], entries: Sequence[Entry], recording: Recording) -> str:
     title = f"{facts.mission or 'Run'} · {facts.start:%Y-%m-%d %H:%M:%S} UTC"
     missing = f'<p class="warning">The recording is not whole: {escape(facts.missing)}.</p>' if facts.missing else ""
     made_from = ", ".join(f"{key} {value}" for key, value in recording.versions.items() if not key.startswith("start"))
@@ -79,7 +95,7 @@ def _page(facts: Summary, figures: Sequence[str], entries: Sequence[Entry], reco
         *(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for name, value in _cards(facts)),
         "</div>",
         _faults_section(entries),
-        *figures,
+        *sections,
         "<h2>Summary</h2>",
         _table(("", ""), (("", (name, value)) for name, value in _rows(facts)), numbers=0),
         "<h2>Steps</h2>",

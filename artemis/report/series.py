@@ -83,6 +83,8 @@ class Series:
     """Share of the time that the bus was busy, each frame counted with its most stuff bits."""
     finished: bool
     """The ordered end was reached."""
+    placed: int
+    """First tick after the present place was last made the origin of the odometry."""
 
 
 def read_series(recording: Recording) -> Series:
@@ -118,6 +120,7 @@ def read_series(recording: Recording) -> Series:
         bus_time=bus_time,
         bus_load=bus_load,
         finished=table.finished,
+        placed=table.resets[-1] + 1 if table.resets else 0,
     )
 
 

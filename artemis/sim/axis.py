@@ -12,6 +12,7 @@ from enum import Enum
 from functools import lru_cache
 from typing import Any
 
+from artemis.sim.regulators import Regulators
 from artemis.vehicle import Drive
 
 NOMINAL_VOLTAGE = 24.0
@@ -20,9 +21,9 @@ OUTPUT_SHARE = 0.9
 """Highest output voltage as a share of the supply (EPOS hardware reference, 6.1)."""
 _SPEED_SHARE_PER_VOLT = OUTPUT_SHARE / NOMINAL_VOLTAGE
 SPEED_LAG = 0.003
-"""Time constant of the closed speed loop [s]; the regulators themselves run every 1 ms."""
+"""Time constant of the closed speed loop [s] with the gains of the robot file; the regulators run every 1 ms."""
 POSITION_GAIN = 50.0
-"""Gain of the closed position loop [1/s]: a moving demand is followed 1/50 s behind."""
+"""Gain of the closed position loop [1/s], likewise: a moving demand is followed 1/50 s behind."""
 STILL_RPM = 0.5
 """A regulated shaft slower than this, with nothing demanded of it, stands."""
 CURRENT_FILTER_HZ = 50.0
@@ -67,7 +68,7 @@ LOADS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Failure:
-    """What is wrong with an axis, unknown to its drive."""
+    """What is wrong with an axis: unknown to its drive, but for its gains."""
 
     blocked: bool = False
     """The shaft is held by an obstacle."""
@@ -75,6 +76,8 @@ class Failure:
     """The shaft is regulated to so many times the velocity asked for; negative: it turns the other way."""
     braking: float = math.inf
     """Highest deceleration under regulation [rpm/s]."""
+    regulators: Regulators | None = None
+    """Loops with other gains than those of the robot file; None: as the constants above say."""
 
     def braked(self, before: float, after: float, dt: float) -> float:
         """The velocity `after` a step, as far as the deceleration that is left allows."""
@@ -144,6 +147,8 @@ class Axis:
             self.demand_velocity = self.velocity if self.regulation is not Regulation.VELOCITY else self.demand_velocity
             self.demand_position = self.position
             self.regulation = regulation
+            if self.failure is not None and self.failure.regulators is not None:
+                self.failure.regulators.forget()
         self.target = target
 
     def fail(self, **changes: Any) -> None:  # noqa: ANN401 (of any field)
@@ -225,6 +230,10 @@ class Axis:
             if failure.blocked:
                 return self._within_limit(math.copysign(math.inf, wanted)) if wanted else 0.0, 0.0
             wanted *= failure.gain
+            if failure.regulators is not None:
+                torque, wanted, blend = self._detuned(failure.regulators, wanted, blend, dt)
+                if not torque:
+                    return 0.0, self._rolled(before, 0.0, dt)
         top = self.no_load_rpm * _SPEED_SHARE_PER_VOLT * self.supply_voltage
         if not -top <= wanted <= top:
             wanted = math.copysign(top, wanted)
@@ -244,6 +253,19 @@ class Axis:
             return current, after
         limited = self._within_limit(current)
         return limited, after if limited == current else self._rolled(before, limited, dt)
+
+    def _detuned(self, regulators: Regulators, wanted: float, blend: float, dt: float) -> tuple[bool, float, float]:
+        """Whether there is torque at all; what becomes of the velocity asked for, and of the speed loop's low pass."""
+        if self.regulation is _VELOCITY:
+            loop = regulators.velocity
+            if loop is None:
+                return False, 0.0, 0.0
+            return True, loop.shaped(wanted, self.velocity, dt), 1.0 - math.exp(-dt * loop.stiffness / SPEED_LAG)
+        loop = regulators.position
+        if loop is None:
+            return False, 0.0, 0.0
+        error = loop.shaped(self.demand_position, self.position, dt) - self.position
+        return True, self.demand_velocity + loop.stiffness * POSITION_GAIN * error / self.counts_per_rpm_s, blend
 
     def _within_limit(self, current: float) -> float:
         """`current` as far as the I²t model and the output limit let it be."""

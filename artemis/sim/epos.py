@@ -89,7 +89,8 @@ class SimEpos:
             power_off=lambda: self._power.power_off,
         )
         self._errors = ErrorMemory(self._dictionary)
-        self._motion = Motion(self._dictionary, axis, clip_position=self.settings.position_limits_clip)
+        clip = self.settings.position_limits_clip
+        self._motion = Motion(self._dictionary, axis, clip_position=clip, gains=drive.gains)
         self._power = PowerStage(
             self._motion,
             self._errors,

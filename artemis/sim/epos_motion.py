@@ -12,6 +12,8 @@ from artemis.sim.axis import STILL_RPM, Axis, Regulation
 from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos_errors import FOLLOWING_ERROR, OVERLOADED, POSITION_LIMIT
 from artemis.sim.epos_objects import HIGHEST, LOWEST, OFF
+from artemis.sim.regulators import regulators_for
+from artemis.vehicle import Gains
 
 PROFILE_POSITION, PROFILE_VELOCITY, HOMING = 1, 3, 6
 POSITION, VELOCITY, CURRENT = -1, -2, -3
@@ -36,12 +38,16 @@ _TARGET_VELOCITY = key_of(0x60FF, 0)
 _TOP_VELOCITY = key_of(0x607F, 0)
 _ACCELERATION = key_of(0x6083, 0)
 _DECELERATION = key_of(0x6084, 0)
+_GAINS = tuple(
+    key_of(index, sub) for index, subs in ((0x60F6, 2), (0x60F9, 2), (0x60FB, 3)) for sub in range(1, subs + 1)
+)
 
 
 class Motion:
     """Modes of operation of one drive. Positions here are the drive's counter: 0 at power-up, moved by homing."""
 
-    def __init__(self, dictionary: Dictionary, axis: Axis, *, clip_position: bool) -> None:
+    def __init__(self, dictionary: Dictionary, axis: Axis, *, clip_position: bool, gains: Gains | None) -> None:
+        """`gains`: those with which the loops of `axis` are tuned; None: the drive's own."""
         self.axis = axis
         self.mode = PROFILE_POSITION
         self.commanded = False
@@ -60,6 +66,8 @@ class Motion:
         self._following_limit = math.inf
         self._window: float | None = None
         self._inside = 0.0
+        self._factory_gains = self._gains()
+        self._nominal_gains = gains.numbers if gains is not None else self._factory_gains
         # The same as the axis counts it, for what is looked at after every step: from the first to below the second.
         self._counter_range = self._allowed_range = (-math.inf, math.inf)
         self._describe()
@@ -149,6 +157,8 @@ class Motion:
         for index, subs in ((0x6065, (0,)), (0x6067, (0,)), (0x607D, (1, 2)), (0x6410, (1, 2, 4, 5))):
             for sub in subs:
                 written[key_of(index, sub)] = lambda _: self.configure()
+        for key in _GAINS:
+            written[key] = lambda _: self._tune(self._gains())
 
     # ------------------------------------------------------------------------------------------ life and power
 
@@ -161,6 +171,8 @@ class Motion:
         self._leave_mode()
         self.mode = self._dictionary.number(0x6060)
         self.configure()
+        gains = self._gains()  # a drive of which nobody has set them is simulated as if it were tuned
+        self._tune(self._nominal_gains if gains == self._factory_gains else gains)
 
     def configure(self) -> None:
         """Take over limits from the dictionary."""
@@ -176,6 +188,13 @@ class Motion:
         self._following_limit = math.inf if following == OFF else float(following)
         self._window = None if window == OFF else float(window)
         self._count_from(self._zero)
+
+    def _gains(self) -> tuple[int, ...]:
+        return tuple(self._values[key] for key in _GAINS)
+
+    def _tune(self, gains: tuple[int, ...]) -> None:
+        """Take over the regulators' gains."""
+        self.axis.fail(regulators=regulators_for(gains, self._nominal_gains))
 
     def _count_from(self, zero: int) -> None:
         """Make `zero`, as the axis counts, the place at which the position actual value is 0."""

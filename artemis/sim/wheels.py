@@ -33,25 +33,58 @@ class PotentiometerFailure:
 class SteeredWheel:
     """One steered wheel: motor counts to true angle, true angle to potentiometer voltages."""
 
-    def __init__(self, robot: Robot, name: str, axis: Axis, *, start: float, zero_deg: float) -> None:
-        """Stand at `start` [rad], left positive; the calibrated potentiometers say 0 at `zero_deg`."""
+    def __init__(
+        self,
+        robot: Robot,
+        name: str,
+        axis: Axis,
+        *,
+        start: float,
+        zero_deg: float,
+        scale: float = 1.0,
+        backlash: float = 0.0,
+        slopes: tuple[float, float] = (1.0, 1.0),
+    ) -> None:
+        """Stand at rest.
+
+        Args:
+            robot: What the software knows.
+            name: The wheel's drive in the robot file.
+            axis: Its motor.
+            start: True angle of the wheel [rad], left positive.
+            zero_deg: True angle at which the calibrated potentiometers say 0.
+            scale: True angle per count as a multiple of the robot file's.
+            backlash: Angle between the ends of the play between motor and wheel [rad]; it begins in the middle.
+            slopes: True degrees per volt of both potentiometers as multiples of the robot file's.
+        """
         drive = robot.drives[name]
         self.failures: dict[int, PotentiometerFailure] = {}
         """By potentiometer: 0 and 1."""
         self._axis = axis
         self._start = start
         counts_per_turn = drive.sensor.counts_per_turn * drive.gear_ratio
-        self._coupled = (-1.0 if drive.mirrored else 1.0) * math.tau / counts_per_turn
-        self._radians_per_count = self._coupled
         calibration = robot.potentiometers(drive.side)
+        scale *= calibration.scale
+        self._coupled = (-scale if drive.mirrored else scale) * math.tau / counts_per_turn
+        self._radians_per_count = self._coupled
+        self._half_play = 0.5 * backlash
+        self._rest = start
         self._zero_deg = zero_deg
         self._zero_v = calibration.zero_v
-        self._slope_1, self._slope_2 = calibration.slope_deg_per_v
+        self._slope_1, self._slope_2 = (a * b for a, b in zip(calibration.slope_deg_per_v, slopes, strict=True))
 
     @property
     def angle(self) -> float:
         """True angle of the wheel [rad], left positive."""
-        return self._start + self._axis.position * self._radians_per_count
+        middle = self._start + self._axis.position * self._radians_per_count
+        if not self._half_play:
+            return middle
+        return min(max(self._rest, middle - self._half_play), middle + self._half_play)
+
+    def turn(self) -> float:
+        """Let the motor take the wheel along once the play is taken up: the angle [rad]."""
+        self._rest = self.angle
+        return self._rest
 
     def feel(self, dice: random.Random, noise: float, now: float) -> None:
         """Turn the potentiometers' shafts along: `noise` is the standard deviation of each voltage [V]."""
@@ -75,10 +108,11 @@ class SteeredWheel:
     def slip_coupling(self, angle: float) -> None:
         """The wheel turns by `angle` [rad] and its motor does not."""
         self._start += angle
+        self._rest += angle
 
     def couple(self, coupled: bool) -> None:
         """The motor turns the wheel, or turns without it."""
-        angle = self.angle
+        angle = self.turn()
         self._radians_per_count = self._coupled if coupled else 0.0
         self._start = angle - self._axis.position * self._radians_per_count
 

@@ -14,7 +14,7 @@ from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.vehicle import Chassis, Vehicle
 from artemis.sim.wheels import DrivenWheel, SteeredWheel
 from artemis.values import Pose
-from artemis.vehicle import Positive, Robot
+from artemis.vehicle import Pair, Positive, Robot
 
 LONGEST_STEP = 5e-3
 """Axes and vehicle move in equal steps of this length or less (a twentieth more, if that saves a step) [s]."""
@@ -42,12 +42,21 @@ class TrueRobot(Config):
     steering_zero_left_deg: float = 0.0
     """True wheel angle where the calibrated potentiometers say 0."""
     steering_zero_right_deg: float = 0.0
+    steering_scale_left: Positive = 1.0
+    """True change of the wheel angle per count, as a multiple of the robot file's."""
+    steering_scale_right: Positive = 1.0
+    backlash_deg: Annotated[float, Field(ge=0)] = 0.0
+    """Play between each steering motor and its wheel, from end to end, at the wheel; the potentiometers turn with the
+    wheel."""
     wheel_scale_left: Positive = 1.0
     """True metres per count, as a multiple of the robot file's."""
     wheel_scale_right: Positive = 1.0
     wheelbase_m: Positive | None = None
     track_m: Positive | None = None
     scrub_radius_m: Annotated[float, Field(ge=0)] | None = None
+    potentiometer_slopes_left: Pair = (1.0, 1.0)
+    """True degrees per volt of both potentiometers, as multiples of the robot file's."""
+    potentiometer_slopes_right: Pair = (1.0, 1.0)
     potentiometer_noise_v: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation."""
     slip: Annotated[float, Field(ge=0, lt=0.5)] = 0.0
@@ -107,10 +116,23 @@ class World:
 
         starts = (true.start_steering_left_deg, true.start_steering_right_deg)
         zeros = (true.steering_zero_left_deg, true.steering_zero_right_deg)
+        steering_scales = (true.steering_scale_left, true.steering_scale_right)
+        slopes = (true.potentiometer_slopes_left, true.potentiometer_slopes_right)
         scales = (true.wheel_scale_left, true.wheel_scale_right)
         self.steered = {
-            name: SteeredWheel(robot, name, axes[name], start=math.radians(begin), zero_deg=zero)
-            for name, begin, zero in zip(named("steering"), starts, zeros, strict=True)
+            name: SteeredWheel(
+                robot,
+                name,
+                axes[name],
+                start=math.radians(begin),
+                zero_deg=zero,
+                scale=scale,
+                backlash=math.radians(true.backlash_deg),
+                slopes=pair,
+            )
+            for name, begin, zero, scale, pair in zip(
+                named("steering"), starts, zeros, steering_scales, slopes, strict=True
+            )
         }
         """Left and right wheel, by the names of their drives."""
         self.driven = {
@@ -191,8 +213,8 @@ class World:
             for axis in self._axes:
                 axis.step(dt)
             self._vehicle.move(
-                self._steering_left.angle,
-                self._steering_right.angle,
+                self._steering_left.turn(),
+                self._steering_right.turn(),
                 self._traction_left.roll(),
                 self._traction_right.roll(),
             )

@@ -7,7 +7,7 @@ from collections.abc import Generator
 from dataclasses import replace
 
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
-from artemis.states.mode import OFF, ON, Plan, Routine, fail, finish_jobs
+from artemis.states.mode import OFF, ON, STEERING_ON, Plan, Routine, fail, finish_jobs
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveFeedback, DriveState, Fault, Goal, Job, JobKind, Snapshot, Wish
 from artemis.vehicle import OPERATING_MODES
@@ -26,7 +26,6 @@ LARGEST_CORRECTION = math.radians(1.0)
 STEER_TIME = 12.0
 """Longest time for one of the turns [s]: from lock to straight takes 2.3 s at 33 degrees a second."""
 
-STEERING_ON = Wish(traction=Goal.DISABLED, steering=Goal.ENABLED)
 Readings = dict[str, tuple[float, float]]
 """Mean voltages of both potentiometers [V], by steering drive."""
 
@@ -34,20 +33,27 @@ Readings = dict[str, tuple[float, float]]
 def align(plan: Plan, snapshot: Snapshot) -> Routine:
     """At rest: read the potentiometers, tell the drives their angle, sweep for the fine angle; then enable traction.
 
-    Traction stays off while the wheels turn: before they are aligned, nothing can drive the robot.
+    Traction stays off while the wheels turn: before they are aligned, nothing can drive the robot. Wheels with new
+    potentiometers are taken as they are found, and stay there; traction stays off.
     """
     volts, snapshot = yield from _read_potentiometers(plan, snapshot)
     names = plan.drives("steering")
+    if plan.found and plan.taken:
+        seen = "the wheels may have been turned since their angles were measured from outside: begin anew"
+        return (yield from fail(OFF, catalogue.fault("CAL-01", "", seen)))
     fault = next((f for name in names for f in _implausible(plan, name, volts[name])), None)
     if fault is not None:
         return (yield from fail(OFF, fault))
-    angles = [_angle(plan, name, volts[name]) for name in names]
-    snapshot = yield from _do(OFF, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
-    snapshot = yield from _do(OFF, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()), snapshot)
+    angles = [_angle_at_rest(plan, name, volts[name]) for name in names]
+    snapshot = yield from do(OFF, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
+    snapshot = yield from do(OFF, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()), snapshot)
+    plan.taken = plan.blind
     snapshot = yield from enable(STEERING_ON, snapshot)
+    if plan.blind:
+        return snapshot
     errors: dict[str, list[float]] = {name: [] for name in names}
     for target in (SWEEP, -SWEEP, 0.0):
-        snapshot = yield from _steer(plan, target, snapshot, errors)
+        snapshot = yield from steer(plan, target, snapshot, errors)
     corrections = {name: sum(found) / len(found) for name, found in errors.items()}
     for name, correction in corrections.items():
         if abs(correction) > LARGEST_CORRECTION:
@@ -55,12 +61,12 @@ def align(plan: Plan, snapshot: Snapshot) -> Routine:
             return (yield from fail(STEERING_ON, catalogue.fault("STE-05", name, seen)))
     positions = {drive.name: drive.position for drive in snapshot.sensed.drives}
     angles = [positions[name] + correction for name, correction in corrections.items()]
-    snapshot = yield from _do(STEERING_ON, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
-    snapshot = yield from _steer(plan, 0.0, snapshot, {})
+    snapshot = yield from do(STEERING_ON, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
+    snapshot = yield from steer(plan, 0.0, snapshot, {})
     return (yield from enable(ON, snapshot))
 
 
-def _do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
+def do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
     """Have jobs of one kind done; one that fails is a fault."""
     results, snapshot = yield from finish_jobs(replace(wish, phase=jobs[0].kind.value), jobs)
     for result in results:
@@ -91,10 +97,12 @@ def _is_on(drive: DriveFeedback) -> bool:
     return drive.state is DriveState.OPERATION_ENABLE
 
 
-def _steer(plan: Plan, target: float, snapshot: Snapshot, errors: dict[str, list[float]]) -> Routine:
+def steer(
+    plan: Plan, target: float, snapshot: Snapshot, errors: dict[str, list[float]], phase: str = "aligning"
+) -> Routine:
     """Turn the wheels to the virtual angle `target`; add each tick's potentiometers minus encoder to `errors`."""
     latest = snapshot.time + STEER_TIME
-    wish = replace(STEERING_ON, command=DriveCommand(steering=target), phase="aligning")
+    wish = replace(STEERING_ON, command=DriveCommand(steering=target), phase=phase)
     while True:
         snapshot = yield wish
         for drive in snapshot.sensed.drives:
@@ -133,6 +141,12 @@ def _read_potentiometers(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snap
     return means, snapshot
 
 
+def _angle_at_rest(plan: Plan, name: str, volts: tuple[float, float]) -> float:
+    if plan.found is not None:
+        return plan.found.get(plan.robot.drives[name].side, 0.0)
+    return _angle(plan, name, volts)
+
+
 def _angle(plan: Plan, name: str, volts: tuple[float, float]) -> float:
     return sum(_angles(plan, name, volts)) / 2
 
@@ -144,6 +158,8 @@ def _angles(plan: Plan, name: str, volts: tuple[float, float]) -> tuple[float, f
 def _implausible(plan: Plan, name: str, volts: tuple[float, float]) -> list[Fault]:
     if is_at_a_rail(volts):
         return [catalogue.fault("STE-04", name, f"{volts[0]:.2f} V and {volts[1]:.2f} V")]
+    if plan.blind:
+        return []
     first, second = (math.degrees(angle) for angle in _angles(plan, name, volts))
     if abs(first - second) > plan.robot.calibration.steering.disagreement_deg:
         return [catalogue.fault("STE-03", name, f"{first:.1f} and {second:.1f} degrees")]

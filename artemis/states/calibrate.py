@@ -1,21 +1,39 @@
-"""Mode calibrate: align the wheels again from the potentiometers."""
+"""Mode calibrate: align the wheels again from the potentiometers, or measure what the robot has to know of itself."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from artemis.states.alignment import align
-from artemis.states.mode import ON, Routine, RoutineMode
+from artemis.states.alignment import align, enable
+from artemis.states.gains import GainsStep, TurnStep, try_gains, turn
+from artemis.states.keeping import StoreSteeringStep, store_steering
+from artemis.states.mode import OFF, ON, Routine, RoutineMode
+from artemis.states.steering import SteeringStep, calibrate_steering
 from artemis.values import Event, Snapshot
 
 
 class CalibrateMode(RoutineMode):
-    """The step `calibrate: {steering: from_potentiometers}`."""
+    """The step `calibrate`, of any kind."""
 
     def routine(self, snapshot: Snapshot) -> Routine:
-        """Align, then done."""
-        yield from align(self.plan, snapshot)
-        self.plan.advance()
+        """As the step says, then done; the run is over where the wheels could not be aligned."""
+        plan = self.plan
+        match plan.current:
+            case SteeringStep() as step:
+                snapshot = yield from calibrate_steering(plan, step, snapshot)
+            case StoreSteeringStep():
+                snapshot = yield from store_steering(plan, snapshot)
+            case GainsStep() as step:
+                snapshot = yield from try_gains(plan, step, snapshot)
+            case TurnStep() as step:
+                snapshot = yield from turn(plan, step, snapshot)
+            case _:
+                snapshot = yield from align(plan, snapshot)
+        if plan.blind:
+            plan.advance()
+            yield replace(OFF, event=Event.END, phase="calibrated")
+        snapshot = yield from enable(ON, snapshot)
+        plan.advance()
         yield replace(ON, event=Event.DONE, phase="aligned")
         while True:
             yield ON

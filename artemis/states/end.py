@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from artemis.states.gains import restore_gains
 from artemis.states.mode import STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs, is_second, listen
 from artemis.supervision import catalogue
 from artemis.values import DriveState, Goal, JobKind, Snapshot, Wish
@@ -29,6 +30,8 @@ class EndMode(RoutineMode):
                     break
         idle = replace(IDLE, exchange=plan.connected, heartbeat=plan.connected)
         snapshot = yield from listen(idle, snapshot)
+        if not is_second(plan, snapshot):
+            snapshot = yield from restore_gains(plan, idle, snapshot)
         for role in ("traction", "steering"):
             if is_second(plan, snapshot):
                 break

@@ -6,12 +6,13 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from artemis.states.alignment import align
+from artemis.states.keeping import contradiction
 from artemis.states.mode import (
     LISTEN,
     OFF,
-    ON,
     Routine,
     RoutineMode,
+    at_rest,
     fail,
     failure,
     finish_jobs,
@@ -50,11 +51,13 @@ class InitMode(RoutineMode):
         results, snapshot = yield from secure(plan, silent, snapshot)
         if all(result.ok for result in results):
             wish = replace(silent, phase=JobKind.CONFIGURE.value)
-            results, snapshot = yield from finish_jobs(wish, plan.jobs(JobKind.CONFIGURE, plan.drives()))
+            jobs = plan.jobs(JobKind.CONFIGURE, plan.drives())
+            jobs += plan.jobs(JobKind.READ_CALIBRATION, plan.drives("steering"))
+            results, snapshot = yield from finish_jobs(wish, jobs)
         failed = [result for result in results if not result.ok]
         if len(failed) == len(results) and all(result.fault == NO_ANSWER for result in failed):
             return (yield from fail(SILENT, catalogue.fault("COM-32")))
-        if fault := failure(failed):
+        if fault := failure(failed) or contradiction(plan, results):
             return (yield from fail(SILENT, fault))
         plan.connected = True
         snapshot = yield from self._prove_watchdog(snapshot)
@@ -65,10 +68,11 @@ class InitMode(RoutineMode):
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
         plan.armed = plan.held = False
         yield from align(plan, snapshot)
-        first, plan.aligned, plan.placed = not plan.placed, True, True
-        yield replace(ON, event=Event.ALIGNED, reset_pose=first, phase="aligned")
+        first, plan.aligned, plan.placed = not plan.placed, not plan.blind, True
+        stand = at_rest(plan)
+        yield replace(stand, event=Event.ALIGNED, reset_pose=first, phase="as found" if plan.blind else "aligned")
         while True:
-            yield ON
+            yield stand
 
     def _prove_watchdog(self, snapshot: Snapshot) -> Routine:
         """Withhold our heartbeat once, with no torque on: every drive must report it, then reset.

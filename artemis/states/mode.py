@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from artemis.motion.perception import STANDING_TIME
 from artemis.motion.route import Route
+from artemis.motion.steering_fit import SteeringFit
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Follower
 from artemis.supervision import catalogue
@@ -47,7 +48,12 @@ class ModeLogic(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrateStep:
-    """Align the wheels from the potentiometers again."""
+    """Align the wheels from the potentiometers again; what else mode calibrate does are kinds of this."""
+
+    @property
+    def replaces(self) -> bool:
+        """Whether the drives are to keep another calibration of the potentiometers: what they keep now is no matter."""
+        return False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +153,16 @@ class Plan:
     """How much of the current step is done, here or in an earlier run: way along its path [m], or time [s]."""
     tracks: dict[str, Track] = field(default_factory=dict)
     """What was recorded, by name."""
+    found: Mapping[str, float] | None = None
+    """The potentiometers are new and say nothing: angles of the wheels as they are found [rad], by side if known."""
+    taken: bool = False
+    """They were taken so: from then on they may have been turned."""
+    steering: dict[str, SteeringFit] = field(default_factory=dict)
+    """What was measured of the potentiometers, by side."""
+    kept: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    """What the drives' memories were given in this run, by drive."""
+    tried: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    """Gains that drives were given for this run only, by drive; at its end they get the robot file's again."""
     _ids: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
 
     @property
@@ -165,6 +181,11 @@ class Plan:
     def stop_time(self) -> float:
         """Longest time that is given to a stop before the drives are switched off all the same [s]."""
         return 1.0 + 2.0 * self.robot.limits.speed_m_s / self.robot.limits.quick_stop_deceleration_m_s2
+
+    @property
+    def blind(self) -> bool:
+        """Nobody knows what the potentiometers say: traction stays off."""
+        return self.found is not None
 
     def advance(self) -> None:
         """The current step is done."""
@@ -352,3 +373,10 @@ OFF = Wish(traction=Goal.DISABLED, steering=Goal.DISABLED)
 """All drives off, watched and exchanging."""
 ON = Wish(traction=Goal.ENABLED, steering=Goal.ENABLED)
 """All drives enabled, standing, wheels straight."""
+STEERING_ON = Wish(traction=Goal.DISABLED, steering=Goal.ENABLED)
+"""Wheels may be turned; nothing can drive the robot."""
+
+
+def at_rest(plan: Plan) -> Wish:
+    """All drives enabled; only steering where nobody knows how the wheels stand."""
+    return STEERING_ON if plan.blind else ON

@@ -66,9 +66,16 @@ class PartByPart:
         self._follower, self._route, self._driven = follower, route, driven
         self._limit = math.radians(robot.limits.steering_deg)
         self._patience = 3 * robot.limits.steering_deg / robot.limits.steering_rate_wheel_deg_s
-        self._index = 0
-        self._started = self._finished = False
         self.end = driven + route.length
+        self._begin(0)
+
+    def _begin(self, index: int) -> None:
+        """A part is next; the robot stands."""
+        parts = self._route.parts
+        self._index, self._part = index, parts[index]
+        self._before = self._driven + self._route.begins[index]
+        self._after = sum(part.path.length for part in parts[index + 1 :])
+        self._started = self._finished = False
         self.go_on()
 
     def go_on(self) -> None:
@@ -78,19 +85,16 @@ class PartByPart:
     def step(self, snapshot: Snapshot) -> Following | Fault:
         """The follower's answer, with the arc length of the whole route; finished at its end only."""
         if self._finished and snapshot.standing and self._index + 1 < len(self._route.parts):
-            self._index += 1
-            self._started = self._finished = False
-            self.go_on()
-        part = self._route.parts[self._index]
+            self._begin(self._index + 1)
+        part = self._part
         seen = flipped(snapshot) if part.backward else snapshot
         answer = self._ask(part, seen)
         if isinstance(answer, Fault):
             return answer
         self._finished = answer.finished
-        before = self._driven + self._route.begins[self._index]
-        self.end = before + answer.tracking.length
-        after = sum(part.path.length for part in self._route.parts[self._index + 1 :])
-        tracking = replace(answer.tracking, arc_length=before + answer.tracking.arc_length, length=self.end + after)
+        told = answer.tracking
+        self.end = self._before + told.length
+        tracking = replace(told, arc_length=self._before + told.arc_length, length=self.end + self._after)
         command = DriveCommand(steering=seen.set_points.steering) if answer.finished else answer.command
         command = self._steered(command, seen)
         return Following(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from artemis.states.mode import ON, CalibrateStep, FollowStep, Plan, TeleopStep, WaitStep, hands_on
-from artemis.values import Event, Snapshot, Wish
+from artemis.states.mode import CalibrateStep, FollowStep, Plan, TeleopStep, WaitStep, at_rest, hands_on
+from artemis.values import DriveCommand, Event, Snapshot, Wish
 
 
 class ReadyMode:
@@ -21,7 +21,7 @@ class ReadyMode:
 
     def step(self, snapshot: Snapshot) -> Wish:
         """Stand, and ask for the mode of the plan's current step."""
-        stand = replace(ON, command=replace(ON.command, steering=snapshot.set_points.steering))
+        stand = replace(at_rest(self._plan), command=DriveCommand(steering=snapshot.set_points.steering))
         match self._plan.current:
             case None:
                 return replace(stand, event=Event.END)

@@ -46,15 +46,15 @@ class _Latched:
 class Supervisor:
     """Runs the measures at each tick, latches what they find, and gives the worst reaction."""
 
-    def __init__(self, robot: Robot, tick: float, policies: Policies | None = None) -> None:
-        """`tick` is the tick's period [s]; `policies` make rows stricter."""
+    def __init__(self, robot: Robot, tick: float, policies: Policies | None = None, blind: bool = False) -> None:
+        """`tick` is the tick's period [s]; `policies` make rows stricter; `blind`: the potentiometers are new."""
         policies = policies or {}
         self._rows: Mapping[str, Row] = stricter(policies)
         self._resumes = {id for id, policy in policies.items() if policy.resume == "continue"}
         self._drives, self._host, self._wheels = (
             DriveMeasures(robot, tick),
             HostMeasures(robot.host_node_id),
-            Wheels(robot, tick),
+            Wheels(robot, tick, blind),
         )
         self._above: dict[tuple[str, str, int], float] = {}
         self._latched: dict[tuple[str, str], _Latched] = {}

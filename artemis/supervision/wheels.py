@@ -45,8 +45,9 @@ class _Moment(NamedTuple):
 class Wheels:
     """Remembers the last moments of the driven wheels and what was asked of them."""
 
-    def __init__(self, robot: Robot, tick: float) -> None:
-        self._robot, self._stale = robot, stale_age(tick)
+    def __init__(self, robot: Robot, tick: float, blind: bool = False) -> None:
+        """`blind`: the calibration of the potentiometers means nothing."""
+        self._robot, self._stale, self._blind = robot, stale_age(tick), blind
         self._car = Ackermann(robot.geometry)
         self._places = robot.places
         self._moments: deque[_Moment] = deque()
@@ -187,16 +188,21 @@ class Wheels:
         if is_at_a_rail(drive.potentiometers):
             yield "STE-04", name, 1.0, "{:.2f} V and {:.2f} V".format(*drive.potentiometers)
             return
-        calibration = self._robot.potentiometers(described.side)
+        if not self._blind:
+            yield from self._potentiometers(drive)
+        if name in self._referenced:
+            yield from self._frozen(drive)
+
+    def _potentiometers(self, drive: DriveFeedback) -> Iterator[Reading]:
+        calibration = self._robot.potentiometers(self._robot.drives[drive.name].side)
         first, second = wheel_angles(drive.potentiometers, calibration)
         apart = degrees(abs(first - second)) / self._robot.calibration.steering.disagreement_deg
         if apart > 0.5:
-            yield "STE-03", name, apart, f"{degrees(first):.1f} and {degrees(second):.1f} degrees"
-        if name in self._referenced:
+            yield "STE-03", drive.name, apart, f"{degrees(first):.1f} and {degrees(second):.1f} degrees"
+        if drive.name in self._referenced:
             away = abs((first + second) / 2.0 - drive.position)
             if away > 0.02:
-                yield "STE-05", name, away, f"{degrees(away):.1f} degrees"
-            yield from self._frozen(drive)
+                yield "STE-05", drive.name, away, f"{degrees(away):.1f} degrees"
 
     def _frozen(self, drive: DriveFeedback) -> Iterator[Reading]:
         for number, volt in enumerate(drive.potentiometers):

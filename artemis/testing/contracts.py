@@ -24,6 +24,7 @@ from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.motion.angles import difference
 from artemis.motion.limits import Gate, is_sane
+from artemis.motion.odometry import move
 from artemis.motion.path import Path, path_from_points
 from artemis.plugins.border import LATE, is_in_range, is_whole_input, plain_following
 from artemis.plugins.contracts import Follower, Following, InputDevice, Setup
@@ -347,10 +348,8 @@ class _Car:
         """One tick passes."""
         self._done, self._wanted = self._wanted, self._gate.limit(following.command, self._wanted, PERIOD)
         step, steering = self._done.speed * PERIOD, self._done.steering
-        heading = self.pose.heading + step * math.sin(steering) / self._wheelbase
-        middle, forward = (self.pose.heading + heading) / 2, step * math.cos(steering)
-        x, y = self.pose.x + forward * math.cos(middle), self.pose.y + forward * math.sin(middle)
-        self.pose = Pose(x=x, y=y, heading=heading)
+        forward = step * math.cos(steering)
+        self.pose = move(self.pose, forward, step * math.sin(steering) / self._wheelbase)
         self._distance += forward
         self._tick += 1
 

@@ -40,7 +40,6 @@ NOT_INJECTED: dict[str, str] = {
     **dict.fromkeys(("DRV-09", "DRV-10", "DRV-17", "DRV-29"), _EPOS4),
     "RUN-07": _LOCALISATION,
     "RUN-08": "COM-26 makes it happen, where the robot moves",
-    "CAL-02": "is refused with the mission, or by the table of modes",
     "INP-02": _DEVICE,
     "INP-13": "another input drives in another step, which begins at standstill",
     "INP-14": _DEVICE,

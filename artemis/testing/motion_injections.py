@@ -52,6 +52,12 @@ class Counter(Config):
     """So many counts before 2**31."""
 
 
+class Kept(Config):
+    """What a drive keeps of its first potentiometer."""
+
+    zero_uv: Annotated[int, Field(ge=1, le=5_000_000)] = 2_600_000
+
+
 class Jump(Lasting):
     """Which bit of the position is wrong, and in how many readings."""
 
@@ -262,6 +268,11 @@ def _keep_running(stage: Stage, node: str | None, p: Running) -> None:
     stage.once_booted(drive, run)
 
 
+def _remember(stage: Stage, node: str | None, p: Kept) -> None:
+    drive = stage.drive(node)
+    stage.once_booted(drive, partial(drive.poke, 0x200C, 1, p.zero_uv))
+
+
 _EMERGENCY_STOP = Injection("the hardware emergency stop is pressed", _press, parameters=Lasting)
 
 MOTION_INJECTIONS: dict[str, Injection] = {
@@ -281,6 +292,7 @@ MOTION_INJECTIONS: dict[str, Injection] = {
     "STE-06": Injection("the motor turns without its wheel", _detach, Needs.STEERING, Lasting),
     "STE-07": Injection("potentiometers are frozen", _freeze, Needs.STEERING, Lasting),
     "CAL-01": Injection("steering is blocked, while it aligns", _block("steering"), Needs.STEERING, Lasting),
+    "CAL-02": Injection("drive keeps another calibration", _remember, Needs.STEERING, Kept),
     "SYS-10": Injection("drive is found turning", _keep_running, Needs.TRACTION, Running),
     "PTH-06": Injection("somebody carries the robot away", _carry, parameters=Carried),
     "PTH-07": Injection("both driven wheels are blocked", _block("traction"), parameters=Lasting),

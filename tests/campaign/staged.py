@@ -13,7 +13,7 @@ from artemis.campaign.one_run import Result, run_scenario
 from artemis.campaign.scenario import Scenario
 
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
-LONGEST = 30.0
+LONGEST = 60.0
 """A run that takes longer does not end [s]: a planted bug need not be watched for as long as a campaign's seed."""
 Faults = Sequence[dict[str, Any]]
 Acts = Sequence[tuple[float, str]]
@@ -77,6 +77,14 @@ def follow(*faults: dict[str, Any], acts: Acts = (), bend: float = 0.0) -> Scena
     calibrate: dict[str, Any] = {"calibrate": {"steering": "from_potentiometers"}}
     steps = [calibrate, {"follow": {"path": "path.csv", "follower": follower}}]
     return _scenario(steps, {"path.csv": table}, faults, acts)
+
+
+def measure(*faults: dict[str, Any], new: bool = False, **true_robot: float) -> Scenario:
+    """The steering is calibrated, and the drives keep it."""
+    reference = {"left": 7.0, "right": -4.0} if new else {"left": 0.8, "right": -1.3}
+    words = {"potentiometers": "new" if new else "known", "reference_deg": reference, "save": "drives"}
+    hidden = {"steering_zero_left_deg": 0.8, "steering_zero_right_deg": -1.3, **true_robot}
+    return _scenario([{"calibrate": {"steering": words}}], {}, faults, (), inputs=None, **hidden)
 
 
 def _line(bend: float) -> list[tuple[float, float]]:
@@ -175,6 +183,11 @@ SCENARIOS: dict[str, Scenario] = {
     "does not watch": drive(fault("COM-30", 0.0, STEER)),
     "write not kept": drive(fault("COM-10", 0.0, LEFT)),
     "error in bring-up": drive(fault("DRV-02", 0.42, LEFT)),
+    "steering measured": measure(),
+    "new potentiometers measured": measure(new=True, steering_zero_left_deg=25.0, steering_zero_right_deg=-30.0),
+    "wheel blocked while it is measured": measure(fault("STE-02", 10.0, STEER)),
+    "drive lost while it is measured": measure(fault("COM-26", 10.0, STEER)),
+    "another calibration in a drive": drive(fault("CAL-02", 0.0, STEER)),
     "askew": drive(start_steering_left_deg=20.0, start_steering_right_deg=15.0),
 }
 """By what happens."""

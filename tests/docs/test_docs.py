@@ -107,13 +107,18 @@ def test_every_block_says_what_it_is() -> None:
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of what the commands need, where they may leave runs behind; RUN is a run of the demo."""
+    """A copy of what the commands need, where they may leave runs behind; RUN is a run of the demo.
+
+    tracker.tum are its true poses.
+    """
     folder = tmp_path_factory.mktemp("checkout")
     shutil.copytree(ROOT / "missions", folder / "missions", ignore=shutil.ignore_patterns("runs"))
     done = artemis(folder, *DEMO)
     assert done.returncode == 0, done.stderr
     (run,) = (folder / "missions" / "runs").iterdir()
     (folder / "RUN").symlink_to(run)
+    assert artemis(folder, "report", "RUN", "--export", "tum").returncode == 0
+    shutil.copy(run / "true.tum", folder / "tracker.tum")
     return folder
 
 

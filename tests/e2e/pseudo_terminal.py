@@ -12,7 +12,7 @@ import select
 import struct
 import subprocess
 import termios
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from command_line import ARTEMIS, PATIENCE, skip_if_late
@@ -24,7 +24,7 @@ _LOOK = 0.1
 class Terminal:
     """What a person has before them: a screen of `columns`, and keys."""
 
-    def __init__(self, mission: Path, columns: int, no_colour: bool) -> None:
+    def __init__(self, command: Sequence[str], columns: int, no_colour: bool) -> None:
         self.host, device = pty.openpty()
         self.device = device
         self.resize(columns)
@@ -35,7 +35,7 @@ class Terminal:
         self._decoder = codecs.getincrementaldecoder("utf-8")()
         environment = {key: value for key, value in os.environ.items() if key not in ("COLUMNS", "LINES", "NO_COLOR")}
         self.process = subprocess.Popen(
-            [*ARTEMIS, "run", str(mission)],
+            [*ARTEMIS, *command],
             stdin=device,
             stdout=device,
             stderr=device,
@@ -83,9 +83,11 @@ class Terminal:
 
 
 @contextlib.contextmanager
-def terminal(mission: Path, columns: int = 110, *, no_colour: bool = False) -> Iterator[Terminal]:
-    """A person who has started the mission; the process is killed at the end if it still runs."""
-    screen = Terminal(mission, columns, no_colour)
+def terminal(
+    mission: Path, columns: int = 110, *, no_colour: bool = False, command: Sequence[str] = ("run",)
+) -> Iterator[Terminal]:
+    """A person who has started the mission, or another command with it; killed at the end if it still runs."""
+    screen = Terminal([*command, str(mission)], columns, no_colour)
     try:
         yield screen
     finally:

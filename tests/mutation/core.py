@@ -21,6 +21,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "supervision/wheels.py": (
         "unit/test_wheels_exactly.py",
         "unit/test_wheels.py",
+        "unit/test_wheels_braking.py",
         "unit/test_wheels_steered.py",
         *_ROWS,
     ),

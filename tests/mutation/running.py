@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import gc
 import importlib
 import importlib.abc
@@ -11,7 +12,7 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
@@ -34,6 +35,8 @@ STUCK = 600
 """Seconds of the wall after which a test is given up that only waits."""
 MEMORY = 4 << 30
 """Bytes that a mutant may take."""
+RECENT = 5
+"""Tests that failed last are tried first: the next mutant is often one of the same line."""
 _STILLBORN = 97
 
 
@@ -57,6 +60,20 @@ class Subject:
     tests: Sequence[Path]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Trial:
+    """The tests on one source of the subject."""
+
+    source: str
+    changed: Set[str]
+    """Modules that have to be imported anew."""
+    report: Connection
+    limit: int = resource.RLIM_INFINITY
+    """Seconds of the processor."""
+    recent: tuple[str, ...] | None = None
+    """Tests to try first; None: the source is no mutant, and what its tests load is reported."""
+
+
 def examine(subject: Subject, workers: int) -> Iterator[tuple[Mutant, Outcome]]:
     """Each mutant with its outcome, in the order in which they become known.
 
@@ -65,23 +82,34 @@ def examine(subject: Subject, workers: int) -> Iterator[tuple[Mutant, Outcome]]:
     """
     source = subject.path.read_text(encoding="utf-8")
     begun, (mine, its) = _processor_time(), multiprocessing.Pipe()
-    if _outcome(_begin(subject, source, report=its)) is not Outcome.SURVIVED:
-        raise RuntimeError(f"fails without a mutant, run it by hand: {' '.join(map(str, subject.tests))}")
+    _must_pass(subject, _Trial(source=source, changed=changed_by(subject), report=its))
     limit = ceil(GRACE + PATIENCE * (_processor_time() - begun))
     _load(mine.recv())
     waiting = mutants(source, vars(_imported(subject)))
+    changed = changed_by(subject)
+    _must_pass(subject, _Trial(source=source, changed=changed, report=its, limit=limit, recent=()))
     gc.freeze()  # or every process would look for garbage in all that is loaded here
     running: dict[ForkProcess, Mutant] = {}
+    recent: list[str] = []
     while waiting or running:
         while waiting and len(running) < workers:
             mutant = waiting.pop(0)
-            running[_begin(subject, mutant.source(), limit)] = mutant
+            trial = _Trial(source=mutant.source(), changed=changed, report=its, limit=limit, recent=tuple(recent))
+            running[_begin(subject, trial)] = mutant
         wait([process.sentinel for process in running])
         for process in [process for process in running if not process.is_alive()]:
             yield running.pop(process), _outcome(process)
+        while mine.poll():
+            failed = mine.recv()
+            recent = [failed, *(test for test in recent if test != failed)][:RECENT]
 
 
-def tested(tests: Sequence[Path], *options: str) -> int:
+def _must_pass(subject: Subject, trial: _Trial) -> None:
+    if _outcome(_begin(subject, trial)) is not Outcome.SURVIVED:
+        raise RuntimeError(f"fails without a mutant, run it by hand: {' '.join(map(str, subject.tests))}")
+
+
+def tested(tests: Sequence[Path], plugin: object) -> int:
     """Exit status of these tests, in this process; property tests always try the same."""
     hypothesis.settings.register_profile(
         "same",
@@ -93,8 +121,8 @@ def tested(tests: Sequence[Path], *options: str) -> int:
     )
     hypothesis.settings.load_profile("same")
     where = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), "-p", "no:cacheprovider"]
-    how = ["-q", "-n", "0", "--assert=plain", f"--timeout={STUCK}"]
-    return pytest.main([*where, *how, *options, *map(str, tests)])
+    how = ["-q", "-x", "-n", "0", "--assert=plain", f"--timeout={STUCK}"]
+    return pytest.main([*where, *how, *map(str, tests)], [plugin])
 
 
 def _processor_time() -> float:
@@ -109,10 +137,35 @@ def _load(modules: Sequence[str]) -> None:
             importlib.import_module(name)
 
 
-def _foreign() -> list[str]:
-    """Names of the imported modules that are installed."""
+def _loaded(subject: Subject) -> list[str]:
+    """Names of the imported modules that are installed, or ours and the same whatever the subject is."""
+    changed = changed_by(subject)
     modules = [(name, getattr(module, "__file__", None) or "") for name, module in list(sys.modules.items())]
-    return [name for name, file in modules if "site-packages" in file]
+    return [name for name, file in modules if "site-packages" in file or (_is_ours(name) and name not in changed)]
+
+
+def changed_by(subject: Subject) -> set[str]:
+    """Names of the imported modules of ours that import the subject, at first, second or any hand; and its own."""
+    uses = {name: _imports(module) for name, module in list(sys.modules.items()) if _is_ours(name)}
+    changed = {subject.name}
+    while more := {name for name, used in uses.items() if used & changed} - changed:
+        changed |= more
+    return changed
+
+
+def _is_ours(name: str) -> bool:
+    return name.partition(".")[0] == "artemis"
+
+
+def _imports(module: ModuleType) -> set[str]:
+    """What a module may import: every module that it names, and the packages around these."""
+    assert module.__spec__ is not None
+    tree = ast.parse(Path(module.__spec__.origin or os.devnull).read_text(encoding="utf-8"))
+    names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return {".".join(parts[:end]) for parts in (name.split(".") for name in names) for end in range(1, len(parts) + 1)}
 
 
 def _imported(subject: Subject) -> ModuleType:
@@ -127,11 +180,8 @@ def _imported(subject: Subject) -> ModuleType:
     return module
 
 
-def _begin(
-    subject: Subject, source: str, limit: int = resource.RLIM_INFINITY, report: Connection | None = None
-) -> ForkProcess:
-    arguments = subject, source, limit, report
-    process = multiprocessing.get_context("fork").Process(target=_test, args=arguments, daemon=True)
+def _begin(subject: Subject, trial: _Trial) -> ForkProcess:
+    process = multiprocessing.get_context("fork").Process(target=_test, args=(subject, trial), daemon=True)
     process.start()
     return process
 
@@ -173,24 +223,56 @@ class _Planted(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
         return self._source
 
 
-def _test(subject: Subject, source: str, limit: int, report: Connection | None) -> None:
+@dataclass(frozen=True, slots=True)
+class _Chosen:
+    """Runs only some tests, in this order (None: all), and reports which one failed."""
+
+    names: tuple[str, ...] | None
+    report: Connection
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        if self.names is not None:
+            found = {_name(item): item for item in items}
+            items[:] = [found[name] for name in self.names if name in found]
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            self.report.send(_name(report))
+
+
+def _name(test: pytest.Item | pytest.TestReport) -> str:
+    file, _, name = test.location
+    return f"{file}::{name}"
+
+
+def _test(subject: Subject, trial: _Trial) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
-    for name in list(sys.modules):
-        if name == subject.name or name.split(".")[0] == "artemis":
-            del sys.modules[name]
-    sys.meta_path.insert(0, _Planted(subject, source))
+    resource.setrlimit(resource.RLIMIT_CPU, (trial.limit, resource.RLIM_INFINITY))
+    _forget(trial.changed)
+    sys.meta_path.insert(0, _Planted(subject, trial.source))
     try:
         importlib.import_module(subject.name)
     except Exception:  # noqa: BLE001  # a mutant may raise anything
         os._exit(_STILLBORN)
     status = 0
+    if first := [test for test in subject.tests if any(f"{test.name}::" in name for name in trial.recent or ())]:
+        status = tested(first, _Chosen(trial.recent, trial.report))
+        status = 0 if status == pytest.ExitCode.NO_TESTS_COLLECTED else status
     for test in subject.tests:  # most mutants do not get beyond the first: what is not needed is not collected
-        status = status or tested([test], "-x")
-    if report:
-        report.send(_foreign())
+        status = status or tested([test], _Chosen(None, trial.report))
+    if trial.recent is None:
+        trial.report.send(_loaded(subject))
     os._exit(status)
+
+
+def _forget(modules: Iterable[str]) -> None:
+    """Whoever imports one of these gets a new one."""
+    for name in modules:
+        package, _, leaf = name.rpartition(".")
+        sys.modules.pop(name, None)
+        if package in sys.modules:
+            vars(sys.modules[package]).pop(leaf, None)

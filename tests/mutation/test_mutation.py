@@ -15,7 +15,7 @@ from . import __main__ as main
 from .__main__ import Survivor
 from .core import CORE
 from .mutants import Mutant, mutants
-from .running import Outcome, Subject
+from .running import Outcome, Subject, changed_by
 
 ROOT = Path(__file__).parents[2]
 
@@ -150,6 +150,19 @@ def test_tests_that_prove_nothing_are_refused(tmp_path: Path, tests: str, proble
     run = examined(tmp_path, tests)
     assert run.returncode == 1
     assert problem in run.stderr
+
+
+def test_what_imports_a_mutant_is_imported_anew_and_what_it_imports_is_not() -> None:
+    importlib.import_module("artemis.robot")
+    changed = changed_by(main.subjects()["motion/limits.py"])
+    assert {"artemis.motion.limits", "artemis.robot"} <= changed
+    assert not {"artemis.values", "artemis.motion.ackermann"} & changed
+
+
+def test_a_package_changes_with_its_modules_and_all_modules_with_their_package() -> None:
+    row = changed_by(main.subjects()["supervision/catalogue/row.py"])
+    drives = changed_by(main.subjects()["supervision/catalogue/drives.py"])
+    assert {"artemis.supervision.catalogue", "artemis.supervision.catalogue.drives"} <= row & drives
 
 
 # ---------------------------------------------------------------------------------------------- the judgement

@@ -64,6 +64,7 @@ RECORDS = {
     0x1016: (UNSIGNED32,) * 2,
     0x1018: (UNSIGNED32,) * 4,
     0x2003: (UNSIGNED16,) * 2,
+    0x200C: (UNSIGNED32,) * 4,
     0x207C: (INTEGER16,) * 2,
     0x2210: (UNSIGNED16,) * 2,
     0x607D: (INTEGER32,) * 2,

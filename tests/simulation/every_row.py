@@ -60,12 +60,14 @@ _SWINGING = (
     (6.0, 0.0, 0.0, 0),
     (6.8, 0.0, 0.0, 0),
 )
+MEASURE = {"calibrate": {"steering": {"reference_deg": {"left": 0.0, "right": 0.0}}}}
 _ON = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (6.6, 0.0, 0.0, 0), (7.0, 0.0, 0.0, 0))
 _NUDGED = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (3.5, 0.06, 1.0, 1), (5.0, 0.0, 0.0, 0), (5.6, 0.0, 0.0, 0))
 SETTINGS = {
     "bring-up": Setting([{"wait": {"seconds": 0.4}}], 0.0, Mode.INIT, moves=False),
     "standing": Setting([{"wait": {"seconds": 1.2}}], 2.501, Mode.READY, moves=False),
     "calibrating": Setting([CALIBRATE], 2.801, Mode.CALIBRATE, moves=False),
+    "measuring": Setting([MEASURE], 5.001, Mode.CALIBRATE, moves=False),
     "driving": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_FORWARD),
     "driving on": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_ON),
     "nudged": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_NUDGED),

@@ -206,3 +206,10 @@ async def _emergency_stop(host: Host) -> None:
         release()
         await host.tick(0.1)
         assert host.world.supply_voltage > 24.0
+
+
+@proves("CAL-02")
+async def _remembered(host: Host) -> None:
+    host.inject("CAL-02", STEER, zero_uv=2_400_000)
+    await host.tick(0.1)
+    assert host.drive(STEER).read(0x200C, 1) == 2_400_000

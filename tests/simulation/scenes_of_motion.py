@@ -10,6 +10,7 @@ from rig import BRAKING, Run, Seen
 from scenes_of_the_bus import away
 from watched import DRIVES, STEERING, TRACTION, Truth
 
+from artemis.supervision.catalogue import ROWS
 from artemis.values import Severity
 
 LEFT, RIGHT = TRACTION
@@ -123,7 +124,19 @@ MOTION_SCENES: Mapping[str, Scene | Sequence[Scene]] = {
     "STE-05": Scene(node=STEER_RIGHT),
     "STE-06": Scene(of="swinging", node=STEER_LEFT, seen=["STE-05"], effect=turned(STEER_LEFT, 4.0)),
     "STE-07": Scene(of="swinging", node=STEER_RIGHT, seen=["STE-05"], effect=turned(STEER_RIGHT, 4.0)),
-    "CAL-01": [Scene(of="calibrating", node=STEER_LEFT), Scene(of="bring-up", node=STEER_RIGHT)],
+    "CAL-01": [
+        Scene(of="calibrating", node=STEER_LEFT, seen=ROWS["CAL-01"].shows_as),
+        Scene(of="bring-up", node=STEER_RIGHT, seen=ROWS["CAL-01"].shows_as),
+        Scene(
+            of="measuring",
+            inject="STE-03",
+            node=STEER_LEFT,
+            options={"potentiometer": 2, "offset_v": 0.0, "drift_v_s": 0.002},
+            effect=when(lambda truth: truth.time > 12.0),  # told once the wheel is measured
+            longest=60.0,
+        ),
+    ],
+    "CAL-02": Scene(of="bring-up", node=STEER_RIGHT),
     "PTH-06": [
         Scene(of="following", effect=off_the_line(0.3), severity=Severity.LIMIT, device="", **ASIDE),  # type: ignore[arg-type]
         Scene(of="following", at=6.601, effect=off_the_line(0.6), **ASIDE),  # type: ignore[arg-type]

@@ -305,7 +305,7 @@ def test_known_code_is_its_row_and_the_code_is_shown(code: int) -> None:
     assert f"0x{code:04X}" in fault.text
 
 
-@pytest.mark.parametrize("code", [0x0001, 0x2320, 0x8250, 0xF001, 0xFFFF])
+@pytest.mark.parametrize("code", [0x0000, 0x0001, 0x2320, 0x8250, 0xF001, 0xFFFF])
 def test_unknown_code_is_a_fault_as_well(code: int) -> None:
     fault = catalogue.emergency("traction-left", code)
     assert (fault.id, fault.severity, fault.to_fault) == ("DRV-31", Severity.QUICK_STOP, True)

@@ -448,7 +448,7 @@ def test_serial_number_picks_one_of_two() -> None:
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [
-        ({"profile": "logitech-27"}, "no such profile; nearest is logitech-g27, there are 8bitdo-sn30"),
+        ({"profile": "logitech-27"}, "no such profile; nearest is 'logitech-g27', there are 8bitdo-sn30"),
         ({"profile": "logitech-g27", "profile_file": "mine.yaml"}, "leave one out"),
         ({"profile": "../x"}, "pattern"),
         ({"deadzone": 0.6}, "less than or equal to 0.5"),

@@ -148,6 +148,22 @@ def test_recorded_speed_is_found_by_arc_length() -> None:
     assert path_from_csv("0,0\n1,0", "p.csv").speed_at(0.5) == math.inf
 
 
+def test_a_path_is_driven_at_its_own_speed_where_that_is_lower() -> None:
+    path = path_from_csv("0,0\n1,0", "p.csv")
+    ramp = np.linspace(0.1, 0.5, len(path.x))
+    slow = path.with_speed(ramp)
+    assert (path.speeds(0.3) == 0.3).all()
+    assert (slow.speeds(0.3) == np.minimum(ramp, 0.3)).all()
+    assert [slow.speed_at(place) for place in (0.0, 0.5, 1.0)] == pytest.approx([0.1, 0.3, 0.5], abs=0.005)
+    assert path.speed is None
+    assert path.with_speed(np.full(len(path.x), 0.2)).duration(0.3) == pytest.approx(5.0)
+
+
+def test_what_is_left_of_a_closed_path_stays_so_with_another_speed() -> None:
+    rest = circle().with_laps(2).begun_at(1.0, done=2.0)
+    assert rest.with_speed(np.full(len(rest.x), 0.2)).length == rest.length
+
+
 # ---------------------------------------------------------------------------------------------- the curve
 
 

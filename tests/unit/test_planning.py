@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from pathlib import Path
 from shutil import copy
 
@@ -15,7 +17,9 @@ from artemis.mission.loading import load_mission
 from artemis.planning import made, plan_from
 from artemis.plugins import registry
 from artemis.plugins.contracts import Setup
-from artemis.states.mode import FollowStep, TeleopStep
+from artemis.states.keeping import StoreSteeringStep
+from artemis.states.mode import CalibrateStep, FollowStep, Plan, TeleopStep
+from artemis.states.steering import SteeringStep
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 STICK = {"plugin": "scripted", "file": "stick.csv"}
@@ -44,6 +48,48 @@ def test_steps_know_the_speed_that_was_checked(tmp_path: Path, speed: float | No
     assert follow.speed == 0.15
     assert isinstance(teleop, TeleopStep)
     assert teleop.speed == speed, "the mission's input's, not its stand-in's"
+
+
+def calibrating(folder: Path, *words: object) -> Plan:
+    """The plan of a mission with these steps `calibrate: {steering: ...}`."""
+    copy(MISSIONS / "robots" / "artemis.yaml", folder / "robot.yaml")
+    steps = [{"calibrate": {"steering": one}} for one in words]
+    mission = {"mission": "measure", "robot": "robot.yaml", "bus": "simulation", "steps": steps}
+    (folder / "mission.yaml").write_text(json.dumps(mission))
+    return plan_from(load_mission(folder / "mission.yaml"))
+
+
+def test_steering_is_measured_as_the_mission_says(tmp_path: Path) -> None:
+    words = {"wheels": "left", "reference_deg": {"left": 9.0}, "save": "drives"}
+    plan = calibrating(tmp_path, "from_potentiometers", words, "store_in_drives", {})
+    assert plan.steps == (
+        CalibrateStep(),
+        SteeringStep(sides=("left",), reference={"left": math.radians(9.0)}, save="drives"),
+        StoreSteeringStep(),
+        SteeringStep(),
+    )
+    assert not plan.blind
+
+
+def test_new_potentiometers_make_a_run_blind_and_tell_how_the_wheels_are_found(tmp_path: Path) -> None:
+    plan = calibrating(tmp_path, {"potentiometers": "new", "reference_deg": {"right": -4.0}})
+    assert plan.blind
+    assert plan.found == {"right": math.radians(-4.0)}
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (({"potentiometers": "new"}, "from_potentiometers"), "steps: new potentiometers are calibrated in a mission"),
+        (({"potentiometers": "new", "wheels": "left"},), "with new potentiometers both wheels are measured"),
+        (({"reference_deg": {"left": 46}},), "reference_deg.left: expected at most 45, found 46"),
+        (({"safe": "drives"},), "did you mean save?"),
+        ((None,), "steering"),
+    ],
+)
+def test_a_step_that_cannot_be_done_is_refused(tmp_path: Path, words: tuple[object, ...], problem: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(problem)):
+        calibrating(tmp_path, *words)
 
 
 class Leisurely:

@@ -22,8 +22,7 @@ def drive(zero_deg: float, noise: float, ticks: int, seed: int = 1, steering: fl
     filter, true = PoseFilter(WHEELBASE, odometry), Pose()
     for tick in range(1, ticks + 1):
         turn = WAY * math.tan(steering + math.radians(zero_deg)) / WHEELBASE
-        middle = true.heading + turn / 2
-        true = Pose(x=true.x + WAY * math.cos(middle), y=true.y + WAY * math.sin(middle), heading=true.heading + turn)
+        true = around(true, turn) if turn else replace(true, x=true.x + WAY)
         seen = Pose(
             x=true.x + dice.gauss(0, 0.005 * noise),
             y=true.y + dice.gauss(0, 0.005 * noise),
@@ -31,6 +30,14 @@ def drive(zero_deg: float, noise: float, ticks: int, seed: int = 1, steering: fl
         )
         filter.update(replace(odometry, pose=seen, distance=tick * WAY))
     return filter, true
+
+
+def around(pose: Pose, turn: float) -> Pose:
+    """After a way along a circle."""
+    radius, heading = WAY / turn, pose.heading + turn
+    x = pose.x + radius * (math.sin(heading) - math.sin(pose.heading))
+    y = pose.y - radius * (math.cos(heading) - math.cos(pose.heading))
+    return Pose(x=x, y=y, heading=heading)
 
 
 @pytest.mark.parametrize("steering", [0.0, 0.3, -0.8])

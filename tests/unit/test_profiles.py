@@ -223,7 +223,7 @@ def test_a_file_under_another_name_is_refused(own: Path) -> None:
 def test_unknown_profile_is_answered_with_the_nearest_and_all() -> None:
     with pytest.raises(ConfigError) as caught:
         profile_named("logitech-extrem-3d")
-    assert "nearest is logitech-extreme-3d-pro, there are 8bitdo-sn30" in str(caught.value)
+    assert "nearest is 'logitech-extreme-3d-pro', there are 8bitdo-sn30" in str(caught.value)
     assert all(name in str(caught.value) for name in NAMES)
 
 
@@ -239,7 +239,7 @@ def test_unknown_profile_is_answered_with_the_nearest_and_all() -> None:
         ("field: rz, minimum: 0,", "field: rz, minimum: 0, centre: 9,", "axes.brake: a pedal has no centre"),
         ("field: rz", "field: z", "a combined axis cannot tell both pedals pressed"),
         ("  brake: {field: rz, minimum: 0, maximum: 255, inverted: true}\n", "", "a wheel has steering, gas, brake"),
-        ("  reverse:", "  revers:", "buttons.revers: no such role; nearest is reverse"),
+        ("  reverse:", "  revers:", "buttons.revers: no such role; nearest is 'reverse'"),
         ("  enable: button.6\n", "", "buttons.enable: missing"),
         ("reverse: button.4", "reverse: button.6", "two roles have one button"),
         ("reports: on_change", "report: on_change", "report: Extra inputs are not permitted"),

@@ -92,6 +92,15 @@ def test_around_a_closed_path_it_begins_where_it_did(start: tuple[float, float])
     assert_is_a_curve(made)
 
 
+def test_what_is_done_of_a_closed_path_is_not_driven_again() -> None:
+    points = legs((0, 0), (2, 0), (2, 2), (0, 2), (0, 0))
+    lap = path_from_points(points[:, 0], points[:, 1], closed=True)
+    path = lap.with_laps(2).begun_at(5.0, done=1.5 * lap.length)
+    made, _ = rounded(path, ROBOT)
+    assert path.length == pytest.approx(0.5 * lap.length)
+    assert path.length - 0.5 < made.length < path.length
+
+
 def test_the_speed_of_a_recording_stays_at_its_place() -> None:
     points = legs((0, 0), (4, 0), (4, 4))
     speed = np.where(points[:, 1] > 2.0, 0.2, 0.5)

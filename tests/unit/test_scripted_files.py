@@ -177,7 +177,7 @@ def test_without_done_the_end_of_the_run_is_silence() -> None:
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [
-        ({"input": "padd"}, "pad: input: no input padd gave anything in the run s.yaml; nearest is pad, there are"),
+        ({"input": "padd"}, "pad: input: no input padd gave anything in the run s.yaml; nearest is 'pad', there are"),
         (
             {"deadzone": 0.1, "gate": "round"},
             "pad: gate: of no use with an earlier run; leave it out\npad: deadzone: of",

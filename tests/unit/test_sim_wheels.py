@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from artemis.devices.epos_objects import Units
 from artemis.sim.axis import Axis
 from artemis.sim.wheels import DrivenWheel, PotentiometerFailure, SteeredWheel
 from artemis.vehicle import Robot
@@ -77,6 +78,36 @@ def test_slipping_coupling_turns_the_wheel_without_its_motor() -> None:
     assert axis.position == 0.0
     axis.position = -TURN / 12  # mirrored
     assert degrees(wheel) == pytest.approx(36.0)
+
+
+@pytest.mark.parametrize(("name", "sign"), [("steer-left", 1), ("steer-right", -1)])
+def test_wheel_turns_as_far_as_its_scale_says_and_the_robot_file_knows_a_part_of_it(name: str, sign: int) -> None:
+    described = ROBOT.model_dump()
+    for side in ("left", "right"):
+        described["calibration"]["steering"][side]["scale"] = 1.02
+    robot = Robot.model_validate(described)
+    axis = Axis(robot.drives[name])
+    wheel = SteeredWheel(robot, name, axis, start=0.0, zero_deg=0.0, scale=0.99)
+    axis.position = sign * TURN / 12
+    assert degrees(wheel) == pytest.approx(30.0 * 1.02 * 0.99)
+    assert Units(robot, robot.drives[name]).counts == pytest.approx(sign * TURN / math.tau / 1.02)
+
+
+def test_wheel_moves_once_the_play_is_taken_up_and_its_potentiometers_with_it() -> None:
+    axis = Axis(ROBOT.drives["steer-left"])
+    wheel = SteeredWheel(ROBOT, "steer-left", axis, start=0.0, zero_deg=0.0, backlash=math.radians(2.0))
+    found = []
+    for turned in (0.5, 5.0, 4.0, 2.5, 3.5, -3.0):
+        axis.position = TURN * turned / 360
+        assert math.degrees(wheel.turn()) == pytest.approx(degrees(wheel))
+        found.append(degrees(wheel))
+    assert found == pytest.approx([0.0, 4.0, 4.0, 3.5, 3.5, -2.0])
+    assert shown(wheel, axis)[0] == pytest.approx(2.51 - 2.0 / 72)
+    wheel.slip_coupling(math.radians(6.0))
+    assert degrees(wheel) == pytest.approx(4.0)
+    wheel.couple(False)
+    axis.position = 0.0
+    assert math.degrees(wheel.turn()) == pytest.approx(4.0)
 
 
 def test_detached_wheel_stays_and_turns_on_from_there() -> None:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import replace
 from typing import Any
 
 import pytest
-from core_builders import NAMES, PERIOD, STEERING, drive, drives
+from core_builders import NAMES, PERIOD, ROBOT, STEERING, drive, drives
 from supervision_rig import COASTING, DRIVING, OFF, STEER_LEFT, STOPPING, UNWATCHED, Watch, bus
 
 from artemis.supervision import catalogue
 from artemis.supervision.policy import Policy
+from artemis.supervision.supervisor import Supervisor
 from artemis.values import DriveState, Fault, Mode, Nmt, Request, Severity, Verdict
 
 SICK, OTHER = STEERING
@@ -150,6 +152,27 @@ def test_time_of_an_order_begins_anew_after_nobody_watched() -> None:
     watch.ticks(0.9)
     assert watch.found() == []
     assert watch.until("COM-03") == pytest.approx(0.1, abs=2 * PERIOD)
+
+
+@pytest.mark.parametrize("tick", [0.005, 0.02, 0.04, 0.1])
+def test_age_of_feedback_is_judged_by_the_ticks_period(tick: float) -> None:
+    limit = max(0.08, 2.5 * tick)
+    watch = Watch(tick=tick)
+    watch.ill(SICK, age=limit)
+    watch.ticks(0.5)
+    assert "COM-11" not in watch.ids()
+    watch.ill(SICK, age=math.nextafter(limit, 1.0) + 1e-9)
+    watch.tick()
+    assert ("COM-11", SICK) in watch.found()
+
+
+@pytest.mark.parametrize("blind", [False, True])
+def test_potentiometers_are_watched_unless_their_calibration_means_nothing(blind: bool) -> None:
+    watch = Watch()
+    watch.supervisor = Supervisor(ROBOT, PERIOD, blind=blind)
+    watch.ill(SICK, potentiometers=(1.0, 2.0))
+    watch.ticks(0.5)
+    assert watch.found() == ([] if blind else [("STE-03", SICK)])
 
 
 def test_lost_adapter_explains_what_is_not_heard() -> None:

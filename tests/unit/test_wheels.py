@@ -1,4 +1,4 @@
-"""What is measured of the driven wheels, reading by reading. Limits and times: test_supervisor.py."""
+"""What is measured of the driven wheels, reading by reading. Limits and times: test_supervisor_rows.py."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from core_builders import NAMES, PERIOD, TRACTION
-from supervision_rig import CAR, COASTING, DRIVING, OFF, STEER_LEFT, STOPPING, UNWATCHED, Road, points, road
+from supervision_rig import CAR, DRIVING, OFF, STEER_LEFT, STOPPING, UNWATCHED, Road, points, road
 
 from artemis.values import DriveCommand, DriveState, SetPoints, Wish
 
@@ -67,6 +67,16 @@ def test_speed_is_over_forty_milliseconds() -> None:
     made.tick()
     assert made.wheels.speed == pytest.approx(0.2)
     made.tick()
+    assert made.wheels.speed == pytest.approx(0.4)
+
+
+def test_speed_is_over_exactly_a_hundredth_less_if_a_tick_came_just_then() -> None:
+    made = Road()
+    made.time = -0.25
+    made.tick(after=0.0)
+    made.tick(after=0.25)
+    made.speeds = 0.4, 0.0
+    made.tick(after=0.99 * 0.04)
     assert made.wheels.speed == pytest.approx(0.4)
 
 
@@ -196,91 +206,6 @@ def test_robot_that_still_slows_down_is_not_pushed() -> None:
     assert told == [set()] * len(told)
 
 
-# ---------------------------------------------------------------------------------------------- RUN-03
-
-
-def braking(wish: Wish, deceleration: float, *, of: float = 0.6, seconds: float = 3.0) -> list[float | None]:
-    """Readings of RUN-03 of a robot that slows down like this."""
-    made = road(of)
-    made.wish = wish
-    speed, told = of, []
-    for _ in range(round(seconds / PERIOD)):
-        speed = max(0.0, speed - deceleration * PERIOD)
-        made.roll(speed)
-        told += made.history("RUN-03", PERIOD)
-    return told
-
-
-@pytest.mark.parametrize(
-    ("wish", "deceleration"), [(STOPPING, RAMP), (STOPPING, 1.4), (COASTING, 0.2), (COASTING, 3.0)]
-)
-def test_robot_that_slows_down_as_planned_is_well(wish: Wish, deceleration: float) -> None:
-    assert set(braking(wish, deceleration)) == {None}
-
-
-@pytest.mark.parametrize(("wish", "deceleration"), [(STOPPING, 0.7), (STOPPING, 0.0), (COASTING, 0.05)])
-def test_robot_that_slows_down_too_little_is_read_with_its_excess(wish: Wish, deceleration: float) -> None:
-    values = [value for value in braking(wish, deceleration) if value is not None]
-    assert values
-    assert max(values) > 0.15
-
-
-def test_excess_is_over_a_ramp_that_begins_after_a_tenth_of_a_second() -> None:
-    told = braking(STOPPING, 0.0, seconds=0.5)
-    excess = [RAMP * max(0.0, number * PERIOD - 0.1) for number in range(25)]
-    assert [value or 0.0 for value in told] == pytest.approx([x if x > 0.05 else 0.0 for x in excess], abs=0.06)
-    assert told[-1] == pytest.approx(excess[-1], abs=RAMP * PERIOD + 1e-9)
-
-
-def test_ramp_begins_at_the_speed_at_hand_if_that_is_higher() -> None:
-    made = road(0.4)
-    made.roll(0.46)
-    made.ticks(0.2)
-    made.wish = STOPPING
-    assert made.history("RUN-03", 0.1) == [None] * 5
-
-
-@pytest.mark.parametrize(("actual", "excess"), [(0.54, None), (0.56, 0.06), (-0.56, 0.06)])
-def test_controlled_stop_is_judged_by_the_set_points(actual: float, excess: float | None) -> None:
-    made = road(0.5)
-    made.stops = True
-    made.roll(actual)
-    made.ticks(0.3)
-    assert made.value("RUN-03") == (None if excess is None else pytest.approx(excess))
-    assert made.value("RUN-01", LEFT) is None, "one row for one thing"
-
-
-def test_plan_may_begin_anew_from_the_speed_at_hand() -> None:
-    made = road(0.6)
-    made.wish = STOPPING
-    made.ticks(0.4)
-    assert made.value("RUN-03") == pytest.approx(0.45, abs=0.01)
-    made.wheels.plan_from_here()
-    made.tick()
-    assert made.value("RUN-03") is None
-    made.ticks(0.2)
-    assert made.value("RUN-03") == pytest.approx(0.3 + RAMP * PERIOD, abs=0.01)
-
-
-def test_robot_that_came_to_rest_and_is_pushed_is_pushed_and_does_not_fail_to_brake() -> None:
-    made = road(0.6)
-    made.wish = STOPPING
-    made.roll(0.0)
-    made.ticks(1.0)
-    made.roll(0.3)
-    made.ticks(0.2)
-    assert made.rows() == {"RUN-02"}
-
-
-def test_end_of_a_slow_drive_is_no_braking() -> None:
-    made = road(0.04)
-    made.wish = STOPPING
-    made.tick()
-    made.roll(0.3)
-    made.ticks(0.06)
-    assert "RUN-03" not in made.rows()
-
-
 # ---------------------------------------------------------------------------------------------- RUN-04, RUN-06
 
 
@@ -303,13 +228,26 @@ def test_wheel_that_does_not_move_is_read(commanded: float, actual: float, there
     assert made.value("RUN-04", LEFT) is None
 
 
-def test_wheel_that_shall_move_only_now_is_not_blocked_yet() -> None:
+@pytest.mark.parametrize("speed", [0.3, -0.3])
+def test_wheel_that_shall_move_only_now_is_not_blocked_yet(speed: float) -> None:
     made = road()
+    made.drive(speed, actual=0.0)
+    made.tick()
+    made.tick(after=0.179)
+    assert made.value("RUN-04", LEFT) is None, "it was to stand 0.199 s ago"
+    made.tick(after=0.002)
+    assert made.value("RUN-04", LEFT) == 1.0
+    assert set(made.history("RUN-04", 0.4, LEFT)) == {1.0}
+
+
+def test_wheel_that_was_to_stand_exactly_a_fifth_of_a_second_ago_is_not_blocked_yet() -> None:
+    made = Road()
+    made.tick(after=0.0)
     made.drive(0.3, actual=0.0)
-    told = made.history("RUN-04", 0.4, LEFT)
-    first = told.index(1.0)
-    assert first in (9, 10), "ten ticks after the command"
-    assert set(told[first:]) == {1.0}
+    made.tick(after=0.2)
+    assert made.seen == {}
+    made.tick()
+    assert made.rows() == {"RUN-04"}
 
 
 @pytest.mark.parametrize("off", TRACTION)
@@ -365,6 +303,17 @@ def test_slow_wheels_do_not_slip() -> None:
     assert made.value("RUN-05") is None
 
 
+def test_wheel_that_rolled_just_a_tenth_of_a_metre_per_second_is_slow() -> None:
+    made = road(0.05)
+    made.time, made.speeds = 4.0, (0.0, 0.0)
+    made.tick(after=0.0)
+    made.tick(after=0.1875)
+    made.speeds = 0.4, 0.0
+    made.tick(after=0.0625)
+    assert made.wheels.speed == pytest.approx(0.4)
+    assert made.value("RUN-05") is None, "0.1 m/s over the time of slip"
+
+
 def test_rolling_about_the_kingpins_is_no_slip() -> None:
     made = road()
     made.rates = 1.9, 1.9
@@ -381,32 +330,6 @@ def test_wheels_that_are_not_driven_do_not_slip() -> None:
     made.wish, made.speeds = STOPPING, (0.4, 0.0)
     made.ticks(0.3)
     assert made.value("RUN-05") is None
-
-
-# ---------------------------------------------------------------------------------------------- a drive without power
-
-
-@pytest.mark.parametrize("state", DriveState)
-def test_wheel_whose_drive_cannot_brake_it_rolls_out_and_the_other_is_judged(state: DriveState) -> None:
-    brakes = state in (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
-    made = road(0.6)
-    made.wish, speed, told = STOPPING, 0.6, set()
-    made.ill(LEFT, state=state)
-    for _ in range(25):
-        speed = max(0.0, speed - RAMP * PERIOD)
-        made.speeds = 0.6, speed
-        made.tick()
-        told |= made.rows()
-    assert ("RUN-03" in told) is brakes
-
-
-def test_robot_that_no_drive_can_brake_is_judged_by_both_wheels_as_one_that_rolls_out() -> None:
-    made = road(0.6)
-    made.wish = STOPPING
-    for name in TRACTION:
-        made.ill(name, state=DriveState.FAULT)
-    made.ticks(0.6)
-    assert made.value("RUN-03") == pytest.approx(0.2 * 0.5, abs=0.011)
 
 
 def test_all_drives_have_names_of_the_robot_file() -> None:

@@ -1,4 +1,4 @@
-"""What is measured of the steered wheels and of the wish itself, reading by reading. Limits: test_supervisor.py."""
+"""What is measured of the steered wheels and of the wish, reading by reading. Limits: test_supervisor_rows.py."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from math import radians
 from typing import Any
 
 import pytest
-from core_builders import ROBOT, STEERING, volts
+from core_builders import PERIOD, ROBOT, STEERING, volts
 from supervision_rig import DRIVING, REFERENCED, STEER_LEFT, STEER_RIGHT, STOPPING, Road, road
 
+from artemis.supervision.wheels import Wheels
 from artemis.values import DriveCommand, DriveState, Goal, JobKind, JobResult, Tracking
 
 # ---------------------------------------------------------------------------------------------- steering
@@ -130,6 +131,21 @@ def test_potentiometer_that_stays_while_the_wheel_turns_is_read(stuck: int) -> N
     made.well()
     made.tick()
     assert made.value("STE-07", STEER_LEFT) is None, "it moved"
+
+
+def test_potentiometers_without_a_calibration_tell_no_angle_and_still_show_that_they_are_torn_off_or_stay() -> None:
+    made = road()
+    made.wheels = Wheels(ROBOT, PERIOD, blind=True)
+    made.reference()
+    made.ill(STEER_LEFT, potentiometers=(1.0, 2.0))
+    made.ill(STEER_RIGHT, potentiometers=(0.0, 2.5))
+    made.tick()
+    assert made.seen == {("STE-04", STEER_RIGHT): 1.0}
+    made.well()
+    made.ill(STEER_LEFT, potentiometers=(1.0, 2.0))
+    made.angles[0] = 0.06
+    made.tick()
+    assert made.value("STE-07", STEER_LEFT) == pytest.approx(0.06)
 
 
 def test_new_reference_is_no_turn() -> None:

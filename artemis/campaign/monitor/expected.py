@@ -114,6 +114,7 @@ EXPECTED: dict[str, Expected] = {
     "STE-06": UNTOLD,
     "STE-07": UNTOLD,
     "CAL-01": Expected(START, shows=("CAL-01", "STE-01", "STE-02", "DRV-25", "DRV-02")),
+    "CAL-02": Expected(START, shows=("CAL-02",)),
     "PTH-06": UNTOLD,
     "PTH-07": Expected(M, 1.0, ("RUN-04", "PTH-07", "DRV-02", "DRV-25"), stop="S2"),
     "PTH-08": UNTOLD,

@@ -19,23 +19,23 @@ effect; the speed leaves the steering time; and the steering's zero is estimated
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, ClassVar
 
 from pydantic import Field
 
 from artemis.config import Config
-from artemis.errors import ConfigError
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.angles import difference, wrap
+from artemis.motion.odometry import move
 from artemis.motion.path import Path
 from artemis.motion.pose_filter import PoseFilter
 from artemis.motion.rounding import rounded
 from artemis.motion.speed_profile import BRAKING_SHARE, speed_profile
 from artemis.plugins.contracts import Following, Setup
-from artemis.values import DriveCommand, Pose, Snapshot, Tracking
+from artemis.plugins.followers.progress import Progress
+from artemis.values import DriveCommand, Pose, Snapshot
 
-FINISH = 0.02
-"""So near to its end [m] a path counts as driven."""
 APPROACH, LAG = 1.5, 0.15
 """Ways for which the robot's smallest radius is the measure: the approach, and what the robot rolls at most while its
 wheels turn to where they should be. For a start off the path or askew, and for kinks, it slows down by that, if need be
@@ -69,11 +69,8 @@ class FrenetFollower:
             ConfigError: the speed is more than the robot's.
         """
         limits = setup.robot.limits
-        if config.speed_m_s > limits.speed_m_s:
-            raise ConfigError(
-                f"{setup.name}: speed_m_s: {config.speed_m_s:g}; the robot's limit is {limits.speed_m_s:g}"
-            )
         self._config, self._robot = config, setup.robot
+        self._top_speed = setup.top_speed("speed_m_s", config.speed_m_s)
         self._car = Ackermann(setup.robot.geometry)
         self._limit = math.radians(limits.steering_deg)
         self._rate = math.radians(limits.steering_rate_wheel_deg_s)
@@ -88,25 +85,21 @@ class FrenetFollower:
         Raises:
             ConfigError: no curve that the robot can drive is near a corner.
         """
-        self._path, _ = rounded(path, self._robot)
-        self._speeds: list[float] = speed_profile(self._path, self._robot, self._config.speed_m_s).tolist()
+        path, _ = rounded(path, self._robot)
+        self._path = path.with_speed(speed_profile(path, self._robot, self._top_speed))
+        self._progress = Progress(self._path)
         self._filter = PoseFilter(self._car.wheelbase, snapshot.odometry)
-        self._arc_length = 0.0
-        self._finished = False
 
     def step(self, snapshot: Snapshot) -> Following:
         """Speed and angle of the virtual front wheel for this tick."""
-        path, odometry = self._path, snapshot.odometry
+        path, progress, odometry = self._path, self._progress, snapshot.odometry
         self._filter.update(odometry)
         pose = self._filter.pose
-        here = path.project(pose.x, pose.y, near=self._arc_length)
-        self._arc_length = here.arc_length
-        remaining = path.length - here.arc_length
-        self._finished = self._finished or remaining <= FINISH
+        tracking = progress.update(pose)
 
         zero = self._filter.steering_zero
         steering, ahead = self._ahead(snapshot, pose, zero)
-        there = path.project(ahead.x, ahead.y, near=here.arc_length)
+        there = path.project(ahead.x, ahead.y, near=progress.arc_length)
         turning = min(abs(steering - odometry.steering) / self._rate, snapshot.dt)
         middle = odometry.speed * math.cos(steering + zero) * (snapshot.dt + turning) / 2
         curvature_ahead = path.at(there.arc_length + middle).curvature
@@ -118,18 +111,19 @@ class FrenetFollower:
             2 / self._approach,
         )
         target = _clamp(self._car.steering_from_curvature(wish) - zero, self._limit)
-        speed = 0.0 if self._finished else self._speed(there.arc_length, target, target - steering, remaining)
+        speed = min(
+            path.speed_at(there.arc_length),
+            self._turning_speed(target, target - steering),
+            progress.halting_speed(self._deceleration),
+        )
         return Following(
             command=DriveCommand(speed=speed, steering=target),
-            tracking=Tracking(
-                arc_length=here.arc_length,
-                length=path.length,
-                cross_track=here.cross_track,
-                heading_error=difference(pose.heading, here.heading),
-                planned_speed=self._planned(here.arc_length),
+            tracking=replace(
+                tracking,
+                planned_speed=path.speed_at(tracking.arc_length),
                 feedforward=self._car.steering_from_curvature(curvature_ahead),
             ),
-            finished=self._finished,
+            finished=progress.finished,
         )
 
     def _ahead(self, snapshot: Snapshot, pose: Pose, zero: float) -> tuple[float, Pose]:
@@ -139,22 +133,12 @@ class FrenetFollower:
         steering = odometry.steering + turn
         middle = odometry.steering + turn / 2 + zero
         way = 0.5 * (odometry.speed + snapshot.set_points.speed) * delay
-        return steering, moved(pose, way * math.cos(middle), way * math.sin(middle) / self._car.wheelbase)
+        return steering, move(pose, way * math.cos(middle), way * math.sin(middle) / self._car.wheelbase)
 
-    def _planned(self, arc_length: float) -> float:
-        """Of the speed plan, at the nearest sample [m/s]."""
-        path, last = self._path, len(self._speeds) - 1
-        sample = round(arc_length / path.spacing)
-        return self._speeds[sample % last if path.closed else min(max(sample, 0), last)]
-
-    def _speed(self, arc_length: float, steering: float, turn: float, remaining: float) -> float:
-        """As planned; so slow that the wheels turn by `turn` to `steering` [rad] on a short way; 0 at the end."""
+    def _turning_speed(self, steering: float, turn: float) -> float:
+        """So slow that the wheels turn by `turn` to `steering` [rad] on a short way [m/s]."""
         faster = max(self._car.wheel_rates(steering, 1.0))
-        return min(
-            self._planned(arc_length),
-            self._lag * self._rate / max(abs(turn) * faster, 1e-6),
-            math.sqrt(2 * self._deceleration * max(remaining, 0.0)),
-        )
+        return self._lag * self._rate / max(abs(turn) * faster, 1e-6)
 
 
 def law(e: float, psi: float, path_curvature: float, approach: float, turning: float) -> float:
@@ -171,12 +155,6 @@ def law(e: float, psi: float, path_curvature: float, approach: float, turning: f
     slope = -1 / (approach * (1 + (e / approach) ** 2))
     ahead = path_curvature * math.cos(psi) / max(1 - path_curvature * e, NARROWEST)
     return ahead + slope * math.sin(psi) - turning * wrap(psi - askew)
-
-
-def moved(pose: Pose, way: float, turn: float) -> Pose:
-    """A pose after an arc: way of the rear axle [m] and change of heading [rad] (chord for arc: 0.04 % at 6°)."""
-    middle = pose.heading + turn / 2
-    return Pose(x=pose.x + way * math.cos(middle), y=pose.y + way * math.sin(middle), heading=wrap(pose.heading + turn))
 
 
 def _clamp(value: float, limit: float) -> float:

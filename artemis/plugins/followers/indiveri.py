@@ -21,16 +21,11 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from artemis.config import Config
-from artemis.errors import ConfigError
 from artemis.motion.angles import difference, sinc
-from artemis.motion.path import Path, Projection
+from artemis.motion.path import Path
 from artemis.plugins.contracts import Following, Setup
-from artemis.values import DriveCommand, Pose, Snapshot, Tracking
-
-FINISH = 0.02
-"""So near to its end [m] a path counts as driven."""
-BRAKING = 0.5
-"""Share of the robot's deceleration that the approach to the end uses; the rest covers the delay of the drives."""
+from artemis.plugins.followers.progress import BRAKING, Progress
+from artemis.values import DriveCommand, Pose, Snapshot
 
 
 class IndiveriConfig(Config):
@@ -67,11 +62,7 @@ class IndiveriFollower:
             ConfigError: the speed is more than the robot's.
         """
         limits = setup.robot.limits
-        if config.speed_m_s > limits.speed_m_s:
-            raise ConfigError(
-                f"{setup.name}: speed_m_s: {config.speed_m_s:g}; the robot's limit is {limits.speed_m_s:g}"
-            )
-        self._config = config
+        self._config, self._speed = config, setup.top_speed("speed_m_s", config.speed_m_s)
         self._wheelbase = setup.robot.geometry.wheelbase_m
         self._curvature_limit = math.tan(math.radians(limits.steering_deg)) / self._wheelbase
         self._deceleration = BRAKING * limits.deceleration_m_s2
@@ -79,32 +70,23 @@ class IndiveriFollower:
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
         """Begin at the start of `path` (frame of the odometry)."""
-        self._path = path
+        self._path, self._progress = path, Progress(path)
         self._segments = max(round(path.length / self._config.segment_m), 1)
         self._segment_length = path.length / self._segments
-        self._arc_length = 0.0
         self._steering = snapshot.odometry.steering
-        self._finished = False
         self._activate(0)
 
     def step(self, snapshot: Snapshot) -> Following:
         """Speed and angle of the virtual front wheel for this tick."""
-        pose = snapshot.odometry.pose
-        projection = self._path.project(pose.x, pose.y, near=self._arc_length)
-        self._arc_length = projection.arc_length
-        remaining = self._path.length - projection.arc_length
-        self._finished = self._finished or remaining <= FINISH
-        if self._finished:
-            speed = 0.0
-        else:
+        progress, pose = self._progress, snapshot.odometry.pose
+        tracking = progress.update(pose)
+        if not progress.finished:
             self._switch()
             self._steer(*self._error(pose))
-            speed = min(self._config.speed_m_s, self._path.speed_at(self._arc_length))
-            speed = min(speed, math.sqrt(2 * self._deceleration * remaining))
+        allowed = self._path.speed_at(progress.arc_length)
+        speed = min(self._speed, allowed, progress.halting_speed(self._deceleration))
         return Following(
-            command=DriveCommand(speed=speed, steering=self._steering),
-            tracking=self._tracking(pose, projection),
-            finished=self._finished,
+            command=DriveCommand(speed=speed, steering=self._steering), tracking=tracking, finished=progress.finished
         )
 
     def _switch(self) -> None:
@@ -112,7 +94,7 @@ class IndiveriFollower:
 
         Progress is the projection onto the true path, not onto the segment: that cannot skip a part of the path.
         """
-        segment = int((self._arc_length + self._config.switch_m) / self._segment_length)
+        segment = int((self._progress.arc_length + self._config.switch_m) / self._segment_length)
         if segment > self._segment:
             self._activate(min(segment, self._segments - 1))
 
@@ -136,14 +118,6 @@ class IndiveriFollower:
         steering = math.atan(self._wheelbase * curvature(y, theta, h, config.damping))
         if abs(steering - self._steering) > self._hysteresis:
             self._steering = steering
-
-    def _tracking(self, pose: Pose, projection: Projection) -> Tracking:
-        return Tracking(
-            arc_length=projection.arc_length,
-            length=self._path.length,
-            cross_track=projection.cross_track,
-            heading_error=difference(pose.heading, projection.heading),
-        )
 
 
 def gain(y: float, theta: float, curvature_limit: float, damping: float) -> float:

@@ -21,14 +21,11 @@ from typing import Annotated, ClassVar, Self
 from pydantic import Field, model_validator
 
 from artemis.config import Config
-from artemis.errors import ConfigError
-from artemis.motion.angles import difference
-from artemis.motion.path import Path, Projection
+from artemis.motion.path import Path
 from artemis.plugins.contracts import Following, Setup
-from artemis.values import DriveCommand, Pose, Snapshot, Tracking
+from artemis.plugins.followers.progress import Progress
+from artemis.values import DriveCommand, Pose, Snapshot
 
-FINISH = 0.02
-"""So near to its end [m] a path counts as driven."""
 STEP = 0.05
 """Along the path, in the search of the look-ahead point [m]; between two steps it is interpolated."""
 
@@ -72,57 +69,40 @@ class PurePursuitFollower:
         Raises:
             ConfigError: the speed is more than the robot's.
         """
-        limits = setup.robot.limits
-        if config.speed_m_s > limits.speed_m_s:
-            raise ConfigError(
-                f"{setup.name}: speed_m_s: {config.speed_m_s:g}; the robot's limit is {limits.speed_m_s:g}"
-            )
-        self._config = config
+        self._config, self._speed = config, setup.top_speed("speed_m_s", config.speed_m_s)
         self._wheelbase = setup.robot.geometry.wheelbase_m
-        self._steering_limit = math.radians(limits.steering_deg)
+        self._steering_limit = math.radians(setup.robot.limits.steering_deg)
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
         """Begin at the start of `path` (frame of the odometry)."""
-        self._path = path
-        self._arc_length = 0.0
-        self._finished = False
+        self._path, self._progress = path, Progress(path)
 
     def step(self, snapshot: Snapshot) -> Following:
         """Speed and angle of the virtual front wheel for this tick."""
-        pose = snapshot.odometry.pose
-        projection = self._path.project(pose.x, pose.y, near=self._arc_length)
-        self._arc_length = projection.arc_length
-        remaining = self._path.length - projection.arc_length
-        self._finished = self._finished or remaining <= FINISH
+        progress, pose = self._progress, snapshot.odometry.pose
+        tracking = progress.update(pose)
         lookahead = lookahead_distance(snapshot.odometry.speed, self._config)
         curvature = curvature_through(pose, *self._point_ahead(pose, lookahead))
-        speed = min(self._config.speed_m_s, self._path.speed_at(self._arc_length))
-        speed = 0.0 if self._finished else regulated(speed, curvature, remaining, self._config)
+        speed = min(self._speed, self._path.speed_at(progress.arc_length))
+        speed = 0.0 if progress.finished else regulated(speed, curvature, progress.remaining, self._config)
         angle = math.atan(self._wheelbase * curvature)
         return Following(
             command=DriveCommand(speed=speed, steering=min(max(angle, -self._steering_limit), self._steering_limit)),
-            tracking=self._tracking(pose, projection),
-            finished=self._finished,
+            tracking=tracking,
+            finished=progress.finished,
         )
 
     def _point_ahead(self, pose: Pose, lookahead: float) -> tuple[float, float]:
         """Where the path, from the robot's projection on, first is at the look-ahead distance or further."""
-        arc, nearer = self._arc_length, 0.0
+        here = self._progress.arc_length
+        arc, nearer = here, 0.0
         point = self._path.at(arc)
         while (distance := math.dist((point.x, point.y), (pose.x, pose.y))) < lookahead:
             arc, nearer = arc + STEP, distance
             point = self._path.at(arc)
-        if arc > self._arc_length:
+        if arc > here:
             point = self._path.at(arc - STEP * (distance - lookahead) / (distance - nearer))
         return point.x, point.y
-
-    def _tracking(self, pose: Pose, projection: Projection) -> Tracking:
-        return Tracking(
-            arc_length=projection.arc_length,
-            length=self._path.length,
-            cross_track=projection.cross_track,
-            heading_error=difference(pose.heading, projection.heading),
-        )
 
 
 def lookahead_distance(speed: float, config: PurePursuitConfig) -> float:

@@ -21,16 +21,11 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from artemis.config import Config
-from artemis.errors import ConfigError
 from artemis.motion.angles import difference
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Following, Setup
-from artemis.values import DriveCommand, Pose, Snapshot, Tracking
-
-FINISH = 0.02
-"""So near to its end [m] a path counts as driven."""
-BRAKING = 0.5
-"""Share of the robot's deceleration that the approach to the end uses; the rest covers the delay of the drives."""
+from artemis.plugins.followers.progress import BRAKING, Progress
+from artemis.values import DriveCommand, Pose, Snapshot
 
 
 class StanleyConfig(Config):
@@ -58,44 +53,30 @@ class StanleyFollower:
             ConfigError: the speed is more than the robot's.
         """
         limits = setup.robot.limits
-        if config.speed_m_s > limits.speed_m_s:
-            raise ConfigError(
-                f"{setup.name}: speed_m_s: {config.speed_m_s:g}; the robot's limit is {limits.speed_m_s:g}"
-            )
-        self._config = config
+        self._config, self._speed = config, setup.top_speed("speed_m_s", config.speed_m_s)
         self._wheelbase = setup.robot.geometry.wheelbase_m
         self._steering_limit = math.radians(limits.steering_deg)
         self._deceleration = BRAKING * limits.deceleration_m_s2
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
         """Begin at the start of `path` (frame of the odometry)."""
-        self._path = path
-        self._rear, self._front = 0.0, self._wheelbase
-        self._finished = False
+        self._path, self._progress = path, Progress(path)
+        self._front = self._wheelbase
 
     def step(self, snapshot: Snapshot) -> Following:
         """Speed and angle of the virtual front wheel for this tick."""
-        pose = snapshot.odometry.pose
+        progress, pose = self._progress, snapshot.odometry.pose
+        tracking = progress.update(pose)
         front = self._path.project(*front_axle(pose, self._wheelbase), near=self._front)
-        rear = self._path.project(pose.x, pose.y, near=self._rear)
-        self._front, self._rear = front.arc_length, rear.arc_length
-        remaining = self._path.length - rear.arc_length
-        self._finished = self._finished or remaining <= FINISH
+        self._front = front.arc_length
         heading_error = difference(front.heading, pose.heading)
         angle = steering(heading_error, -front.cross_track, snapshot.odometry.speed, self._config)
-        speed = 0.0
-        if not self._finished:
-            speed = min(self._config.speed_m_s, self._path.speed_at(rear.arc_length))
-            speed = min(speed, math.sqrt(2 * self._deceleration * remaining))
+        allowed = self._path.speed_at(progress.arc_length)
+        speed = min(self._speed, allowed, progress.halting_speed(self._deceleration))
         return Following(
             command=DriveCommand(speed=speed, steering=min(max(angle, -self._steering_limit), self._steering_limit)),
-            tracking=Tracking(
-                arc_length=rear.arc_length,
-                length=self._path.length,
-                cross_track=rear.cross_track,
-                heading_error=difference(pose.heading, rear.heading),
-            ),
-            finished=self._finished,
+            tracking=tracking,
+            finished=progress.finished,
         )
 
 

@@ -12,7 +12,7 @@ from artemis.errors import ConfigError
 from artemis.plugins.contracts import Setup
 from artemis.plugins.inputs.controls import Controls
 from artemis.plugins.inputs.gamepad_config import AUTO, GamepadConfig
-from artemis.plugins.inputs.hands import Grip, Hands, top_speed
+from artemis.plugins.inputs.hands import Grip, Hands
 from artemis.plugins.inputs.held import HeldDevice
 from artemis.plugins.inputs.profiles import Profile, all_profiles, find_profile, misfits, profile_from, profile_named
 
@@ -27,7 +27,7 @@ class Choice:
             ConfigError: a profile is wrong, or too high a speed.
         """
         self._config, self._setup = config, setup
-        self._top_speed = top_speed(config.max_speed_m_s, setup)
+        self._top_speed = setup.top_speed("max_speed_m_s", config.max_speed_m_s)
         self._profiles = _profiles(config, setup)
         self.foreign = ""
         """Why the last device that was refused is not the one."""

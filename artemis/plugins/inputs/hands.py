@@ -11,8 +11,6 @@ from collections.abc import Set
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from artemis.errors import ConfigError
-from artemis.plugins.contracts import Setup
 from artemis.plugins.inputs.chain import centre_pedal, curve, push
 from artemis.plugins.inputs.joystick import (
     STANDSTILL,
@@ -157,15 +155,3 @@ class Hands:
 
     def _brake(self, axes: tuple[float, ...]) -> float:
         return centre_pedal(axes[2], self._grip.deadzone)
-
-
-def top_speed(wanted: float | None, setup: Setup) -> float:
-    """Speed at full deflection [m/s]: the wanted one, or the robot's limit.
-
-    Raises:
-        ConfigError: it is above the robot's limit.
-    """
-    limit = setup.robot.limits.speed_m_s
-    if wanted is not None and wanted > limit:
-        raise ConfigError(f"{setup.name}: max_speed_m_s: {wanted:g}; the robot's limit is {limit:g}")
-    return wanted or limit

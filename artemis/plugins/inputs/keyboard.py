@@ -17,7 +17,6 @@ from pydantic import Field
 from artemis.config import Config
 from artemis.errors import DeviceLost
 from artemis.plugins.contracts import Setup
-from artemis.plugins.inputs.hands import top_speed
 from artemis.plugins.inputs.joystick import Momentum, step_range
 from artemis.values import OperatorInput, Request
 
@@ -126,7 +125,7 @@ class KeyboardInput:
             ConfigError: more speed than the robot has.
         """
         limits = setup.robot.limits
-        self._name, self._top_speed = setup.name, top_speed(config.max_speed_m_s, setup)
+        self._name, self._top_speed = setup.name, setup.top_speed("max_speed_m_s", config.max_speed_m_s)
         self._limit, self._rate = math.radians(limits.steering_deg), math.radians(config.steering_deg_s)
         self._momentum, self._range = Momentum(limits.deceleration_m_s2), config.speed_range
         self._keys, self._waiting, self._closed = Keys(), bytearray(), False

@@ -7,7 +7,6 @@ with artemis.
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -20,7 +19,7 @@ from pydantic import Field, ValidationError, model_validator
 from artemis.config import Config
 from artemis.devices.hid.descriptor import Descriptor
 from artemis.devices.hid.identity import Identity
-from artemis.errors import ConfigError, shown
+from artemis.errors import ConfigError, shown, similar
 from artemis.plugins.inputs.hands import AXES, BUTTONS, PEDALS, Kind
 from artemis.plugins.inputs.joystick import Gate
 from artemis.yaml_file import read, survey
@@ -104,7 +103,7 @@ class Profile(Config):
             yield "axes: two have one field: a combined axis cannot tell both pedals pressed"
         for role in self.buttons:
             if role not in BUTTONS[self.kind]:
-                yield f"buttons.{role}: no such role{_nearest(role, BUTTONS[self.kind])}"
+                yield f"buttons.{role}: no such role; {similar(role, BUTTONS[self.kind])}"
         for role in ("enable", "quickstop"):
             if role not in self.buttons:
                 yield f"buttons.{role}: missing"
@@ -162,7 +161,7 @@ def profile_named(name: str) -> Profile:
         if (folder / f"{name}.yaml").is_file():
             return _load(folder / f"{name}.yaml")
     names = sorted({path.stem for folder in (own_folder(), SHIPPED) for path in folder.glob("*.yaml")})
-    raise ConfigError(f"no such profile{_nearest(name, names)}; artemis calibrate input teaches one")
+    raise ConfigError(f"no such profile; {similar(name, names)}; artemis calibrate input teaches one")
 
 
 def all_profiles() -> tuple[Profile, ...]:
@@ -230,9 +229,3 @@ def text_of(profile: Profile) -> str:
         lines.append(f"  {role}: {{{words}}}")
     lines += ["buttons:", *(f"  {role}: {name}" for role, name in profile.buttons.items())]
     return "\n".join(lines) + "\n"
-
-
-def _nearest(word: str, names: Iterable[str]) -> str:
-    names = list(names)
-    similar = difflib.get_close_matches(word, names, n=1, cutoff=0.0)
-    return f"; nearest is {similar[0]}, there are {', '.join(names)}" if similar else ""

@@ -5,13 +5,12 @@ As a file it is one line of JSON for each tick.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import replace
 
 import msgspec
 
-from artemis.errors import ConfigError, DeviceLost
+from artemis.errors import ConfigError, DeviceLost, similar
 from artemis.values import OperatorInput, Request
 
 ROUNDING = 1e-6
@@ -52,9 +51,8 @@ class RecordedHand:
         self._samples = [next((s for s in moment.inputs if s.source == name), None) for moment in moments]
         names = sorted({sample.source for moment in moments for sample in moment.inputs})
         if name not in names:
-            nearest = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
-            there = f"; nearest is {nearest[0]}, there are {', '.join(names)}" if nearest else "; it had none"
-            raise ConfigError(f"{given}: input: no input {name} gave anything in the run {source}{there}")
+            there = similar(name, names) or "it had none"
+            raise ConfigError(f"{given}: input: no input {name} gave anything in the run {source}; {there}")
         self.top_speed = max(abs(sample.speed) for sample in self._samples if sample is not None)
         """The highest speed that was wished [m/s]."""
         self._given, self._row = given, 0

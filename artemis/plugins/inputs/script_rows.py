@@ -108,7 +108,7 @@ def _table(raw: bytes, source: str) -> Table:
     except UnicodeDecodeError as error:
         raise ConfigError(f"{source}:1:1: byte {error.start} is not text in UTF-8") from error
     header = next((line for line in text.splitlines() if line.partition("#")[0].strip()), "").lower()
-    kind: Kind = "wheel" if any(name in header for name in AXES["wheel"]) else "stick"
+    kind = _kind(header)
     required = ("time_s", *AXES[kind])
     return Table(text, source, {name: name for name in (*required, *BUTTONS[kind])}, required=required)
 

@@ -11,7 +11,7 @@ from pydantic import Field
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.plugins.contracts import Setup
-from artemis.plugins.inputs.hands import AXES, BUTTONS, Grip, Hands, top_speed
+from artemis.plugins.inputs.hands import AXES, BUTTONS, Grip, Hands
 from artemis.plugins.inputs.joystick import Gate
 from artemis.plugins.inputs.recorded import RecordedHand, is_recorded
 from artemis.plugins.inputs.script_rows import rows_from
@@ -98,7 +98,7 @@ class _Rows:
 
     def __init__(self, config: ScriptedConfig, setup: Setup, content: bytes) -> None:
         limits = setup.robot.limits
-        speed = top_speed(config.max_speed_m_s, setup)
+        speed = setup.top_speed("max_speed_m_s", config.max_speed_m_s)
         if config.input is not None:
             raise ConfigError(f"{setup.name}: input: names one of an earlier run, and {config.file} is none")
         kind, self._levels = rows_from(content, config.file)
@@ -141,7 +141,7 @@ def _recorded(config: ScriptedConfig, setup: Setup, content: bytes) -> RecordedH
     if meaningless:
         raise ConfigError([f"{setup.name}: {key}: of no use with an earlier run; leave it out" for key in meaningless])
     hand = RecordedHand(content, config.file, config.input or setup.name, setup.name)
-    limit = top_speed(config.max_speed_m_s, setup)
+    limit = setup.top_speed("max_speed_m_s", config.max_speed_m_s)
     if hand.top_speed > limit:
         raise ConfigError(f"{setup.name}: file: it drove up to {hand.top_speed:g} m/s; {limit:g} are allowed")
     return hand

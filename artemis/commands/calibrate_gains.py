@@ -1,0 +1,292 @@
+"""`artemis calibrate gains`: shows the regulator gains of the drives, tries others, and keeps them if wanted."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from artemis import clock
+from artemis.app import Outcome
+from artemis.commands.devices import open_bus
+from artemis.commands.gains_trial import WAY, Findings, Trial, findings, table, write_mission
+from artemis.commands.run import run_in_sight
+from artemis.devices.gains_memory import read_gains, store_gains
+from artemis.errors import ConfigError, DeviceError, RecordingError, shown
+from artemis.mission.gains import check_gains, merged
+from artemis.mission.loading import LoadedMission, load_mission
+from artemis.mission.schema import NewGains
+from artemis.planning import is_simulated
+from artemis.recording.mcap_reader import Recording
+from artemis.report.responses import SLOWEST, SPEED_WAY
+from artemis.states.gains import words_of
+from artemis.vehicle import Gains
+from artemis.yaml_edit import edit, edited
+from artemis.yaml_file import Data
+
+STEPS = {"steering": (0.5, 20.0), "traction": (SLOWEST, 0.2)}
+"""Smallest and largest: [degrees], [m/s]."""
+USUAL = {"steering": 5.0, "traction": 0.2}
+FAILED = 1
+_KINDS = {"current": "P,I", "velocity": "P,I", "position": "P,I,D"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """What the command was asked for, in the words of its options."""
+
+    drives: Sequence[str] = ()
+    gains: Mapping[str, str]
+    """`P,I` or `P,I,D` by `current`, `velocity`, `position`; those that were given."""
+    tried: bool = False
+    """Try also where no gains are given."""
+    step: float | None = None
+    yes: bool = False
+    simulate: bool = False
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything is to be tried."""
+        return self.tried or bool(self.gains)
+
+
+def calibrate_gains(mission: Path, wanted: Wanted) -> int:
+    """Show gains, or try some and keep them if a person says so. Returns the exit status.
+
+    Raises:
+        ConfigError: the mission is refused, or the options are wrong; nothing has moved.
+        DeviceError: the bus cannot be opened, or a drive does not keep the gains.
+        RecordingError: the run's folder cannot be made, or what it recorded not be read.
+    """
+    loaded = load_mission(mission)
+    simulated = is_simulated(loaded, wanted.simulate)
+    if not wanted.moves:
+        return _show(loaded, wanted, simulated)
+    trial = trial_from(loaded, wanted)
+    if not (simulated or wanted.yes) and not _confirmed(f"{_announced(trial)}: go?"):
+        _say("nothing was moved")
+        return FAILED
+    with tempfile.TemporaryDirectory() as folder:
+        made, source = write_mission(loaded, mission, trial, Path(folder))
+        outcome = run_in_sight(made, source, wanted.simulate)
+    found = findings(Recording(outcome.run.path), trial)
+    _tell(loaded, trial, found, outcome)
+    if outcome.exit_status or found.stopped or trial.new is None:
+        return outcome.exit_status or int(found.stopped)
+    if simulated:
+        _say("kept        nothing: simulated drives do not know what gains do to a machine")
+        return 0
+    return _decide(loaded, trial, found, wanted)
+
+
+# ---------------------------------------------------------------------------------------------- what is asked for
+
+
+def trial_from(loaded: LoadedMission, wanted: Wanted) -> Trial:
+    """The trial that the options mean.
+
+    Raises:
+        ConfigError: everything that is wrong with them.
+    """
+    known = loaded.robot.drives
+    problems: list[str] = []
+    new = _new_gains(wanted.gains, problems)
+    names = tuple(dict.fromkeys(wanted.drives))
+    asked = new if new is not None else NewGains.model_construct()
+    problems += [
+        f"--drive {shown(name)}: {text}" for name, text in check_gains(dict.fromkeys(names, asked), loaded.robot)
+    ]
+    if not names:
+        problems.append(f"--drive is missing: name one of {', '.join(known)}, or several of one kind")
+    roles = {known[name].role for name in names if name in known}
+    if len(roles) > 1:
+        problems.append("--drive: steering and traction drives are tried one kind after the other")
+    role = min(roles, default="steering")
+    step = USUAL[role] if wanted.step is None else wanted.step
+    low, high = STEPS[role]
+    if roles and not low <= step <= high:
+        unit = "degrees" if role == "steering" else "m/s"
+        problems.append(f"--step {step:g}: expected {low:g} to {high:g} {unit}")
+    if new is not None and not problems and all(_merged(loaded, name, new) == known[name].gains for name in names):
+        problems.append("these are the gains of the robot file already; to see how the drives follow with them: --try")
+    if problems:
+        raise ConfigError([f"calibrate gains: {problem}" for problem in problems])
+    return Trial(drives=names, role=role, side=known[names[0]].side, step=step, new=new)
+
+
+def _new_gains(words: Mapping[str, str], problems: list[str]) -> NewGains | None:
+    """The gains of the options; None where there are none, or they are wrong."""
+    gains: dict[str, tuple[int, ...]] = {}
+    for kind, text in words.items():
+        form = _KINDS[kind]
+        try:
+            gains[kind] = tuple(int(word) for word in text.split(","))
+            NewGains.model_validate({kind: gains[kind]})
+        except ValueError:  # a ValidationError is one
+            problems.append(
+                f"--{kind} {shown(text)}: expected {form}: {form.count(',') + 1} whole numbers of 0 to 32767"
+            )
+    return NewGains.model_validate(gains) if gains and not problems else None
+
+
+def _merged(loaded: LoadedMission, name: str, new: NewGains | None) -> Gains:
+    """Gains of a drive that has some in the robot file, with the new ones."""
+    known = loaded.robot.drives[name].gains
+    assert known is not None
+    return known if new is None else merged(new, known)
+
+
+def _announced(trial: Trial) -> str:
+    """What will move."""
+    who, times = (
+        ", ".join(trial.drives),
+        "once with the gains of the robot file" + ", once with the new ones" * bool(trial.new),
+    )
+    if trial.role == "steering":
+        return f"{who}: the robot stands, its wheels turn by {trial.step:g} degrees to the left and back, {times}"
+    return f"{who}: the robot drives {WAY:g} m straight ahead and back at {trial.step:g} m/s, {times}"
+
+
+# ---------------------------------------------------------------------------------------------- showing
+
+
+def _show(loaded: LoadedMission, wanted: Wanted, simulated: bool) -> int:
+    """Print the gains of the drives as they are found, beside the robot file's."""
+    if wanted.step is not None or wanted.yes:
+        raise ConfigError("calibrate gains: --step and --yes are for a trial: give gains, or --try")
+    for name, problem in check_gains(dict.fromkeys(wanted.drives, NewGains.model_construct()), loaded.robot):
+        if name not in loaded.robot.drives:
+            raise ConfigError(f"calibrate gains: --drive {shown(name)}: {problem}")
+    found = clock.run(_read(loaded, simulated), simulated=simulated)
+    drives = {name: gains for name, gains in found.items() if not wanted.drives or name in wanted.drives}
+    _say(f"gains of {loaded.robot.robot} in the robot file, and in the drives{' (simulated)' * simulated} now")
+    _say(f"{'':16}{'':12}{'current P,I':14}{'velocity P,I':14}position P,I,D")
+    differs = False
+    for name, gains in drives.items():
+        known = loaded.robot.drives[name].gains
+        file = None if known is None else known.numbers
+        _say(f"{name:16}{'robot file':12}{'none' if file is None else _columns(file)}")
+        _say(f"{'':16}{'drive':12}{gains if isinstance(gains, str) else _columns(gains, file)}")
+        differs = differs or (not isinstance(gains, str) and file not in (None, gains))
+    if differs:
+        _say("* differs. A drive has what was stored in it when its power came; each run writes the robot file's gains")
+    return int(any(isinstance(gains, str) for gains in drives.values()))
+
+
+async def _read(loaded: LoadedMission, simulated: bool) -> dict[str, tuple[int, ...] | str]:
+    bus = open_bus(loaded, simulated)
+    try:
+        return await read_gains(loaded.robot, bus)
+    finally:
+        bus.close()
+
+
+def _columns(gains: tuple[int, ...], known: tuple[int, ...] | None = None) -> str:
+    parts = [slice(0, 2), slice(2, 4), slice(4, 7)]
+    words = [
+        ",".join(map(str, gains[part])) + " *" * (known is not None and gains[part] != known[part]) for part in parts
+    ]
+    return "".join(f"{word:14}" for word in words).rstrip()
+
+
+# ---------------------------------------------------------------------------------------------- after the trial
+
+
+def _tell(loaded: LoadedMission, trial: Trial, found: Findings, outcome: Outcome) -> None:
+    """Numbers, figure, and which gains the drives have."""
+    _say("")
+    if found.responses:
+        gains = {
+            label: {name: words_of(_merged(loaded, name, new).numbers) for name in trial.drives}
+            for label, new in (("now", None), ("new", trial.new))
+        }
+        for line in table(found, trial, gains):
+            _say(line)
+        figure = outcome.run.path / "gains.png"
+        _draw(found, figure)
+        _say(f"figure      {figure}")
+    if trial.role == "traction":
+        way = 1000.0 * SPEED_WAY
+        _say(
+            f"            speeds are means over {way:.0f} mm, the counts are so coarse: what swings faster is not seen"
+        )
+    _say("            the current is sampled once a tick: what its own regulator does in a millisecond is not seen")
+    if missing := [label for label in trial.places if label not in found.responses]:
+        _say(f"trial       broken off: nothing was seen of the gains {' and '.join(missing)}")
+    elif found.stopped or outcome.exit_status:
+        _say("trial       broken off: nothing is kept")
+    for name, why in found.unrestored.items():
+        _say(f"WARNING     {name} may have the gains on trial while it has power ({why}); the next run writes its own")
+    if trial.new is not None and not found.unrestored:
+        _say(f"restored    {', '.join(trial.drives)}: the gains of the robot file")
+
+
+def _draw(found: Findings, file: Path) -> None:
+    from artemis.report.figures import style
+    from artemis.report.responses import response_figure
+
+    try:
+        with style():
+            response_figure(found.traces).savefig(file, facecolor="white", dpi=120)
+    except OSError as error:
+        raise RecordingError(f"{file}: cannot be written: {error.strerror}") from error
+
+
+def _decide(loaded: LoadedMission, trial: Trial, found: Findings, wanted: Wanted) -> int:
+    """Keep the new gains or not, as a person says, or `--yes` does of drives that settled."""
+    file = loaded.folder / loaded.mission.robot
+    if wanted.yes and not found.settled:
+        _say("kept        nothing: a drive did not settle with the new gains")
+        return FAILED
+    if not wanted.yes and not _confirmed(f"keep the new gains: in {file}, and stored in {', '.join(trial.drives)}?"):
+        _say("kept        nothing: the robot file is as it was")
+        return 0
+    new = {name: _merged(loaded, name, trial.new) for name in trial.drives}
+    changes: dict[tuple[str, ...], Data] = {
+        ("drives", name, "gains"): gains.model_dump(mode="json") for name, gains in new.items()
+    }
+    edited(loaded.files[loaded.mission.robot], str(file), changes)  # what cannot be written is not stored
+    stored: list[str] = []
+    try:
+        clock.run(_store(loaded, {name: gains.numbers for name, gains in new.items()}, stored), simulated=False)
+        edit(file, changes)
+    except (DeviceError, ConfigError) as error:
+        _say(f"kept        {'nothing' if not stored else 'not all'}: {error}")
+        if stored:
+            _say(f"            {', '.join(stored)}: stored; {file} has the old gains still, and each run writes those")
+        return FAILED
+    _say(f"kept        {', '.join(trial.drives)}: stored, and in {file}")
+    return 0
+
+
+async def _store(loaded: LoadedMission, gains: Mapping[str, tuple[int, ...]], stored: list[str]) -> None:
+    bus = open_bus(loaded, simulated=False)
+    try:
+        await store_gains(loaded.robot, bus, gains, stored.append)
+    finally:
+        bus.close()
+
+
+def _confirmed(question: str) -> bool:
+    """Whether a person says yes.
+
+    Raises:
+        ConfigError: nobody can.
+    """
+    if not sys.stdin.isatty():
+        raise ConfigError(f"calibrate gains: a person at a terminal is needed to answer, or --yes: {question}")
+    sys.stdout.write(f"{question} [no/yes] ")
+    sys.stdout.flush()
+    try:
+        answer = sys.stdin.readline().strip().lower()
+    except KeyboardInterrupt:
+        answer = ""
+        _say("")
+    return bool(answer) and "yes".startswith(answer)
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()

@@ -1,0 +1,296 @@
+"""`artemis calibrate odometry`: fit a machine's measures to its runs, check them, write them down when told."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import sys
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+
+import numpy as np
+
+from artemis.calibration.closing import Closed, ClosingFit, fit_closing
+from artemis.calibration.fit import Fit, Run, clocks_of, fit
+from artemis.calibration.kinematics import ONE_WHEEL, TWO_WHEELS, Kinematics, Parameter
+from artemis.calibration.knowledge import Found
+from artemis.calibration.machine_file import Machine, log_from_table
+from artemis.calibration.robot_file import changes
+from artemis.calibration.score import Score, checked, score, track
+from artemis.calibration.wheel_log import WheelLog, recorded_log
+from artemis.calibration.words import as_text, held_of, rows_of, score_rows
+from artemis.commands.path_formats import text_of
+from artemis.errors import ConfigError, RecordingError
+from artemis.mission.loading import load_model
+from artemis.motion.table import MAX_CHARACTERS, Table
+from artemis.motion.trajectory import Trajectory
+from artemis.motion.truth import truth_from
+from artemis.recording.mcap_reader import Recording
+from artemis.vehicle import Robot
+from artemis.yaml_edit import edit
+from artemis.yaml_file import read
+
+SIMULATION = "simulation"
+"""Instead of a file: the true poses of a simulated run."""
+PAGE = "calibration.html"
+VALUES = ("value", "described", "fitted", "95 %")
+ERRORS = ("odometry", "runs", "way", "mean error", "of way", "largest", "at end")
+CLOSING_NAMES = {
+    name: column
+    for column, names in {
+        "run": ("run",),
+        "x": ("x_m", "x"),
+        "y": ("y_m", "y"),
+        "heading_deg": ("heading_deg",),
+    }.items()
+    for name in names
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """The machine that drove, as it is described."""
+
+    base: Kinematics
+    parameters: tuple[Parameter, ...]
+    metres_per_count: tuple[float, float]
+    robot: Robot | None
+    """None for a machine of somebody else."""
+
+    @property
+    def one_wheel(self) -> bool:
+        """Whether left and right are one."""
+        return self.parameters is ONE_WHEEL
+
+
+def calibrate_with_truth(
+    runs: Sequence[Path],
+    truths: Sequence[str],
+    machine: Path | None,
+    check: Sequence[Path],
+    output: Path | None,
+    robot_file: Path | None,
+    same_clock: bool = False,
+) -> None:
+    """Fit to runs whose truth is known, print tables, write the page and, if told so, the robot file.
+
+    Args:
+        runs: folders of runs or recordings; with `machine`, tables.
+        truths: a file for each run, those to check last; or `SIMULATION` alone; none where the tables hold it.
+        machine: file that describes the machine of the tables.
+        check: runs that are not fitted, only scored.
+        output: folder of the page; beside the first run, if not said.
+        robot_file: into which the values are written.
+        same_clock: the truths' times are run times.
+
+    Raises:
+        ConfigError: wrong words or files.
+        RecordingError: a recording cannot be read.
+        CalibrationError: the runs show nothing.
+    """
+    source, pairs = _read([*runs, *check], truths, machine)
+    _refuse_writing(robot_file, source)
+    given = [_run(log, truth, same_clock) for log, truth in pairs]
+    found = fit(given[: len(runs)], source.base, source.parameters, on_axle=list(truths) == [SIMULATION])
+    before = [track(run, source.base, found.sensor, found.clock_of(run)) for run in found.runs]
+    after = [track(run, found.machine, found.sensor, found.clock_of(run)) for run in found.runs]
+    scores = [("described", score(before)), ("fitted", score(after)), *_held_out(found, given[len(runs) :])]
+    tables = [_values(found, source), ("Errors of the odometry", ERRORS, score_rows(scores)), _held(found)]
+    _tell(tables, found)
+    _noise(found)
+    from artemis.calibration.page import styled_page  # matplotlib takes a third of a second to import
+
+    _write_page(styled_page("Calibration of the odometry", tables, before, after, found), output or _beside(runs[0]))
+    _write_robot(robot_file, source, found)
+
+
+def calibrate_closing(
+    runs: Sequence[Path], closing: Path | None, machine: Path | None, output: Path | None, robot_file: Path | None
+) -> None:
+    """Fit to runs that end where they began, or where `closing` says (columns run, x_m, y_m, heading_deg).
+
+    Raises:
+        ConfigError: wrong words or files.
+        RecordingError: a recording cannot be read.
+        CalibrationError: the runs show nothing.
+    """
+    source, pairs = _read(runs, (), machine)
+    _refuse_writing(robot_file, source)
+    ends = [(0.0, 0.0, 0.0)] * len(runs) if closing is None else _ends(closing, len(runs))
+    closed = [Closed(log=log, end=end) for (log, _), end in zip(pairs, ends, strict=True)]
+    found = fit_closing(closed, source.base, source.parameters)
+    tables = [_values(found, source), ("Where the runs end", ("run", "before", "after"), _end_rows(closed, found))]
+    tables.append(_held(found))
+    _tell(tables, found)
+    from artemis.calibration.page import closing_page
+
+    text = closing_page("Calibration of the odometry by closing errors", tables, found.before, found.after, found)
+    _write_page(text, output or _beside(runs[0]))
+    _write_robot(robot_file, source, found)
+
+
+# ------------------------------------------------------------------------------------------------------------ reading
+
+
+def _read(
+    runs: Sequence[Path], truths: Sequence[str], machine: Path | None
+) -> tuple[Source, list[tuple[WheelLog, Trajectory | None]]]:
+    """The machine, and each run with its truth."""
+    if len(truths) not in (0, len(runs)) and list(truths) != [SIMULATION]:
+        raise ConfigError(f"--truth: {len(truths)} for {len(runs)} runs; name one for each, in their order")
+    if machine is not None:
+        described = load_model(machine, Machine)
+        count = described.metres_per_count
+        source = Source(
+            base=described.kinematics,
+            parameters=ONE_WHEEL if described.one_wheel else TWO_WHEELS,
+            metres_per_count=(count, count),
+            robot=None,
+        )
+        pairs = [log_from_table(_text(run), str(run), described) for run in runs]
+    else:
+        source, pairs = _recorded(runs, truths)
+    if not truths or list(truths) == [SIMULATION]:
+        return source, pairs
+    return source, [(log, truth_from(_text(Path(file)), file)) for (log, _), file in zip(pairs, truths, strict=True)]
+
+
+def _recorded(runs: Sequence[Path], truths: Sequence[str]) -> tuple[Source, list[tuple[WheelLog, Trajectory | None]]]:
+    recordings = [Recording(run) for run in runs]
+    robot = recordings[0].robot
+    for run, recording in zip(runs, recordings, strict=True):
+        other = recording.robot
+        if (other.calibration, other.geometry) != (robot.calibration, robot.geometry):
+            raise ConfigError(f"{run}: driven with another calibration than {runs[0]}; they cannot be fitted together")
+    pairs = [recorded_log(recording, str(run)) for run, recording in zip(runs, recordings, strict=True)]
+    if list(truths) != [SIMULATION]:
+        pairs = [(log, None) for log, _ in pairs]
+    counts = robot.metres_per_count("left"), robot.metres_per_count("right")
+    return Source(
+        base=Kinematics.of(robot.geometry), parameters=TWO_WHEELS, metres_per_count=counts, robot=robot
+    ), pairs
+
+
+def _run(log: WheelLog, truth: Trajectory | None, same_clock: bool) -> Run:
+    if truth is None:
+        raise ConfigError(f"{log.name}: where it truly was is not known; name --truth, or --returns-to-start")
+    same_rows = len(truth.time) == len(log.time) and bool((truth.time == log.time).all())
+    return Run(log=log, truth=truth, one_clock=same_clock or same_rows)
+
+
+def _text(file: Path) -> str:
+    """A text file, also one packed by gzip."""
+    raw = read(file, MAX_CHARACTERS)
+    if file.suffix == ".gz":
+        try:
+            with gzip.GzipFile(fileobj=io.BytesIO(raw)) as stream:
+                raw = stream.read(MAX_CHARACTERS + 1)
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise ConfigError(f"{file}: cannot be unpacked: {error}") from error
+    return text_of(raw, str(file))
+
+
+def _ends(file: Path, count: int) -> list[tuple[float, float, float]]:
+    """Measured ends by the numbers of the runs, from 1."""
+    table = Table(_text(file), str(file), CLOSING_NAMES, required=("run", "x", "y", "heading_deg"))
+    rows = list(zip(*(table.columns.get(name, []) for name in ("run", "x", "y", "heading_deg")), strict=True))
+    if table.complete and [row[0] for row in rows] != list(range(1, count + 1)):
+        table.report_file(f"run: expected the numbers 1 to {count}, in this order")
+    table.raise_problems()
+    return [(x, y, radians(heading)) for _, x, y, heading in rows]
+
+
+# ------------------------------------------------------------------------------------------------------------ telling
+
+
+def _held_out(found: Fit, check: Sequence[Run]) -> list[tuple[str, Score]]:
+    """Scores of runs that a fit did not see: those to check, and each of the others by a fit without it."""
+    rows: list[tuple[str, Score]] = []
+    if pairs := checked(found):
+        tracks = [track(run, machine, found.sensor, found.clock_of(run)) for run, machine in pairs]
+        rows.append(("each run by the others", score(tracks)))
+    if check:
+        clocks = clocks_of(found, check)
+        for name, machine in (("to check, described", found.base), ("to check, fitted", found.machine)):
+            pairs_checked = zip(check, clocks, strict=True)
+            rows.append((name, score([track(run, machine, found.sensor, clock) for run, clock in pairs_checked])))
+    return rows
+
+
+def _values(found: Found, source: Source) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
+    rows = rows_of(found, source.metres_per_count, source.one_wheel)
+    return "Values", VALUES, [(row.name, row.described, row.fitted, f"+- {row.half_width}") for row in rows]
+
+
+def _held(found: Found) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
+    return "Held as described", ("what", "why"), list(held_of(found))
+
+
+def _tell(tables: Sequence[tuple[str, Sequence[str], list[tuple[str, ...]]]], found: Found) -> None:
+    for title, head, rows in tables:
+        if rows:
+            sys.stdout.write(f"{title}\n{as_text(head, rows)}\n")
+    sys.stdout.write(f"condition of the fit: {found.condition:.0f}\n")
+
+
+def _noise(found: Fit) -> None:
+    position, heading, along, _, turn = found.noise
+    sys.stdout.write(
+        f"noise of the truth: {1000 * position:.1f} mm, {np.degrees(heading):.2f} deg; random walk of the odometry: "
+        f"{1000 * along:.1f} mm and {np.degrees(turn):.2f} deg in 1 m; {found.left_out} of {found.moments} "
+        "motions left out\n"
+    )
+
+
+def _end_rows(closed: Sequence[Closed], found: ClosingFit) -> list[tuple[str, ...]]:
+    def words(end: np.ndarray) -> str:
+        return f"{1000 * end[0]:.0f} mm, {1000 * end[1]:.0f} mm, {np.degrees(end[2]):.2f} deg"
+
+    ends = zip(closed, found.before, found.after, strict=True)
+    return [(run.log.name, words(before), words(after)) for run, before, after in ends]
+
+
+# ------------------------------------------------------------------------------------------------------------ writing
+
+
+def _beside(run: Path) -> Path:
+    return run if run.is_dir() else run.parent
+
+
+def _write_page(text: str, folder: Path) -> None:
+    page = folder / PAGE
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        page.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"{page}: cannot be written: {error.strerror}") from error
+    sys.stdout.write(f"{page}\n")
+
+
+def _refuse_writing(robot_file: Path | None, source: Source) -> None:
+    """Before minutes of fitting."""
+    if robot_file is None:
+        return
+    if source.robot is None:
+        raise ConfigError("--write: these runs are of a machine that has no robot file")
+    present = load_model(robot_file, Robot)
+    if (present.calibration, present.geometry) != (source.robot.calibration, source.robot.geometry):
+        raise ConfigError(f"{robot_file}: its calibration is not what the runs were driven with; drive again")
+
+
+def _write_robot(robot_file: Path | None, source: Source, found: Found) -> None:
+    if source.robot is None:
+        return
+    wanted = changes(source.robot, found.machine)
+    for keys, value in wanted.items():
+        sys.stdout.write(f"{'.'.join(keys)}: {value}\n")
+    if robot_file is None:
+        sys.stdout.write("nothing was written; --write ROBOT writes these into a robot file\n")
+        return
+    edit(robot_file, wanted)
+    sys.stdout.write(f"written: {robot_file}\n")
+    if any(keys[-1] == "zero_v" for keys in wanted):
+        sys.stdout.write("the steering drives keep the old zeros: artemis calibrate steering MISSION --store\n")

@@ -1,0 +1,124 @@
+"""`artemis calibrate steering`: zero and slope of the potentiometers, into the drives and the robot file."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from artemis.commands.one_step import mission_of
+from artemis.commands.run import run_in_sight
+from artemis.commands.terminal import HINT, JOG_KEYS, JOGGING, KEYS, somebody_is_there
+from artemis.devices.can_bus import Traffic
+from artemis.errors import ConfigError
+from artemis.motion.steering_fit import SteeringFit
+from artemis.values import JobKind, Tick
+from artemis.yaml_edit import edit
+from artemis.yaml_file import Data
+
+_KEEPING = {JobKind.WRITE_CALIBRATION: "has the new values", JobKind.STORE: "keeps the new values"}
+
+
+def calibrate_steering(
+    source: Path, side: str | None, reference: Mapping[str, float], new: bool, yes: bool, simulate: bool
+) -> int:
+    """Measure the potentiometers of one wheel or both on the robot and bus of the mission `source`.
+
+    Args:
+        source: The mission's file.
+        side: `left` or `right`; None: both.
+        reference: True angle of a wheel while it shows 0, by side [degrees]; for the others a person turns the wheel.
+        new: Nothing that the potentiometers say now is believed.
+        yes: Keep the result without asking.
+        simulate: On simulated drives, whatever bus the mission names; then the robot file of a real one stays as it is.
+
+    Returns:
+        The exit status, as of a run.
+
+    Raises:
+        ConfigError: the mission is refused, or somebody at a terminal is needed; nothing has moved.
+        DeviceLost: the bus cannot be opened; nothing has moved.
+        RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
+    """
+    if side not in (None, "left", "right"):
+        raise ConfigError(f"--side {side}: write left or right, or leave it out for both")
+    wheels = ("left", "right") if side is None else (side,)
+    if unused := [one for one in reference if one not in wheels]:
+        raise ConfigError(f"--reference-{unused[0]} is of a wheel that is not measured")
+    alone = yes and all(one in reference for one in wheels)
+    if not (alone or somebody_is_there()):
+        missing = [f"--reference-{one}" for one in wheels if one not in reference] + ["--yes"] * (not yes)
+        raise ConfigError(f"calibrate steering: a person at a terminal is needed, or {', '.join(missing)}")
+    step = {
+        "wheels": side or "both",
+        "reference_deg": dict(reference),
+        "potentiometers": "new" if new else "known",
+        "save": "drives" if yes else "ask",
+    }
+    kept = _Kept()
+    with mission_of(
+        source, "calibrate-steering", {"calibrate": {"steering": step}}, pace=None if alone else "real_time"
+    ) as (loaded, path):
+        robot_file = loaded.folder / loaded.mission.robot
+        outcome = run_in_sight(
+            loaded, path, simulate, watch=kept.see, keys={**KEYS, **JOG_KEYS}, hint=f"{HINT}; {JOGGING}"
+        )
+    if outcome.failed:
+        kept.tell(f"not changed: {robot_file}")
+        return outcome.exit_status
+    if simulate and loaded.mission.bus != "simulation":
+        kept.tell(f"not changed by --simulate: {robot_file}")
+        return outcome.exit_status
+    try:
+        edit(robot_file, changes(outcome.steering))
+    except ConfigError as error:
+        kept.tell(f"NOT changed: {error}; the values are in {outcome.run.calibration}")
+        return 1
+    kept.tell(f"changed: {robot_file}")
+    return outcome.exit_status
+
+
+def store_steering(source: Path, simulate: bool) -> int:
+    """Write the robot file's calibration into the drives' memories. Returns the exit status; raises as above."""
+    kept = _Kept()
+    with mission_of(source, "store-steering", {"calibrate": {"steering": "store_in_drives"}}) as (loaded, path):
+        outcome = run_in_sight(loaded, path, simulate, watch=kept.see)
+    kept.tell("not every drive keeps what it says" if outcome.failed else "the drives keep what it says")
+    return outcome.exit_status
+
+
+def changes(fits: Mapping[str, SteeringFit]) -> dict[tuple[str, ...], Data]:
+    """What a calibration changes in the robot file."""
+    return {
+        ("calibration", "steering", side, key): list(value)
+        for side, fit in fits.items()
+        for key, value in (
+            ("zero_v", fit.calibration.zero_v),
+            ("slope_deg_per_v", fit.calibration.slope_deg_per_v),
+        )
+    }
+
+
+class _Kept:
+    """What the drives' memories were told, and took."""
+
+    def __init__(self) -> None:
+        self._drives: dict[str, str] = {}
+
+    def see(self, tick: Tick, _: Traffic) -> None:
+        """A tick of the run."""
+        for job in tick.wish.jobs:
+            if job.kind is JobKind.WRITE_CALIBRATION:
+                self._drives[job.drive] = "was about to be written"
+        for result in tick.snapshot.sensed.results:
+            if result.ok and result.kind in _KEEPING:
+                self._drives[result.drive] = _KEEPING[result.kind]
+
+    def tell(self, robot_file: str) -> None:
+        """What is where now, in the drives and in the robot file."""
+        lines = [("", f"{drive} {what}") for drive, what in self._drives.items()] or [("", "no drive was written to")]
+        lines[0] = "calibration", lines[0][1]
+        if any(what != _KEEPING[JobKind.STORE] for what in self._drives.values()):
+            lines.append(("", "`artemis calibrate steering MISSION --store` writes the robot file's values into all"))
+        for label, text in [*lines, ("robot file", robot_file)]:
+            sys.stdout.write(f"{label:12}  {text}\n")

@@ -1,0 +1,175 @@
+"""A trial of regulator gains: the mission that is run for it, and what the drives did in it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from artemis.errors import CalibrationError
+from artemis.mission.loading import LoadedMission, load_mission
+from artemis.mission.schema import NewGains
+from artemis.motion.step_response import StepResponse
+from artemis.recording.mcap_reader import Recording
+from artemis.report.responses import Trace, read_traces
+from artemis.values import JobKind, Mode
+
+WAY = 0.5
+"""A driven wheel is tried on so much of a straight [m], there and back."""
+POINTS = 11
+FREQUENCY = 200
+"""Ticks a second on a bus of 1 Mbit/s, less on slower ones (a third of the bus is used), if the mission says none."""
+PATH_FILE = "straight.csv"
+_STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """What is to be tried."""
+
+    drives: tuple[str, ...]
+    """All of one role."""
+    role: str
+    side: str
+    """Of the first drive."""
+    step: float
+    """[degrees] of a steered wheel, [m/s] of a driven one."""
+    new: NewGains | None
+    """None: the gains of the robot file alone."""
+
+    @property
+    def steps(self) -> list[dict[str, object]]:
+        """The steps of its mission: the same test with the robot file's gains, and with the new ones."""
+        steps = self._test if self.role == "steering" else [_ALIGN, *self._test]  # a path wants that before
+        if self.new is None:
+            return steps
+        gains = self.new.model_dump(exclude_none=True)
+        return [*steps, {"calibrate": {"gains": dict.fromkeys(self.drives, gains)}}, *self._test]
+
+    @property
+    def _test(self) -> list[dict[str, object]]:
+        if self.role == "steering":
+            return [{"calibrate": {"turn": {"side": self.side, "angle_deg": self.step}}}]
+        there = {"path": PATH_FILE, "follower": {"speed_m_s": self.step}}
+        return [{"follow": there}, {"follow": {**there, "from_end": True}}]
+
+    @property
+    def places(self) -> dict[str, int]:
+        """The step of the mission, counted from 0, in which the drives are tried with each of the gains."""
+        first = 0 if self.role == "steering" else 1
+        now = {"now": first}
+        return now if self.new is None else {**now, "new": first + len(self._test) + 1}
+
+
+_ALIGN: dict[str, object] = {"calibrate": {"steering": "from_potentiometers"}}
+
+
+def write_mission(loaded: LoadedMission, source: Path, trial: Trial, folder: Path) -> tuple[LoadedMission, Path]:
+    """A mission with the robot, bus and simulation of another one that does nothing but the trial; and its file.
+
+    Raises:
+        ConfigError: the other mission has faults injected that cannot be in this one.
+    """
+    data = loaded.documents[str(source)].data
+    assert isinstance(data, dict)
+    kept = {key: value for key, value in data.items() if key not in ("inputs", "steps")}
+    if isinstance(simulation := kept.get("simulation"), dict):
+        kept["simulation"] = {key: value for key, value in simulation.items() if key != "inputs"}
+    frequency = max(25, min(FREQUENCY, FREQUENCY * loaded.robot.bitrate // 1_000_000))
+    kept = {"tick_hz": frequency, **kept, "mission": "gains"}
+    files = {name: loaded.files[name] for name in (loaded.mission.robot,)}
+    if trial.role == "traction":
+        rows = (f"{WAY * index / (POINTS - 1):.3f},0.0" for index in range(POINTS))
+        files[PATH_FILE] = "\n".join(("x_m,y_m", *rows, "")).encode()
+    text = json.dumps({**kept, "steps": trial.steps}, indent=2, ensure_ascii=False)
+    files["gains.yaml"] = f"# A trial of gains, made of {source.name}.\n{text}\n".encode()
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return replace(load_mission(folder / "gains.yaml"), folder=loaded.folder), folder / "gains.yaml"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings:
+    """What a trial showed."""
+
+    traces: dict[str, list[Trace]]
+    """Of each drive, by what was tried."""
+    responses: dict[str, list[StepResponse]]
+    unrestored: dict[str, str]
+    """Drives that may have the new gains still, and why."""
+    stopped: bool
+    """Something stopped the robot on the way: what was tried after it was not tried whole."""
+
+    @property
+    def settled(self) -> bool:
+        """Every drive settled with the new gains."""
+        return all(response.settled_5 is not None for response in self.responses.get("new", ()))
+
+
+def findings(recording: Recording, trial: Trial) -> Findings:
+    """Read what the drives did; what was not reached is left out.
+
+    Raises:
+        RecordingError: the recording is not understood.
+    """
+    found = read_traces(recording, trial.drives, list(trial.places.values()))
+    traces: dict[str, list[Trace]] = {}
+    responses: dict[str, list[StepResponse]] = {}
+    for label, place in trial.places.items():
+        shown = [found[drive, place] for drive in trial.drives if (drive, place) in found]
+        try:
+            answers = [trace.response() for trace in shown]
+        except CalibrationError:
+            continue
+        if len(answers) == len(trial.drives):
+            traces[label], responses[label] = shown, answers
+    unrestored: dict[str, str] = {}
+    stopped = False
+    for tick in recording.ticks():
+        stopped = stopped or tick.record.mode in _STOPPED
+        for result in tick.sensed.results:
+            if result.kind is JobKind.WRITE_GAINS:
+                unrestored[result.drive] = result.detail or "the run was cut off"
+                if result.ok and tick.record.mode is Mode.END:
+                    del unrestored[result.drive]
+    return Findings(traces=traces, responses=responses, unrestored=unrestored, stopped=stopped)
+
+
+def table(found: Findings, trial: Trial, gains: dict[str, dict[str, str]]) -> Iterator[str]:
+    """The numbers of each drive, side by side; `gains`: in words, by what was tried and drive."""
+    labels = list(found.responses)
+    for index, drive in enumerate(trial.drives):
+        columns = [found.responses[label][index] for label in labels]
+        unit = found.traces[labels[0]][index].unit
+        yield f"{drive}: {_step(columns[0], unit)}"
+        yield _row("", labels)
+        for name, words in _rows(columns, unit):
+            yield _row(name, words)
+        for label in labels:
+            yield f"  {label:<5}{gains[label][drive]}"
+
+
+def _step(response: StepResponse, unit: str) -> str:
+    size = f"{abs(response.step):.1f} degrees" if unit == "deg" else f"{abs(response.step):.2f} m/s"
+    return f"a step of {size}, of which the gate makes a ramp of {response.ramp:.2f} s"
+
+
+def _rows(columns: Sequence[StepResponse], unit: str) -> Iterator[tuple[str, list[str]]]:
+    digits = 2 if unit == "deg" else 3
+    yield "rise, 10 to 90 %", [_seconds(each.rise, "does not follow") for each in columns]
+    yield "overshoot", ["-" if each.overshoot is None else f"{each.overshoot:.1%}" for each in columns]
+    yield "settled within 5 %", [_seconds(each.settled_5, "not settled") for each in columns]
+    yield "settled within 2 %", [_seconds(each.settled_2, "not settled") for each in columns]
+    yield "error at the end", [f"{round(each.steady_error, digits) + 0.0:.{digits}f} {unit}" for each in columns]
+    yield "largest error", [f"{each.largest_error:.{digits}f} {unit}" for each in columns]
+    yield "largest current", [f"{each.peak_current:.1f} A" for each in columns]
+
+
+def _seconds(time: float | None, otherwise: str) -> str:
+    return otherwise if time is None else f"{time:.3f} s"
+
+
+def _row(name: str, words: Sequence[str]) -> str:
+    return f"  {name:<20}" + "".join(f"{word:>16}" for word in words)

@@ -1,0 +1,36 @@
+"""Where a recorded run was: by its odometry, and truly, which only a simulation knows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from artemis.errors import ConfigError
+from artemis.motion.spline import Array
+from artemis.motion.trajectory import Trajectory
+from artemis.report.series import Series
+
+
+def estimated_trajectory(run: Series) -> Trajectory:
+    """The centre of the rear axle by the odometry, frame `odom`, run time, since the odometry got its origin.
+
+    Raises:
+        ConfigError: the run ended before.
+    """
+    return _since_placed(run, run.estimated)
+
+
+def true_trajectory(run: Series) -> Trajectory | None:
+    """Its true places, likewise; None: the run was not simulated.
+
+    Raises:
+        ConfigError: the run ended before the odometry got its origin.
+    """
+    return _since_placed(run, run.true) if np.isfinite(run.true[:, 0]).any() else None
+
+
+def _since_placed(run: Series, poses: Array) -> Trajectory:
+    time, poses = run.time[run.placed :], poses[run.placed :]
+    kept = np.isfinite(poses[:, 0]) & (np.diff(time, prepend=-np.inf) > 0)
+    if not kept.any():
+        raise ConfigError("the run ended before the odometry got its origin: there are no poses")
+    return Trajectory(time=time[kept], poses=poses[kept])

@@ -1,0 +1,79 @@
+"""What the steering drives keep of their potentiometers, beside the robot file, which is the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from artemis.motion.potentiometers import memory_numbers, memory_words
+from artemis.states.mode import OFF, CalibrateStep, Plan, Routine, fail, failure, finish_jobs
+from artemis.supervision import catalogue
+from artemis.values import Fault, JobKind, JobResult, Snapshot
+
+LARGEST = 2**31
+"""What a drive keeps is smaller, without sign: 32 bit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreSteeringStep(CalibrateStep):
+    """Write the robot file's calibration of the potentiometers into the drives."""
+
+    @property
+    def replaces(self) -> bool:
+        """Always."""
+        return True
+
+
+def store_steering(plan: Plan, snapshot: Snapshot) -> Routine:
+    """Let the drives keep what the robot file says."""
+    return (yield from keep(plan, {name: _from_file(plan, name) for name in plan.drives("steering")}, snapshot))
+
+
+def keep(plan: Plan, wanted: Mapping[str, tuple[int, ...]], snapshot: Snapshot) -> Routine:
+    """Write numbers into drives that are off, one after the other: each is read back, then kept for ever."""
+    before, snapshot = yield from finish_jobs(
+        replace(OFF, phase="reading what the drives keep"), plan.jobs(JobKind.READ_CALIBRATION, wanted)
+    )
+    if fault := failure(before):
+        return (yield from fail(OFF, fault))
+    done: list[str] = []
+    for name, numbers in wanted.items():
+        if max(map(abs, numbers)) >= LARGEST:
+            fault = catalogue.fault("CAL-01", name, f"too large for the drive's memory: {memory_words(numbers)}")
+            return (yield from fail(OFF, fault))
+        for job in plan.job(JobKind.WRITE_CALIBRATION, name, *numbers), plan.job(JobKind.STORE, name):
+            results, snapshot = yield from finish_jobs(replace(OFF, phase=f"{job[0].kind.value} {name}"), job)
+            if not results[0].ok:
+                told = _told(results[0], before, done)
+                return (yield from fail(OFF, catalogue.fault("CAL-01", name, told)))
+        plan.kept[name] = numbers
+        done.append(name)
+    return snapshot
+
+
+def _told(failed: JobResult, before: Iterable[JobResult], done: Iterable[str]) -> str:
+    """What went wrong, and what is where now."""
+    kept = {result.drive: memory_words(result.values) for result in before}
+    told = [f"{failed.kind.value}: {failed.detail}", f"before it kept {kept[failed.drive]}"]
+    told += [f"{name} keeps the new values already, before {kept[name]}" for name in done]
+    return "; ".join([*told, "the robot file is as it was, `artemis calibrate steering --store` brings it back"])
+
+
+def contradiction(plan: Plan, results: Iterable[JobResult]) -> Fault | None:
+    """A drive that keeps another calibration than the robot file's; zeros: none was ever stored.
+
+    No fault where the run is there to write another one.
+    """
+    if isinstance(plan.current, CalibrateStep) and plan.current.replaces:
+        return None
+    for result in results:
+        if result.kind is JobKind.READ_CALIBRATION and any(result.values):
+            known = plan.kept.get(result.drive) or _from_file(plan, result.drive)
+            if result.values != known:
+                seen = f"keeps {memory_words(result.values)}; the robot file says {memory_words(known)}"
+                return catalogue.fault("CAL-02", result.drive, seen)
+    return None
+
+
+def _from_file(plan: Plan, name: str) -> tuple[int, ...]:
+    return memory_numbers(plan.robot.potentiometers(plan.robot.drives[name].side))

@@ -1,0 +1,275 @@
+"""Calibrating the potentiometers of the steered wheels: zero and slope against the encoders (thesis 4.3.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from math import copysign, degrees, inf, radians
+
+from artemis.motion.ackermann import Ackermann
+from artemis.motion.potentiometers import memory_numbers, wheel_angles
+from artemis.motion.steering_fit import Line, Pass, SteeringFit, fitted, lines_through, shown_straight
+from artemis.states.alignment import READINGS, do, enable, steer
+from artemis.states.keeping import keep
+from artemis.states.mode import OFF, PATIENCE, STEERING_ON, CalibrateStep, Plan, Routine, fail
+from artemis.supervision import catalogue
+from artemis.values import POWERED, DriveCommand, DriveFeedback, Fault, JobKind, Request, Severity, Snapshot, Wish
+from artemis.vehicle import Potentiometers
+
+TURN, LEAST_TURN = radians(45.0), radians(15.0)
+"""A wheel is read straight and turned by so much to both sides [rad]: less where its limits are nearer."""
+WINDOW = radians(2.0)
+"""It turns by so much to both sides of each angle while it is read [rad]: an analog input steps by 0.35 degrees."""
+LEAD = radians(2.0)
+"""Before that it turns the same way for so long [rad]: more than any sound play, which is taken up then."""
+FLAT = 0.1
+"""A voltage that changes less than this [V/rad] does not follow the wheel."""
+SLOPE_RANGE = 0.1
+"""The slope may differ from the robot file's by this part."""
+OFF_LINE, FAR_OFF_LINE = radians(0.2), radians(0.5)
+"""A pass whose mean is so far off the line is worth a warning, and a refusal [rad]."""
+RELEASE_TIME = 1.0
+"""Longest time for the driven wheels' drives to switch off [s]."""
+READ_TIME = 0.5
+"""Nobody reads a question faster [s]."""
+INSIDE = 1e-6
+"""Targets stay so far inside the gate's limits [rad]: rounding must not put them beyond."""
+JOGS = {
+    Request.LEFT_DEGREE: radians(1.0),
+    Request.RIGHT_DEGREE: -radians(1.0),
+    Request.LEFT_TENTH: radians(0.1),
+    Request.RIGHT_TENTH: -radians(0.1),
+}
+
+Lines = tuple[Line, Line]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SteeringStep(CalibrateStep):
+    """Measure zero and slope of the potentiometers of steered wheels."""
+
+    sides: tuple[str, ...] = ("left", "right")
+    reference: Mapping[str, float] = field(default_factory=dict)
+    """True angle of a wheel that shows 0 [rad], by side; of one with new potentiometers: as it is found."""
+    new: bool = False
+    """Nothing that the potentiometers say now is believed."""
+    save: str = "nothing"
+    """`drives`: keep the result in the drives; `ask`: if a person says so."""
+
+    @property
+    def replaces(self) -> bool:
+        """Whether the drives are to keep another calibration."""
+        return self.save != "nothing"
+
+
+def calibrate_steering(plan: Plan, step: SteeringStep, snapshot: Snapshot) -> Routine:
+    """Have a person turn the wheels straight where no reference is given, measure each, tell, and keep the result.
+
+    Traction is off, and both wheels turn as a pair by set-points that pass the gate.
+    """
+    snapshot = yield from _release(plan, snapshot)
+    straight: dict[str, tuple[float, float]] = {}
+    for side in step.sides:
+        if side in step.reference:
+            straight[side] = (0.0 if plan.blind else -step.reference[side]), 0.0
+        else:
+            straight[side], snapshot = yield from _ask_straight(plan, side, snapshot)
+    fits: dict[str, SteeringFit] = {}
+    for side in step.sides:
+        angle, direction = straight[side]
+        lines, snapshot = yield from _measure(plan, side, angle, snapshot)
+        known = plan.robot.potentiometers(side)
+        if side in step.reference and not plan.blind:
+            angle = shown_straight(lines, known) - step.reference[side]
+        fits[side] = fitted(lines, angle, direction, known)
+    snapshot = yield from steer(plan, 0.0, snapshot, {})
+    plan.steering = fits
+    for text in _told(plan, fits):
+        snapshot = yield _hold(snapshot, text)
+    if step.save == "ask":
+        snapshot = yield from _ask(plan, "keep this in the drives and the robot file? enter: yes, q: no", snapshot)
+    if step.save != "nothing":
+        wanted = {
+            plan.robot.drive_at("steering", side)[0]: memory_numbers(fit.calibration) for side, fit in fits.items()
+        }
+        snapshot = yield from keep(plan, wanted, snapshot)
+        snapshot = yield from enable(STEERING_ON, snapshot)
+    return snapshot
+
+
+def _release(plan: Plan, snapshot: Snapshot) -> Routine:
+    """Have the driven wheels let go: they shall roll as the steering turns them."""
+    latest = snapshot.time + RELEASE_TIME
+    while on := [name for name in plan.drives("traction") if _drive(snapshot, name).state in POWERED]:
+        if snapshot.time > latest:
+            return (yield from fail(STEERING_ON, catalogue.fault("COM-03", on[0], "stays on")))
+        snapshot = yield _hold(snapshot, "switching traction off")
+    return (yield from enable(STEERING_ON, snapshot))
+
+
+def _hold(snapshot: Snapshot, phase: str) -> Wish:
+    """Wheels held, traction off."""
+    return replace(STEERING_ON, command=DriveCommand(steering=snapshot.set_points.steering), phase=phase)
+
+
+# ---------------------------------------------------------------------------------------------- a person
+
+
+def _ask(plan: Plan, question: str, snapshot: Snapshot) -> Routine:
+    """Wait until a person accepts; who does not, ends the run."""
+    begun = snapshot.time
+    while not _accepts(snapshot, begun):
+        yield from _somebody(snapshot, begun, question)
+        snapshot = yield _hold(snapshot, question)
+    return snapshot
+
+
+def _accepts(snapshot: Snapshot, begun: float) -> bool:
+    """Whether a person accepts what was shown from run time `begun` [s] on: a key that bounces accepts nothing more."""
+    return Request.ACCEPT in snapshot.sensed.requests and snapshot.time >= begun + READ_TIME
+
+
+def _somebody(snapshot: Snapshot, begun: float, question: str) -> Generator[Wish, Snapshot, None]:
+    """Nothing, while somebody may answer."""
+    if not snapshot.sensed.attended or snapshot.time > begun + PATIENCE:
+        yield from fail(STEERING_ON, _refused("", f"nobody answers: {question}"))
+
+
+def _ask_straight(
+    plan: Plan, side: str, snapshot: Snapshot
+) -> Generator[Wish, Snapshot, tuple[tuple[float, float], Snapshot]]:
+    """Let a person turn a wheel until it stands straight: its angle by the encoder [rad], and which way it came."""
+    name, _ = plan.robot.drive_at("steering", side)
+    low, high = _reach(plan, side)
+    angle, target = _drive(snapshot, name).position, snapshot.set_points.steering
+    direction = 0.0 if plan.blind else 1.0  # as the alignment leaves it
+    begun = snapshot.time
+    while not _accepts(snapshot, begun):
+        question = f"{side} wheel at {degrees(angle):+.1f} deg: turn it until it stands straight, then accept"
+        yield from _somebody(snapshot, begun, question)
+        if jog := sum(JOGS.get(request, 0.0) for request in snapshot.sensed.requests):
+            angle, direction = min(max(angle + jog, low), high), copysign(1.0, jog)
+            target = _virtual(plan, side, angle)
+        snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=target), phase=question)
+    snapshot = yield from steer(plan, target, snapshot, {})
+    if not plan.blind:
+        return (_drive(snapshot, name).position, direction), snapshot
+    snapshot = yield from do(OFF, plan.jobs(JobKind.REFERENCE, [name], [0.0]), snapshot)
+    return (0.0, direction), (yield from enable(STEERING_ON, snapshot))
+
+
+# ---------------------------------------------------------------------------------------------- measuring
+
+
+def _measure(
+    plan: Plan, side: str, straight: float, snapshot: Snapshot
+) -> Generator[Wish, Snapshot, tuple[Lines, Snapshot]]:
+    """Read one wheel straight, turned to both sides, and straight again, each angle from both sides."""
+    name, _ = plan.robot.drive_at("steering", side)
+    low, high = _reach(plan, side)
+    turn = min(TURN, min(high - straight, straight - low) - WINDOW - LEAD)
+    if turn < LEAST_TURN:
+        seen = f"at its limit: {degrees(turn):.1f} degrees are left to turn it by, {degrees(LEAST_TURN):.0f} are needed"
+        yield from fail(STEERING_ON, _refused(name, seen))
+    passes: list[Pass] = []
+    for offset in (0.0, turn, -turn, 0.0):
+        for direction in (1.0, -1.0):
+            one, snapshot = yield from _pass(plan, side, straight + offset, direction, snapshot)
+            passes.append(one)
+    lines = lines_through(passes)
+    for fault in _judged(plan, side, lines, passes):
+        if fault.severity >= Severity.CONTROLLED_STOP:
+            yield from fail(STEERING_ON, fault)
+        snapshot = yield replace(_hold(snapshot, fault.text), fault=fault)
+    return lines, snapshot
+
+
+def _pass(
+    plan: Plan, side: str, angle: float, direction: float, snapshot: Snapshot
+) -> Generator[Wish, Snapshot, tuple[Pass, Snapshot]]:
+    """Readings while the wheel turns slowly past `angle` [rad] in one direction."""
+    name, _ = plan.robot.drive_at("steering", side)
+    begin, phase = angle - direction * WINDOW, f"reading the {side} wheel at {degrees(angle):+.0f} degrees"
+    for target in (begin - direction * LEAD, begin):
+        snapshot = yield from steer(plan, _virtual(plan, side, target), snapshot, {}, phase)
+    number, readings = READINGS // 2, []
+    for step in range(1, number + 1):
+        target = _virtual(plan, side, begin + direction * 2.0 * WINDOW * step / number)
+        snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=target), phase=phase)
+        drive = _drive(snapshot, name)
+        readings.append((drive.position, *drive.potentiometers))
+    return Pass(direction, readings), snapshot
+
+
+def _drive(snapshot: Snapshot, name: str) -> DriveFeedback:
+    return next(drive for drive in snapshot.sensed.drives if drive.name == name)
+
+
+def _virtual(plan: Plan, side: str, angle: float) -> float:
+    """Angle of the virtual wheel at which the wheel of one side stands at `angle` [rad]."""
+    car = Ackermann(plan.robot.geometry)
+    return car.steering_from_left(angle) if side == "left" else car.steering_from_right(angle)
+
+
+def _reach(plan: Plan, side: str) -> tuple[float, float]:
+    """How far the gate lets a wheel turn to the right and to the left [rad], by its encoder."""
+    car, limit = Ackermann(plan.robot.geometry), radians(plan.robot.limits.steering_deg)
+    place = 0 if side == "left" else 1
+    return car.wheel_angles(-limit)[place] + INSIDE, car.wheel_angles(limit)[place] - INSIDE
+
+
+# ---------------------------------------------------------------------------------------------- judging
+
+
+def _judged(plan: Plan, side: str, lines: Lines, passes: list[Pass]) -> Iterator[Fault]:
+    """What is wrong with what was read, or worth a warning."""
+    name, _ = plan.robot.drive_at("steering", side)
+    known = plan.robot.potentiometers(side)
+    for number, (line, slope) in enumerate(zip(lines, known.slope_deg_per_v, strict=True), 1):
+        who = f"potentiometer {number}"
+        found = degrees(1.0) / line.per_radian if line.per_radian else inf
+        if abs(line.per_radian) < FLAT:
+            yield _refused(name, f"{who} does not follow the wheel: {abs(line.per_radian):.3f} V per radian")
+        elif not plan.blind and abs(found / slope - 1.0) > SLOPE_RANGE:
+            swapped = "; are two plugs swapped?" if found * slope < 0.0 else ""
+            yield _refused(
+                name, f"{who}: {found:.1f} degrees per volt, the robot file says {slope:.1f}; at most 10 % off{swapped}"
+            )
+        elif line.misfit > FAR_OFF_LINE:
+            seen = f"{who} is {degrees(line.misfit):.2f} degrees off its line: it drifts, or a coupling slips"
+            yield _refused(name, seen)
+        elif line.misfit > OFF_LINE:
+            yield _warning(name, f"{who} is {degrees(line.misfit):.2f} degrees off its line")
+    if not plan.blind and (apart := _apart(known, passes[0])) > plan.robot.calibration.steering.disagreement_deg / 2.0:
+        yield _warning(name, f"by the robot file its potentiometers are {apart:.1f} degrees apart")
+
+
+def _apart(known: Potentiometers, one: Pass) -> float:
+    """Difference of both potentiometers in the mean of a pass, by a calibration [degrees]."""
+    number = len(one.readings)
+    volts = sum(first for _, first, _ in one.readings) / number, sum(second for _, _, second in one.readings) / number
+    first, second = wheel_angles(volts, known)
+    return degrees(abs(first - second))
+
+
+def _refused(name: str, seen: str) -> Fault:
+    return catalogue.fault("CAL-01", name, seen)
+
+
+def _warning(name: str, seen: str) -> Fault:
+    return catalogue.fault("CAL-01", name, seen, Severity.WARN)
+
+
+def _told(plan: Plan, fits: Mapping[str, SteeringFit]) -> Iterator[str]:
+    """What was found, beside what was known, line by line."""
+    for side, fit in fits.items():
+        old, new = plan.robot.potentiometers(side), fit.calibration
+        for number in (0, 1):
+            zero, slope = new.zero_v[number], new.slope_deg_per_v[number]
+            shift = (zero - old.zero_v[number]) * slope
+            yield (
+                f"{side} {number + 1}: zero {old.zero_v[number]:.4f} -> {zero:.4f} V ({shift:+.2f} deg, "
+                f"+- {abs(fit.zero_spread_v[number] * slope):.3f}), slope {old.slope_deg_per_v[number]:.3f} -> "
+                f"{slope:.3f} deg/V (+- {fit.slope_spread_deg_per_v[number]:.3f})"
+            )
+        yield f"{side}: backlash {fit.backlash_deg:.2f} deg, off the line by {fit.misfit_deg:.3f} deg at most"

@@ -1,0 +1,107 @@
+"""`artemis calibrate gains` against drives in another process: what is kept outlasts the power, the rest is undone."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import can
+import pytest
+from command_line import (
+    PATIENCE,
+    ROBOT,
+    artemis,
+    free_port,
+    multicast_problem,
+    read_until,
+    skip_if_late,
+    started,
+    stream,
+    write_mission,
+)
+
+from artemis.mission.loading import load_model
+from artemis.vehicle import Robot
+
+pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
+
+GROUP = "239.74.163.2"
+NODE, POSITION_GAINS = 3, 0x60FB
+TRIED = ["--drive", "steer-left", "--position", "200,10,250", "--yes"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _multicast() -> None:
+    if problem := multicast_problem():
+        pytest.skip(problem)
+
+
+@contextmanager
+def simulated_robot(port: int) -> Iterator[subprocess.Popen[str]]:
+    words = ["--interface", "udp_multicast", "--channel", GROUP, "--option", "hop_limit=0", "--option", f"port={port}"]
+    with started("sim", ROBOT, *words) as process:
+        read_until(process, "Ctrl-C ends")
+        yield process
+
+
+def mission(folder: Path, port: int) -> Path:
+    bus = f"{{interface: udp_multicast, channel: {GROUP}, hop_limit: 0, port: {port}}}"
+    return write_mission(folder, bus=bus, more="tick_hz: 50\n")
+
+
+def position_gains(port: int, *, restart: bool = False) -> tuple[int, ...]:
+    """What the drive has now, read by nobody of ours; or after a node reset, when only what was stored is left."""
+    with can.Bus(GROUP, interface="udp_multicast", port=port, hop_limit=0) as bus:
+
+        def answer(identifier: int) -> bytes:
+            while (frame := bus.recv(PATIENCE)) is not None:
+                if frame.arbitration_id == identifier:
+                    return bytes(frame.data)
+            raise AssertionError("the bus is silent")
+
+        def send(identifier: int, data: bytes) -> None:
+            bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+
+        if restart:
+            send(0x000, bytes((0x81, NODE)))
+            while answer(0x700 + NODE) != b"\0":
+                pass
+        found = []
+        for sub in (1, 2, 3):
+            send(0x600 + NODE, bytes((0x40, POSITION_GAINS & 0xFF, POSITION_GAINS >> 8, sub, 0, 0, 0, 0)))
+            found.append(int.from_bytes(answer(0x580 + NODE)[4:6], "little"))
+        return tuple(found)
+
+
+def test_gains_that_are_kept_are_in_the_drive_s_memory_and_in_the_robot_file(tmp_path: Path) -> None:
+    port, robot = free_port(), tmp_path / "robots" / "artemis.yaml"
+    with simulated_robot(port):
+        done = artemis("calibrate", "gains", mission(tmp_path, port), *TRIED)
+        skip_if_late(done.stdout)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert f"kept        steer-left: stored, and in {robot}" in done.stdout
+        assert position_gains(port, restart=True) == (200, 10, 250)
+    gains = {name: drive.gains for name, drive in load_model(robot, Robot).drives.items()}
+    known = load_model(ROBOT, Robot).drives
+    assert gains.pop("steer-left") == known["steer-left"].gains.model_copy(update={"position": (200, 10, 250)})  # type: ignore[union-attr]  # it has some
+    assert gains == {name: known[name].gains for name in gains}
+
+
+def test_ctrl_c_in_a_trial_gives_the_drive_its_gains_back(tmp_path: Path) -> None:
+    port = free_port()
+    path = mission(tmp_path, port)
+    with simulated_robot(port), started("calibrate", "gains", path, *TRIED) as trial:
+        read_until(trial, "gains of steer-left")
+        read_until(trial, "turning")
+        assert position_gains(port) == (200, 10, 250)
+        trial.send_signal(signal.SIGINT)
+        shown = stream(trial.stdout).read()
+        skip_if_late(shown)
+        assert trial.wait(PATIENCE) == 128 + signal.SIGINT
+        assert "restored    steer-left: the gains of the robot file" in shown
+        assert "kept        " not in shown
+        assert position_gains(port) == (150, 10, 200)
+    assert (tmp_path / "robots" / "artemis.yaml").read_text() == ROBOT.read_text()

@@ -1,0 +1,287 @@
+"""`artemis calibrate gains`: what it is asked for, what it shows, tries and keeps."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from artemis.commands import calibrate_gains as command
+from artemis.commands.calibrate_gains import Wanted, calibrate_gains, trial_from
+from artemis.commands.gains_trial import Findings, Trial, write_mission
+from artemis.errors import ConfigError, DeviceTimeout
+from artemis.mission.loading import LoadedMission, load_mission
+from artemis.mission.schema import NewGains
+from artemis.motion.step_response import StepResponse
+from artemis.recording.mcap_reader import Recording
+from artemis.vehicle import Gains
+
+ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
+LEFT, RIGHT, DRIVEN = "steer-left", "steer-right", "traction-left"
+POSITION = {"position": "600,10,200"}
+NEW = Gains(current=(500, 150), velocity=(1000, 100), position=(600, 10, 200))
+SETTLED = StepResponse(
+    begin=0.0,
+    step=5.0,
+    ramp=0.15,
+    watched=2.0,
+    rise=0.1,
+    overshoot=0.0,
+    settled_5=0.2,
+    settled_2=0.3,
+    steady_error=0.0,
+    largest_error=0.5,
+    peak_current=1.0,
+)
+
+
+def mission(folder: Path, **keys: Any) -> Path:  # noqa: ANN401 (as in a mission)
+    (folder / "robots").mkdir()
+    shutil.copy(ROBOT, folder / "robots")
+    content = {"mission": "m", "robot": "robots/artemis.yaml", "bus": "simulation", "steps": [{"wait": {"seconds": 1}}]}
+    path = folder / "mission.yaml"
+    path.write_text(json.dumps({**content, **keys}))
+    return path
+
+
+def problems(loaded: LoadedMission, *drives: str, step: float | None = None, **gains: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        trial_from(loaded, Wanted(drives=drives, gains=gains, step=step))
+    return str(caught.value)
+
+
+def test_wrong_options_are_all_told_before_anything_moves(tmp_path: Path) -> None:
+    loaded = load_mission(mission(tmp_path))
+    assert "no such drive; did you mean steer-left?" in problems(loaded, "steer-lft", position="1,2,3")
+    for position in ("1,2", "1,2,3,4", "1,2,32768", "-1,2,3", "1.5,2,3", "a,b,c", ""):
+        assert "expected P,I,D: 3 whole numbers of 0 to 32767" in problems(loaded, LEFT, position=position)
+    assert "--current '1': expected P,I: 2 whole numbers" in problems(loaded, LEFT, current="1")
+    assert "--drive is missing" in problems(loaded, position="1,2,3")
+    assert "one kind after the other" in problems(loaded, LEFT, DRIVEN, velocity="1,2")
+    assert "expected 0.5 to 20 degrees" in problems(loaded, LEFT, step=21.0)
+    assert "expected 0.1 to 0.2 m/s" in problems(loaded, DRIVEN, step=0.3)
+    assert "already" in problems(loaded, LEFT, position="150,10,200")
+    both = problems(loaded, "nobody", position="1", step=30.0).splitlines()
+    assert len(both) == 2
+
+
+@pytest.mark.parametrize(
+    ("gains", "problem"),
+    [
+        ({"steer-lft": {"position": [1, 2, 3]}}, "no such drive; did you mean steer-left?"),
+        ({LEFT: {"position": [1, 2]}}, "the list is too short"),
+        ({LEFT: {"position": [1, 2, 32768]}}, "expected at most 32767"),
+        ({LEFT: {}}, "expected at least one of current, velocity, position"),
+        ({LEFT: {"speed": [1, 2]}}, "unknown key"),
+        ({}, "expected a list of at least 1"),
+    ],
+)
+def test_wrong_gains_in_a_mission_are_told_with_their_place(
+    tmp_path: Path, gains: dict[str, Any], problem: str
+) -> None:
+    path = mission(tmp_path, steps=[{"calibrate": {"gains": gains}}])
+    with pytest.raises(ConfigError) as caught:
+        load_mission(path)
+    (told,) = caught.value.problems
+    assert told.startswith(f"{path}:1:")
+    assert "steps[0].calibrate.gains" in told
+    assert problem in told
+
+
+def test_a_drive_without_gains_in_the_robot_file_cannot_try_any(tmp_path: Path) -> None:
+    path = mission(tmp_path)
+    robot = tmp_path / "robots" / "artemis.yaml"
+    robot.write_text(
+        "".join(line for line in robot.read_text().splitlines(True) if "gains: {current: [500" not in line)
+    )
+    assert "the robot file has no gains of it" in problems(load_mission(path), LEFT, position="1,2,3")
+
+
+def test_several_drives_of_one_kind_are_tried_together(tmp_path: Path) -> None:
+    trial = trial_from(load_mission(mission(tmp_path)), Wanted(drives=(RIGHT, LEFT, RIGHT), gains=POSITION))
+    assert trial.drives == (RIGHT, LEFT)
+    assert (trial.side, trial.step) == ("right", 5.0)
+    assert trial.new == NewGains(position=(600, 10, 200))
+
+
+@pytest.mark.parametrize(
+    ("drive", "new", "kinds", "places"),
+    [
+        (LEFT, NewGains(position=(1, 2, 3)), ["turn", "gains", "turn"], {"now": 0, "new": 2}),
+        (LEFT, None, ["turn"], {"now": 0}),
+        (DRIVEN, NewGains(velocity=(1, 2)), ["steering", "", "", "gains", "", ""], {"now": 1, "new": 4}),
+        (DRIVEN, None, ["steering", "", ""], {"now": 1}),
+    ],
+)
+def test_the_mission_of_a_trial(
+    tmp_path: Path, drive: str, new: NewGains | None, kinds: list[str], places: Mapping[str, int]
+) -> None:
+    stick = {"plugin": "scripted", "file": "stick.csv"}
+    (tmp_path / "stick.csv").write_text("time_s,x,y,enable\n0,0,0,0\n")
+    simulation = {"seed": 7, "inputs": {"stick": stick}, "operator": [{"at_s": 1.0, "do": "end"}]}
+    path = mission(tmp_path, inputs={"stick": stick}, simulation=simulation)
+    loaded = load_mission(path)
+    role = "steering" if drive == LEFT else "traction"
+    trial = Trial(drives=(drive,), role=role, side="left", step=0.2, new=new)
+    (tmp_path / "made").mkdir()
+    made, source = write_mission(loaded, path, trial, tmp_path / "made")
+    found = [step.action.model_fields_set & {"turn", "gains", "steering"} for step in made.mission.steps]
+    assert ["".join(each) for each in found] == kinds
+    assert trial.places == places
+    assert (made.mission.tick_hz, made.folder, made.mission.simulation.seed) == (200, tmp_path, 7)
+    assert (made.mission.inputs, len(made.mission.simulation.operator)) == ({}, 1)
+    assert source.read_text().startswith("# A trial of gains, made of mission.yaml.")
+
+
+def test_a_slow_bus_is_not_filled_and_a_mission_s_own_frequency_holds(tmp_path: Path) -> None:
+    path = mission(tmp_path, tick_hz=50)
+    robot = tmp_path / "robots" / "artemis.yaml"
+    robot.write_text(robot.read_text() + "bitrate: 250000\n")
+    trial = Trial(drives=(LEFT,), role="steering", side="left", step=5.0, new=None)
+    for keys, expected in ((b'"tick_hz": 50, ', 50), (b"", 50)):
+        path.write_bytes(
+            path.read_bytes().replace(b'"tick_hz": 50', b'"tick_hz": 50' if keys else b'"record": "runs/"')
+        )
+        (tmp_path / f"made{len(keys)}").mkdir()
+        made, _ = write_mission(load_mission(path), path, trial, tmp_path / f"made{len(keys)}")
+        assert made.mission.tick_hz == expected
+
+
+def test_shows_what_differs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert calibrate_gains(mission(tmp_path), Wanted(gains={})) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "gains of ARTEMIS in the robot file, and in the drives (simulated) now"
+    assert lines[2].split() == ["traction-left", "robot", "file", "400,120", "1200,180", "150,10,200"]
+    assert lines[3].split() == ["drive", "400,120", "400,120", "*", "150,10,200"]
+    assert lines[-1].startswith("* differs")
+
+
+def test_nothing_to_try_is_no_trial(tmp_path: Path) -> None:
+    path = mission(tmp_path)
+    for wanted in (Wanted(gains={}, step=5.0), Wanted(gains={}, yes=True)):
+        with pytest.raises(ConfigError, match="are for a trial"):
+            calibrate_gains(path, wanted)
+    with pytest.raises(ConfigError, match="no such drive"):
+        calibrate_gains(path, Wanted(gains={}, drives=("nobody",)))
+
+
+def test_a_real_robot_does_not_move_unasked(tmp_path: Path) -> None:
+    path = mission(tmp_path, bus={"interface": "virtual", "channel": "nowhere"})
+    with pytest.raises(ConfigError, match=r"terminal.*--yes: .* turn by 5 degrees to the left and back, once with"):
+        calibrate_gains(path, Wanted(drives=(LEFT,), gains=POSITION))
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_trial_is_a_run_with_table_and_figure_and_keeps_nothing_simulated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = mission(tmp_path)
+    assert calibrate_gains(path, Wanted(drives=(LEFT,), gains=POSITION, yes=True)) == 0
+    out = capsys.readouterr().out
+    for text in (
+        "steer-left: a step of 5.0 degrees, of which the gate makes a ramp of 0.15 s",
+        "restored    steer-left: the gains of the robot file",
+        "kept        nothing: simulated drives",
+    ):
+        assert text in out
+    (run,) = (tmp_path / "runs").iterdir()
+    assert run.name.endswith("-gains")
+    assert (run / "gains.png").read_bytes().startswith(b"\x89PNG")
+    assert (run / "report.html").is_file()
+    assert Recording(run).outcome == "done"
+    assert (tmp_path / "robots" / "artemis.yaml").read_text() == ROBOT.read_text()
+
+
+# ---------------------------------------------------------------------------------------------- keeping
+
+
+def decide(folder: Path, response: StepResponse = SETTLED, *, yes: bool = True) -> tuple[int, Path]:
+    loaded = load_mission(mission(folder))
+    trial = Trial(drives=(LEFT,), role="steering", side="left", step=5.0, new=NewGains(position=(600, 10, 200)))
+    found = Findings(traces={}, responses={"now": [SETTLED], "new": [response]}, unrestored={}, stopped=False)
+    status = command._decide(loaded, trial, found, Wanted(drives=(LEFT,), gains=POSITION, yes=yes))
+    return status, folder / "robots" / "artemis.yaml"
+
+
+def store(stored: list[Mapping[str, tuple[int, ...]]], error: Exception | None = None) -> Any:  # noqa: ANN401
+    async def store_gains(_: object, gains: Mapping[str, tuple[int, ...]], done: list[str]) -> None:
+        if error is not None:
+            raise error
+        stored.append(gains)
+        done.extend(gains)
+
+    return store_gains
+
+
+def test_gains_that_are_kept_are_stored_and_written_for_their_drive_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stored: list[Mapping[str, tuple[int, ...]]] = []
+    monkeypatch.setattr(command, "_store", store(stored))
+    status, file = decide(tmp_path)
+    assert (status, stored) == (0, [{LEFT: NEW.numbers}])
+    loaded = load_mission(tmp_path / "mission.yaml")
+    assert loaded.robot.drives[LEFT].gains == NEW
+    assert loaded.robot.drives[RIGHT].gains == Gains(current=(500, 150), velocity=(1000, 100), position=(150, 10, 200))
+    assert "# half" not in file.read_text()
+    assert file.read_text().startswith(ROBOT.read_text()[:200])
+
+
+def test_what_is_not_stored_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "_store", store([], DeviceTimeout(LEFT, "no answer")))
+    status, file = decide(tmp_path)
+    assert status == 1
+    assert "kept        nothing: steer-left: no answer" in capsys.readouterr().out
+    assert file.read_text() == ROBOT.read_text()
+
+
+def test_a_file_that_cannot_be_written_after_storing_is_told_with_what_is_where(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object) -> None:
+        raise ConfigError("artemis.yaml: cannot be written: read-only")
+
+    monkeypatch.setattr(command, "_store", store([]))
+    monkeypatch.setattr(command, "edit", refuse)
+    status, file = decide(tmp_path)
+    out = capsys.readouterr().out
+    assert status == 1
+    assert "kept        not all: artemis.yaml: cannot be written: read-only" in out
+    assert "steer-left: stored;" in out
+    assert file.read_text() == ROBOT.read_text()
+
+
+def test_gains_that_do_not_settle_are_not_kept_without_a_person(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stored: list[Mapping[str, tuple[int, ...]]] = []
+    monkeypatch.setattr(command, "_store", store(stored))
+    status, file = decide(tmp_path, replace(SETTLED, settled_5=None))
+    assert (status, stored, file.read_text()) == (1, [], ROBOT.read_text())
+
+
+@pytest.mark.parametrize(
+    ("answer", "kept"), [("yes\n", True), ("y\n", True), ("no\n", False), ("\n", False), ("", False), ("^C", False)]
+)
+def test_a_person_decides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str, kept: bool) -> None:
+    class Keyboard:
+        def isatty(self) -> bool:
+            return True
+
+        def readline(self) -> str:
+            if answer == "^C":
+                raise KeyboardInterrupt
+            return answer
+
+    stored: list[Mapping[str, tuple[int, ...]]] = []
+    monkeypatch.setattr(command, "_store", store(stored))
+    monkeypatch.setattr("sys.stdin", Keyboard())
+    status, _ = decide(tmp_path, yes=False)
+    assert (status, bool(stored)) == (0, kept)
