@@ -8,7 +8,7 @@ READY := $(VENV)/.ready
 # Where it is set, every worker and every `artemis` that the tests start would compile everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check bench bench-followers host-death campaign coverage core-coverage mutation fuzz picture clean
+.PHONY: demo test check bench bench-followers host-death campaign coverage core-coverage mutation fuzz picture thesis clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
@@ -50,6 +50,9 @@ fuzz: $(READY)
 
 picture: $(READY)
 	@$(BIN)/python docs/images/figure_eight.py
+
+thesis: $(READY)
+	@$(BIN)/python docs/images/thesis.py
 
 clean:
 	rm -rf $(VENV) missions/runs missions/campaigns/runs build

@@ -69,9 +69,13 @@ ELSEWHERE = (
     "record_and_follow.yaml",
     "record_and_return.yaml",
     "three_point_turn.yaml",
+    "calibration_pattern.yaml",
+    *(f"return_to_start_{way}.yaml" for way in ("ccw", "cw")),
+    *(f"thesis_{name}.yaml" for name in ("circles", "stop_and_steer", "slow", "fast", "every_angle", "hysteresis")),
     *(f"follow_{course}.yaml" for course in ("circle", "corner", "figure_eight", "slalom", "straight")),
 )
-"""test_record_and_follow.py, test_reversing.py and test_follow_missions.py run them."""
+"""test_record_and_follow.py, test_reversing.py, test_follow_missions.py, test_calibration_missions.py and
+test_thesis_missions.py run them, or say of which other they are twins."""
 TWIN, OTHER_TWIN = "figure_eight_socketcan.yaml", "figure_eight_udp.yaml"
 """The bus is all in which they differ, and in simulation neither has it: one of them is run."""
 FAULTS = {"fault_recovery.yaml": ["DRV-25"], "can_overrun.yaml": ["DRV-18"]}
