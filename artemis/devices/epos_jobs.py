@@ -19,8 +19,7 @@ from artemis.devices.epos_objects import (
     MEMORY,
     MODE_DISPLAY,
     POSITION,
-    POSITION_MAX,
-    POSITION_MIN,
+    POSITION_LIMITS,
     SAVE,
     SERIAL_NUMBER,
     SET_POINT,
@@ -104,7 +103,7 @@ class EposJobs:
             case JobKind.WRITE_CALIBRATION | JobKind.WRITE_GAINS:
                 await self._write_all(_NUMBERS[job.kind], job.values)
             case JobKind.STORE:
-                await self.write(STORE, SAVE)  # the drive is off and busy meanwhile
+                await self.store()
             case JobKind.DISARM:
                 await self.disarm()
         return ()
@@ -143,7 +142,6 @@ class EposJobs:
     async def reference(self, angle: float) -> None:
         """The wheel stands at `angle` [rad]: count from here, and let the drive refuse what is out of reach."""
         raw = await self.read(POSITION)
-        self._epos.rebase(angle, raw)
         car = Ackermann(self._epos.robot.geometry)
         reach = radians(self._epos.robot.limits.steering_deg)
         side = 0 if self.drive.side == "left" else 1
@@ -152,8 +150,8 @@ class EposJobs:
         limits = sorted(raw + round((end - angle) * self._epos.units.counts) for end in ends)
         if not LIMIT_OFF[0] < limits[0] < limits[1] < LIMIT_OFF[1]:  # a set-point beyond would be one at the other end
             raise NotKept(self.name, f"counts from {raw} on: too near the end of its counter for position limits")
-        for limit, value in zip((POSITION_MIN, POSITION_MAX), limits, strict=True):
-            await self._ensure(Setting(limit, value))
+        await self._write_all(POSITION_LIMITS, limits)
+        self._epos.rebase(angle, raw)  # last: the job's result shall be seen together with the new angle
 
     async def check_target(self) -> tuple[int, ...]:
         """The set-point in the drive is harmless to enable with: no speed, or the present position.
@@ -174,6 +172,16 @@ class EposJobs:
         count = await self.read(ERROR_COUNT)
         codes = [await self.read(Object(0x1003, number, U32)) for number in range(1, min(count, 5) + 1)]
         return tuple(code & 0xFFFF for code in codes)
+
+    async def store(self) -> None:
+        """Keep all parameters for ever, but for the position limits: when the power comes the drive counts from zero.
+
+        Only while the drive is off: it is busy meanwhile.
+        """
+        limits = await self._read_all(POSITION_LIMITS)
+        await self._write_all(POSITION_LIMITS, LIMIT_OFF)
+        await self.write(STORE, SAVE)
+        await self._write_all(POSITION_LIMITS, limits)
 
     async def disarm(self) -> None:
         """Off, then no longer watching our heartbeat, Pre-Operational: the drive rests without a fault.

@@ -66,7 +66,7 @@ MODE = Object(0x6060, 0, I8)
 MODE_DISPLAY = Object(0x6061, 0, I8)
 POSITION = Object(0x6064, 0, I32)
 CURRENT = Object(0x6078, 0, I16)
-POSITION_MIN, POSITION_MAX = Object(0x607D, 1, I32), Object(0x607D, 2, I32)
+POSITION_LIMITS = Object(0x607D, 1, I32), Object(0x607D, 2, I32)
 TARGET_VELOCITY = Object(0x60FF, 0, I32)
 GAINS = tuple(
     Object(0x60F6 + regulator, number, I16)
@@ -150,7 +150,7 @@ def settings(robot: Robot, drive: Drive) -> Iterator[Setting]:
     yield Setting(Object(0x2210, 2, U16), _SENSOR_TYPES[sensor.type])
     yield from _gains(drive)
     yield Setting(Object(0x6065, 0, U32), drive.following_error_counts)
-    yield from (Setting(o, v) for o, v in zip((POSITION_MIN, POSITION_MAX), LIMIT_OFF, strict=True))
+    yield from (Setting(o, v) for o, v in zip(POSITION_LIMITS, LIMIT_OFF, strict=True))
     if drive.role == "traction":
         rpm = abs(Units(robot, drive).rpm)
         ramps = DRIVE_RAMP * rpm, DRIVE_RAMP * rpm, limits.quick_stop_deceleration_m_s2 * rpm

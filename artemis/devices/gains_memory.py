@@ -9,7 +9,6 @@ from contextlib import suppress
 from artemis.devices.can_bus import FrameBus
 from artemis.devices.drive import Drives
 from artemis.devices.epos_jobs import EposJobs
-from artemis.devices.epos_objects import LIMIT_OFF, POSITION_MAX, POSITION_MIN
 from artemis.errors import DeviceError, DeviceLost
 from artemis.values import Job, JobKind
 from artemis.vehicle import Robot
@@ -36,9 +35,6 @@ async def store_gains(
 ) -> None:
     """Have drives keep gains when their power goes, one after the other; each is stopped and off then.
 
-    A drive stores all its parameters at once. Its position limits are switched off before: they count from where the
-    drive was when its power came.
-
     Args:
         robot: the robot.
         bus: nobody else may talk SDO on it.
@@ -51,9 +47,6 @@ async def store_gains(
     jobs = _jobs(robot, bus)
     for name, numbers in wanted.items():
         await jobs[name].perform(Job(id=0, kind=JobKind.SECURE, drive=name))
-        if robot.drives[name].role == "steering":
-            for limit, off in zip((POSITION_MIN, POSITION_MAX), LIMIT_OFF, strict=True):
-                await jobs[name].write(limit, off)
         await jobs[name].perform(Job(id=0, kind=JobKind.WRITE_GAINS, drive=name, values=numbers))
         await jobs[name].perform(Job(id=0, kind=JobKind.STORE, drive=name))
         told(name)

@@ -206,6 +206,12 @@ class SimBus:
         if self._bus_off:
             raise DeviceLost("CAN", "the simulated adapter is bus off; set bus_off to False to bring it back")
 
+    def catch_up(self, when: float = -math.inf) -> None:
+        """Let everything happen that is due by now, or by `when` [s]: time passes here only when somebody looks."""
+        self._advance(max(when, self._loop.time()))
+        self._move_world(self._now)
+        self._collect(self._now)
+
     # ------------------------------------------------------------------------------------------ waking the host
 
     def _schedule(self) -> None:
@@ -226,9 +232,7 @@ class SimBus:
 
     def _look(self, when: float) -> None:
         self._handle = None
-        self._advance(max(when, self._loop.time()))
-        self._move_world(self._now)
-        self._collect(self._now)
+        self.catch_up(when)
         if self._urgent_arrived and self._wake is not None:
             self._urgent_arrived = False
             self._wake()

@@ -76,6 +76,7 @@ def inject(stage: Stage, id: str, node: str | None = None, **parameters: Any) ->
     """
     injection = INJECTIONS[id]
     checked = injection.parameters.model_validate(parameters)
+    stage.bus.catch_up()
     undo = injection.act(stage, node, checked)
     duration = getattr(checked, "duration_s", None)
     if undo is None:

@@ -49,6 +49,12 @@ def aligned(seen: Run) -> tuple[float, float]:
     return degrees(next(t for t in seen.world.history if t.time >= now).wheel_angles)
 
 
+@pytest.mark.parametrize("tick_hz", [50, 200])
+def test_odometry_stands_while_the_wheels_are_told_their_angles(tmp_path: Path, tick_hz: int) -> None:
+    seen = run(write_mission(tmp_path, [WAIT], tick_hz=tick_hz))
+    assert max(abs(tick.snapshot.odometry.speed) for tick in seen.ticks) < 0.05
+
+
 def sdo_write(frame: Frame, node: int, index: int, sub: int) -> int | None:
     """Value of a download request of one object."""
     if frame.id != SDO_REQUEST + node or frame.data[0] >> 5 != 1:

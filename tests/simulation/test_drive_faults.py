@@ -116,3 +116,10 @@ def test_two_drives_that_fail_at_once_are_both_named(tmp_path: Path) -> None:
         ("DRV-02", "traction-left"),
         ("DRV-25", "steer-right"),
     }
+
+
+@pytest.mark.parametrize("tick_hz", [50, 200])
+def test_a_fault_at_the_very_time_of_a_tick_is_named_by_its_emergency(tmp_path: Path, tick_hz: int) -> None:
+    faults = {"faults": [{"at_s": 8.0, "inject": "DRV-25", "node": "steer-left"}]}
+    seen = Rig(write_mission(tmp_path, [{"wait": {"seconds": 10}}], tick_hz=tick_hz, simulation=faults)).run()
+    assert seen.fault_ids == ["DRV-25"]

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 from core_builders import ROBOT
-from epos_jobs_rig import LEFT, STEER_LEFT, Rig, on
+from epos_jobs_rig import LEFT, STEER_LEFT, Rig, has, on
 
 from artemis.values import Job, JobKind, JobResult
 
@@ -59,3 +59,17 @@ def test_a_gain_out_of_range_is_refused_by_the_drive() -> None:
         assert (result.ok, result.fault) == (False, "COM-07")
 
     on(LEFT, test)
+
+
+def test_position_limits_are_not_stored_and_hold_on() -> None:
+    async def test(rig: Rig) -> None:
+        await do(rig, JobKind.SECURE)
+        await do(rig, JobKind.CONFIGURE)
+        await do(rig, JobKind.REFERENCE)
+        limits = [has(rig, 0x607D, number) for number in (1, 2)]
+        assert (await do(rig, JobKind.STORE)).ok
+        assert [has(rig, 0x607D, number) for number in (1, 2)] == limits != [-0x80000000, 0x7FFFFFFF]
+        await lose_power(rig)
+        assert [has(rig, 0x607D, number) for number in (1, 2)] == [-0x80000000, 0x7FFFFFFF]
+
+    on(STEER_LEFT, test)
