@@ -206,11 +206,9 @@ class SimBus:
         if self._bus_off:
             raise DeviceLost("CAN", "the simulated adapter is bus off; set bus_off to False to bring it back")
 
-    def catch_up(self, when: float = -math.inf) -> None:
-        """Let everything happen that is due by now, or by `when` [s]: time passes here only when somebody looks."""
-        self._advance(max(when, self._loop.time()))
-        self._move_world(self._now)
-        self._collect(self._now)
+    def catch_up(self) -> None:
+        """Let everything happen on the wire that is due by now: time passes here only when somebody looks."""
+        self._advance(self._loop.time())
 
     # ------------------------------------------------------------------------------------------ waking the host
 
@@ -232,7 +230,9 @@ class SimBus:
 
     def _look(self, when: float) -> None:
         self._handle = None
-        self.catch_up(when)
+        self._advance(max(when, self._loop.time()))
+        self._move_world(self._now)
+        self._collect(self._now)
         if self._urgent_arrived and self._wake is not None:
             self._urgent_arrived = False
             self._wake()

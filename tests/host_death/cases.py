@@ -273,6 +273,7 @@ def _mission(case: Case, folder: Path, port: int) -> Path:
     mission.write_text(
         f"mission: host-death\nrobot: robots/artemis.yaml\n"
         f"bus: {json.dumps(words(port))}\nsteps:\n"
+        f"  - calibrate: {{steering: from_potentiometers}}\n"
         f"  - follow: {{path: paths/figure_eight.csv, follower: {{{follower}}}}}\n"
     )
     return mission

@@ -73,7 +73,7 @@ def loss_of_input(e: Evidence) -> Iterator[Violation]:
         again = after.time if after is not None and after.held else inf
         if not row.held and again - row.time > 1.5:
             losses.append((row.time + 2.5 * e.tick, f"release of the enable button at {row.time:.3f} s"))
-    if any(i.id in ("INP-07", "INP-08", "INP-12") for i in e.injected):
+    if any(i.id in ("INP-07", "INP-08", "INP-10", "INP-12") for i in e.injected):
         losses = []  # then the stick is not what moves the robot
     stall = [i for i in e.injected if "seconds" in i.options]
     for since, why in losses:
