@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import faulthandler
 import json
 import multiprocessing
 import os
 import signal
 import tempfile
+import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
@@ -32,6 +35,8 @@ LOOK = 0.5
 """An interruption is noticed at the latest after this time [s]."""
 AHEAD = 3
 """Runs that wait for each worker: few, so that an interrupted campaign ends soon."""
+HANGS = 600.0
+"""A run takes seconds: one that takes this long never ends, and its worker shows where it is and dies [s]."""
 
 
 class CampaignWords(Config):
@@ -91,12 +96,18 @@ def load_campaign(path: Path) -> Campaign:
 
 def run_seed(seed: int, robot: Robot, source: bytes) -> Result:
     """Run one seed in a folder that is gone afterwards: what a worker does. `source`: the robot file's content."""
+    own_process = threading.current_thread() is threading.main_thread()
+    if own_process:
+        faulthandler.dump_traceback_later(HANGS, exit=True)
     try:
         with tempfile.TemporaryDirectory(prefix="artemis-campaign-") as folder:
             return run_scenario(scenario(seed, robot), source, Path(folder), replayed=seed % REPLAYED == 0)
     except Exception as error:
         error.add_note(f"in seed {seed} of a campaign")
         raise
+    finally:
+        if own_process:
+            faulthandler.cancel_dump_traceback_later()
 
 
 # ---------------------------------------------------------------------------------------------- all seeds
@@ -138,19 +149,26 @@ def run_campaign(
 
     Raises:
         ConfigError: the cluster is not there, or the extra for it is not installed.
+        BrokenProcessPool: a worker died, or its run did not end; its notes name the seeds under way.
     """
     left = [seed for seed in reversed(campaign.seeds) if seed not in results.finished]
     with _executor(campaign.words) as (executor, workers):
-        waiting: set[Future[Result]] = set()
+        waiting: dict[Future[Result], int] = {}
         while waiting or (left and not stop()):
             while left and len(waiting) < AHEAD * workers and not stop():
-                waiting.add(executor.submit(run_seed, left.pop(), campaign.robot, campaign.robot_source))
-            done, waiting = wait(waiting, LOOK, FIRST_COMPLETED)
-            for future in done:
-                results.add(future.result())
-                finished(results.finished[future.result().seed])
+                seed = left.pop()
+                waiting[executor.submit(run_seed, seed, campaign.robot, campaign.robot_source)] = seed
+            for future in wait(waiting, LOOK, FIRST_COMPLETED).done:
+                try:
+                    result = future.result()
+                except BrokenProcessPool as error:
+                    error.add_note(f"under way were the seeds {', '.join(map(str, sorted(waiting.values())))}")
+                    raise
+                del waiting[future]
+                results.add(result)
+                finished(result)
             if stop():
-                waiting = {future for future in waiting if not future.cancel()}
+                waiting = {future: seed for future, seed in waiting.items() if not future.cancel()}
     return len(results.finished) >= len(campaign.seeds)
 
 

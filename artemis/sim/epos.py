@@ -395,5 +395,5 @@ class SimEpos:
         self.outbox = replaced(self.outbox)
 
     def _wake(self, due: float) -> None:
-        if due < self.next_due:
+        if due < self.next_due and self.nmt is not None:
             self.next_due = due

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -62,6 +65,46 @@ def test_interrupted_campaign_goes_on_where_it_stopped(tmp_path: Path) -> None:
     assert run_campaign(campaign, results, lambda r: second.append(r.seed), never)
 
     assert sorted(first + second) == list(range(1, 11))
+
+
+def test_dead_worker_ends_the_campaign_and_names_the_seeds_under_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def dies_at_two(self: Here, work: object, /, *args: Any, **_: Any) -> Future[Any]:  # noqa: ANN401
+        future: Future[Any] = Future()
+        if args[0] == 2:
+            future.set_exception(BrokenProcessPool("a process in the pool died"))
+        elif args[0] == 1:
+            future.set_result(Result(seed=1, status=0, time_s=1.0))
+        return future  # all others are under way
+
+    monkeypatch.setattr(Here, "submit", dies_at_two)
+    monkeypatch.setattr(runs, "AHEAD", 1)
+    campaign = load_campaign(write_campaign(tmp_path, runs=10))
+
+    with pytest.raises(BrokenProcessPool) as died:
+        run_campaign(campaign, Results(campaign.folder), lambda _: None, never)
+
+    assert died.value.__notes__ == ["under way were the seeds 2"]
+    assert sorted(Results(campaign.folder).finished) == [1]
+
+
+def test_run_that_never_ends_shows_where_it_is_and_dies() -> None:
+    script = """
+from artemis.campaign import runs
+
+def spin(*_, **__):
+    while True:
+        pass
+
+runs.HANGS, runs.scenario, runs.run_scenario = 0.2, lambda *_: None, spin
+runs.run_seed(1, None, b"")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+
+    assert done.returncode == 1
+    assert "in spin" in done.stderr
+    assert "in run_seed" in done.stderr
 
 
 @pytest.mark.parametrize("cut", range(0, 200, 7))

@@ -44,6 +44,16 @@ def test_a_node_without_power_is_deaf_and_mute() -> None:
     assert rig.node.next_due == math.inf
 
 
+def test_whatever_happens_to_a_node_without_power_starts_no_timer() -> None:
+    rig = Rig()
+    rig.write(0x1017, 0, "H", 10)
+    rig.node.power_off()
+    rig.node.emergency(0x8130, rig.now)
+    rig.node.poke(0x1017, 0, 20)
+    rig.node.say(0x702, b"\x05", rig.now)
+    assert rig.node.next_due == math.inf
+
+
 def test_bit_9_of_the_statusword_is_the_operational_state() -> None:
     rig = Rig()
     rig.nmt(START, rig.id)
