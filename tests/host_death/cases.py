@@ -139,7 +139,8 @@ class Process:
         stopped = next((number for number, line in enumerate(lived) if STOPPED.search(line)), len(lived))
         if DEATH in self.lines and stopped == len(lived):
             return ""
-        said = [line for line in lived[: stopped + 1] if " s  FAULT " in line] or self.lines
+        said = [line for line in lived[: stopped + 1] if " s  FAULT " in line]
+        said = said or [line for line in self.lines if line] or ["it ended without a word"]
         return said[-1].strip()
 
     async def end(self) -> int:
