@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import minimize  # scipy has no types
 
 from artemis.calibration import increments
-from artemis.calibration.increments import Moments, motions
+from artemis.calibration.increments import Indices, Moments, motions
 from artemis.calibration.kinematics import Kinematics, Parameter, altered, dead_reckoned
 from artemis.calibration.knowledge import Found, Mask, condition_of, covariance_of, estimates_of, hold
 from artemis.calibration.wheel_log import WheelLog
@@ -30,8 +30,8 @@ CLOCK, ONE_CLOCK = (0.5, 1e-4), (0.02, 1e-6)
 written with one clock: the time that values take to the tick."""
 MOUNTED = 0.02
 """A sensor whose place is known better [m, rad] and"""
-CHANCE = 11.3
-"""may be on the axle with a squared distance below this (chi square, 3 degrees of freedom, 99 %) is there,"""
+CHANCE = {2: 9.2, 3: 11.3}
+"""may be on the axle with a squared distance below this (chi square with so many degrees of freedom, 99 %) is there,"""
 ON_THE_AXLE = 1e-5
 """to this [m, rad]."""
 ROUNDS = 2
@@ -45,6 +45,8 @@ OUTLIER = 30.0
 """and beyond this not at all."""
 LOST = 1.0
 """Variance of a motion that says nothing [m², rad²]."""
+UNKNOWN = 0.3
+"""So far off are headings that the truth does not know, at each moment alone [rad]: much farther than they may be."""
 FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.005)
 _STEP = 1e-3
 """Of a parameter's band, for derivatives."""
@@ -87,13 +89,13 @@ class Case:
     clock: Clock
     moments: Moments
     true: Array = field(init=False)
+    """Motions between the moments, shape (n, 3)."""
     parts: Array = field(init=False)
     root: Array = field(init=False)
     lost: Mask = field(init=False)
 
     def __post_init__(self) -> None:
-        self.true = motions(self.moments.poses)
-        self.lost = np.zeros(len(self.true), dtype=bool)
+        self.lost = np.zeros(len(self.moments.poses) - 1, dtype=bool)
 
 
 def fit(runs: Sequence[Run], base: Kinematics, parameters: Sequence[Parameter], on_axle: bool = False) -> Fit:
@@ -112,6 +114,8 @@ def fit(runs: Sequence[Run], base: Kinematics, parameters: Sequence[Parameter], 
     problem = Problem([case_of(run, base) for run in runs], base, (*parameters, *SENSOR))
     bands = problem.bands()
     free = np.ones(len(bands), dtype=bool)
+    sensor = slice(len(parameters), len(parameters) + len(SENSOR))
+    free[sensor.stop - 1] = any(run.truth.knows_heading for run in runs)
     x, noise = np.zeros(len(bands)), np.array(FIRST_NOISE)
     for _ in range(ROUNDS):
         problem.weigh(x, noise)
@@ -120,8 +124,8 @@ def fit(runs: Sequence[Run], base: Kinematics, parameters: Sequence[Parameter], 
         noise = problem.noise_of(x, noise)
     problem.weigh(x, noise)
     x = problem.solved(x, free)
-    sensor = slice(len(parameters), len(parameters) + len(SENSOR))
-    free[sensor] = not (on_axle or _is_on_the_axle(problem.information(x), bands, x, sensor))
+    mount = sensor.start + np.flatnonzero(free[sensor])
+    free[mount] = not (on_axle or _is_on_the_axle(problem.information(x), bands, x, mount))
     reasons = hold(problem.information(x), bands, parameters, free)
     if not free[: len(parameters)].any():
         raise CalibrationError("the runs show none of the machine's parameters: drive farther, and along curves")
@@ -158,11 +162,9 @@ def case_of(run: Run, base: Kinematics, clock: Clock | None = None) -> Case:
     """A run with the moments of its truth.
 
     Raises:
-        ConfigError: the truth is not of this run, or has no headings.
+        ConfigError: the truth is not of this run.
     """
     log = run.log
-    if not run.truth.knows_heading:
-        raise ConfigError(f"{log.name}: the truth has no headings; a fit needs them")
     if clock is None:
         offset = 0.0
         if not run.one_clock:
@@ -198,9 +200,12 @@ class Problem:
         return dead_reckoned(self.cases[number].run.log, altered(self.base, self.values(x)))
 
     def _differences(self, number: int, x: Array, reckoned: Array) -> Array:
+        return self.cases[number].true - motions(self._own(number, x, reckoned))
+
+    def _own(self, number: int, x: Array, reckoned: Array) -> Array:
         case = self.cases[number]
         time = self.clock(number, x).shown(case.run.log.time)
-        return case.true - motions(case.moments.averaged(time, at_sensor(reckoned, self.sensor(x))))
+        return case.moments.averaged(time, at_sensor(reckoned, self.sensor(x)))
 
     def values(self, x: Array) -> dict[str, float]:
         """By the names of the parameters."""
@@ -234,7 +239,8 @@ class Problem:
 
     def weigh(self, x: Array, noise: Array) -> None:
         """Make each run's weights of the noise."""
-        for case in self.cases:
+        for number, case in enumerate(self.cases):
+            case.true = motions(case.moments.beside(self._own(number, x, self._reckoned(number, x))))
             case.parts = increments.covariances(case.true, self.sensor(x)[:2])
             case.root = increments.factor(_noise_covariance(case, noise**2))
 
@@ -315,6 +321,8 @@ class Problem:
 
 
 def _noise_covariance(case: Case, variances: Array) -> Array:
+    if not case.moments.know_heading:
+        variances = np.array([variances[0], UNKNOWN**2, *variances[2:]])
     total = np.tensordot(variances, case.parts, axes=1)
     total[0] += LOST * np.repeat(case.lost, 3)
     return total
@@ -329,19 +337,19 @@ def at_sensor(poses: Array, sensor: tuple[float, float, float]) -> Array:
     )
 
 
-def _is_on_the_axle(information: Array, bands: Array, x: Array, sensor: slice) -> bool:
+def _is_on_the_axle(information: Array, bands: Array, x: Array, mount: Indices) -> bool:
     """Whether the truth may be of the rear axle's centre itself: nobody mounts a sensor there so well by chance."""
-    covariance = np.linalg.inv(information + np.diag(bands**-2.0))[sensor, sensor]
+    covariance = np.linalg.inv(information + np.diag(bands**-2.0))[np.ix_(mount, mount)]
     exact = np.all(np.sqrt(np.diag(covariance)) < MOUNTED)
-    return bool(exact and x[sensor] @ np.linalg.solve(covariance, x[sensor]) < CHANCE)
+    return bool(exact and x[mount] @ np.linalg.solve(covariance, x[mount]) < CHANCE[len(mount)])
 
 
 def _result(problem: Problem, x: Array, bands: Array, free: Mask, reasons: Sequence[str], noise: Array) -> Fit:
     information = problem.information(x)
     covariance = covariance_of(information, bands, free)
     covariance[np.ix_(free, free)] += problem.bends(x, bands, free)
-    on_axle = "" if free[len(reasons)] else "the truth is of the rear axle's centre"
-    said = [*reasons, *[on_axle] * len(SENSOR)]
+    mounted = "" if free[len(reasons)] else "the truth is of the rear axle's centre"
+    said = [*reasons, mounted, mounted, "" if free[len(reasons) + 2] else mounted or "needs a truth with headings"]
     return Fit(
         base=problem.base,
         machine=altered(problem.base, problem.values(x)),

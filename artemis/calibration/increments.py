@@ -24,6 +24,8 @@ BIN = 0.5
 """Truth within so long is averaged [s]: in less, the jitter of counters and clocks hides what a wheel rolls."""
 BAND = 6
 """Diagonals of the covariance at and below the main one."""
+NEAR = 0.5
+"""Where the truth has no headings, the odometry is laid on its places this far around each [m]."""
 NOISES = ("position", "heading", "along", "across", "turn")
 """Of the truth [m, rad]; of the odometry [m/sqrt(m), m/sqrt(m), rad/sqrt(m)]."""
 
@@ -37,7 +39,7 @@ class Moments:
     starts: Indices
     """Index into `time` at which each bin begins, shape (n,)."""
     poses: Array
-    """Mean x, y [m], heading [rad] of the sensor in each bin, shape (n, 3)."""
+    """Mean x, y [m], heading [rad] of the sensor in each bin, shape (n, 3); headings are nan if none is known."""
 
     @classmethod
     def of(cls, truth: Trajectory, begin: float, end: float) -> Moments:
@@ -46,6 +48,25 @@ class Moments:
         time, poses = truth.time[used], truth.poses[used]
         starts = np.flatnonzero(np.diff(np.floor((time - begin) / BIN), prepend=-1.0))
         return cls(time=time, starts=starts, poses=_means(poses, starts))
+
+    @property
+    def know_heading(self) -> bool:
+        """Whether the truth has headings."""
+        return bool(np.isfinite(self.poses[0, 2]))
+
+    def beside(self, reckoned: Array) -> Array:
+        """The true poses, shape (n, 3); without headings they get those of `reckoned`, turned onto the places near."""
+        if self.know_heading:
+            return self.poses
+        true, own = (each[:, 0] + 1j * each[:, 1] for each in (self.poses, reckoned))
+        way = np.append(0.0, np.cumsum(np.abs(np.diff(own))))
+        first, last = np.searchsorted(way, way - NEAR, "left"), np.searchsorted(way, way + NEAR, "right")
+        own, true = own - own.mean(), true - true.mean()
+        sums = np.cumsum([own, true, own.conj() * true], axis=1)
+        sums = np.column_stack([np.zeros(3), sums])
+        of_own, of_true, of_both = sums[:, last] - sums[:, first]
+        turn = np.unwrap(np.angle(of_both - of_own.conj() * of_true / (last - first)))
+        return np.column_stack([self.poses[:, :2], reckoned[:, 2] + turn])
 
     def averaged(self, time: Array, poses: Array) -> Array:
         """Means in the bins of other poses of the sensor, known at `time` [s by the truth's clock]; shape (n, 3)."""

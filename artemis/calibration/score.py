@@ -40,7 +40,7 @@ def track(run: Run, machine: Kinematics, sensor: tuple[float, float, float], clo
     begin, end = clock.shown(run.log.time[[0, -1]])
     moments = Moments.of(run.truth, float(begin), float(end))
     own = moments.averaged(clock.shown(run.log.time), at_sensor(dead_reckoned(run.log, machine), sensor))
-    true = moments.poses
+    true = moments.beside(own)
     way = np.append(0.0, np.cumsum(np.hypot(*np.diff(own, axis=0)[:, :2].T)))
     first = way <= START
     turn = float(np.mean(true[first, 2] - own[first, 2]))

@@ -7,7 +7,7 @@ import io
 import sys
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
 from pathlib import Path
 
@@ -212,6 +212,8 @@ def _held_out(found: Fit, check: Sequence[Run]) -> list[tuple[str, Score]]:
     if pairs := checked(found):
         tracks = [track(run, machine, found.sensor, found.clock_of(run)) for run, machine in pairs]
         rows.append(("each run by the others", score(tracks)))
+    if not any(run.truth.knows_heading for run in found.runs):  # then how askew the truth's sensor is was not found
+        check = [replace(run, truth=run.truth.places()) for run in check]
     if check:
         clocks = clocks_of(found, check)
         for name, machine in (("to check, described", found.base), ("to check, fitted", found.machine)):
@@ -238,8 +240,10 @@ def _tell(tables: Sequence[tuple[str, Sequence[str], list[tuple[str, ...]]]], fo
 
 def _noise(found: Fit) -> None:
     position, heading, along, _, turn = found.noise
+    headed = any(run.truth.knows_heading for run in found.runs)
+    of_truth = f"{1000 * position:.1f} mm, " + (f"{np.degrees(heading):.2f} deg" if headed else "no headings")
     sys.stdout.write(
-        f"noise of the truth: {1000 * position:.1f} mm, {np.degrees(heading):.2f} deg; random walk of the odometry: "
+        f"noise of the truth: {of_truth}; random walk of the odometry: "
         f"{1000 * along:.1f} mm and {np.degrees(turn):.2f} deg in 1 m; {found.left_out} of {found.moments} "
         "motions left out\n"
     )

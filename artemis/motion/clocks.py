@@ -98,7 +98,8 @@ def estimate_clock(run: Trajectory, truth: Trajectory, *, one_point: bool = True
     Args:
         run: by the odometry, clock of the run.
         truth: its own clock, any frame.
-        one_point: both are of the same point of the robot; else their turns alone are compared, if both are known.
+        one_point: both are of the same point of the robot; else their turns alone are compared, or if they are not
+            known, ways that may differ.
 
     Raises:
         ConfigError: they do not overlap, do not agree, or agree at several offsets; what to try.
@@ -113,7 +114,7 @@ def estimate_clock(run: Trajectory, truth: Trajectory, *, one_point: bool = True
     end = min(run.time[-1], truth.time[-1] - offset)
     clock = Clock(offset=offset, middle=float(begin + end) / 2)
     for windows in FINE:
-        clock = _refined(clock, run, truth, windows, kinds)
+        clock = _refined(clock, run, truth, windows, kinds, one_point)
     return clock
 
 
@@ -238,7 +239,9 @@ class _Rows:
     weight: Array
 
 
-def _refined(clock: Clock, run: Trajectory, truth: Trajectory, windows: Sequence[float], kinds: Sequence[str]) -> Clock:
+def _refined(
+    clock: Clock, run: Trajectory, truth: Trajectory, windows: Sequence[float], kinds: Sequence[str], one_point: bool
+) -> Clock:
     """Gauss-Newton from `clock` on."""
     wrong = np.zeros(3)
     prior = 1 / PRIOR**2
@@ -254,7 +257,7 @@ def _refined(clock: Clock, run: Trajectory, truth: Trajectory, windows: Sequence
         wrong += step[2:]
         if abs(step[0]) < 1e-4 and abs(step[1]) < 1e-6:
             break
-    if "chord" in kinds:
+    if one_point:
         _check(clock, _mended(run, wrong), truth, max(windows))
     variances = OVERLAP * np.linalg.inv(normal)
     gain = variances[:, 1] / (variances[1, 1] + DRIFT_SIGMA**2)

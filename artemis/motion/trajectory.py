@@ -54,6 +54,12 @@ class Trajectory:
         """Whether the heading is known."""
         return bool(np.isfinite(self.poses[0, 2]))
 
+    def places(self) -> Trajectory:
+        """The same with no heading known."""
+        poses = self.poses.copy()
+        poses[:, 2] = np.nan
+        return Trajectory(time=self.time, poses=poses)
+
     def at(self, times: Array, longest_gap: float = inf) -> Array:
         """Poses at other times, linearly interpolated, the heading along the unwrapped one.
 

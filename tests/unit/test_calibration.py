@@ -1,5 +1,6 @@
 import gzip
 import random
+from dataclasses import replace
 from math import degrees, pi, radians
 from pathlib import Path
 
@@ -151,11 +152,13 @@ class TestNoise:
 
 
 class TestFit:
-    def test_two_minutes_tell_what_the_figures_say(self) -> None:
+    @pytest.mark.parametrize("headings", [True, False])
+    def test_two_minutes_tell_what_the_figures_say(self, headings: bool) -> None:
         values = hidden(6) | {"kingpin distance": 0.0, "zero difference": 0.0}
         driven = drive(values, 6, on_axle=True)
+        truth = driven.truth if headings else driven.truth.places()
 
-        found = fit([Run(log=driven.log, truth=driven.truth)], BASE, TWO_WHEELS)
+        found = fit([Run(log=driven.log, truth=truth)], BASE, TWO_WHEELS)
         error = {each.parameter.name: each.value - values[each.parameter.name] for each in found.estimates[:-3]}
 
         assert abs(degrees(error["zero"])) < 0.05
@@ -192,16 +195,18 @@ class TestFit:
         assert scale.value == 0.0
         assert "30 degrees" in scale.reason
 
-    def test_finds_the_tracker_and_its_clock(self) -> None:
+    @pytest.mark.parametrize(("headings", "laid_within"), [(True, 0.01), (False, 0.03)])
+    def test_finds_the_tracker_and_its_clock(self, headings: bool, laid_within: float) -> None:
         values = hidden(10)
         driven = drive(values, 10)
-        late = Trajectory(time=driven.truth.time + 1000.0, poses=driven.truth.poses)
+        truth = driven.truth if headings else driven.truth.places()
+        late = Trajectory(time=truth.time + 1000.0, poses=truth.poses)
 
         found = fit([Run(log=driven.log, truth=late)], BASE, TWO_WHEELS)
         error = track(found.runs[0], found.machine, found.sensor, found.clocks[0]).error
 
         assert found.clocks[0].offset == pytest.approx(1000.0, abs=0.21)
-        assert error.mean() < 0.01
+        assert error.mean() < laid_within
 
     def test_standing_shows_nothing(self) -> None:
         driven = drive({}, 11, duration=60.0)
@@ -219,13 +224,16 @@ class TestFit:
         with pytest.raises(CalibrationError, match="drive farther"):
             fit([Run(log=log, truth=truth, one_clock=True)], BASE, TWO_WHEELS)
 
-    def test_a_truth_without_headings_is_refused(self) -> None:
-        driven = drive({}, 12, duration=10.0)
-        poses = driven.truth.poses.copy()
-        poses[:, 2] = np.nan
+    def test_places_find_the_tracker_too(self) -> None:
+        driven = drive(hidden(7), 7)
+        runs = [Run(log=driven.log, truth=driven.truth), Run(log=driven.log, truth=driven.truth.places())]
 
-        with pytest.raises(ConfigError, match="no headings"):
-            fit([Run(log=driven.log, truth=Trajectory(time=driven.truth.time, poses=poses))], BASE, TWO_WHEELS)
+        with_headings, without, both = (fit(each, BASE, TWO_WHEELS) for each in (runs[:1], runs[1:], runs))
+
+        assert np.hypot(*with_headings.sensor[:2]) > 0.05
+        assert without.sensor[:2] == pytest.approx(with_headings.sensor[:2], abs=0.01)
+        assert without.sensor[2] == 0.0
+        assert both.sensor == pytest.approx(with_headings.sensor, abs=0.005)
 
     @pytest.mark.slow
     @pytest.mark.timeout(900)
@@ -251,16 +259,21 @@ class TestRealRuns:
             runs.append(Run(log=log, truth=truth, one_clock=True))
         return runs
 
-    def test_circular_runs_are_within_6_cm_by_a_fit_of_others(self) -> None:
+    @pytest.mark.parametrize(("headings", "within"), [(True, 0.06), (False, 0.07)])
+    def test_circular_runs_are_within_6_cm_by_a_fit_of_others(self, headings: bool, within: float) -> None:
         base = load_model(DATA / "tricycle.yaml", Machine).kinematics
         check = self.runs("40_run-01", "40_run-02", "54_run-01", "54_run-02")
 
-        found = fit(self.runs("15_run-01", "15_run-02"), base, ONE_WHEEL)
+        known = self.runs("15_run-01", "15_run-02")
+        if not headings:
+            known, check = ([replace(run, truth=run.truth.places()) for run in runs] for runs in (known, check))
+
+        found = fit(known, base, ONE_WHEEL)
         nominal = score([track(run, base, found.sensor, found.clocks[0]) for run in check])
         fitted = score([track(run, found.machine, found.sensor, found.clocks[0]) for run in check])
 
         assert nominal.mean > 0.35
-        assert fitted.mean < 0.06
+        assert fitted.mean < within
         assert degrees(found.machine.zero_left) == pytest.approx(1.15, abs=0.15)
 
 
