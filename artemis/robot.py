@@ -34,7 +34,7 @@ class Core:
         self._perception = Perception(plan.robot, period, plan.start)
         self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind)
         self._modes = Modes(plan)
-        self._gate = Gate(plan.robot, dt_max=2 * period)
+        self._gate = Gate(plan.robot, period=period)
         self._wish, self._points = Wish(supervised=False), SetPoints()
         self._pace = Pace()
 

@@ -84,7 +84,7 @@ class Plant:
         self.set_points = SetPoints(speed=self.speed, speed_left=self.speed, speed_right=self.speed)
         self._target = self.set_points
         self._conditions, self._wheelbase = conditions, robot.geometry.wheelbase_m
-        self._gate = Gate(robot, dt_max=2 * conditions.period)
+        self._gate = Gate(robot, period=conditions.period)
         self._rate = min(conditions.steering_rate, math.radians(limits.steering_rate_wheel_deg_s))
         self._acceleration, self._deceleration = limits.acceleration_m_s2, limits.deceleration_m_s2
         self._dice = random.Random(seed)

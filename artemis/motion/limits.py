@@ -19,11 +19,16 @@ class Gate:
     wheel, acceleration and deceleration, steering angle, and each wheel's steering rate. Only a quick stop jumps.
     """
 
-    def __init__(self, robot: Robot, dt_max: float) -> None:
-        """Take the limits from the robot's file; a step counts as at most `dt_max` [s], however long the pause."""
+    def __init__(self, robot: Robot, period: float) -> None:
+        """Take the limits from the robot's file.
+
+        Args:
+            robot: What it may do.
+            period: Between two steps, if none is late [s]; none counts as more than two, however long the pause.
+        """
         limits = robot.limits
         self._ackermann = Ackermann(robot.geometry)
-        self._dt_max = dt_max
+        self._period = period
         self._speed = limits.speed_m_s
         self._wheel_speed = limits.wheel_speed_m_s
         self._acceleration = limits.acceleration_m_s2
@@ -47,13 +52,14 @@ class Gate:
         """
         if command.action is not Action.RUN:
             return _set_points(0.0, last.steering, (0.0, 0.0), (last.steering_left, last.steering_right))
-        dt = min(max(0.0, dt), self._dt_max)
+        dt = min(max(0.0, dt), 2 * self._period)
         if dt < SHORTEST_STEP:
             return last
         if stop or not is_sane(command):
             return self._brake(last, dt)
         steering, left, right, paired = self._steer(command.steering, last, self._rate * dt)
-        rates = (left - last.steering_left) / dt, (right - last.steering_right) / dt
+        lasts = max(dt, self._period)  # a step that follows a late one comes early, but its wheels turn until the next
+        rates = (left - last.steering_left) / lasts, (right - last.steering_right) / lasts
         top = self._top_speed(steering, rates) if paired else 0.0
         if abs(last.speed) - self._deceleration * dt > top:
             return self._brake(last, dt)  # slow down first, then steer

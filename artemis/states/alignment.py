@@ -9,7 +9,7 @@ from dataclasses import replace
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
 from artemis.states.mode import OFF, ON, STEERING_ON, Plan, Routine, fail, finish_jobs
 from artemis.supervision import catalogue
-from artemis.values import DriveCommand, DriveFeedback, DriveState, Fault, Goal, Job, JobKind, Snapshot, Wish
+from artemis.values import POWERED, DriveCommand, DriveFeedback, DriveState, Fault, Goal, Job, JobKind, Snapshot, Wish
 from artemis.vehicle import OPERATING_MODES
 
 READINGS = 100
@@ -25,6 +25,8 @@ LARGEST_CORRECTION = math.radians(1.0)
 """The sweep may correct the first reading by this much [rad]; more means that encoder and potentiometers disagree."""
 STEER_TIME = 12.0
 """Longest time for one of the turns [s]: from lock to straight takes 2.3 s at 33 degrees a second."""
+OFF_TIME, OFF_LIMIT = 0.2, 1.0
+"""Drives that stand are off within the first [s]; after the second [s] everything has been tried."""
 
 Readings = dict[str, tuple[float, float]]
 """Mean voltages of both potentiometers [V], by steering drive."""
@@ -82,6 +84,22 @@ def enable(wish: Wish, snapshot: Snapshot) -> Routine:
     while any(_goal(wish, drive) is Goal.ENABLED and not _is_on(drive) for drive in snapshot.sensed.drives):
         command = DriveCommand(steering=snapshot.set_points.steering)
         snapshot = yield replace(wish, command=command, phase="enabling")
+    return snapshot
+
+
+def switch_off(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
+    """Yield `wish`, which switches off, until no drive is on. A deaf one is switched off by SDO, or by our silence."""
+    begun, heartbeat = snapshot.time, wish.heartbeat
+    halted: set[str] = set()
+    snapshot = yield replace(wish, phase="switching off")
+    while (passed := snapshot.time - begun) < OFF_LIMIT:
+        on = [drive.name for drive in snapshot.sensed.drives if drive.state in POWERED]
+        if not on:
+            break
+        heartbeat = heartbeat and all(r.ok for r in snapshot.sensed.results if r.kind is JobKind.HALT)
+        jobs = plan.jobs(JobKind.HALT, [name for name in on if passed >= OFF_TIME and name not in halted])
+        halted.update(job.drive for job in jobs)
+        snapshot = yield replace(wish, jobs=jobs, heartbeat=heartbeat, phase="switching off")
     return snapshot
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from artemis.states.alignment import switch_off
 from artemis.states.mode import (
     OFF,
     PATIENCE,
@@ -69,7 +70,7 @@ class FaultMode(RoutineMode):
             _, snapshot = yield from secure(plan, stopping, snapshot)
         idle = replace(IDLE, exchange=exchange, heartbeat=exchange, phase="reading error histories")
         if exchange:
-            snapshot = yield replace(OFF, phase="switching off")
+            snapshot = yield from switch_off(plan, OFF, snapshot)
             _, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.READ_HISTORY, plan.drives()))
         latest = snapshot.time + PATIENCE
         while snapshot.verdict.stops:

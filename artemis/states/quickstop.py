@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from artemis.states.alignment import enable
+from artemis.states.alignment import enable, switch_off
 from artemis.states.mode import (
     OFF,
     ON,
@@ -58,6 +58,7 @@ class QuickstopMode(RoutineMode):
             hold = snapshot.time < latest
         if plan.connected and not hold:
             snapshot = yield from come_to_rest(plan, STOPPING, snapshot)
+            snapshot = yield from switch_off(plan, OFF, snapshot)
         latest = snapshot.time + PATIENCE
         while not self._may_go_on(snapshot):
             snapshot = yield self._waiting(_ramp(snapshot) if hold else OFF, snapshot, latest)

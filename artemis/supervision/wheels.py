@@ -55,7 +55,7 @@ class Wheels:
         self._planned = 0.0
         self._ramp_from = 0.0
         self._braking = False
-        self._driven = False
+        self._driven = self._stops = False
         self._speeds = (0.0, 0.0)
         self._referenced: set[str] = set()
         self._pot_changes: dict[tuple[str, int], tuple[float, float]] = {}
@@ -84,7 +84,7 @@ class Wheels:
             self._moments.clear()
             self._speeds = (0.0, 0.0)
             return
-        self._look(sensed.time, drives, last, points)
+        self._look(sensed.time, drives, last, points, stops)
         yield from self._traction(drives, stops)
         if last.supervised:
             yield from self._slip(drives)
@@ -95,7 +95,7 @@ class Wheels:
 
     # ------------------------------------------------------------------------------------------ driven wheels
 
-    def _look(self, now: float, drives: list[DriveFeedback], last: Wish, points: SetPoints) -> None:
+    def _look(self, now: float, drives: list[DriveFeedback], last: Wish, points: SetPoints, stops: bool) -> None:
         moments = self._moments
         dt = now - moments[-1].time if moments else 0.0
         moments.append(_Moment(now, drives[0].position, drives[1].position))
@@ -108,7 +108,7 @@ class Wheels:
             self._asked.popleft()
         if driven:
             self._planned = max(max(abs(left), abs(right)) for _, left, right in self._asked)
-        elif self._driven:
+        elif self._driven or (stops and not self._stops):  # it may roll though nobody drove it
             self._ramp_from, self._planned = now + RAMP_DELAY, max(self._planned, self.speed)
             self._braking = self._planned > MOVING
         elif now > self._ramp_from:
@@ -116,7 +116,7 @@ class Wheels:
             ramp = self._robot.limits.quick_stop_deceleration_m_s2 if brakes else COASTING
             self._planned = max(0.0, self._planned - ramp * dt)
         self._braking = self._braking and not driven and self.speed > AT_REST
-        self._driven = driven
+        self._driven, self._stops = driven, stops
 
     def _over(self, time: float) -> tuple[float, float]:
         """Speeds (left, right) over about the last `time` [s]."""

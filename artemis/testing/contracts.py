@@ -322,7 +322,7 @@ class _Car:
 
     def __init__(self, robot: Robot, pose: Pose) -> None:
         self.pose = pose
-        self._gate, self._wheelbase = Gate(robot, 2 * PERIOD), robot.geometry.wheelbase_m
+        self._gate, self._wheelbase = Gate(robot, PERIOD), robot.geometry.wheelbase_m
         self._wanted = self._done = SetPoints()
         self._tick, self._distance = 0, 0.0
 

@@ -169,7 +169,7 @@ class Rig:
 
 def gated(robot: Robot, wish: Wish, seconds: float) -> Iterator[float]:
     """The left wheel's set-point [deg] of each tick."""
-    gate, points = Gate(robot, dt_max=2 * PERIOD), SetPoints()
+    gate, points = Gate(robot, PERIOD), SetPoints()
     for number in range(round(seconds / PERIOD)):
         points = gate.limit(DriveCommand(steering=wish(number * PERIOD)), points, PERIOD)
         yield math.degrees(points.steering_left)

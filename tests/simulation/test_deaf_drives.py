@@ -110,6 +110,21 @@ def test_a_stop_that_is_pressed_again_and_again_reaches_a_deaf_drive_as_soon(tmp
     assert_stopped(seen, seen.acts["stop"], BY_SILENCE)
 
 
+def test_a_steering_drive_that_hears_no_process_data_is_switched_off_once_the_robot_stands(tmp_path: Path) -> None:
+    steer = NODE["steer-left"]
+    rig = DeafRig(tmp_path, lambda frame: frame.id in (SET_POINTS + steer, STOP_FRAMES + steer))
+    rig.while_following(lambda: rig.deafen(rig.request(Request.QUICKSTOP)), name="stop")
+    states: dict[float, DriveState] = {}
+
+    def look(after: float) -> Callable[[], None]:
+        return lambda: states.update({after: rig.drive("steer-left").state})
+
+    for after in (0.3, 2.0):
+        rig.when(lambda s: "stop" in rig._done, look(after), after=after, name=f"look {after}")
+    rig.run()
+    assert states == {0.3: DriveState.OPERATION_ENABLE, 2.0: DriveState.SWITCH_ON_DISABLED}
+
+
 # ---------------------------------------------------------------------------------------------- NMT states
 
 

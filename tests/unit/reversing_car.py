@@ -54,7 +54,7 @@ class Car:
         self.ticks += 1
 
 
-GATE = Gate(ROBOT, 2 * PERIOD)
+GATE = Gate(ROBOT, PERIOD)
 
 
 def drive(driver: PartByPart, car: Car, *, longest: float = 120.0) -> list[tuple[Snapshot, Following]]:

@@ -111,7 +111,7 @@ def assert_defined(before: Mode, event: Event | None, request: Request | None, s
 
 def assert_may_leave(seen: Snapshot, mode: Mode, wish: Wish) -> None:
     """What the wish makes of the wires is on the allow-list."""
-    gate = Gate(ROBOT, dt_max=2 * PERIOD)
+    gate = Gate(ROBOT, PERIOD)
     points = gate.limit(wish.command, SetPoints(), PERIOD, stop=seen.verdict.stops)
     robot = drives_on_a_bus()
     robot.write(Tick(snapshot=seen, mode=mode, wish=wish, action=wish.command.action, set_points=points))

@@ -20,7 +20,7 @@ STANDING = SetPoints()
 
 
 def gate(**limits: float) -> Gate:
-    return Gate(ROBOT.model_copy(update={"limits": ROBOT.limits.model_copy(update=limits)}), dt_max=0.1)
+    return Gate(ROBOT.model_copy(update={"limits": ROBOT.limits.model_copy(update=limits)}), period=DT)
 
 
 def moving(speed: float, steering: float = 0.0) -> SetPoints:
@@ -258,11 +258,20 @@ def test_wheels_found_anywhere_become_a_pair_each_at_its_own_rate(left: float, r
     assert last.steering == target
 
 
+def test_step_that_comes_early_rolls_what_its_wheels_turn_until_the_next_is_due() -> None:
+    last = moving(0.5, 0.3)
+    early = gate().limit(DriveCommand(speed=0.5, steering=1.0), last, DT / 20)
+    turned = early.steering_left - last.steering_left
+    assert turned == pytest.approx(RATE * DT / 20)
+    rolled = early.speed_left - CAR.wheel_speeds(early.speed, early.steering)[0]
+    assert abs(rolled) == pytest.approx(CAR.scrub_radius * turned / DT)
+
+
 @pytest.mark.parametrize("axle", ["front", "rear"])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_wheels_found_turned_backwards_come_round(axle: str, side: float) -> None:
     geometry = ROBOT.geometry.model_copy(update={"driven_axle": axle})
-    made, last = Gate(ROBOT.model_copy(update={"geometry": geometry}), dt_max=0.1), moving(0.0, side * 2.2)
+    made, last = Gate(ROBOT.model_copy(update={"geometry": geometry}), period=DT), moving(0.0, side * 2.2)
     assert settle(made, DriveCommand(), last).steering == 0.0
 
 
@@ -298,7 +307,7 @@ def test_wheels_that_can_just_become_a_pair_are_one_and_drive() -> None:
 def test_rear_wheels_keep_their_limit_while_wheels_found_turned_backwards_come_round(side: float) -> None:
     geometry = ROBOT.geometry.model_copy(update={"driven_axle": "rear"})
     limits = ROBOT.limits.model_copy(update={"wheel_speed_m_s": 0.1})
-    made = Gate(ROBOT.model_copy(update={"geometry": geometry, "limits": limits}), dt_max=0.1)
+    made = Gate(ROBOT.model_copy(update={"geometry": geometry, "limits": limits}), period=DT)
     left, right = Ackermann(geometry).wheel_angles(side * 2.2)
     last = SetPoints(steering=side * 2.2, steering_left=left, steering_right=right)
     for _ in range(200):
@@ -309,7 +318,7 @@ def test_rear_wheels_keep_their_limit_while_wheels_found_turned_backwards_come_r
 
 def test_rear_driven_robot_is_limited_by_its_outer_rear_wheel() -> None:
     geometry = ROBOT.geometry.model_copy(update={"driven_axle": "rear"})
-    made = Gate(ROBOT.model_copy(update={"geometry": geometry}), dt_max=0.1)
+    made = Gate(ROBOT.model_copy(update={"geometry": geometry}), period=DT)
     last = settle(made, DriveCommand(speed=0.7, steering=radians(30)))
     assert last.speed_right == pytest.approx(0.72)
     assert last.speed == pytest.approx(0.72 / Ackermann(geometry).speed_ratios(radians(30))[1])
@@ -317,7 +326,7 @@ def test_rear_driven_robot_is_limited_by_its_outer_rear_wheel() -> None:
 
 def test_steered_rear_driven_robot_stands_still() -> None:
     geometry = ROBOT.geometry.model_copy(update={"driven_axle": "rear"})
-    made = Gate(ROBOT.model_copy(update={"geometry": geometry}), dt_max=0.1)
+    made = Gate(ROBOT.model_copy(update={"geometry": geometry}), period=DT)
     last = made.limit(DriveCommand(steering=1.0), STANDING, DT)
     assert last.steering > 0.0
     assert (last.speed_left, last.speed_right) == (0.0, 0.0)

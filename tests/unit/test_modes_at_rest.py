@@ -26,8 +26,10 @@ from core_builders import (
 )
 
 from artemis.motion.perception import STANDING_TIME
+from artemis.states.alignment import OFF_TIME
 from artemis.states.end import EndMode
-from artemis.states.mode import LISTEN, CalibrateStep, ModeLogic, Plan, hands_on
+from artemis.states.fault import FaultMode
+from artemis.states.mode import LISTEN, CalibrateStep, ModeLogic, Plan, RoutineMode, hands_on
 from artemis.states.quickstop import QuickstopMode
 from artemis.supervision import catalogue
 from artemis.values import (
@@ -162,6 +164,32 @@ def test_stop_that_is_asked_for_again_and_again_gives_a_deaf_drive_no_heartbeat_
     assert [job.drive for job in player.jobs] == ["traction-left", "traction-right"], "each once"
     assert not player.tick().heartbeat
     assert not EndMode(steps).step(snapshot(player.time, standing=False)).heartbeat, "nor does the end"
+
+
+@pytest.mark.parametrize("mode", [QuickstopMode, FaultMode])
+def test_steering_drive_that_does_not_switch_off_is_switched_off_by_sdo(mode: type[RoutineMode]) -> None:
+    player = Player(mode(plan(CalibrateStep(), connected=True, aligned=True)))
+    on = drive("steer-left", state=DriveState.OPERATION_ENABLE)
+    player.world.update(STOPPED, drives=drives(on, state=DriveState.SWITCH_ON_DISABLED))
+    player.until(
+        lambda wish: any(job.kind is JobKind.HALT for job in wish.jobs), longest=STANDING_TIME + OFF_TIME + 0.1
+    )
+    assert [job.drive for job in player.jobs if job.kind is JobKind.HALT] == ["steer-left"]
+    assert player.wishes[-1].heartbeat
+    player.world.update(drives=drives(state=DriveState.SWITCH_ON_DISABLED))
+    player.until(lambda wish: wish.phase != "switching off", longest=3 * PERIOD)
+
+
+@pytest.mark.parametrize("mode", [QuickstopMode, FaultMode])
+def test_drive_that_cannot_be_switched_off_hears_no_heartbeat_until_it_has_noticed(mode: type[RoutineMode]) -> None:
+    player = Player(mode(plan(CalibrateStep(), connected=True, aligned=True)))
+    player.refused.add((JobKind.HALT, "steer-left"))
+    on = drive("steer-left", state=DriveState.OPERATION_ENABLE)
+    player.world.update(STOPPED, drives=drives(on, state=DriveState.SWITCH_ON_DISABLED))
+    player.until(lambda wish: not wish.heartbeat, longest=STANDING_TIME + OFF_TIME + 0.1)
+    silent = player.time
+    player.until(lambda wish: wish.heartbeat, longest=1.0)
+    assert player.time - silent > 0.5, "twice what the drives watch, and more"
 
 
 def test_quick_stop_during_a_controlled_stop_makes_it_a_quick_one() -> None:

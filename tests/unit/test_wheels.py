@@ -168,6 +168,21 @@ def test_wheel_that_slows_down_from_twice_its_command_is_read() -> None:
     assert sum(value > 0.15 for value in told) * PERIOD > 0.2, "1 m/s² of the robot file"
 
 
+def test_robot_that_rolls_off_though_nobody_drove_it_is_held_to_a_ramp_once_it_shall_stop() -> None:
+    made = road()
+    made.wish = OFF
+    made.ticks(0.3)
+    for speed in (0.1, 0.2, 0.3):
+        made.roll(speed)
+        made.ticks(0.1)
+    assert made.rows() == {"RUN-02"}
+    made.stops = True
+    for speed in (0.4, 0.5, 0.6, 0.7, 0.8):
+        made.roll(speed)
+        made.ticks(0.1)
+    assert made.rows() == {"RUN-03"}
+
+
 # ---------------------------------------------------------------------------------------------- RUN-02
 
 

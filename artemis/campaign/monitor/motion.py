@@ -179,6 +179,8 @@ def pushes_alone(e: Evidence) -> Iterator[Violation]:
                 continue
             helpless = e.active(since, *CUT_OFF, *STALLS, "COM-29", "COM-12", after=1.5)
             found_turning = any(i.id == "SYS-10" and abs(since - i.time) <= FOUND for i in e.injected)
+            if found_turning and helpless:
+                continue  # nobody can stop it
             if look.time - since > longest + (FOUND if found_turning else WATCH_MS / 1000 if helpless else 0.0):
                 yield Violation("I8", look.time, f"the {SIDES[side]} wheel pushes alone since {since:.3f} s")
                 break
