@@ -71,6 +71,10 @@ class NotKept(DeviceError):
     """The device did not keep what was written."""
 
 
+class DeviceRestarted(DeviceError):
+    """The device restarted and has lost what it was told before."""
+
+
 class ProtocolError(DeviceError, ValueError):
     """A frame that cannot be what it claims to be."""
 

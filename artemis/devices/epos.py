@@ -38,6 +38,8 @@ class EposDrive:
         self._nmt: Nmt | None = None
         self._heard: float | None = None
         self.tally = Tally()
+        self.boots = 0
+        """Boot-up frames heard so far."""
         self.last_controlword = 0
 
     def on_status(self, frame: Frame) -> None:
@@ -82,7 +84,9 @@ class EposDrive:
     def on_heartbeat(self, frame: Frame) -> None:
         """Heartbeat or boot-up."""
         self._nmt = nmt_from_heartbeat(frame.data)
-        self.tally.boots += self._nmt is Nmt.INITIALISING
+        if self._nmt is Nmt.INITIALISING:
+            self.boots += 1
+            self.tally.boots += 1
         self._heard = frame.time
 
     def feedback(self, now: float) -> DriveFeedback:

@@ -34,7 +34,7 @@ from artemis.devices.epos_objects import (
     settings,
 )
 from artemis.devices.epos_state import Command, state_from_statusword
-from artemis.errors import DeviceError, DeviceLost, DeviceTimeout, NotKept, WrongDevice
+from artemis.errors import DeviceError, DeviceLost, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
 from artemis.motion.ackermann import Ackermann
 from artemis.values import POWERED, RESETS, DriveState, Job, JobKind
 from artemis.vehicle import OPERATING_MODES
@@ -54,6 +54,7 @@ _FAULTS: dict[type[DeviceError], str] = {
     DeviceLost: "COM-22",
     WrongDevice: "COM-33",
     NotKept: "COM-10",
+    DeviceRestarted: "COM-26",
 }
 
 _NUMBERS = {
@@ -77,6 +78,7 @@ class EposJobs:
         self._epos, self._sdo = epos, epos.sdo
         self.name, self.drive = epos.name, epos.drive
         self._set_point = SET_POINT[epos.drive.role]
+        self._boots = 0
         self._one_at_a_time = asyncio.Lock()  # an end that comes early must not overtake the configuration
 
     async def perform(self, job: Job) -> tuple[int, ...]:
@@ -119,6 +121,7 @@ class EposJobs:
             command = NmtCommand.RESET_NODE if whole else NmtCommand.RESET_COMMUNICATION
             self._epos.send(nmt_frame(command, self.drive.node_id))
             await asyncio.sleep(RESET_TIME)
+        self._boots = self._epos.boots
         self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
         await self._switch_off()
         await self._check_identity()
@@ -127,7 +130,20 @@ class EposJobs:
         await self._reach(DriveState.SWITCH_ON_DISABLED)
 
     async def configure(self) -> None:
-        """Write the robot file's settings and the PDOs, read each back, and start the node."""
+        """Write the robot file's settings and the PDOs, read each back, and start the node; it has to be secured."""
+        problem: DeviceError | None = None
+        try:
+            await self._write_configuration()
+        except DeviceError as error:
+            problem = error
+        if self._epos.boots != self._boots:
+            problem = DeviceRestarted(self.name, "while it was configured")
+        if problem is not None:
+            raise problem
+        self._epos.restart()
+        self._epos.send(nmt_frame(NmtCommand.START, self.drive.node_id))
+
+    async def _write_configuration(self) -> None:
         for setting in settings(self._epos.robot, self.drive):
             await self._ensure(setting)
         if (mode := await self.read(MODE_DISPLAY)) != OPERATING_MODES[self.drive.role]:
@@ -136,8 +152,6 @@ class EposJobs:
             if not await self._holds(pdo):
                 for setting in pdo:
                     await self._write_checked(setting)
-        self._epos.restart()
-        self._epos.send(nmt_frame(NmtCommand.START, self.drive.node_id))
 
     async def reference(self, angle: float) -> None:
         """The wheel stands at `angle` [rad]: count from here, and let the drive refuse what is out of reach."""

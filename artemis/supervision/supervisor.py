@@ -22,6 +22,8 @@ ACKNOWLEDGE_AGAIN = 2.0
 """A stuck button acknowledges once in this time [s]."""
 LOST_HEARTBEAT = 0x8130
 """EMCY code of a drive that misses our heartbeat (CiA 301)."""
+STATE_TIME = 0.15
+"""A drive that told why it is in fault shows it in its statusword within this time [s]: three ticks of the slowest."""
 ROUNDING = 1e-6
 """Ticks are so far from exact in floating point [s]; a hold of so many ticks takes just as many."""
 NO_SLOWER = "RUN-03"
@@ -61,6 +63,7 @@ class Supervisor:
         self._occurred: dict[tuple[str, str], list[float]] = {}
         self._recovered: dict[str, list[float]] = {}
         self._explained: set[str] = set()
+        self._told = -inf
         """Drives in fault that said why, also once that was acknowledged."""
         self._acknowledged = -inf
         self._alarm = False
@@ -100,12 +103,17 @@ class Supervisor:
             return  # of the drives nothing can be known
         if last.supervised:
             told = self._explained.union(device for id, device in self._latched if id.startswith("DRV"))
+            shows = sensed.time - self._told > STATE_TIME
             self._explained = {
-                drive.name for drive in sensed.drives if drive.state in FAULT_STATES and drive.name in told
+                drive.name
+                for drive in sensed.drives
+                if drive.name in told and (drive.state in FAULT_STATES or not shows)
             }
             yield from self._drives.read(sensed, last, self._explained)
         else:
             self._drives.forget()
+            if reasons := {drive.name for drive in sensed.drives if any(drive.emergencies)}:
+                self._explained, self._told = self._explained | reasons, sensed.time
         if not sensed.urgent:
             yield from self._wheels.read(sensed, last, points, self._verdict.stops)
 

@@ -11,7 +11,7 @@ from epos_jobs_rig import LEFT, PER_DEGREE, STEER_LEFT, STEER_RIGHT, WATCH, Rig,
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.epos_objects import Units
-from artemis.errors import DeviceError, DeviceTimeout, NotKept
+from artemis.errors import DeviceError, DeviceRestarted, DeviceTimeout, NotKept
 from artemis.sim.dictionary import Abort, AbortCode, key_of
 from artemis.sim.epos import SimSettings
 from artemis.values import DriveState, Job, JobKind, Nmt
@@ -100,6 +100,19 @@ def test_silent_drive_is_a_timeout_that_names_it() -> None:
             await rig.jobs.secure(0.0)
 
     on(STEER_LEFT, test)
+
+
+def test_drive_that_restarts_while_it_is_configured_has_to_be_secured_again() -> None:
+    async def test(rig: Rig) -> None:
+        await rig.jobs.secure(0.0)
+        loop = asyncio.get_running_loop()
+        loop.call_later(0.03, lambda: rig.node.power_on(loop.time()))
+        with pytest.raises(DeviceRestarted, match=r"traction-left: while it was configured"):
+            await rig.jobs.configure()
+        await rig.jobs.secure(0.0)
+        await rig.jobs.configure()
+
+    on(LEFT, test)
 
 
 WRONG: list[tuple[dict[str, object], SimSettings | None, str]] = [

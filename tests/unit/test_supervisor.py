@@ -88,6 +88,24 @@ def test_reason_explains_one_stay_in_the_fault_state_and_not_the_next() -> None:
     assert watch.found() == [("COM-01", SICK)]
 
 
+@pytest.mark.parametrize(("ticks", "found"), [(8, []), (9, [("COM-01", SICK)])])
+def test_reason_heard_while_nobody_watched_explains_the_fault_that_shows_soon(
+    ticks: int, found: list[tuple[str, str]]
+) -> None:
+    watch = Watch()
+    watch.wish = UNWATCHED
+    watch.ill(SICK, emergencies=(0x8130,))
+    watch.tick()
+    watch.wish = OFF
+    watch.well()
+    for _ in range(ticks - 1):  # of 20 ms
+        watch.tick()
+    watch.ill(SICK, state=DriveState.FAULT)
+    for _ in range(10):
+        watch.tick()
+        assert watch.found() == found
+
+
 def test_reason_of_one_drive_does_not_explain_the_fault_of_another() -> None:
     watch = Watch()
     watch.ill(SICK, state=DriveState.FAULT, emergencies=(0x2310,))
