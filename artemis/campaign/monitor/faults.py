@@ -57,17 +57,18 @@ def judged(e: Evidence) -> Iterator[tuple[Injected, Expected, float]]:
         deadline = injected.time + expected.within + e.tick + max(0.0, 2.5 * (e.tick - 0.02)) + ROUNDING
         if expected.when is When.BY_HAND:  # teleop stops at once, and is heard by the judge of the tick after
             deadline += e.tick
-        deadline += _stands_still(e, injected.time, deadline)
+        deadline += _stands_still(e, injected, deadline)
         counted = injected.options.get("count") or injected.options.get("probability")
         lasts = injected.until > deadline + LASTS and gone >= deadline
         if counted is None and lasts and _must_show(e, injected, expected, deadline):
             yield injected, expected, deadline
 
 
-def _stands_still(e: Evidence, begin: float, end: float) -> float:
-    """So long the whole process stands still [s], where that begins or lasts in this time."""
-    stalls = ((i.time, i.options.get("seconds", 0.0) * i.options.get("times", 1)) for i in e.injected)
-    return float(sum(seconds for time, seconds in stalls if time < end and time + seconds > begin))
+def _stands_still(e: Evidence, injected: Injected, end: float) -> float:
+    """So long another fault has the whole process stand still [s], if that is so between an injection and `end`."""
+    others = [i for i in e.injected if i is not injected and "seconds" in i.options]
+    stalls = [(i.time, i.options["seconds"] * i.options.get("times", 1)) for i in others]
+    return float(sum(seconds for time, seconds in stalls if time < end and time + seconds > injected.time))
 
 
 def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: float) -> bool:
