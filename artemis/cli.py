@@ -196,6 +196,9 @@ def calibrate_steering(
     yes: Annotated[bool, typer.Option("--yes", help="Keep the result without asking.")] = False,
     store: Annotated[bool, typer.Option("--store", help="Only write the robot file's into the drives.")] = False,
     simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
+    write_simulated: Annotated[
+        bool, typer.Option("--write-simulated", help="Change the robot file also by what simulated drives showed.")
+    ] = False,
 ) -> None:
     """Measure zero and slope of the steering potentiometers; keep them in the drives and the robot file."""
     from artemis.commands import calibrate_steering
@@ -203,8 +206,12 @@ def calibrate_steering(
     given = {"left": reference_left, "right": reference_right}
     reference = {name: angle for name, angle in given.items() if angle is not None}
     if not store:
-        raise typer.Exit(calibrate_steering.calibrate_steering(mission, side, reference, new, yes, simulate))
-    if side or reference or new or yes:
+        raise typer.Exit(
+            calibrate_steering.calibrate_steering(
+                mission, side, reference, new=new, yes=yes, simulate=simulate, write_simulated=write_simulated
+            )
+        )
+    if side or reference or new or yes or write_simulated:
         raise ConfigError("--store writes what the robot file says: it measures nothing, and goes alone")
     raise typer.Exit(calibrate_steering.store_steering(mission, simulate))
 
@@ -278,7 +285,7 @@ def schema(kind: Annotated[str, typer.Argument(metavar="mission|robot", help="Of
     """Print the JSON schema of a mission or robot file, for editors."""
     import json
 
-    from artemis.mission.schema import mission_schema, robot_schema
+    from artemis.mission.json_schema import mission_schema, robot_schema
 
     if kind not in ("mission", "robot"):
         raise ConfigError(f"no schema of {kind!r}: write mission or robot")

@@ -18,7 +18,6 @@ from artemis.plugins.contracts import Setup
 from artemis.recording.provenance import Resumption
 from artemis.robot import Core
 from artemis.states.gains import GainsStep, TurnStep
-from artemis.states.keeping import StoreSteeringStep
 from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
 from artemis.states.steering import SteeringStep
 from artemis.vehicle import Robot
@@ -50,17 +49,13 @@ def _calibrate_step(robot: Robot, action: Calibrate) -> CalibrateStep:
         return GainsStep(gains=new)
     if action.turn is not None:
         return TurnStep(side=action.turn.side, angle=radians(action.turn.angle_deg))
-    match action.steering:
-        case MeasureSteering() as asked:
-            given = {"left": asked.reference_deg.left, "right": asked.reference_deg.right}
-            return SteeringStep(
-                sides=("left", "right") if asked.wheels == "both" else (asked.wheels,),
-                reference={side: radians(angle) for side, angle in given.items() if angle is not None},
-                save=asked.save,
-                new=asked.potentiometers == "new",
-            )
-        case "store_in_drives":
-            return StoreSteeringStep()
+    if isinstance(asked := action.steering, MeasureSteering):
+        return SteeringStep(
+            sides=("left", "right") if asked.wheels == "both" else (asked.wheels,),
+            reference={side: radians(angle) for side, angle in asked.reference_deg if angle is not None},
+            save=asked.save,
+            new=asked.potentiometers == "new",
+        )
     return CalibrateStep()
 
 

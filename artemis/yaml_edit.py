@@ -6,6 +6,7 @@ import os
 import re
 import tempfile
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from copy import deepcopy
 from pathlib import Path
 
@@ -30,13 +31,19 @@ def edit(path: Path, changes: Mapping[Keys, Data]) -> None:
     """
     content = edited(read(path), str(path), changes)
     try:
-        with tempfile.NamedTemporaryFile(dir=path.resolve().parent, prefix=f".{path.name}.", delete=False) as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary = Path(file.name)
-        temporary.chmod(path.stat().st_mode & 0o7777)
-        temporary.replace(path.resolve())
+        mode = path.stat().st_mode & 0o7777
+        if not mode & 0o222:
+            raise ConfigError(f"{path}: is read-only")
+        with ExitStack() as undo:
+            file = tempfile.NamedTemporaryFile(dir=path.resolve().parent, prefix=f".{path.name}.", delete=False)
+            undo.callback(Path(file.name).unlink)
+            with file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            Path(file.name).chmod(mode)
+            Path(file.name).replace(path.resolve())
+            undo.pop_all()
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
 

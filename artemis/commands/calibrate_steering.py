@@ -6,12 +6,14 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from artemis.app import Outcome
 from artemis.commands.one_step import mission_of
 from artemis.commands.run import run_in_sight
 from artemis.commands.terminal import HINT, JOG_KEYS, JOGGING, KEYS, somebody_is_there
 from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
 from artemis.motion.steering_fit import SteeringFit
+from artemis.planning import is_simulated
 from artemis.values import JobKind, Tick
 from artemis.yaml_edit import edit
 from artemis.yaml_file import Data
@@ -20,7 +22,14 @@ _KEEPING = {JobKind.WRITE_CALIBRATION: "has the new values", JobKind.STORE: "kee
 
 
 def calibrate_steering(
-    source: Path, side: str | None, reference: Mapping[str, float], new: bool, yes: bool, simulate: bool
+    source: Path,
+    side: str | None,
+    reference: Mapping[str, float],
+    *,
+    new: bool,
+    yes: bool,
+    simulate: bool,
+    write_simulated: bool,
 ) -> int:
     """Measure the potentiometers of one wheel or both on the robot and bus of the mission `source`.
 
@@ -30,7 +39,8 @@ def calibrate_steering(
         reference: True angle of a wheel while it shows 0, by side [degrees]; for the others a person turns the wheel.
         new: Nothing that the potentiometers say now is believed.
         yes: Keep the result without asking.
-        simulate: On simulated drives, whatever bus the mission names; then the robot file of a real one stays as it is.
+        simulate: On simulated drives, whatever bus the mission names.
+        write_simulated: Change the robot file also by what simulated drives showed.
 
     Returns:
         The exit status, as of a run.
@@ -56,26 +66,39 @@ def calibrate_steering(
         "save": "drives" if yes else "ask",
     }
     kept = _Kept()
+    keys, hint = {**KEYS, **JOG_KEYS}, f"{HINT}; {JOGGING}"
     with mission_of(
         source, "calibrate-steering", {"calibrate": {"steering": step}}, pace=None if alone else "real_time"
     ) as (loaded, path):
-        robot_file = loaded.folder / loaded.mission.robot
-        outcome = run_in_sight(
-            loaded, path, simulate, watch=kept.see, keys={**KEYS, **JOG_KEYS}, hint=f"{HINT}; {JOGGING}"
-        )
-    if outcome.failed:
-        kept.tell(f"not changed: {robot_file}")
-        return outcome.exit_status
-    if simulate and loaded.mission.bus != "simulation":
-        kept.tell(f"not changed by --simulate: {robot_file}")
-        return outcome.exit_status
-    try:
-        edit(robot_file, changes(outcome.steering))
-    except ConfigError as error:
-        kept.tell(f"NOT changed: {error}; the values are in {outcome.run.calibration}")
-        return 1
-    kept.tell(f"changed: {robot_file}")
-    return outcome.exit_status
+        writes = write_simulated or not is_simulated(loaded, simulate)
+        file = _RobotFile(loaded.folder / loaded.mission.robot, loaded.files[loaded.mission.robot], writes)
+        outcome = run_in_sight(loaded, path, simulate, watch=kept.see, keys=keys, hint=hint, then=file.write)
+    kept.tell(file.told)
+    return outcome.exit_status or int(file.failed)
+
+
+class _RobotFile:
+    """The robot file, which gets the result the moment that the run is over."""
+
+    def __init__(self, path: Path, read: bytes, writes: bool) -> None:
+        self._path, self._read, self._writes = path, read, writes
+        self.failed, self.told = False, f"not changed: {path}"
+
+    def write(self, outcome: Outcome) -> None:
+        """Change it, unless the run failed."""
+        if outcome.failed:
+            return
+        if not self._writes:
+            self.told = f"not changed by simulated drives (--write-simulated does): {self._path}"
+            return
+        try:
+            if self._path.read_bytes() != self._read:
+                raise ConfigError(f"{self._path}: somebody else changed it meanwhile")
+            edit(self._path, changes(outcome.steering))
+        except (ConfigError, OSError) as error:
+            self.failed, self.told = True, f"NOT changed: {error}; the values are in {outcome.run.calibration}"
+        else:
+            self.told = f"changed: {self._path}"
 
 
 def store_steering(source: Path, simulate: bool) -> int:

@@ -12,7 +12,7 @@ from artemis.errors import ConfigError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.yaml_file import Data
 
-_KEPT = ("robot", "bus", "tick_hz", "supervision", "recovery", "record")
+_KEPT = ("robot", "bus", "tick_hz", "supervision", "record")
 _LONGEST = 64
 """Characters of a mission's name."""
 
@@ -23,7 +23,8 @@ def mission_of(
 ) -> Iterator[tuple[LoadedMission, Path]]:
     """A mission with one step, loaded, and its file, which lies beside the mission `source` until the block ends.
 
-    It has that mission's robot, bus and care, and its simulated machine, but no inputs, faults or operator.
+    It has that mission's robot, bus and care, and its simulated machine, but no inputs, faults or operator. It goes on
+    after no stop by itself: somebody may have a hand at a wheel.
 
     Raises:
         ConfigError: the mission or the step is refused, or no file can be written beside it.
@@ -33,10 +34,13 @@ def mission_of(
     assert isinstance(given, dict)
     simulation: Data = given.get("simulation", {})
     assert isinstance(simulation, dict)
+    policies = loaded.mission.recovery.items()
+    stricter = {id: policy.model_dump(exclude_unset=True, exclude={"resume"}) for id, policy in policies}
     simulation = {key: simulation[key] for key in ("seed", "true_robot") if key in simulation}
     mission = {
         "mission": f"{loaded.mission.mission[: _LONGEST - len(name) - 1]}-{name}",
         **{key: given[key] for key in _KEPT if key in given},
+        "recovery": {id: policy for id, policy in stricter.items() if policy},
         "steps": [step],
         "simulation": {**simulation, **({} if pace is None else {"pace": pace})},
     }

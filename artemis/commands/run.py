@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from math import degrees
@@ -56,6 +56,7 @@ def run_in_sight(
     watch: Watch = lambda tick, traffic: None,
     keys: Mapping[bytes, Request] = KEYS,
     hint: str = HINT,
+    then: Callable[[Outcome], None] = lambda outcome: None,
 ) -> Outcome:
     """Run a loaded mission with its live view, print the summary, write its page.
 
@@ -67,6 +68,7 @@ def run_in_sight(
         watch: Sees every tick, too.
         keys: What the keys of the terminal ask for.
         hint: Names them.
+        then: Is called as soon as the run is over, before the summary: what must not be missed if that breaks off.
 
     Raises:
         DeviceLost: the bus cannot be opened; nothing has moved.
@@ -88,6 +90,7 @@ def run_in_sight(
             watch(tick, traffic)
 
         outcome = run_mission(loaded, source, simulate=simulate, watch=show, operator=operator, resumption=resumption)
+    then(outcome)
     _conclude(outcome)
     return outcome
 

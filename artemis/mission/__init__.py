@@ -1,5 +1,6 @@
 """The mission file: its schema, and loading it with everything it names, checked before anything moves."""
 
+from artemis.mission.json_schema import mission_schema, robot_schema
 from artemis.mission.loading import LoadedMission, load_mission, plugin_from
 from artemis.mission.schema import (
     Calibrate,
@@ -12,8 +13,6 @@ from artemis.mission.schema import (
     Teleop,
     Until,
     Wait,
-    mission_schema,
-    robot_schema,
 )
 
 __all__ = [

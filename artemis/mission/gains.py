@@ -9,13 +9,26 @@ from artemis.mission.schema import NewGains
 from artemis.vehicle import Gains, Robot
 
 
+MOST = 10
+"""A trial makes no gain larger by more than this factor: what a loop does then shows before it breaks anything."""
+
+
 def check_gains(wanted: Mapping[str, NewGains], robot: Robot) -> Iterator[tuple[str, str]]:
-    """Drives that cannot try gains, each with what is wrong."""
-    for name in wanted:
+    """Drives that cannot try these gains, each with what is wrong."""
+    for name, new in wanted.items():
         if name not in robot.drives:
             yield name, f"no such drive{nearest(name, robot.drives, 'drives')}"
-        elif robot.drives[name].gains is None:
+        elif (known := robot.drives[name].gains) is None:
             yield name, "the robot file has no gains of it: write there those that `artemis calibrate gains` shows"
+        else:
+            yield from ((name, problem) for problem in _too_large(new, known))
+
+
+def _too_large(new: NewGains, known: Gains) -> Iterator[str]:
+    for kind, numbers in new.model_dump(exclude_none=True).items():
+        for letter, number, present in zip("PID", numbers, getattr(known, kind), strict=False):
+            if present and number > MOST * present:
+                yield f"{kind} {letter} {number}: at most {MOST} times the present {present} per trial"
 
 
 def merged(new: NewGains, known: Gains) -> Gains:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 import re
-from types import ModuleType
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
@@ -83,6 +80,10 @@ class Reference(Config):
     right: Angle | None = None
 
 
+LARGEST_UNSEEN_DEG = 5.0
+"""A wheel that is farther off stands visibly askew: the reference, or the wheel that is meant, is probably wrong."""
+
+
 class MeasureSteering(Config):
     """Find zero and slope of the potentiometers: turn each wheel by 45 degrees to both sides and read them."""
 
@@ -94,6 +95,18 @@ class MeasureSteering(Config):
     """New: nothing that they say now is believed; the wheels are aligned by hand or reference alone."""
     save: Literal["nothing", "ask", "drives"] = "nothing"
     """What to do with the result in the drives' memory; ask: whoever is at the terminal."""
+
+    @model_validator(mode="after")
+    def _unseen(self) -> Self:
+        known = {side: angle for side, angle in self.reference_deg if angle is not None}
+        if self.potentiometers == "known" and self.save == "drives":
+            for side, angle in known.items():
+                if abs(angle) > LARGEST_UNSEEN_DEG:
+                    raise ValueError(
+                        f"reference_deg.{side} is {angle:g}: a zero that is wrong by more than {LARGEST_UNSEEN_DEG:g} "
+                        "degrees is not saved unless a person agrees: write save: ask (or potentiometers: new)"
+                    )
+        return self
 
     @model_validator(mode="after")
     def _both(self) -> Self:
@@ -134,13 +147,12 @@ class Calibrate(Config):
 
     steering: (
         Annotated[
-            Annotated[Literal["from_potentiometers", "store_in_drives"], Tag("<word>")]
-            | Annotated[MeasureSteering, Tag("<measured>")],
+            Annotated[Literal["from_potentiometers"], Tag("<word>")] | Annotated[MeasureSteering, Tag("<measured>")],
             Discriminator(_kind_of_steering),
         ]
         | None
     ) = None
-    """Align the wheels; write the robot file's calibration into the drives; or measure a new one."""
+    """Align the wheels, or measure their potentiometers."""
     gains: Annotated[dict[str, NewGains], Field(min_length=1)] | None = None
     """Try other regulator gains, by drive: until the run ends, or a fault has the drives configured anew."""
     turn: Turn | None = None
@@ -274,6 +286,12 @@ def _check_steps(steps: tuple[Step, ...]) -> tuple[Step, ...]:
     measured = [step.calibrate.steering for step in steps if step.calibrate is not None]
     if len(steps) > 1 and any(isinstance(one, MeasureSteering) and one.potentiometers == "new" for one in measured):
         raise ValueError("new potentiometers are calibrated in a mission of their own: no other step may stand beside")
+    saving = [isinstance(one, MeasureSteering) and one.save != "nothing" for one in measured]
+    if any(saving) and len(steps) > 1:
+        raise ValueError(
+            "what is saved holds from the next start on: no other step may stand beside a calibration "
+            "with save: drives or ask"
+        )
     return steps
 
 
@@ -360,40 +378,3 @@ class Mission(Config):
     simulation: Simulation = Simulation()
     record: FileName = "runs/"
     """Folder for the runs' folders."""
-
-
-def mission_schema() -> dict[str, object]:
-    """JSON schema of a mission file, for editors."""
-    from artemis.testing.injections import INJECTIONS
-
-    schema: dict[str, Any] = _schema(Mission, inspect.getmodule(Mission))
-    schema["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] = list(INJECTIONS)
-    return schema
-
-
-def robot_schema() -> dict[str, object]:
-    """JSON schema of a robot file, for editors."""
-    return _schema(vehicle.Robot, vehicle)
-
-
-def _schema(model: type[Config], module: ModuleType | None) -> dict[str, object]:
-    schema: dict[str, object] = {"$schema": "https://json-schema.org/draft/2020-12/schema", **model.model_json_schema()}
-    definitions = schema.get("$defs")
-    models = {**(definitions if isinstance(definitions, dict) else {}), model.__name__: schema}
-    for (name, field), description in _field_docstrings(module).items():
-        properties = models.get(name, {}).get("properties", {})
-        if field in properties:
-            properties[field]["description"] = description
-    return schema
-
-
-def _field_docstrings(module: ModuleType | None) -> dict[tuple[str, str], str]:
-    """The texts that stand below the fields of a module's classes, by class and field."""
-    found: dict[tuple[str, str], str] = {}
-    tree = ast.parse(inspect.getsource(module)) if module else ast.Module([], [])
-    for owner in (node for node in tree.body if isinstance(node, ast.ClassDef)):
-        for field, text in zip(owner.body, owner.body[1:], strict=False):
-            match field, text:
-                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(words))):
-                    found[owner.name, name] = inspect.cleandoc(words)
-    return found

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from artemis.states.alignment import align, enable
 from artemis.states.gains import GainsStep, TurnStep, try_gains, turn
-from artemis.states.keeping import StoreSteeringStep, store_steering
 from artemis.states.mode import OFF, ON, Routine, RoutineMode
 from artemis.states.steering import SteeringStep, calibrate_steering
 from artemis.values import Event, Snapshot
@@ -21,8 +20,6 @@ class CalibrateMode(RoutineMode):
         match plan.current:
             case SteeringStep() as step:
                 snapshot = yield from calibrate_steering(plan, step, snapshot)
-            case StoreSteeringStep():
-                snapshot = yield from store_steering(plan, snapshot)
             case GainsStep() as step:
                 snapshot = yield from try_gains(plan, step, snapshot)
             case TurnStep() as step:

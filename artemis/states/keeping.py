@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from artemis.motion.potentiometers import memory_numbers, memory_words
+from artemis.states.alignment import switch_off
 from artemis.states.mode import OFF, CalibrateStep, Plan, Routine, fail, failure, finish_jobs
 from artemis.supervision import catalogue
-from artemis.values import Fault, JobKind, JobResult, Snapshot
+from artemis.values import POWERED, Fault, JobKind, JobResult, Snapshot
 
 LARGEST = 2**31
 """What a drive keeps is smaller, without sign: 32 bit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoreSteeringStep(CalibrateStep):
-    """Write the robot file's calibration of the potentiometers into the drives."""
-
-    @property
-    def replaces(self) -> bool:
-        """Always."""
-        return True
-
-
-def store_steering(plan: Plan, snapshot: Snapshot) -> Routine:
-    """Let the drives keep what the robot file says."""
-    return (yield from keep(plan, {name: _from_file(plan, name) for name in plan.drives("steering")}, snapshot))
-
-
 def keep(plan: Plan, wanted: Mapping[str, tuple[int, ...]], snapshot: Snapshot) -> Routine:
-    """Write numbers into drives that are off, one after the other: each is read back, then kept for ever."""
+    """Switch all drives off; write numbers into some, one after the other: each is read back, then kept for ever."""
+    snapshot = yield from switch_off(plan, OFF, snapshot)
+    if on := [drive.name for drive in snapshot.sensed.drives if drive.state in POWERED]:
+        return (yield from fail(OFF, catalogue.fault("COM-03", on[0], "stays on")))
     before, snapshot = yield from finish_jobs(
         replace(OFF, phase="reading what the drives keep"), plan.jobs(JobKind.READ_CALIBRATION, wanted)
     )
@@ -62,12 +51,13 @@ def _told(failed: JobResult, before: Iterable[JobResult], done: Iterable[str]) -
 def contradiction(plan: Plan, results: Iterable[JobResult]) -> Fault | None:
     """A drive that keeps another calibration than the robot file's; zeros: none was ever stored.
 
-    No fault where the run is there to write another one.
+    No fault of a drive into which the run is there to write another one.
     """
-    if isinstance(plan.current, CalibrateStep) and plan.current.replaces:
-        return None
+    replaced = plan.current.replaces if isinstance(plan.current, CalibrateStep) else ()
     for result in results:
         if result.kind is JobKind.READ_CALIBRATION and any(result.values):
+            if plan.robot.drives[result.drive].side in replaced:
+                continue
             known = plan.kept.get(result.drive) or _from_file(plan, result.drive)
             if result.values != known:
                 seen = f"keeps {memory_words(result.values)}; the robot file says {memory_words(known)}"

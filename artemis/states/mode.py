@@ -51,9 +51,9 @@ class CalibrateStep:
     """Align the wheels from the potentiometers again; what else mode calibrate does are kinds of this."""
 
     @property
-    def replaces(self) -> bool:
-        """Whether the drives are to keep another calibration of the potentiometers: what they keep now is no matter."""
-        return False
+    def replaces(self) -> tuple[str, ...]:
+        """Sides whose drives are to keep another calibration of the potentiometers: what they keep now is no matter."""
+        return ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

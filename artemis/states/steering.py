@@ -30,6 +30,8 @@ OFF_LINE, FAR_OFF_LINE = radians(0.2), radians(0.5)
 """A pass whose mean is so far off the line is worth a warning, and a refusal [rad]."""
 RELEASE_TIME = 1.0
 """Longest time for the driven wheels' drives to switch off [s]."""
+AHEAD = radians(2.0)
+"""No keys, however many, send a wheel farther than this from where it is [rad]: it stops when they stop."""
 READ_TIME = 0.5
 """Nobody reads a question faster [s]."""
 INSIDE = 1e-6
@@ -57,9 +59,9 @@ class SteeringStep(CalibrateStep):
     """`drives`: keep the result in the drives; `ask`: if a person says so."""
 
     @property
-    def replaces(self) -> bool:
-        """Whether the drives are to keep another calibration."""
-        return self.save != "nothing"
+    def replaces(self) -> tuple[str, ...]:
+        """Whose drives are to keep another calibration."""
+        return self.sides if self.save != "nothing" else ()
 
 
 def calibrate_steering(plan: Plan, step: SteeringStep, snapshot: Snapshot) -> Routine:
@@ -74,6 +76,11 @@ def calibrate_steering(plan: Plan, step: SteeringStep, snapshot: Snapshot) -> Ro
             straight[side] = (0.0 if plan.blind else -step.reference[side]), 0.0
         else:
             straight[side], snapshot = yield from _ask_straight(plan, side, snapshot)
+    if by_hand := [side for side in step.sides if side not in step.reference]:
+        snapshot = yield from _ask(plan, "hands off, the wheels turn to both sides now: enter: go, q: no", snapshot)
+        if plan.blind:
+            snapshot = yield from _take_as_straight(plan, {side: straight[side][0] for side in by_hand}, snapshot)
+            straight.update({side: (0.0, straight[side][1]) for side in by_hand})
     fits: dict[str, SteeringFit] = {}
     for side in step.sides:
         angle, direction = straight[side]
@@ -148,14 +155,23 @@ def _ask_straight(
         question = f"{side} wheel at {degrees(angle):+.1f} deg: turn it until it stands straight, then accept"
         yield from _somebody(snapshot, begun, question)
         if jog := sum(JOGS.get(request, 0.0) for request in snapshot.sensed.requests):
-            angle, direction = min(max(angle + jog, low), high), copysign(1.0, jog)
+            here, direction = _drive(snapshot, name).position, copysign(1.0, jog)
+            angle = min(max(angle + jog, here - AHEAD, low), here + AHEAD, high)
             target = _virtual(plan, side, angle)
         snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=target), phase=question)
     snapshot = yield from steer(plan, target, snapshot, {})
-    if not plan.blind:
-        return (_drive(snapshot, name).position, direction), snapshot
-    snapshot = yield from do(OFF, plan.jobs(JobKind.REFERENCE, [name], [0.0]), snapshot)
-    return (0.0, direction), (yield from enable(STEERING_ON, snapshot))
+    return (_drive(snapshot, name).position, direction), snapshot
+
+
+def _take_as_straight(plan: Plan, straight: Mapping[str, float], snapshot: Snapshot) -> Routine:
+    """Have wheels count from where a person found them straight [rad, as they counted before]; all at once.
+
+    Wheels that are no pair by what they count are turned until they are one.
+    """
+    names = [plan.robot.drive_at("steering", side)[0] for side in straight]
+    angles = [_drive(snapshot, name).position - zero for name, zero in zip(names, straight.values(), strict=True)]
+    snapshot = yield from do(OFF, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
+    return (yield from enable(STEERING_ON, snapshot))
 
 
 # ---------------------------------------------------------------------------------------------- measuring

@@ -30,7 +30,7 @@ def read(screen: Terminal, words: str) -> None:
 def test_without_anybody_there_the_robot_file_gets_the_result_and_keeps_its_comments(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, more=HIDDEN)
 
-    done = artemis_here("calibrate", "steering", mission, *ALONE)
+    done = artemis_here("calibrate", "steering", mission, *ALONE, "--write-simulated")
 
     assert done.returncode == 0, done.stdout + done.stderr
     found = json.loads((only_run(tmp_path) / "calibration.json").read_text())["steering"]
@@ -47,13 +47,14 @@ def test_without_anybody_there_the_robot_file_gets_the_result_and_keeps_its_comm
     assert artemis_here("replay", only_run(tmp_path)).returncode == 0
 
 
-def test_simulated_drives_do_not_change_the_file_of_a_robot_on_a_real_bus(tmp_path: Path) -> None:
-    mission = write_mission(tmp_path, bus="{interface: udp_multicast, channel: 239.74.163.2}", more=HIDDEN)
+@pytest.mark.parametrize("bus", ["simulation", "{interface: udp_multicast, channel: 239.74.163.2}"])
+def test_simulated_drives_do_not_change_the_robot_file_by_themselves(tmp_path: Path, bus: str) -> None:
+    mission = write_mission(tmp_path, bus=bus, more=HIDDEN)
 
     done = artemis_here("calibrate", "steering", mission, "--side", "left", "--reference-left=0", "--yes", "--simulate")
 
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "not changed by --simulate" in done.stdout
+    assert f"not changed by simulated drives (--write-simulated does): {tmp_path}/robots/artemis.yaml" in done.stdout
     assert robot_file(tmp_path) == ROBOT.read_text(encoding="utf-8")
 
 
@@ -65,14 +66,37 @@ def test_a_robot_file_that_cannot_be_changed_is_told_with_where_the_values_are(
 
     monkeypatch.setattr(calibrate_steering, "edit", refuse)
 
+    mission = write_mission(tmp_path)
     done = artemis_here(
-        "calibrate", "steering", write_mission(tmp_path), "--side", "left", "--reference-left=0.8", "--yes"
+        "calibrate", "steering", mission, "--side", "left", "--reference-left=0.8", "--yes", "--write-simulated"
     )
 
     assert done.returncode == 1
     assert "steer-left keeps the new values" in done.stdout
     assert "NOT changed: artemis.yaml: cannot be written" in done.stdout
     assert f"the values are in {only_run(tmp_path)}/calibration.json" in done.stdout
+
+
+@pytest.mark.parametrize("meanwhile", ["changed", "locked"])
+def test_a_robot_file_that_somebody_else_touched_meanwhile_is_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, meanwhile: str
+) -> None:
+    mission, file = write_mission(tmp_path), tmp_path / "robots" / "artemis.yaml"
+
+    def touch(*_: object) -> None:
+        if meanwhile == "locked":
+            file.chmod(0o444)
+        elif not file.read_text().endswith("# mine\n"):
+            file.write_text(file.read_text() + "# mine\n")
+
+    monkeypatch.setattr(calibrate_steering._Kept, "see", touch)
+    options = ("--side", "left", "--reference-left=0.8", "--yes", "--write-simulated")
+    done = artemis_here("calibrate", "steering", mission, *options)
+
+    assert done.returncode == 1
+    why = {"changed": "somebody else changed it meanwhile", "locked": "is read-only"}[meanwhile]
+    assert f"NOT changed: {file}: {why}; the values are in" in done.stdout
+    assert file.read_text().removesuffix("# mine\n") == ROBOT.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -84,6 +108,10 @@ def test_a_robot_file_that_cannot_be_changed_is_told_with_where_the_values_are(
         (("--side", "left", "--reference-right=1"), "--reference-right is of a wheel that is not measured"),
         (("--side", "left", "--reference-left=1", "--new", "--yes"), "both wheels are measured"),
         (("--store", "--yes"), "--store writes what the robot file says"),
+        (
+            ("--reference-left=6", "--reference-right=0", "--yes"),
+            "reference_deg.left is 6: a zero that is wrong by more",
+        ),
         (("--reference-left=90", "--reference-right=0", "--yes"), "Invalid value for '--reference-left'"),
     ],
 )
@@ -111,7 +139,7 @@ def test_drives_are_given_what_the_robot_file_says(tmp_path: Path) -> None:
 @pytest.mark.realtime
 def test_a_person_turns_a_wheel_straight_reads_the_result_and_says_yes(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, more=HIDDEN)
-    with terminal(mission, command=("calibrate", "steering", "--side", "left")) as screen:
+    with terminal(mission, command=("calibrate", "steering", "--side", "left", "--write-simulated")) as screen:
         screen.see(r"left wheel at [+-]0\.0 deg")
         screen.press(b"-")
         screen.see(r"left wheel at -1\.0 deg")
@@ -119,6 +147,8 @@ def test_a_person_turns_a_wheel_straight_reads_the_result_and_says_yes(tmp_path:
             screen.press(b".")
             screen.see(rf"left wheel at -0\.{number} deg")
         read(screen, r"left wheel at -0\.8 deg")
+        screen.press(b"\n")
+        read(screen, "hands off, the wheels turn to both sides now")
         screen.press(b"\n")
         read(screen, "keep this in the drives and the robot file")
         screen.press(b"\n")

@@ -14,6 +14,7 @@ from steering_rig import (
     HIDDEN,
     LEFT,
     LEFT_ALONE,
+    PLAIN,
     RIGHT,
     SIDES,
     assert_recovered,
@@ -109,7 +110,8 @@ ONE_BY_ONE = jogs(
     (8.8, "left_tenth"),
     (9.4, "right_tenth"),
     (11.0, "accept"),
-    (55.0, "accept"),
+    (12.0, "accept"),
+    (57.0, "accept"),
 )
 """The left wheel to -0.8 degrees, the right one, which was taken along, to 1.3: there they truly stand straight."""
 
@@ -151,6 +153,24 @@ def test_a_question_that_nobody_can_answer_is_a_fault(tmp_path: Path) -> None:
     assert_safe(run)
 
 
+def test_keys_that_come_all_at_once_do_not_send_the_wheel_far(tmp_path: Path) -> None:
+    acts = jogs(*((5.0 + 0.01 * number, "left_degree") for number in range(30)), (8.0, "end"))
+    run = calibrate(tmp_path, PLAIN, acts, reference_deg={}, save="nothing").run()
+
+    angles = {s.time: math.degrees(s.tick.set_points.steering_left) for s in run.in_mode(Mode.CALIBRATE)}
+    last = max(angle for time, angle in angles.items() if time < 5.35)
+    assert 5.0 < last, "it turns as fast as it may while they come"
+    assert max(angles.values()) < last + 2.5, "and stops when they stop"
+
+
+def test_nobody_is_asked_whose_hands_are_at_a_wheel_before_they_are_off(tmp_path: Path) -> None:
+    acts = jogs((5.5, "accept"), (6.5, "accept"), (9.0, "end"))
+    run = calibrate(tmp_path, PLAIN, acts, reference_deg={}, save="nothing").run()
+
+    assert any(s.phase.startswith("hands off, the wheels turn") for s in run.in_mode(Mode.CALIBRATE))
+    assert max(abs(math.degrees(s.tick.set_points.steering)) for s in run.in_mode(Mode.CALIBRATE)) < 0.5
+
+
 def test_a_key_that_bounces_accepts_once(tmp_path: Path) -> None:
     run = calibrate(tmp_path, simulation=jogs((5.0, "accept"), (5.1, "accept")), reference_deg={}).run()
 
@@ -185,11 +205,14 @@ def test_new_potentiometers_by_hand(tmp_path: Path) -> None:
         *((7.0 + 0.1 * number, "left_degree") for number in range(11)),
         *((8.3 + 0.1 * number, "left_tenth") for number in range(5)),
         (10.5, "accept"),
-        (60.0, "accept"),
+        (11.5, "accept"),
+        (62.0, "accept"),
     )
     run = calibrate(tmp_path, true, acts, potentiometers="new", reference_deg={}, save="ask").run()
 
     assert (run.status, run.faults) == (0, [])
+    untouched = [s.tick.set_points.steering for s in run.in_mode(Mode.CALIBRATE) if 6.1 < s.time < 6.9]
+    assert max(untouched) - min(untouched) < math.radians(0.01), "the left wheel was accepted: nothing moves by that"
     left = run.plan.steering["left"].calibration
     assert left.zero_v[0] == pytest.approx(2.51 - 25.0 / 72.0, abs=0.002)
     assert run.recompute().difference is None

@@ -179,7 +179,7 @@ def _shift(rig: Rig) -> None:
 
 
 def test_wheel_that_is_straight_near_its_limit_is_not_turned(tmp_path: Path) -> None:
-    run = calibrate(tmp_path, wheels="left", reference_deg={"left": 40.0}).run()
+    run = calibrate(tmp_path, wheels="left", reference_deg={"left": 40.0}, save="nothing").run()
 
     assert (run.faults[0].id, run.faults[0].device) == ("CAL-01", LEFT)
     assert "at its limit" in run.faults[0].text

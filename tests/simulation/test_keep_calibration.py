@@ -52,6 +52,14 @@ def test_the_robot_file_is_brought_back_into_the_drives(tmp_path: Path) -> None:
         assert memory(second.world.drive(name)) == memory_numbers(second.plan.robot.potentiometers(side))
 
 
+def test_a_drive_that_is_not_to_be_written_must_keep_what_the_file_says_all_the_same(tmp_path: Path) -> None:
+    first = calibrate(tmp_path / "first").run()
+    rig = calibrate(tmp_path / "second", **LEFT_ALONE)
+    second = Rig(rig.mission, world=first.world, start=first.world.time, longest=30.0).run()
+
+    assert [(fault.id, fault.device) for fault in second.faults] == [("CAL-02", RIGHT)]
+
+
 def test_a_drive_that_refuses_to_store_is_named_with_what_is_where(tmp_path: Path) -> None:
     rig = calibrate(tmp_path)
 

@@ -17,7 +17,6 @@ from artemis.mission.loading import load_mission
 from artemis.planning import made, plan_from
 from artemis.plugins import registry
 from artemis.plugins.contracts import Setup
-from artemis.states.keeping import StoreSteeringStep
 from artemis.states.mode import CalibrateStep, FollowStep, Plan, TeleopStep
 from artemis.states.steering import SteeringStep
 
@@ -60,15 +59,24 @@ def calibrating(folder: Path, *words: object) -> Plan:
 
 
 def test_steering_is_measured_as_the_mission_says(tmp_path: Path) -> None:
-    words = {"wheels": "left", "reference_deg": {"left": 9.0}, "save": "drives"}
-    plan = calibrating(tmp_path, "from_potentiometers", words, "store_in_drives", {})
-    assert plan.steps == (
-        CalibrateStep(),
-        SteeringStep(sides=("left",), reference={"left": math.radians(9.0)}, save="drives"),
-        StoreSteeringStep(),
-        SteeringStep(),
-    )
+    words = {"wheels": "left", "reference_deg": {"left": 9.0}, "save": "ask"}
+    plan = calibrating(tmp_path, words)
+    assert plan.steps == (SteeringStep(sides=("left",), reference={"left": math.radians(9.0)}, save="ask"),)
     assert not plan.blind
+    assert calibrating(tmp_path, "from_potentiometers", {}).steps == (CalibrateStep(), SteeringStep())
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ([{"save": "drives"}, "from_potentiometers"], "no other step may stand beside"),
+        (["from_potentiometers", {"save": "ask"}], "no other step may stand beside"),
+        ([{"save": "drives", "reference_deg": {"right": -5.1}}], "reference_deg.right is -5.1: a zero that is wrong"),
+    ],
+)
+def test_steering_is_not_saved_unseen_or_beside_other_steps(tmp_path: Path, words: list[object], problem: str) -> None:
+    with pytest.raises(ConfigError, match=problem):
+        calibrating(tmp_path, *words)
 
 
 def test_new_potentiometers_make_a_run_blind_and_tell_how_the_wheels_are_found(tmp_path: Path) -> None:
