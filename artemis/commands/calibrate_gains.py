@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -11,9 +12,9 @@ from pathlib import Path
 from artemis import clock
 from artemis.app import Outcome
 from artemis.commands.devices import open_bus
-from artemis.commands.gains_trial import WAY, Findings, Trial, findings, table, write_mission
+from artemis.commands.gains_trial import WAY, Findings, GainsWatch, Trial, findings, table, write_mission
 from artemis.commands.run import run_in_sight
-from artemis.devices.gains_memory import read_gains, store_gains
+from artemis.devices.memory import read_gains, store
 from artemis.errors import ConfigError, DeviceError, RecordingError, shown
 from artemis.mission.gains import check_gains, merged
 from artemis.mission.loading import LoadedMission, load_mission
@@ -22,14 +23,15 @@ from artemis.planning import is_simulated
 from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import SLOWEST, SPEED_WAY
 from artemis.states.gains import words_of
+from artemis.values import JobKind
 from artemis.vehicle import Gains
-from artemis.yaml_edit import edit, edited
-from artemis.yaml_file import Data
+from artemis.yaml_edit import Keys, edit, edited
+from artemis.yaml_file import Data, read
 
 STEPS = {"steering": (0.5, 20.0), "traction": (SLOWEST, 0.2)}
 """Smallest and largest: [degrees], [m/s]."""
 USUAL = {"steering": 5.0, "traction": 0.2}
-FAILED = 1
+FAILED, INTERRUPTED = 1, 128 + signal.SIGINT
 _KINDS = {"current": "P,I", "velocity": "P,I", "position": "P,I,D"}
 
 
@@ -57,8 +59,8 @@ def calibrate_gains(mission: Path, wanted: Wanted) -> int:
 
     Raises:
         ConfigError: the mission is refused, or the options are wrong; nothing has moved.
-        DeviceError: the bus cannot be opened, or a drive does not keep the gains.
-        RecordingError: the run's folder cannot be made, or what it recorded not be read.
+        DeviceError: the bus cannot be opened; nothing has moved.
+        RecordingError: the run's folder cannot be made; nothing has moved.
     """
     loaded = load_mission(mission)
     simulated = is_simulated(loaded, wanted.simulate)
@@ -68,13 +70,26 @@ def calibrate_gains(mission: Path, wanted: Wanted) -> int:
     if not (simulated or wanted.yes) and not _confirmed(f"{_announced(trial)}: go?"):
         _say("nothing was moved")
         return FAILED
+    watch = GainsWatch()
     with tempfile.TemporaryDirectory() as folder:
         made, source = write_mission(loaded, mission, trial, Path(folder))
-        outcome = run_in_sight(made, source, wanted.simulate)
-    found = findings(Recording(outcome.run.path), trial)
-    _tell(loaded, trial, found, outcome)
-    if outcome.exit_status or found.stopped or trial.new is None:
-        return outcome.exit_status or int(found.stopped)
+        outcome = run_in_sight(made, source, wanted.simulate, watch=watch.see)
+    try:
+        found = findings(Recording(outcome.run.path), trial)
+        _tell(loaded, trial, found, outcome)
+    except RecordingError as error:  # the disk failed
+        _say(f"kept        nothing: {error}")
+        return outcome.exit_status or FAILED
+    finally:
+        _tell_gains(trial, watch)
+    if outcome.exit_status or watch.stopped:
+        _say("trial       broken off: nothing is kept")
+        return outcome.exit_status or FAILED
+    if problem := _unproven(trial, watch, found, outcome):
+        _say(f"{'trial       not whole' if trial.new is None else 'kept        nothing'}: {problem}")
+        return FAILED
+    if trial.new is None:
+        return 0
     if simulated:
         _say("kept        nothing: simulated drives do not know what gains do to a machine")
         return 0
@@ -195,7 +210,7 @@ def _columns(gains: tuple[int, ...], known: tuple[int, ...] | None = None) -> st
 
 
 def _tell(loaded: LoadedMission, trial: Trial, found: Findings, outcome: Outcome) -> None:
-    """Numbers, figure, and which gains the drives have."""
+    """Numbers and figure."""
     _say("")
     if found.responses:
         gains = {
@@ -214,13 +229,15 @@ def _tell(loaded: LoadedMission, trial: Trial, found: Findings, outcome: Outcome
         )
     _say("            the current is sampled once a tick: what its own regulator does in a millisecond is not seen")
     if missing := [label for label in trial.places if label not in found.responses]:
-        _say(f"trial       broken off: nothing was seen of the gains {' and '.join(missing)}")
-    elif found.stopped or outcome.exit_status:
-        _say("trial       broken off: nothing is kept")
-    for name, why in found.unrestored.items():
+        _say(f"trial       nothing was seen of the gains {' and '.join(missing)}")
+
+
+def _tell_gains(trial: Trial, watch: GainsWatch) -> None:
+    """Which gains the drives have now."""
+    for name, why in watch.unrestored.items():
         _say(f"WARNING     {name} may have the gains on trial while it has power ({why}); the next run writes its own")
-    if trial.new is not None and not found.unrestored:
-        _say(f"restored    {', '.join(trial.drives)}: the gains of the robot file")
+    if restored := [name for name in trial.drives if name in watch.restored]:
+        _say(f"restored    {', '.join(restored)}: the gains of the robot file")
 
 
 def _draw(found: Findings, file: Path) -> None:
@@ -234,6 +251,17 @@ def _draw(found: Findings, file: Path) -> None:
         raise RecordingError(f"{file}: cannot be written: {error.strerror}") from error
 
 
+def _unproven(trial: Trial, watch: GainsWatch, found: Findings, outcome: Outcome) -> str:
+    """Why nothing can be kept, whoever wants it; empty: all was tried and recorded whole, and is as it was before."""
+    if lacks := (*outcome.troubles, *([found.missing] if found.missing else ())):
+        return f"the trial was not recorded whole: {lacks[0]}"
+    if len(found.responses) < len(trial.places):
+        return "not all of the trial was seen"
+    if trial.new is not None and (left := [name for name in trial.drives if name not in watch.restored]):
+        return f"{', '.join(left)} did not take the robot file's gains back"
+    return ""
+
+
 def _decide(loaded: LoadedMission, trial: Trial, found: Findings, wanted: Wanted) -> int:
     """Keep the new gains or not, as a person says, or `--yes` does of drives that settled."""
     file = loaded.folder / loaded.mission.robot
@@ -243,30 +271,52 @@ def _decide(loaded: LoadedMission, trial: Trial, found: Findings, wanted: Wanted
     if not wanted.yes and not _confirmed(f"keep the new gains: in {file}, and stored in {', '.join(trial.drives)}?"):
         _say("kept        nothing: the robot file is as it was")
         return 0
-    new = {name: _merged(loaded, name, trial.new) for name in trial.drives}
-    changes: dict[tuple[str, ...], Data] = {
+    return _keep(loaded, file, {name: _merged(loaded, name, trial.new) for name in trial.drives})
+
+
+def _keep(loaded: LoadedMission, file: Path, new: Mapping[str, Gains]) -> int:
+    """Store gains in their drives, then write them into the robot file; if one fails, tell what is where."""
+    known = loaded.files[loaded.mission.robot]
+    changes: dict[Keys, Data] = {
         ("drives", name, "gains"): gains.model_dump(mode="json") for name, gains in new.items()
     }
-    edited(loaded.files[loaded.mission.robot], str(file), changes)  # what cannot be written is not stored
-    stored: list[str] = []
+    kept: list[str] = []
+    status = FAILED
     try:
-        clock.run(_store(loaded, {name: gains.numbers for name, gains in new.items()}, stored), simulated=False)
-        edit(file, changes)
+        if read(file) != known:
+            raise ConfigError(f"{file}: was changed meanwhile, run again")
+        edited(known, str(file), changes)  # what cannot be written is not stored
+        clock.run(_store(loaded, new, file, changes, kept), simulated=False)
+        status = 0
     except (DeviceError, ConfigError) as error:
-        _say(f"kept        {'nothing' if not stored else 'not all'}: {error}")
-        if stored:
-            _say(f"            {', '.join(stored)}: stored; {file} has the old gains still, and each run writes those")
-        return FAILED
-    _say(f"kept        {', '.join(trial.drives)}: stored, and in {file}")
-    return 0
+        problem = str(error)
+    except KeyboardInterrupt:
+        status, problem = INTERRUPTED, "interrupted"
+    if str(file) in kept:
+        _say(f"kept        {', '.join(new)}: stored, and in {file}")
+        return status
+    _say(f"kept        {'not all' if kept else 'nothing'}: {problem}")
+    if kept:
+        _say(f"            {', '.join(kept)}: stored")
+    if status == INTERRUPTED and len(kept) < len(new):
+        _say(f"            {next(name for name in new if name not in kept)}: may have stored them, it was about to")
+    if kept or status == INTERRUPTED:
+        _say(f"            {file}: has the old gains still, and each run writes those")
+    return status
 
 
-async def _store(loaded: LoadedMission, gains: Mapping[str, tuple[int, ...]], stored: list[str]) -> None:
+async def _store(
+    loaded: LoadedMission, new: Mapping[str, Gains], file: Path, changes: Mapping[Keys, Data], kept: list[str]
+) -> None:
+    """`kept` gets the name of what has the new gains: drives, and at last the file."""
     bus = open_bus(loaded, simulated=False)
     try:
-        await store_gains(loaded.robot, bus, gains, stored.append)
+        numbers = {name: gains.numbers for name, gains in new.items()}
+        await store(loaded.robot, bus, JobKind.WRITE_GAINS, numbers, kept.append)
     finally:
         bus.close()
+    edit(file, changes)  # here, where an interrupt comes before or after it
+    kept.append(str(file))
 
 
 def _confirmed(question: str) -> bool:

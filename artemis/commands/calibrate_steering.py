@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from artemis import clock
 from artemis.app import Outcome
+from artemis.commands.devices import open_bus
 from artemis.commands.one_step import mission_of
 from artemis.commands.run import run_in_sight
 from artemis.commands.terminal import HINT, JOG_KEYS, JOGGING, KEYS, somebody_is_there
 from artemis.devices.can_bus import Traffic
-from artemis.errors import ConfigError
+from artemis.devices.memory import store
+from artemis.errors import ConfigError, DeviceError
+from artemis.mission.loading import LoadedMission, load_mission
+from artemis.motion.potentiometers import memory_numbers
 from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import is_simulated
 from artemis.values import JobKind, Tick
 from artemis.yaml_edit import edit
 from artemis.yaml_file import Data
 
+SIDES = ("left", "right")
 _KEEPING = {JobKind.WRITE_CALIBRATION: "has the new values", JobKind.STORE: "keeps the new values"}
 
 
@@ -50,9 +56,9 @@ def calibrate_steering(
         DeviceLost: the bus cannot be opened; nothing has moved.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
-    if side not in (None, "left", "right"):
+    if side not in (None, *SIDES):
         raise ConfigError(f"--side {side}: write left or right, or leave it out for both")
-    wheels = ("left", "right") if side is None else (side,)
+    wheels = SIDES if side is None else (side,)
     if unused := [one for one in reference if one not in wheels]:
         raise ConfigError(f"--reference-{unused[0]} is of a wheel that is not measured")
     alone = yes and all(one in reference for one in wheels)
@@ -102,12 +108,37 @@ class _RobotFile:
 
 
 def store_steering(source: Path, simulate: bool) -> int:
-    """Write the robot file's calibration into the drives' memories. Returns the exit status; raises as above."""
-    kept = _Kept()
-    with mission_of(source, "store-steering", {"calibrate": {"steering": "store_in_drives"}}) as (loaded, path):
-        outcome = run_in_sight(loaded, path, simulate, watch=kept.see)
-    kept.tell("not every drive keeps what it says" if outcome.failed else "the drives keep what it says")
-    return outcome.exit_status
+    """Write the robot file's calibration into the drives' memories; nothing moves. Returns 1 if one does not keep it.
+
+    Raises:
+        ConfigError: the mission is refused.
+        DeviceLost: the bus cannot be opened.
+    """
+    loaded = load_mission(source)
+    simulated, robot = is_simulated(loaded, simulate), loaded.robot
+    wanted = {robot.drive_at("steering", side)[0]: memory_numbers(robot.potentiometers(side)) for side in SIDES}
+    kept: list[str] = []
+    told = "not every drive keeps what it says"
+    try:
+        clock.run(_store(loaded, simulated, wanted, kept), simulated=simulated)
+        told = "the drives keep what it says"
+    except DeviceError as error:
+        told = f"{told}: {error}"
+    finally:  # also if somebody stops it
+        _tell(
+            [f"{name} keeps the robot file's values" for name in kept] or ["no drive was told to keep anything"], told
+        )
+    return int(len(kept) < len(wanted))
+
+
+async def _store(
+    loaded: LoadedMission, simulated: bool, wanted: Mapping[str, tuple[int, ...]], kept: list[str]
+) -> None:
+    bus = open_bus(loaded, simulated)
+    try:
+        await store(loaded.robot, bus, JobKind.WRITE_CALIBRATION, wanted, kept.append)
+    finally:
+        bus.close()
 
 
 def changes(fits: Mapping[str, SteeringFit]) -> dict[tuple[str, ...], Data]:
@@ -139,9 +170,12 @@ class _Kept:
 
     def tell(self, robot_file: str) -> None:
         """What is where now, in the drives and in the robot file."""
-        lines = [("", f"{drive} {what}") for drive, what in self._drives.items()] or [("", "no drive was written to")]
-        lines[0] = "calibration", lines[0][1]
+        lines = [f"{drive} {what}" for drive, what in self._drives.items()] or ["no drive was written to"]
         if any(what != _KEEPING[JobKind.STORE] for what in self._drives.values()):
-            lines.append(("", "`artemis calibrate steering MISSION --store` writes the robot file's values into all"))
-        for label, text in [*lines, ("robot file", robot_file)]:
-            sys.stdout.write(f"{label:12}  {text}\n")
+            lines.append("`artemis calibrate steering MISSION --store` writes the robot file's values into all")
+        _tell(lines, robot_file)
+
+
+def _tell(drives: Sequence[str], robot_file: str) -> None:
+    for label, text in [*zip(("calibration", *[""] * len(drives)), drives, strict=False), ("robot file", robot_file)]:
+        sys.stdout.write(f"{label:12}  {text}\n")

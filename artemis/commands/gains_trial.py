@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from artemis.devices.can_bus import Traffic
 from artemis.errors import CalibrationError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import NewGains
 from artemis.motion.step_response import StepResponse
 from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import Trace, read_traces
-from artemis.values import JobKind, Mode
+from artemis.values import JobKind, Mode, Tick
 
 WAY = 0.5
 """A driven wheel is tried on so much of a straight [m], there and back."""
@@ -90,22 +91,50 @@ def write_mission(loaded: LoadedMission, source: Path, trial: Trial, folder: Pat
     return replace(load_mission(folder / "gains.yaml"), folder=loaded.folder), folder / "gains.yaml"
 
 
+class GainsWatch:
+    """Sees every tick of a trial as it happens, whatever becomes of the recording."""
+
+    def __init__(self) -> None:
+        self.stopped = False
+        """Something stopped the robot on the way: what was tried after it was not tried whole."""
+        self.restored: set[str] = set()
+        """Drives that had other gains, and have those of the robot file again: read back after they were written."""
+        self.unrestored: dict[str, str] = {}
+        """Drives that may have other gains still, and why."""
+        self._restoring: set[int] = set()
+
+    def see(self, tick: Tick, _: Traffic) -> None:
+        """The next tick."""
+        self.stopped = self.stopped or tick.mode in _STOPPED
+        for result in tick.snapshot.sensed.results:
+            if result.id not in self._restoring:
+                continue
+            if result.ok:
+                self.restored.add(result.drive)
+                del self.unrestored[result.drive]
+            else:
+                self.unrestored[result.drive] = result.detail
+        for job in tick.wish.jobs:
+            if job.kind is JobKind.WRITE_GAINS:
+                self.unrestored[job.drive] = "the run ended before they were taken back"
+                if tick.mode is Mode.END:
+                    self._restoring.add(job.id)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
-    """What a trial showed."""
+    """What the recording of a trial shows."""
 
     traces: dict[str, list[Trace]]
     """Of each drive, by what was tried."""
     responses: dict[str, list[StepResponse]]
-    unrestored: dict[str, str]
-    """Drives that may have the new gains still, and why."""
-    stopped: bool
-    """Something stopped the robot on the way: what was tried after it was not tried whole."""
+    missing: str | None = None
+    """What the recording lacks; None: it is whole."""
 
     @property
     def settled(self) -> bool:
-        """Every drive settled with the new gains."""
-        return all(response.settled_5 is not None for response in self.responses.get("new", ()))
+        """Every drive was seen to settle with the new gains."""
+        return "new" in self.responses and all(each.settled_5 is not None for each in self.responses["new"])
 
 
 def findings(recording: Recording, trial: Trial) -> Findings:
@@ -125,16 +154,7 @@ def findings(recording: Recording, trial: Trial) -> Findings:
             continue
         if len(answers) == len(trial.drives):
             traces[label], responses[label] = shown, answers
-    unrestored: dict[str, str] = {}
-    stopped = False
-    for tick in recording.ticks():
-        stopped = stopped or tick.record.mode in _STOPPED
-        for result in tick.sensed.results:
-            if result.kind is JobKind.WRITE_GAINS:
-                unrestored[result.drive] = result.detail or "the run was cut off"
-                if result.ok and tick.record.mode is Mode.END:
-                    del unrestored[result.drive]
-    return Findings(traces=traces, responses=responses, unrestored=unrestored, stopped=stopped)
+    return Findings(traces=traces, responses=responses, missing=recording.missing)
 
 
 def table(found: Findings, trial: Trial, gains: dict[str, dict[str, str]]) -> Iterator[str]:

@@ -45,6 +45,8 @@ POLL = 0.02
 """Between two looks at the drive while waiting for it [s]."""
 STATE_TIME, STOP_TIME = 0.5, 5.0
 """Longest waits for a device state, and for a drive found moving to stand [s]."""
+STORE_TIME = 3.0
+"""A drive may be busy for so long when it stores its parameters [s]: no manual says how long it is."""
 LIMIT_MARGIN = radians(3.0)
 """The drive's own position limits lie this far beyond the largest wheel angle of the gate [rad]."""
 
@@ -194,7 +196,7 @@ class EposJobs:
         """
         limits = await self._read_all(POSITION_LIMITS)
         await self._write_all(POSITION_LIMITS, LIMIT_OFF)
-        await self.write(STORE, SAVE)
+        await self._sdo.write(STORE.index, STORE.subindex, STORE.type.encode(SAVE), STORE_TIME)
         await self._write_all(POSITION_LIMITS, limits)
 
     async def disarm(self) -> None:

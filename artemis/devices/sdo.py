@@ -77,7 +77,7 @@ class SdoClient:
         """Answers that fitted no pending request and were dropped: late, doubled, or meant for another client."""
         self._send = send
         self._request_id = SDO_REQUEST + node_id
-        self._timeout = timeout
+        self._timeout = self._patience = timeout
         self._tries = tries
         self._one_at_a_time = asyncio.Lock()
         self._pending: asyncio.Future[Answer] | None = None
@@ -100,9 +100,12 @@ class SdoClient:
         """
         return await self._transfer("read", index, subindex, lambda: self._read(index, subindex))
 
-    async def write(self, index: int, subindex: int, data: bytes) -> None:
-        """Write the object's bytes; returns when the node has confirmed them. Raises as `read` does."""
-        await self._transfer("write", index, subindex, lambda: self._write(index, subindex, data))
+    async def write(self, index: int, subindex: int, data: bytes, patience: float | None = None) -> None:
+        """Write the object's bytes; returns when the node has confirmed them. Raises as `read` does.
+
+        `patience` [s] is for what takes a node long, and is not to be asked for twice: one try, with so much time.
+        """
+        await self._transfer("write", index, subindex, lambda: self._write(index, subindex, data), patience)
 
     def receive(self, frame: Frame) -> None:
         """Take in a frame on the node's answer identifier, 0x580 + node id."""
@@ -130,12 +133,21 @@ class SdoClient:
             return False
         return isinstance(answer, Segment | SegmentAccepted) or (answer.index, answer.subindex) == self._object
 
-    async def _transfer(self, verb: str, index: int, subindex: int, once: Callable[[], Awaitable[Result]]) -> Result:
+    async def _transfer(
+        self,
+        verb: str,
+        index: int,
+        subindex: int,
+        once: Callable[[], Awaitable[Result]],
+        patience: float | None = None,
+    ) -> Result:
+        tries, timeout = (self._tries, self._timeout) if patience is None else (1, patience)
         async with self._one_at_a_time:
-            for _ in range(self._tries):
+            for _ in range(tries):
+                self._patience = self._timeout
                 if not self._in_step and not await self._fall_in_step():
                     continue
-                self._in_step = False
+                self._in_step, self._patience = False, timeout
                 try:
                     result = await once()
                 except TimeoutError:
@@ -151,13 +163,15 @@ class SdoClient:
                 else:
                     self._in_step = True
                     return result
-        problem = f"no answer to a {verb} of 0x{index:04X}:{subindex} after {self._tries} tries of"
+        problem = (
+            f"no answer to a {verb} of 0x{index:04X}:{subindex} after {tries} {'try' if tries == 1 else 'tries'} of"
+        )
         advice = "is the node powered and the bit rate right?"
-        raise DeviceTimeout(self.name, f"{problem} {self._timeout * 1000:g} ms; {advice}")
+        raise DeviceTimeout(self.name, f"{problem} {timeout * 1000:g} ms; {advice}")
 
     def _give_up(self, index: int, subindex: int, code: int) -> None:
         """Tell the node that this transfer is over, and remember that answers to it may still come."""
-        self._quiet_until = asyncio.get_running_loop().time() + self._timeout
+        self._quiet_until = asyncio.get_running_loop().time() + self._patience
         with suppress(DeviceLost):  # whoever sends next will be told
             self._send(Frame(self._request_id, encode_request(Abort(index=index, subindex=subindex, code=code))))
 
@@ -225,7 +239,7 @@ class SdoClient:
         self._wanted = wanted
         pending: asyncio.Future[Answer] = loop.create_future()
         self._pending = pending
-        timer = loop.call_later(self._timeout, _expire, pending)
+        timer = loop.call_later(self._patience, _expire, pending)
         try:
             self._send(Frame(self._request_id, encode_request(request)))
             answer = await pending

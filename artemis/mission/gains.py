@@ -8,9 +8,8 @@ from artemis.mission.problems import nearest
 from artemis.mission.schema import NewGains
 from artemis.vehicle import Gains, Robot
 
-
 MOST = 10
-"""A trial makes no gain larger by more than this factor: what a loop does then shows before it breaks anything."""
+"""No gain grows by more than this factor in one trial: a zero too many is refused, larger changes go by steps."""
 
 
 def check_gains(wanted: Mapping[str, NewGains], robot: Robot) -> Iterator[tuple[str, str]]:

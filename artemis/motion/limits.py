@@ -20,12 +20,7 @@ class Gate:
     """
 
     def __init__(self, robot: Robot, period: float) -> None:
-        """Take the limits from the robot's file.
-
-        Args:
-            robot: What it may do.
-            period: Between two steps, if none is late [s]; none counts as more than two, however long the pause.
-        """
+        """Take the limits from the robot's file. `period`: between two steps [s]; none counts as more than two."""
         limits = robot.limits
         self._ackermann = Ackermann(robot.geometry)
         self._period = period

@@ -132,9 +132,9 @@ def path_figure(run: Series) -> Figure:
         x, y, heading = known[0]
         axes.plot(x, y, marker=(3, 0, np.degrees(heading) - 90), color=INK, markersize=9, linestyle="", label="start")
         axes.plot(*known[-1, :2], marker="o", color=INK, markersize=6, linestyle="", label="end")
-    places = [run.estimated[np.searchsorted(run.time, entry.time).clip(0, len(run.time) - 1)] for entry in _faults(run)]
-    if places and len(known):
-        x, y, _ = np.array(places).T
+    faults = [entry.time for entry in _faults(run)]
+    if faults and len(known):
+        x, y, _ = run.estimated[np.searchsorted(run.time, faults).clip(0, len(run.time) - 1)].T
         axes.plot(x, y, marker="X", color=ALARM, markersize=9, linestyle="", label="fault", zorder=5)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.set_adjustable("datalim")

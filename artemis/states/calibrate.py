@@ -6,16 +6,16 @@ from dataclasses import replace
 
 from artemis.states.alignment import align, enable
 from artemis.states.gains import GainsStep, TurnStep, try_gains, turn
-from artemis.states.mode import OFF, ON, Routine, RoutineMode
+from artemis.states.mode import OFF, ON, CalibrateStep, Routine, RoutineMode
 from artemis.states.steering import SteeringStep, calibrate_steering
-from artemis.values import Event, Snapshot
+from artemis.values import DriveCommand, Event, Snapshot
 
 
 class CalibrateMode(RoutineMode):
     """The step `calibrate`, of any kind."""
 
     def routine(self, snapshot: Snapshot) -> Routine:
-        """As the step says, then done; the run is over where the wheels could not be aligned."""
+        """As the step says, then done; the run is over where the wheels could not be aligned, or nothing is to come."""
         plan = self.plan
         match plan.current:
             case SteeringStep() as step:
@@ -26,11 +26,12 @@ class CalibrateMode(RoutineMode):
                 snapshot = yield from turn(plan, step, snapshot)
             case _:
                 snapshot = yield from align(plan, snapshot)
-        if plan.blind:
+        if plan.blind or (type(plan.current) is not CalibrateStep and plan.current is plan.steps[-1]):
             plan.advance()
             yield replace(OFF, event=Event.END, phase="calibrated")
         snapshot = yield from enable(ON, snapshot)
         plan.advance()
-        yield replace(ON, event=Event.DONE, phase="aligned")
+        stand = replace(ON, command=DriveCommand(steering=snapshot.set_points.steering))
+        yield replace(stand, event=Event.DONE, phase="aligned")
         while True:
-            yield ON
+            yield stand

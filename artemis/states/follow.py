@@ -9,6 +9,7 @@ from math import inf
 from artemis.errors import ConfigError
 from artemis.motion.route import Route
 from artemis.motion.track import Track
+from artemis.states.gains import Shaking
 from artemis.states.mode import ON, FollowStep, Plan
 from artemis.states.parts import PartByPart
 from artemis.supervision import catalogue
@@ -38,11 +39,13 @@ class FollowMode:
         self._way = self._outside = 0.0
         self._armed = False
         self._over: float | None = None
+        self._shaking: Shaking | None = None
         self._spent, self._longest = 0.0, inf
 
     def enter(self, snapshot: Snapshot) -> None:
         """Begin what is left of the path, unless the follower is on its way already."""
         step = self._plan.current
+        self._shaking = Shaking(self._plan, snapshot) if self._plan.tried else None
         self._fault, self._last, self._armed, self._over = None, None, False, None
         if not isinstance(step, FollowStep):
             return
@@ -79,6 +82,8 @@ class FollowMode:
             if snapshot.standing:
                 self._plan.advance()
             return _stand(snapshot, event=Event.DONE if snapshot.standing else None, tracking=tracking)
+        if self._shaking and (fault := self._shaking.look(snapshot)):
+            return _stand(snapshot, fault=fault, tracking=tracking)
         self._spent += snapshot.dt
         if fault := self._overrun(tracking, drive.end, snapshot.odometry.distance):
             return _stand(snapshot, fault=fault, tracking=tracking)

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
+from math import radians
 
 from artemis.motion.ackermann import Ackermann
 from artemis.states.alignment import do, enable
 from artemis.states.mode import OFF, STEERING_ON, CalibrateStep, Plan, Routine, fail, finish_jobs
 from artemis.supervision import catalogue
-from artemis.values import POWERED, DriveCommand, Job, JobKind, Snapshot, Wish
+from artemis.values import POWERED, DriveCommand, Fault, Job, JobKind, Snapshot, Wish
 
 OFF_TIME = 0.5
 """Longest time for the drives to switch off [s]."""
 REST, WATCH = 0.5, 2.0
 """The wheels rest before they turn, and are watched from the beginning of the turn on, for so long [s]."""
+SWING, MOST_SWINGS, SWING_TIME = radians(1.0), 5, 2.0
+"""A wheel swings whose error turned back by so much [rad] more often than so within so long [s]: a step that comes to
+rest makes one to four."""
+SHAKE = 0.002
+"""The same of a driven wheel [m], of its way against that of its set-points: counts are too coarse for its speed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,30 +42,120 @@ class TurnStep(CalibrateStep):
 
 
 def try_gains(plan: Plan, step: GainsStep, snapshot: Snapshot) -> Routine:
-    """Write the gains into drives that are off, and read them back."""
-    off = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering), phase="switching off")
-    latest = snapshot.time + OFF_TIME
-    while on := [drive.name for drive in snapshot.sensed.drives if drive.state in POWERED]:
-        if snapshot.time > latest:
-            return (yield from fail(OFF, catalogue.fault("COM-03", on[0], "stays on")))
-        snapshot = yield off
+    """Write the gains into drives that are off, and read them back; then straighten the wheels, traction still off.
+
+    A wheel that turns also rolls about its kingpin: where traction is on, that is for a mode that drives.
+    """
+    off = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
+    snapshot = yield from _switch_off(off, plan.drives(), snapshot)
     for name, numbers in step.gains.items():
         snapshot = yield replace(off, phase=f"gains of {name}: {words_of(numbers)}")
     plan.tried.update(step.gains)
     snapshot = yield from do(off, _jobs(plan, step.gains), snapshot)
-    return (yield from do(off, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()), snapshot))
+    snapshot = yield from do(off, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()), snapshot)
+    snapshot = yield from enable(STEERING_ON, snapshot)
+    swings, straight = _swings(plan), False
+    while not straight:
+        snapshot = yield from _hold(plan, 0.0, REST, "straightening", swings, snapshot)
+        straight = snapshot.set_points.steering == 0.0
+    return snapshot
+
+
+class Swings:
+    """How often the error of one wheel has turned back. On a ramp it swings about its lag: zero is no matter."""
+
+    def __init__(self, size: float) -> None:
+        """`size`: of the smallest turn that counts, in the unit of the errors."""
+        self._size, self._farthest, self._sense = size, 0.0, 1
+        self._turned: deque[float] = deque()
+
+    def count(self, time: float, error: float) -> int:
+        """How often within `SWING_TIME` until `time` [s], where the error is that; in the order of time."""
+        away = error - self._farthest
+        if self._sense * away > 0.0:
+            self._farthest = error
+        elif abs(away) >= self._size:
+            self._farthest, self._sense = error, -self._sense
+            self._turned.append(time)
+        while self._turned and self._turned[0] <= time - SWING_TIME:
+            self._turned.popleft()
+        return len(self._turned)
 
 
 def turn(plan: Plan, step: TurnStep, snapshot: Snapshot) -> Routine:
     """Rest, turn, rest, and turn back, traction off; no faster than the gate lets wheels turn."""
     car = Ackermann(plan.robot.geometry)
     target = car.steering_from_left(step.angle) if step.side == "left" else car.steering_from_right(step.angle)
+    held = replace(STEERING_ON, command=DriveCommand(steering=snapshot.set_points.steering))
+    snapshot = yield from _switch_off(held, plan.drives("traction"), snapshot)
     snapshot = yield from enable(STEERING_ON, snapshot)
+    swings = _swings(plan)
     for wanted, seconds, phase in ((0.0, REST, "at rest"), (target, WATCH, "turning"), (0.0, WATCH, "turning back")):
-        until = snapshot.time + seconds
-        while snapshot.time < until:
-            snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=wanted), phase=phase)
+        snapshot = yield from _hold(plan, wanted, seconds, phase, swings, snapshot)
     return snapshot
+
+
+def _switch_off(wish: Wish, names: Container[str], snapshot: Snapshot) -> Routine:
+    """Yield `wish` until these drives are off."""
+    latest = snapshot.time + OFF_TIME
+    while on := [drive.name for drive in snapshot.sensed.drives if drive.name in names and drive.state in POWERED]:
+        if snapshot.time > latest:
+            return (yield from fail(OFF, catalogue.fault("COM-03", on[0], "stays on")))
+        snapshot = yield replace(wish, phase="switching off")
+    return snapshot
+
+
+def _swings(plan: Plan) -> dict[str, Swings]:
+    return {name: Swings(SWING) for name in plan.drives("steering")}
+
+
+def _hold(
+    plan: Plan, wanted: float, seconds: float, phase: str, swings: Mapping[str, Swings], snapshot: Snapshot
+) -> Routine:
+    """Have the wheels at the virtual angle `wanted` [rad] for so long; one that swings is a fault.
+
+    Other rows wait for an error that lasts: one that changes its sign does not.
+    """
+    until = snapshot.time + seconds
+    while snapshot.time < until:
+        snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=wanted), phase=phase)
+        for name, error in _errors(plan, snapshot):
+            if (often := swings[name].count(snapshot.time, error)) > MOST_SWINGS:
+                seen = f"swings: {often} turns by a degree or more in {SWING_TIME:g} s; less P or I, or more D"
+                return (yield from fail(STEERING_ON, catalogue.fault("CAL-01", name, seen)))
+    return snapshot
+
+
+def _errors(plan: Plan, snapshot: Snapshot) -> Iterator[tuple[str, float]]:
+    """Set-point less angle of each steered wheel [rad]."""
+    told = {"left": snapshot.set_points.steering_left, "right": snapshot.set_points.steering_right}
+    for drive in snapshot.sensed.drives:
+        described = plan.robot.drives[drive.name]
+        if described.role == "steering":
+            yield drive.name, told[described.side] - drive.position
+
+
+class Shaking:
+    """Watches the driven wheels with gains on trial, at each tick in which the robot drives."""
+
+    def __init__(self, plan: Plan, snapshot: Snapshot) -> None:
+        self._plan, self._time = plan, snapshot.time
+        self._ways = {d.name: d.position for d in snapshot.sensed.drives if d.name in plan.tried}
+        self._swings = {name: Swings(SHAKE) for name in plan.drives("traction") if name in self._ways}
+
+    def look(self, snapshot: Snapshot) -> Fault | None:
+        """A wheel that swings, to and fro by `SHAKE` or more."""
+        points, dt = snapshot.set_points, snapshot.time - self._time
+        self._time = snapshot.time
+        for drive in snapshot.sensed.drives:
+            if drive.name in self._swings:
+                left = self._plan.robot.drives[drive.name].side == "left"
+                self._ways[drive.name] += (points.speed_left if left else points.speed_right) * dt
+                often = self._swings[drive.name].count(snapshot.time, self._ways[drive.name] - drive.position)
+                if often > MOST_SWINGS:
+                    seen = f"swings: {often} turns by {1000 * SHAKE:g} mm or more in {SWING_TIME:g} s; less P or I"
+                    return catalogue.fault("CAL-01", drive.name, seen)
+        return None
 
 
 def restore_gains(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:

@@ -132,7 +132,8 @@ def test_drives_are_given_what_the_robot_file_says(tmp_path: Path) -> None:
     done = artemis_here("calibrate", "steering", write_mission(tmp_path), "--store")
 
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "steer-right keeps the new values" in done.stdout
+    assert "steer-right keeps the robot file's values" in done.stdout
+    assert not (tmp_path / "runs").exists(), "nothing moves for that"
     assert robot_file(tmp_path) == ROBOT.read_text(encoding="utf-8")
 
 

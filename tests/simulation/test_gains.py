@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
-from rig import CALIBRATE, Rig, Run, Seen, follow, write_mission
+from rig import CALIBRATE, STICK, Rig, Run, Seen, follow, stick, write_mission
 
-from artemis.commands.gains_trial import Findings, Trial, findings
+from artemis.commands.gains_trial import Findings, GainsWatch, Trial, findings
 from artemis.mission.schema import NewGains
 from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import read_traces
 from artemis.sim.epos import SimEpos
 from artemis.sim.epos_failures import Speech
+from artemis.sim.regulators import Loop, Regulators, regulators_for
 from artemis.values import DriveState, JobKind, Mode, Request
 
 LEFT, DRIVEN = "steer-left", "traction-left"
 OBJECTS = ((0x60F6, 1), (0x60F6, 2), (0x60F9, 1), (0x60F9, 2), (0x60FB, 1), (0x60FB, 2), (0x60FB, 3))
 FILE = (500, 150, 1000, 100, 150, 10, 200)
 NEW = (500, 150, 1000, 100, 600, 10, 200)
+COUNTS_PER_DEGREE = 2000 * 946 / 360
+RPM = 60.0 / 72.0 / 2.12766e-4
+"""Of a traction motor, per m/s."""
 TURN: dict[str, Any] = {"calibrate": {"turn": {}}}
 Act = Callable[[Rig], None]
 
@@ -45,13 +50,15 @@ def turning_anew(seen: Seen) -> bool:
     return seen.phase == "turning" and seen.tick.step == 2
 
 
-def found_in(run: Run) -> Findings:
+def found_in(run: Run) -> tuple[GainsWatch, Findings]:
     """What the command makes of it."""
     assert run.outcome is not None
+    watch = GainsWatch()
+    for tick in run.ticks:
+        watch.see(tick, ())
     new = NewGains(position=(600, 10, 200))
-    return findings(
-        Recording(run.outcome.run.path), Trial(drives=(LEFT,), role="steering", side="left", step=5.0, new=new)
-    )
+    trial = Trial(drives=(LEFT,), role="steering", side="left", step=5.0, new=new)
+    return watch, findings(Recording(run.outcome.run.path), trial)
 
 
 def assert_restored(run: Run) -> None:
@@ -86,7 +93,29 @@ def test_gains_are_written_while_every_drive_is_off(tmp_path: Path) -> None:
         if any(job.kind is JobKind.WRITE_GAINS for job in seen.tick.wish.jobs)
     ]
     assert written == [{DriveState.SWITCH_ON_DISABLED}] * 2  # and again at the end
-    assert run.modes == [Mode.INIT, Mode.READY, Mode.CALIBRATE, Mode.READY, Mode.CALIBRATE, Mode.READY, Mode.END]
+    assert run.modes == [Mode.INIT, Mode.READY, Mode.CALIBRATE, Mode.READY, Mode.CALIBRATE, Mode.END]
+
+
+@pytest.mark.parametrize("tick_hz", [50, 200])
+def test_gains_may_be_tried_first_of_all(tmp_path: Path, tick_hz: int) -> None:
+    run = rig(tmp_path, trying(300, 10, 200), CALIBRATE, tick_hz=tick_hz).run()
+    assert (run.status, run.fault_ids) == (0, [])
+
+
+@pytest.mark.parametrize("tick_hz", [50, 200])
+@pytest.mark.parametrize("step", [trying(300, 10, 200), TURN], ids=["gains", "turn"])
+def test_wheels_that_were_left_turned_are_straightened_while_nothing_drives(
+    tmp_path: Path, tick_hz: int, step: dict[str, Any]
+) -> None:
+    curve = stick((0.0, 0.0, 0.0, 0), (8.0, 0.0, 0.0, 0), (8.1, 0.5, 0.3, 1), (30.0, 0.5, 0.3, 1))
+    drive = {"teleop": {"input": "stick", "until": {"seconds": 8.0}}}
+    steps: list[dict[str, Any]] = [CALIBRATE, drive, step, {"wait": {"seconds": 0.5}}]
+    run = Rig(write_mission(tmp_path, steps, {"stick.csv": curve}, inputs=STICK, tick_hz=tick_hz)).run()
+    assert (run.status, run.fault_ids) == (0, [])
+    tried = [seen for seen in run.seen if seen.mode is Mode.CALIBRATE and seen.tick.step == 2]
+    assert abs(tried[0].tick.set_points.steering) > 0.1
+    assert {seen.tick.set_points.speed_left for seen in tried} == {0.0}
+    assert run.first(lambda seen: seen.time > tried[-1].time).tick.set_points.steering == 0.0
 
 
 def test_a_turn_is_no_faster_than_the_gate_and_drives_nothing(tmp_path: Path) -> None:
@@ -134,8 +163,8 @@ def test_whatever_breaks_a_trial_off_the_old_gains_come_back(tmp_path: Path, act
     assert mode in run.modes
     assert run.status == 1
     assert_restored(run)
-    found = found_in(run)
-    assert (found.unrestored, found.stopped) == ({}, mode is not Mode.END)
+    watch, found = found_in(run)
+    assert (watch.restored, watch.unrestored, watch.stopped) == ({LEFT}, {}, mode is not Mode.END)
     assert found.responses["now"][0].settled_2 is not None
 
 
@@ -146,6 +175,18 @@ def test_an_end_that_overtakes_the_writing_leaves_the_old_gains(tmp_path: Path) 
     trial = rig(tmp_path, TURN, trying(600, 10, 200), TURN)
     run = trial.when(is_written, lambda: trial.request(Request.END)(), after=0.001).run()
     assert_restored(run)
+    watch, _ = found_in(run)
+    assert (watch.restored, watch.unrestored) == ({LEFT}, {})
+
+
+def test_what_a_run_says_that_was_killed_before_it_took_them_back(tmp_path: Path) -> None:
+    trial = rig(tmp_path, TURN, trying(600, 10, 200), TURN)
+    run = trial.when(turning_anew, trial.kill).run_until_killed()
+    watch = GainsWatch()
+    for tick in run.ticks:
+        watch.see(tick, ())
+    assert watch.restored == set()
+    assert watch.unrestored == {LEFT: "the run ended before they were taken back"}
 
 
 def test_a_drive_that_stands_still_without_p_is_a_fault_and_gets_its_gains_back(tmp_path: Path) -> None:
@@ -153,6 +194,75 @@ def test_a_drive_that_stands_still_without_p_is_a_fault_and_gets_its_gains_back(
     assert {"DRV-25", "STE-01"} & set(run.fault_ids)
     assert run.status == 1
     assert_restored(run)
+
+
+class Swinging(Loop):
+    """A loop that goes to and fro about its demand, for ever."""
+
+    amplitude, frequency = 0.0, 0.0
+    _since = 0.0
+
+    def shaped(self, demand: float, present: float, dt: float) -> float:
+        self._since += dt
+        return demand + self.amplitude * math.sin(2.0 * math.pi * self.frequency * self._since)
+
+
+def swing(monkeypatch: pytest.MonkeyPatch, degrees: float, frequency: float) -> None:
+    """Steered wheels with other gains than the robot file's swing for ever."""
+
+    def regulators(gains: Sequence[int], nominal: Sequence[int]) -> Regulators | None:
+        found = regulators_for(gains, nominal)
+        if found is not None and tuple(gains[4:]) != tuple(nominal[4:]):
+            found.position = Swinging(4.0, 1.0, 30.0)
+            found.position.amplitude, found.position.frequency = degrees * COUNTS_PER_DEGREE, frequency
+        return found
+
+    monkeypatch.setattr("artemis.sim.epos_motion.regulators_for", regulators)
+
+
+@pytest.mark.parametrize(("degrees", "frequency"), [(1.8, 1.7), (1.8, 3.0), (1.0, 8.0), (0.7, 8.0)])
+@pytest.mark.parametrize("tick_hz", [50, 200])
+def test_a_wheel_that_swings_is_a_fault_though_no_error_lasts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, degrees: float, frequency: float, tick_hz: int
+) -> None:
+    swing(monkeypatch, degrees, frequency)
+    run = rig(tmp_path, TURN, trying(600, 10, 200), TURN, TURN, tick_hz=tick_hz).run()
+    assert [(fault.id, fault.device) for fault in run.faults] == [("CAL-01", LEFT)]
+    assert "swings" in run.faults[0].text
+    assert run.status == 1
+    assert_restored(run)
+    begun = run.first(lambda seen: seen.phase == "straightening").time
+    assert run.first(lambda seen: seen.mode is Mode.FAULT).time - begun < 3.0
+    assert run.recompute().difference is None
+
+
+@pytest.mark.parametrize(("speed", "frequency"), [(0.1, 3.0), (0.1, 8.0), (0.06, 8.0)])
+@pytest.mark.parametrize("tick_hz", [50, 200])
+def test_a_driven_wheel_that_swings_is_a_fault_though_no_error_lasts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, speed: float, frequency: float, tick_hz: int
+) -> None:
+    def regulators(gains: Sequence[int], nominal: Sequence[int]) -> Regulators | None:
+        found = regulators_for(gains, nominal)
+        if found is not None:
+            found.velocity = Swinging(1.0, 1.0, 10.0)
+            found.velocity.amplitude, found.velocity.frequency = speed * RPM, frequency
+        return found
+
+    monkeypatch.setattr("artemis.sim.epos_motion.regulators_for", regulators)
+    gains = {"calibrate": {"gains": {DRIVEN: {"velocity": [2400, 360]}}}}
+    run = rig(tmp_path, CALIBRATE, gains, follow(), tick_hz=tick_hz).run()
+    assert (run.faults[0].id, run.faults[0].device) == ("CAL-01", DRIVEN)
+    assert run.status == 1
+    assert gains_of(run.world.drive(DRIVEN)) == (400, 120, 1200, 180, 150, 10, 200)
+    begun = run.first(lambda seen: seen.mode is Mode.FOLLOW).time
+    assert run.first(lambda seen: seen.mode is Mode.FAULT).time - begun < 2.0
+
+
+def test_gains_that_lack_damping_are_a_fault_and_those_that_only_overshoot_are_none(tmp_path: Path) -> None:
+    for name, gains, faults in (("none", (600, 10, 0), ["CAL-01"]), ("less", (600, 10, 100), [])):
+        run = rig(tmp_path / name, TURN, trying(*gains), TURN).run()
+        assert (run.fault_ids, run.status) == (faults, len(faults))
+        assert_restored(run)
 
 
 def test_a_drive_that_takes_no_gains_back_is_told_with_what_it_has(tmp_path: Path) -> None:
@@ -165,8 +275,9 @@ def test_a_drive_that_takes_no_gains_back_is_told_with_what_it_has(tmp_path: Pat
     assert "position 600,10,200" in told[0]
     assert "robot file" in told[0]
     assert gains_of(run.world.drive(LEFT)) == NEW  # until its power goes
-    found = found_in(run)
-    assert "no answer" in found.unrestored[LEFT]
+    watch, found = found_in(run)
+    assert "no answer" in watch.unrestored[LEFT]
+    assert watch.restored == set()
     assert list(found.responses) == ["now", "new"]
     heard[0]()
     again = Rig(write_mission(tmp_path / "again", [CALIBRATE]), world=run.world, start=run.world.time)

@@ -13,12 +13,10 @@ from steering_rig import (
     LEFT_ALONE,
     MEMORY,
     RIGHT,
-    SIDES,
     calibrate,
     memory,
 )
 
-from artemis.motion.potentiometers import memory_numbers
 from artemis.values import DriveState
 
 
@@ -39,17 +37,6 @@ def test_start_is_refused_where_a_drive_keeps_something_else(tmp_path: Path) -> 
     assert "keeps zero 2.4991 and 2.4912 V" in fault.text
     assert "the robot file says zero 2.5100 and 2.4800 V" in fault.text
     assert DriveState.OPERATION_ENABLE not in {state for t in second.truth_from(first.world.time) for state in t.states}
-
-
-def test_the_robot_file_is_brought_back_into_the_drives(tmp_path: Path) -> None:
-    first = calibrate(tmp_path / "first").run()
-    step = {"calibrate": {"steering": "store_in_drives"}}
-    second = Rig(write_mission(tmp_path / "second", [step]), world=first.world, start=first.world.time).run()
-
-    assert (second.status, second.faults) == (0, [])
-    for side, name in zip(SIDES, (LEFT, RIGHT), strict=True):
-        second.world.drive(name).power_on(second.world.time)
-        assert memory(second.world.drive(name)) == memory_numbers(second.plan.robot.potentiometers(side))
 
 
 def test_a_drive_that_is_not_to_be_written_must_keep_what_the_file_says_all_the_same(tmp_path: Path) -> None:

@@ -1,52 +1,24 @@
-"""`artemis calibrate gains`: what it is asked for, what it shows, tries and keeps."""
+"""`artemis calibrate gains`: what it is asked for, what it shows and tries."""
 
 from __future__ import annotations
 
-import json
-import shutil
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from gains_rig import DRIVEN, LEFT, POSITION, RIGHT, ROBOT, SETTLED, mission, robot_file, storing
 
+from artemis.app import Outcome
 from artemis.commands import calibrate_gains as command
 from artemis.commands.calibrate_gains import Wanted, calibrate_gains, trial_from
-from artemis.commands.gains_trial import Findings, Trial, write_mission
-from artemis.errors import ConfigError, DeviceTimeout
+from artemis.commands.gains_trial import Findings, GainsWatch, Trial, write_mission
+from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import NewGains
-from artemis.motion.step_response import StepResponse
 from artemis.recording.mcap_reader import Recording
-from artemis.vehicle import Gains
-
-ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
-LEFT, RIGHT, DRIVEN = "steer-left", "steer-right", "traction-left"
-POSITION = {"position": "600,10,200"}
-NEW = Gains(current=(500, 150), velocity=(1000, 100), position=(600, 10, 200))
-SETTLED = StepResponse(
-    begin=0.0,
-    step=5.0,
-    ramp=0.15,
-    watched=2.0,
-    rise=0.1,
-    overshoot=0.0,
-    settled_5=0.2,
-    settled_2=0.3,
-    steady_error=0.0,
-    largest_error=0.5,
-    peak_current=1.0,
-)
-
-
-def mission(folder: Path, **keys: Any) -> Path:  # noqa: ANN401 (as in a mission)
-    (folder / "robots").mkdir()
-    shutil.copy(ROBOT, folder / "robots")
-    content = {"mission": "m", "robot": "robots/artemis.yaml", "bus": "simulation", "steps": [{"wait": {"seconds": 1}}]}
-    path = folder / "mission.yaml"
-    path.write_text(json.dumps({**content, **keys}))
-    return path
+from artemis.recording.run_folder import RunFolder
 
 
 def problems(loaded: LoadedMission, *drives: str, step: float | None = None, **gains: str) -> str:
@@ -66,6 +38,11 @@ def test_wrong_options_are_all_told_before_anything_moves(tmp_path: Path) -> Non
     assert "expected 0.5 to 20 degrees" in problems(loaded, LEFT, step=21.0)
     assert "expected 0.1 to 0.2 m/s" in problems(loaded, DRIVEN, step=0.3)
     assert "already" in problems(loaded, LEFT, position="150,10,200")
+    large = problems(loaded, LEFT, current="5000,1501", position="1501,0,200")
+    assert large.splitlines() == [
+        "calibrate gains: --drive 'steer-left': current I 1501: at most 10 times the present 150 per trial",
+        "calibrate gains: --drive 'steer-left': position P 1501: at most 10 times the present 150 per trial",
+    ]
     both = problems(loaded, "nobody", position="1", step=30.0).splitlines()
     assert len(both) == 2
 
@@ -78,6 +55,7 @@ def test_wrong_options_are_all_told_before_anything_moves(tmp_path: Path) -> Non
         ({LEFT: {"position": [1, 2, 32768]}}, "expected at most 32767"),
         ({LEFT: {}}, "expected at least one of current, velocity, position"),
         ({LEFT: {"speed": [1, 2]}}, "unknown key"),
+        ({LEFT: {"velocity": [10001, 1000]}}, "velocity P 10001: at most 10 times the present 1000 per trial"),
         ({}, "expected a list of at least 1"),
     ],
 )
@@ -100,6 +78,14 @@ def test_a_drive_without_gains_in_the_robot_file_cannot_try_any(tmp_path: Path) 
         "".join(line for line in robot.read_text().splitlines(True) if "gains: {current: [500" not in line)
     )
     assert "the robot file has no gains of it" in problems(load_mission(path), LEFT, position="1,2,3")
+
+
+def test_a_gain_of_none_may_become_any(tmp_path: Path) -> None:
+    path = mission(tmp_path)
+    robot = tmp_path / "robots" / "artemis.yaml"
+    robot.write_text(robot.read_text().replace("position: [150, 10, 200]", "position: [150, 0, 200]"))
+    trial = trial_from(load_mission(path), Wanted(drives=(LEFT,), gains={"position": "1500,900,2000"}))
+    assert trial.new == NewGains(position=(1500, 900, 2000))
 
 
 def test_several_drives_of_one_kind_are_tried_together(tmp_path: Path) -> None:
@@ -197,91 +183,78 @@ def test_a_trial_is_a_run_with_table_and_figure_and_keeps_nothing_simulated(
     assert (tmp_path / "robots" / "artemis.yaml").read_text() == ROBOT.read_text()
 
 
-# ---------------------------------------------------------------------------------------------- keeping
+# ---------------------------------------------------------------------------------------------- too little is seen
 
 
-def decide(folder: Path, response: StepResponse = SETTLED, *, yes: bool = True) -> tuple[int, Path]:
-    loaded = load_mission(mission(folder))
-    trial = Trial(drives=(LEFT,), role="steering", side="left", step=5.0, new=NewGains(position=(600, 10, 200)))
-    found = Findings(traces={}, responses={"now": [SETTLED], "new": [response]}, unrestored={}, stopped=False)
-    status = command._decide(loaded, trial, found, Wanted(drives=(LEFT,), gains=POSITION, yes=yes))
-    return status, folder / "robots" / "artemis.yaml"
+def on_a_real_robot(monkeypatch: pytest.MonkeyPatch) -> list[Mapping[str, tuple[int, ...]]]:
+    """The command takes simulated drives for real ones; what it stores comes into the list."""
+    monkeypatch.setattr(command, "is_simulated", lambda *_: False)
+    return storing(monkeypatch)
 
 
-def store(stored: list[Mapping[str, tuple[int, ...]]], error: Exception | None = None) -> Any:  # noqa: ANN401
-    async def store_gains(_: object, gains: Mapping[str, tuple[int, ...]], done: list[str]) -> None:
-        if error is not None:
-            raise error
-        stored.append(gains)
-        done.extend(gains)
-
-    return store_gains
-
-
-def test_gains_that_are_kept_are_stored_and_written_for_their_drive_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("at", [2.5, 5.0, 8.0, 11.4])
+def test_a_trial_that_was_not_recorded_whole_keeps_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], at: float
 ) -> None:
-    stored: list[Mapping[str, tuple[int, ...]]] = []
-    monkeypatch.setattr(command, "_store", store(stored))
-    status, file = decide(tmp_path)
-    assert (status, stored) == (0, [{LEFT: NEW.numbers}])
-    loaded = load_mission(tmp_path / "mission.yaml")
-    assert loaded.robot.drives[LEFT].gains == NEW
-    assert loaded.robot.drives[RIGHT].gains == Gains(current=(500, 150), velocity=(1000, 100), position=(150, 10, 200))
-    assert "# half" not in file.read_text()
-    assert file.read_text().startswith(ROBOT.read_text()[:200])
-
-
-def test_what_is_not_stored_is_not_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(command, "_store", store([], DeviceTimeout(LEFT, "no answer")))
-    status, file = decide(tmp_path)
-    assert status == 1
-    assert "kept        nothing: steer-left: no answer" in capsys.readouterr().out
-    assert file.read_text() == ROBOT.read_text()
-
-
-def test_a_file_that_cannot_be_written_after_storing_is_told_with_what_is_where(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def refuse(*_: object) -> None:
-        raise ConfigError("artemis.yaml: cannot be written: read-only")
-
-    monkeypatch.setattr(command, "_store", store([]))
-    monkeypatch.setattr(command, "edit", refuse)
-    status, file = decide(tmp_path)
+    stored = on_a_real_robot(monkeypatch)
+    path = mission(tmp_path, simulation={"faults": [{"at_s": at, "inject": "DSK-02"}]})
+    assert calibrate_gains(path, Wanted(drives=(LEFT,), gains=POSITION, yes=True)) == 1
     out = capsys.readouterr().out
-    assert status == 1
-    assert "kept        not all: artemis.yaml: cannot be written: read-only" in out
-    assert "steer-left: stored;" in out
-    assert file.read_text() == ROBOT.read_text()
+    assert "kept        nothing: the trial was not recorded whole" in out
+    assert "restored    steer-left: the gains of the robot file" in out  # as the run itself has seen
+    assert (stored, robot_file(tmp_path)) == ([], ROBOT.read_text())
 
 
-def test_gains_that_do_not_settle_are_not_kept_without_a_person(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_recording_that_cannot_be_read_keeps_nothing_and_what_the_drives_have_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    stored: list[Mapping[str, tuple[int, ...]]] = []
-    monkeypatch.setattr(command, "_store", store(stored))
-    status, file = decide(tmp_path, replace(SETTLED, settled_5=None))
-    assert (status, stored, file.read_text()) == (1, [], ROBOT.read_text())
+    def damaged(_: Path) -> Recording:
+        raise RecordingError("recording.mcap: not written by artemis")
+
+    stored = on_a_real_robot(monkeypatch)
+    monkeypatch.setattr(command, "Recording", damaged)
+    assert calibrate_gains(mission(tmp_path), Wanted(drives=(LEFT,), gains=POSITION, yes=True)) == 1
+    out = capsys.readouterr().out
+    assert "kept        nothing: recording.mcap: not written by artemis" in out
+    assert "restored    steer-left" in out
+    assert (stored, robot_file(tmp_path)) == ([], ROBOT.read_text())
 
 
-@pytest.mark.parametrize(
-    ("answer", "kept"), [("yes\n", True), ("y\n", True), ("no\n", False), ("\n", False), ("", False), ("^C", False)]
-)
-def test_a_person_decides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str, kept: bool) -> None:
-    class Keyboard:
-        def isatty(self) -> bool:
-            return True
+def test_a_drive_that_takes_nothing_back_is_no_restored_one_and_keeps_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stored = on_a_real_robot(monkeypatch)
+    silent = {"at_s": 9.0, "inject": "COM-08", "node": LEFT, "duration_s": 20.0}
+    path = mission(tmp_path, simulation={"faults": [silent]})
+    assert calibrate_gains(path, Wanted(drives=(LEFT,), gains=POSITION, yes=True)) == 1
+    out = capsys.readouterr().out
+    assert "WARNING     steer-left may have the gains on trial while it has power" in out
+    assert "restored" not in out
+    assert stored == []
 
-        def readline(self) -> str:
-            if answer == "^C":
-                raise KeyboardInterrupt
-            return answer
 
-    stored: list[Mapping[str, tuple[int, ...]]] = []
-    monkeypatch.setattr(command, "_store", store(stored))
-    monkeypatch.setattr("sys.stdin", Keyboard())
-    status, _ = decide(tmp_path, yes=False)
-    assert (status, bool(stored)) == (0, kept)
+def test_a_trial_without_new_gains_has_nothing_to_restore(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert calibrate_gains(mission(tmp_path), Wanted(drives=(LEFT,), gains={}, tried=True)) == 0
+    out = capsys.readouterr().out
+    assert "settled within 5 %" in out
+    assert "restored" not in out
+    assert "kept" not in out
+
+
+def test_what_was_not_seen_to_come_back_is_no_trial_to_keep_gains_of(tmp_path: Path) -> None:
+    trial = Trial(drives=(LEFT,), role="steering", side="left", step=5.0, new=NewGains(position=(600, 10, 200)))
+    outcome = Outcome(failed=False, interrupted=None, run=RunFolder(path=tmp_path), duration=1, elapsed=1, steering={})
+    whole, watch = Findings(traces={}, responses={"now": [SETTLED], "new": [SETTLED]}), GainsWatch()
+    assert command._unproven(trial, watch, whole, outcome) == "steer-left did not take the robot file's gains back"
+    assert command._unproven(replace(trial, new=None), watch, whole, outcome) == ""
+    watch.restored.add(LEFT)
+    assert command._unproven(trial, watch, whole, outcome) == ""
+    assert "ends early" in command._unproven(trial, watch, replace(whole, missing="it ends early"), outcome)
+    half = replace(whole, responses={"now": [SETTLED]})
+    assert command._unproven(trial, watch, half, outcome) == "not all of the trial was seen"
+
+
+def test_nothing_settles_where_nothing_was_seen() -> None:
+    assert not Findings(traces={}, responses={}).settled
+    assert not Findings(traces={}, responses={"now": [SETTLED]}).settled
+    assert Findings(traces={}, responses={"now": [], "new": [SETTLED]}).settled

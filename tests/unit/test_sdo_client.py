@@ -225,6 +225,35 @@ def test_node_slower_than_the_timeout_is_never_misread() -> None:
     on_virtual_time(main())
 
 
+SAVE = Expedited(index=0x1010, subindex=1, data=b"save")
+
+
+def test_what_takes_a_node_long_is_asked_for_once() -> None:
+    async def main() -> None:
+        node = Node(lambda _: [(1.9, Accepted(index=0x1010, subindex=1))])
+        await node.client.write(0x1010, 1, b"save", patience=2.0)
+        assert node.requests == [SAVE]
+        assert now() == pytest.approx(1.9)
+
+    on_virtual_time(main())
+
+
+def test_what_takes_a_node_too_long_is_not_asked_for_again_and_its_late_answer_is_nobodys() -> None:
+    def answers(request: Request) -> list[tuple[float, Answer | bytes]]:
+        return [(2.1, Accepted(index=0x1010, subindex=1))] if request == SAVE else [(0.0, value(7))]
+
+    async def main() -> None:
+        node = Node(answers)
+        with pytest.raises(DeviceTimeout, match="after 1 try of 2000 ms"):
+            await node.client.write(0x1010, 1, b"save", patience=2.0)
+        assert node.requests.count(SAVE) == 1
+        assert await node.client.read(*STATUSWORD) == b"\x07"
+        assert now() == pytest.approx(4.0), "quiet for as long as it had"
+        assert node.client.late_answers == 1
+
+    on_virtual_time(main())
+
+
 def test_answer_for_another_object_is_dropped_and_counted() -> None:
     async def main() -> None:
         node = Node(

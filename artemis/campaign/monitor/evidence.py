@@ -39,6 +39,17 @@ class Injected(NamedTuple):
         """When it ended [s]; infinite if it did not."""
         return self.time + float(self.options.get("duration_s") or inf)
 
+    @property
+    def standstill(self) -> float:
+        """How long the whole process does nothing by it [s], at most: plugins are late up to three times."""
+        times = self.options.get("times") or (1 if self.id.startswith("SYS") else 3)
+        return float(self.options["seconds"] * times) if "seconds" in self.options else 0.0
+
+    @property
+    def is_counted(self) -> bool:
+        """It hits some frames, now or later: nobody knows which, or whether they matter."""
+        return bool(self.options.get("count") or self.options.get("probability"))
+
 
 class Stick(NamedTuple):
     """What a hand does with the stick from a time on."""

@@ -54,6 +54,8 @@ LATE = 0.06
 """One tick so much too late [s] has to be noticed."""
 OFTEN_LATE = 0.02
 """Some in a row so much too late are noticed, too."""
+BLOCKED = 1.15
+"""A wheel that does not turn is noticed in 1 s; the injection brakes it in 0.15 s."""
 LOST = ("COM-22",)
 
 EXPECTED: dict[str, Expected] = {
@@ -99,7 +101,7 @@ EXPECTED: dict[str, Expected] = {
     "RUN-01": Expected(M, 0.2, ("RUN-01",)),  # of which the wheel needs 0.06 s to run away
     "RUN-02": UNTOLD,
     "RUN-03": UNTOLD,
-    "RUN-04": Expected(M, 1.0, ("RUN-04", "RUN-05", "DRV-02", "DRV-25"), stop="S2"),
+    "RUN-04": Expected(M, BLOCKED, ("RUN-04", "RUN-05", "DRV-02", "DRV-25"), stop="S2"),
     "RUN-05": Expected(M, 0.35, ("RUN-01", "RUN-05"), stop=""),
     "RUN-06": Expected(M, 0.1, ("RUN-06", "COM-02"), coasts=True),
     "RUN-09": UNTOLD,
@@ -116,7 +118,7 @@ EXPECTED: dict[str, Expected] = {
     "CAL-01": Expected(START, shows=("CAL-01", "STE-01", "STE-02", "DRV-25", "DRV-02")),
     "CAL-02": Expected(START, shows=("CAL-02",)),
     "PTH-06": UNTOLD,
-    "PTH-07": Expected(M, 1.0, ("RUN-04", "PTH-07", "DRV-02", "DRV-25"), stop="S2"),
+    "PTH-07": Expected(M, BLOCKED, ("RUN-04", "PTH-07", "DRV-02", "DRV-25"), stop="S2"),
     "PTH-08": UNTOLD,
     "PTH-09": Expected(F, 0.08, ("PTH-09", "PLG-03"), stop="S2"),
     "INP-01": Expected(H, 0.06, ("INP-01",), stop="S2"),

@@ -58,17 +58,15 @@ def judged(e: Evidence) -> Iterator[tuple[Injected, Expected, float]]:
         if expected.when is When.BY_HAND:  # teleop stops at once, and is heard by the judge of the tick after
             deadline += e.tick
         deadline += _stands_still(e, injected, deadline)
-        counted = injected.options.get("count") or injected.options.get("probability")
         lasts = injected.until > deadline + LASTS and gone >= deadline
-        if counted is None and lasts and _must_show(e, injected, expected, deadline):
+        if not injected.is_counted and lasts and _must_show(e, injected, expected, deadline):
             yield injected, expected, deadline
 
 
 def _stands_still(e: Evidence, injected: Injected, end: float) -> float:
     """So long another fault has the whole process stand still [s], if that is so between an injection and `end`."""
-    others = [i for i in e.injected if i is not injected and "seconds" in i.options]
-    stalls = [(i.time, i.options["seconds"] * i.options.get("times", 1)) for i in others]
-    return float(sum(seconds for time, seconds in stalls if time < end and time + seconds > injected.time))
+    others = (i for i in e.injected if i is not injected)
+    return sum(i.standstill for i in others if i.time < end and i.time + i.standstill > injected.time)
 
 
 def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: float) -> bool:
@@ -204,7 +202,7 @@ def recoveries(e: Evidence) -> Iterator[Violation]:
 def _presses(e: Evidence, injected: Injected) -> list[float]:
     """When a button was heard that is pressed, or pressed again and again [s]: later where the process stood still."""
     times, rate = injected.options.get("times", 20), injected.options.get("rate_hz", 20.0)
-    stood_still = sum(i.options.get("seconds", 0.0) * i.options.get("times", 3) for i in e.injected)
+    stood_still = sum(i.standstill for i in e.injected)
     last = injected.time + (times / rate if injected.id == "OPR-02" else 0.0) + stood_still + e.tick
     heard = [line.time for line in e.journal.of("request") if line.data["request"] == "acknowledge"]
     return [time for time in heard if injected.time <= time <= last]

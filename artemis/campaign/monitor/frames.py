@@ -186,6 +186,7 @@ def controls_released(e: Evidence) -> Iterator[Violation]:
         if mode != "teleop" or odd or not e.stick:
             continue
         rows = [row for row in e.stick if row.time <= time + e.tick]
-        recent = [row for row in rows if row.time >= time - 2 * e.tick] or rows[-1:]
-        if not any(row.neutral for row in (*recent, *rows[-1:])):
+        recent = [row for row in rows if row.time >= time - 2 * e.tick]
+        before = rows[: len(rows) - len(recent)][-1:]  # where the stick was when that began
+        if not any(row.neutral for row in (*before, *recent)):
             yield Violation("I5", time, "driving by hand began with the controls held")

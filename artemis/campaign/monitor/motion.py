@@ -57,6 +57,8 @@ def stops(e: Evidence) -> Iterator[Violation]:
             continue
         if any(other is not injected and other.time < injected.time + 3.0 for other in e.injected):
             continue
+        if injected.is_counted:
+            continue
         stopped = e.journal.next_mode(injected.time, "fault", "quickstop")
         if stopped is None or stopped > injected.time + expected.within + 0.1 or injected.until < stopped:
             continue

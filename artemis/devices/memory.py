@@ -1,0 +1,86 @@
+"""Drives outside of a run: their regulator gains are read, and numbers are stored in them for ever."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+
+from artemis.devices.can_bus import FrameBus
+from artemis.devices.canopen import HEARTBEAT
+from artemis.devices.drive import Drives
+from artemis.devices.epos_jobs import EposJobs
+from artemis.errors import DeviceError, DeviceLost
+from artemis.values import Job, JobKind
+from artemis.vehicle import Robot
+
+LISTEN = 0.3
+"""Seconds of listening before the first frame of ours, as a run does."""
+
+
+async def read_gains(robot: Robot, bus: FrameBus) -> dict[str, tuple[int, ...] | str]:
+    """Gains of every drive of the robot file, by name, in the order of the objects; or why it does not tell them.
+
+    Only reads; not while somebody else talks SDO to the drives.
+    """
+    jobs = _jobs(_drives(robot, bus))
+
+    async def ask(name: str) -> tuple[int, ...] | str:
+        try:
+            return await jobs[name].perform(Job(id=0, kind=JobKind.READ_GAINS, drive=name))
+        except DeviceError as error:
+            return error.problem
+
+    return dict(zip(jobs, await asyncio.gather(*(ask(name) for name in jobs)), strict=True))
+
+
+async def store(
+    robot: Robot, bus: FrameBus, kind: JobKind, wanted: Mapping[str, tuple[int, ...]], told: Callable[[str], None]
+) -> None:
+    """Have drives keep numbers when their power goes, one after the other; each is stopped and off then.
+
+    Args:
+        robot: the robot.
+        bus: nobody else may have the drives.
+        kind: WRITE_GAINS or WRITE_CALIBRATION.
+        wanted: numbers by drive, as in a job of that kind.
+        told: is called with the name of each drive that has stored them.
+
+    Raises:
+        DeviceError: somebody else commands the drives; a drive is another one, does not answer, or does not keep a
+            value. The next were not asked.
+    """
+    drives = _drives(robot, bus)
+    jobs = _jobs(drives)
+    await asyncio.sleep(LISTEN)
+    for name, numbers in wanted.items():
+        _check_alone(drives, robot, name)
+        await jobs[name].perform(Job(id=0, kind=JobKind.SECURE, drive=name))
+        await jobs[name].perform(Job(id=0, kind=kind, drive=name, values=numbers))
+        await jobs[name].perform(Job(id=0, kind=JobKind.STORE, drive=name))
+        told(name)
+
+
+def _check_alone(drives: Drives, robot: Robot, name: str) -> None:
+    """Nobody else was heard sending what only we may send, since the last time."""
+    drives.receive()
+    if foreign := drives.wire.health().foreign:
+        who = "another artemis uses this bus (COM-18): end it"
+        if HEARTBEAT + robot.host_node_id not in foreign:
+            who = f"somebody else commands the drives (COM-17): 0x{foreign[0]:03X} was heard"
+        raise DeviceError(name, f"was sent nothing: {who}")
+
+
+def _drives(robot: Robot, bus: FrameBus) -> Drives:
+    drives = Drives(robot, bus)
+
+    def receive() -> None:
+        with suppress(DeviceLost):  # then no drive answers, which is told
+            drives.receive()
+
+    drives.wire.listen(receive)
+    return drives
+
+
+def _jobs(drives: Drives) -> dict[str, EposJobs]:
+    return {node.name: EposJobs(node) for node in drives.nodes}
