@@ -55,7 +55,8 @@ class Wheels:
         self._planned = 0.0
         self._ramp_from = 0.0
         self._braking = False
-        self._driven = self._stops = False
+        self._driven = False
+        self._stops = False
         self._speeds = (0.0, 0.0)
         self._referenced: set[str] = set()
         self._pot_changes: dict[tuple[str, int], tuple[float, float]] = {}

@@ -80,7 +80,7 @@ def check_limits(robot: Robot, command: DriveCommand, last: SetPoints, made: Set
 @SETTINGS
 @given(st.sampled_from(ROBOTS), st.lists(steps, min_size=1, max_size=60))
 def test_limits_hold_for_any_sequence(robot: Robot, sequence: list[tuple[DriveCommand, float, float, bool]]) -> None:
-    gate, car, last = Gate(robot, DT_MAX), Ackermann(robot.geometry), SetPoints()
+    gate, car, last = Gate(robot, DT_MAX / 2), Ackermann(robot.geometry), SetPoints()
     for command, dt, ceiling, stop in sequence:
         made = gate.limit(command, last, dt, ceiling, stop)
         check_limits(robot, command, last, made, dt)
@@ -95,7 +95,7 @@ def test_limits_hold_for_any_sequence(robot: Robot, sequence: list[tuple[DriveCo
     st.sampled_from([0.005, 0.02, 0.1]),
 )
 def test_limits_hold_for_commands_that_last(robot: Robot, wishes: list[tuple[float, float]], dt: float) -> None:
-    gate, last = Gate(robot, DT_MAX), SetPoints()
+    gate, last = Gate(robot, DT_MAX / 2), SetPoints()
     for speed, steering in wishes:
         command = DriveCommand(speed=speed, steering=steering)
         for _ in range(40):
@@ -113,7 +113,7 @@ def test_stops_are_never_slowed(
     dt: float,
     ceiling: float,
 ) -> None:
-    gate, last = Gate(robot, DT_MAX), SetPoints()
+    gate, last = Gate(robot, DT_MAX / 2), SetPoints()
     for step in before:
         last = gate.limit(step[0], last, *step[1:])
     made = gate.limit(command, last, dt, ceiling, stop=True)
@@ -137,7 +137,7 @@ def test_stops_are_never_slowed(
 def test_feasible_command_is_reached_exactly(
     robot: Robot, before: list[tuple[float, float]], speed_share: float, steering_share: float, dt: float
 ) -> None:
-    gate, car, last = Gate(robot, DT_MAX), Ackermann(robot.geometry), SetPoints()
+    gate, car, last = Gate(robot, DT_MAX / 2), Ackermann(robot.geometry), SetPoints()
     for speed, steering in before:
         for _ in range(20):
             last = gate.limit(DriveCommand(speed=speed, steering=steering), last, dt)
@@ -159,7 +159,7 @@ def test_feasible_command_is_reached_exactly(
 def test_limits_hold_and_wheels_align_from_any_angles(
     robot: Robot, left: float, right: float, sequence: list[tuple[DriveCommand, float]], target: float
 ) -> None:
-    gate, car = Gate(robot, DT_MAX), Ackermann(robot.geometry)
+    gate, car = Gate(robot, DT_MAX / 2), Ackermann(robot.geometry)
     last = SetPoints(steering=car.steering_from_wheel_angles(left, right), steering_left=left, steering_right=right)
     for command, dt in sequence:
         made = gate.limit(command, last, dt)

@@ -55,7 +55,7 @@ LATE = 0.06
 OFTEN_LATE = 0.02
 """Some in a row so much too late are noticed, too."""
 BLOCKED = 1.15
-"""A wheel that does not turn is noticed in 1 s; the injection brakes it in 0.15 s."""
+"""Wheels that do not turn are noticed in 1 s (RUN-04); the injection brakes both from any speed in 0.15 s."""
 LOST = ("COM-22",)
 
 EXPECTED: dict[str, Expected] = {
@@ -101,7 +101,7 @@ EXPECTED: dict[str, Expected] = {
     "RUN-01": Expected(M, 0.2, ("RUN-01",)),  # of which the wheel needs 0.06 s to run away
     "RUN-02": UNTOLD,
     "RUN-03": UNTOLD,
-    "RUN-04": Expected(M, BLOCKED, ("RUN-04", "RUN-05", "DRV-02", "DRV-25"), stop="S2"),
+    "RUN-04": Expected(M, 1.0, ("RUN-04", "RUN-05", "DRV-02", "DRV-25"), stop="S2"),
     "RUN-05": Expected(M, 0.35, ("RUN-01", "RUN-05"), stop=""),
     "RUN-06": Expected(M, 0.1, ("RUN-06", "COM-02"), coasts=True),
     "RUN-09": UNTOLD,
