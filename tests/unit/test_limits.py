@@ -258,6 +258,12 @@ def test_wheels_found_anywhere_become_a_pair_each_at_its_own_rate(left: float, r
     assert last.steering == target
 
 
+@pytest.mark.parametrize(("periods", "counted"), [(1.5, 1.5), (2.0, 2.0), (3.0, 2.0)])
+def test_step_counts_as_two_periods_at_most(periods: float, counted: float) -> None:
+    made = gate().limit(DriveCommand(speed=0.5), STANDING, periods * DT)
+    assert made.speed == pytest.approx(0.5 * counted * DT)
+
+
 def test_step_that_comes_early_rolls_what_its_wheels_turn_until_the_next_is_due() -> None:
     last = moving(0.5, 0.3)
     early = gate().limit(DriveCommand(speed=0.5, steering=1.0), last, DT / 20)

@@ -106,6 +106,33 @@ def test_reason_heard_while_nobody_watched_explains_the_fault_that_shows_soon(
         assert watch.found() == found
 
 
+def test_fault_may_show_just_after_a_reason_is_old() -> None:
+    watch = Watch()
+    watch.wish = UNWATCHED
+    watch.ill(SICK, emergencies=(0x8130,))
+    watch.tick(after=0.0)
+    watch.wish = OFF
+    watch.well()
+    watch.tick(after=0.15)
+    watch.ill(SICK, state=DriveState.FAULT)
+    watch.tick()
+    assert "COM-01" not in watch.ids()
+
+
+@pytest.mark.parametrize("said", [(), (0x0000,)])
+def test_reason_heard_while_nobody_watched_explains_no_other_drive(said: tuple[int, ...]) -> None:
+    watch = Watch()
+    watch.wish = UNWATCHED
+    watch.ill(SICK, emergencies=(0x8130,))
+    watch.ill(OTHER, emergencies=said)
+    watch.tick()
+    watch.wish = OFF
+    watch.ill(SICK, state=DriveState.FAULT)
+    watch.ill(OTHER, state=DriveState.FAULT)
+    watch.tick()
+    assert watch.found() == [("COM-01", OTHER)]
+
+
 def test_reason_of_one_drive_does_not_explain_the_fault_of_another() -> None:
     watch = Watch()
     watch.ill(SICK, state=DriveState.FAULT, emergencies=(0x2310,))

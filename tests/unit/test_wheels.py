@@ -168,6 +168,14 @@ def test_wheel_that_slows_down_from_twice_its_command_is_read() -> None:
     assert sum(value > 0.15 for value in told) * PERIOD > 0.2, "1 m/s² of the robot file"
 
 
+def test_robot_that_shall_stop_from_the_first_tick_on_is_read_as_any_other() -> None:
+    made = Road()
+    made.wish, made.stops = OFF, True
+    made.roll(0.3)
+    made.ticks(0.2)
+    assert made.rows() == {"RUN-02"}
+
+
 def test_robot_that_rolls_off_though_nobody_drove_it_is_held_to_a_ramp_once_it_shall_stop() -> None:
     made = road()
     made.wish = OFF
