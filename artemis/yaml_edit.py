@@ -36,13 +36,14 @@ def edit(path: Path, changes: Mapping[Keys, Data]) -> None:
             raise ConfigError(f"{path}: is read-only")
         with ExitStack() as undo:
             file = tempfile.NamedTemporaryFile(dir=path.resolve().parent, prefix=f".{path.name}.", delete=False)
-            undo.callback(Path(file.name).unlink)
+            temporary = Path(file.name)
+            undo.callback(temporary.unlink)
             with file:
                 file.write(content)
                 file.flush()
                 os.fsync(file.fileno())
-            Path(file.name).chmod(mode)
-            Path(file.name).replace(path.resolve())
+            temporary.chmod(mode)
+            temporary.replace(path.resolve())
             undo.pop_all()
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error

@@ -76,6 +76,11 @@ class Fit(Found):
     """Motions between two moments that fit nothing."""
     moments: int
 
+    @property
+    def knows_heading(self) -> bool:
+        """Whether the truth of any run has headings; else nobody knows how its sensor is turned."""
+        return any(run.truth.knows_heading for run in self.runs)
+
     def clock_of(self, run: Run) -> Clock:
         """Of the truth of one of the fitted runs."""
         return self.clocks[self.runs.index(run)]
@@ -321,7 +326,7 @@ class Problem:
 
 
 def _noise_covariance(case: Case, variances: Array) -> Array:
-    if not case.moments.know_heading:
+    if not case.run.truth.knows_heading:
         variances = np.array([variances[0], UNKNOWN**2, *variances[2:]])
     total = np.tensordot(variances, case.parts, axes=1)
     total[0] += LOST * np.repeat(case.lost, 3)

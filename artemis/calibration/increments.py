@@ -49,14 +49,9 @@ class Moments:
         starts = np.flatnonzero(np.diff(np.floor((time - begin) / BIN), prepend=-1.0))
         return cls(time=time, starts=starts, poses=_means(poses, starts))
 
-    @property
-    def know_heading(self) -> bool:
-        """Whether the truth has headings."""
-        return bool(np.isfinite(self.poses[0, 2]))
-
     def beside(self, reckoned: Array) -> Array:
         """The true poses, shape (n, 3); without headings they get those of `reckoned`, turned onto the places near."""
-        if self.know_heading:
+        if np.isfinite(self.poses[0, 2]):
             return self.poses
         true, own = (each[:, 0] + 1j * each[:, 1] for each in (self.poses, reckoned))
         way = np.append(0.0, np.cumsum(np.abs(np.diff(own))))

@@ -61,8 +61,7 @@ def rows_of(found: Found, metres_per_count: tuple[float, float], one_wheel: bool
     for name, old, new in lengths:
         rows.append(_row(f"{name} [m]", old, new, _half_width(found, {name: 1.0}) * old, ".5f", ".5f"))
     if isinstance(found, Fit):
-        headed = any(run.truth.knows_heading for run in found.runs)
-        for estimate in found.estimates[-3:] if headed else found.estimates[-3:-1]:
+        for estimate in found.estimates[-3:] if found.knows_heading else found.estimates[-3:-1]:
             name, turn = estimate.parameter.name, "heading" in estimate.parameter.name
             value, width = (degrees(each) if turn else each for each in (estimate.value, estimate.half_width))
             unit = "deg" if turn else "m"

@@ -6,6 +6,7 @@ import signal
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -191,11 +192,8 @@ def _show(loaded: LoadedMission, wanted: Wanted, simulated: bool) -> int:
 
 
 async def _read(loaded: LoadedMission, simulated: bool) -> dict[str, tuple[int, ...] | str]:
-    bus = open_bus(loaded, simulated)
-    try:
+    with closing(open_bus(loaded, simulated)) as bus:
         return await read_gains(loaded.robot, bus)
-    finally:
-        bus.close()
 
 
 def _columns(gains: tuple[int, ...], known: tuple[int, ...] | None = None) -> str:
@@ -309,12 +307,9 @@ async def _store(
     loaded: LoadedMission, new: Mapping[str, Gains], file: Path, changes: Mapping[Keys, Data], kept: list[str]
 ) -> None:
     """`kept` gets the name of what has the new gains: drives, and at last the file."""
-    bus = open_bus(loaded, simulated=False)
-    try:
-        numbers = {name: gains.numbers for name, gains in new.items()}
+    numbers = {name: gains.numbers for name, gains in new.items()}
+    with closing(open_bus(loaded, simulated=False)) as bus:
         await store(loaded.robot, bus, JobKind.WRITE_GAINS, numbers, kept.append)
-    finally:
-        bus.close()
     edit(file, changes)  # here, where an interrupt comes before or after it
     kept.append(str(file))
 

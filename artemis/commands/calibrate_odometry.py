@@ -212,7 +212,7 @@ def _held_out(found: Fit, check: Sequence[Run]) -> list[tuple[str, Score]]:
     if pairs := checked(found):
         tracks = [track(run, machine, found.sensor, found.clock_of(run)) for run, machine in pairs]
         rows.append(("each run by the others", score(tracks)))
-    if not any(run.truth.knows_heading for run in found.runs):  # then how askew the truth's sensor is was not found
+    if not found.knows_heading:
         check = [replace(run, truth=run.truth.places()) for run in check]
     if check:
         clocks = clocks_of(found, check)
@@ -240,8 +240,8 @@ def _tell(tables: Sequence[tuple[str, Sequence[str], list[tuple[str, ...]]]], fo
 
 def _noise(found: Fit) -> None:
     position, heading, along, _, turn = found.noise
-    headed = any(run.truth.knows_heading for run in found.runs)
-    of_truth = f"{1000 * position:.1f} mm, " + (f"{np.degrees(heading):.2f} deg" if headed else "no headings")
+    of_truth = f"{1000 * position:.1f} mm, "
+    of_truth += f"{np.degrees(heading):.2f} deg" if found.knows_heading else "no headings"
     sys.stdout.write(
         f"noise of the truth: {of_truth}; random walk of the odometry: "
         f"{1000 * along:.1f} mm and {np.degrees(turn):.2f} deg in 1 m; {found.left_out} of {found.moments} "

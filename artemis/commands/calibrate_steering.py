@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 
 from artemis import clock
@@ -21,7 +22,7 @@ from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import is_simulated
 from artemis.values import JobKind, Tick
 from artemis.yaml_edit import edit
-from artemis.yaml_file import Data
+from artemis.yaml_file import Data, read
 
 SIDES = ("left", "right")
 _KEEPING = {JobKind.WRITE_CALIBRATION: "has the new values", JobKind.STORE: "keeps the new values"}
@@ -86,8 +87,8 @@ def calibrate_steering(
 class _RobotFile:
     """The robot file, which gets the result the moment that the run is over."""
 
-    def __init__(self, path: Path, read: bytes, writes: bool) -> None:
-        self._path, self._read, self._writes = path, read, writes
+    def __init__(self, path: Path, known: bytes, writes: bool) -> None:
+        self._path, self._known, self._writes = path, known, writes
         self.failed, self.told = False, f"not changed: {path}"
 
     def write(self, outcome: Outcome) -> None:
@@ -98,10 +99,10 @@ class _RobotFile:
             self.told = f"not changed by simulated drives (--write-simulated does): {self._path}"
             return
         try:
-            if self._path.read_bytes() != self._read:
+            if read(self._path) != self._known:
                 raise ConfigError(f"{self._path}: somebody else changed it meanwhile")
             edit(self._path, changes(outcome.steering))
-        except (ConfigError, OSError) as error:
+        except ConfigError as error:
             self.failed, self.told = True, f"NOT changed: {error}; the values are in {outcome.run.calibration}"
         else:
             self.told = f"changed: {self._path}"
@@ -134,11 +135,8 @@ def store_steering(source: Path, simulate: bool) -> int:
 async def _store(
     loaded: LoadedMission, simulated: bool, wanted: Mapping[str, tuple[int, ...]], kept: list[str]
 ) -> None:
-    bus = open_bus(loaded, simulated)
-    try:
+    with closing(open_bus(loaded, simulated)) as bus:
         await store(loaded.robot, bus, JobKind.WRITE_CALIBRATION, wanted, kept.append)
-    finally:
-        bus.close()
 
 
 def changes(fits: Mapping[str, SteeringFit]) -> dict[tuple[str, ...], Data]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import sys
+from contextlib import closing
 from pathlib import Path
 
 from artemis import clock
@@ -110,11 +111,8 @@ def _show_drives(loaded: LoadedMission) -> None:
 
 
 async def _ask(loaded: LoadedMission, simulated: bool) -> list[Node]:
-    bus = open_bus(loaded, simulated)
-    try:
+    with closing(open_bus(loaded, simulated)) as bus:
         return await ask_nodes(loaded.robot, bus)
-    finally:
-        bus.close()
 
 
 def open_bus(loaded: LoadedMission, simulated: bool) -> FrameBus:

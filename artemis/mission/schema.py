@@ -98,14 +98,14 @@ class MeasureSteering(Config):
 
     @model_validator(mode="after")
     def _unseen(self) -> Self:
-        known = {side: angle for side, angle in self.reference_deg if angle is not None}
-        if self.potentiometers == "known" and self.save == "drives":
-            for side, angle in known.items():
-                if abs(angle) > LARGEST_UNSEEN_DEG:
-                    raise ValueError(
-                        f"reference_deg.{side} is {angle:g}: a zero that is wrong by more than {LARGEST_UNSEEN_DEG:g} "
-                        "degrees is not saved unless a person agrees: write save: ask (or potentiometers: new)"
-                    )
+        if self.potentiometers == "new" or self.save != "drives":
+            return self
+        for side, angle in self.reference_deg:
+            if abs(angle or 0.0) > LARGEST_UNSEEN_DEG:
+                raise ValueError(
+                    f"reference_deg.{side} is {angle:g}: a zero that is wrong by more than {LARGEST_UNSEEN_DEG:g} "
+                    "degrees is not saved unless a person agrees: write save: ask (or potentiometers: new)"
+                )
         return self
 
     @model_validator(mode="after")
@@ -283,11 +283,11 @@ def _check_one_key(config: Config, name: str) -> None:
 def _check_steps(steps: tuple[Step, ...]) -> tuple[Step, ...]:
     if not steps:
         raise ValueError("expected at least one step")
-    measured = [step.calibrate.steering for step in steps if step.calibrate is not None]
-    if len(steps) > 1 and any(isinstance(one, MeasureSteering) and one.potentiometers == "new" for one in measured):
+    steerings = [step.calibrate.steering for step in steps if step.calibrate is not None]
+    measured = [steering for steering in steerings if isinstance(steering, MeasureSteering)] if len(steps) > 1 else []
+    if any(one.potentiometers == "new" for one in measured):
         raise ValueError("new potentiometers are calibrated in a mission of their own: no other step may stand beside")
-    saving = [isinstance(one, MeasureSteering) and one.save != "nothing" for one in measured]
-    if any(saving) and len(steps) > 1:
+    if any(one.save != "nothing" for one in measured):
         raise ValueError(
             "what is saved holds from the next start on: no other step may stand beside a calibration "
             "with save: drives or ask"

@@ -63,8 +63,9 @@ class Supervisor:
         self._occurred: dict[tuple[str, str], list[float]] = {}
         self._recovered: dict[str, list[float]] = {}
         self._explained: set[str] = set()
-        self._told = -inf
         """Drives in fault that said why, also once that was acknowledged."""
+        self._told = -inf
+        """When one last said why while nobody watched [s]."""
         self._acknowledged = -inf
         self._alarm = False
         self._verdict = _SILENT
