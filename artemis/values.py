@@ -126,6 +126,7 @@ class JobKind(Enum):
 
     SECURE = "secure"  # find the drive as it is: identity, state; stop it if it moves; disable it
     HALT = "halt"  # stop and switch off by SDO a drive that no longer takes part in the exchange of process data
+    KEEP_OFF = "keep off"  # likewise, again and again, one that takes no part yet; `values` of one that was found on
     CONFIGURE = "configure"  # write the configuration, read it back, arm the heartbeat consumer, start the node
     REFERENCE = "reference"  # the wheel stands at the angle `value` [rad]: count from here; the drive keeps its zero
     CLEAR_TARGET = "clear target"  # write target 0 (traction) or the actual position (steering) and read it back
@@ -138,8 +139,7 @@ class JobKind(Enum):
     DISARM = "disarm"  # switch the heartbeat consumer off, read it back, enter Pre-Operational
 
 
-RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}
-"""Value of the job SECURE by the NMT reset that goes before."""
+RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}  # `value` of the job SECURE, by the NMT reset that goes before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -92,8 +92,8 @@ class EposJobs:
         match job.kind:
             case JobKind.SECURE:
                 await self.secure(job.value)
-            case JobKind.HALT:
-                await self._switch_off()
+            case JobKind.HALT | JobKind.KEEP_OFF:
+                return (1,) if await self._switch_off() else ()
             case JobKind.CONFIGURE:
                 await self.configure()
             case JobKind.REFERENCE:
@@ -211,12 +211,13 @@ class EposJobs:
         finally:
             self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
 
-    async def _switch_off(self) -> None:
-        """Power off; a moving drive is stopped by its own ramp before."""
-        if (await self._read_state()) in POWERED:
+    async def _switch_off(self) -> bool:
+        """Power off; a moving drive is stopped by its own ramp before. Whether it was on."""
+        if was_on := (await self._read_state()) in POWERED:
             await self.write(CONTROLWORD, Command.QUICK_STOP)
             await self._come_to_rest()
         await self.write(CONTROLWORD, Command.DISABLE_VOLTAGE)
+        return was_on
 
     async def _stop_watching(self) -> None:
         await self._ensure(Setting(CONSUMER_HEARTBEAT, 0))

@@ -328,8 +328,11 @@ def _emergency(time: float, drive: str, code: int) -> Entry:
 
 
 def _jobs(tick: Tick) -> Iterator[Entry]:
+    """Orders and what became of them, but for looks at drives that are off as they should be."""
     time = tick.snapshot.time
     for result in tick.snapshot.sensed.results:
+        if result.kind is JobKind.KEEP_OFF and not result.values:
+            continue
         outcome = "done" if result.ok else "failed"
         text = f"{result.kind.value} {result.drive}: {outcome}" + (f", {result.detail}" if result.detail else "")
         if told := values_of(result):
@@ -340,6 +343,8 @@ def _jobs(tick: Tick) -> Iterator[Entry]:
             data["fault"] = result.fault
         yield Entry(time=time, kind="result", text=text, level=level, data=data)
     for job in tick.wish.jobs:
+        if job.kind is JobKind.KEEP_OFF:
+            continue
         data = {**_order(job), "value": job.value}
         yield Entry(time=time, kind="job", text=f"{job.kind.value} {job.drive}", data=data)
 

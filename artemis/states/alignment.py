@@ -7,7 +7,7 @@ from collections.abc import Generator
 from dataclasses import replace
 
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
-from artemis.states.mode import OFF, ON, STEERING_ON, Plan, Routine, fail, finish_jobs
+from artemis.states.mode import OFF, ON, STEERING_ON, Plan, Routine, fail, finish_jobs, is_second
 from artemis.supervision import catalogue
 from artemis.values import POWERED, DriveCommand, DriveFeedback, DriveState, Fault, Goal, Job, JobKind, Snapshot, Wish
 from artemis.vehicle import OPERATING_MODES
@@ -25,6 +25,8 @@ LARGEST_CORRECTION = math.radians(1.0)
 """The sweep may correct the first reading by this much [rad]; more means that encoder and potentiometers disagree."""
 STEER_TIME = 12.0
 """Longest time for one of the turns [s]: from lock to straight takes 2.3 s at 33 degrees a second."""
+LOOK_TIME = 0.1
+"""Between two looks at drives that exchange no process data [s]."""
 OFF_TIME, OFF_LIMIT = 0.2, 1.0
 """Drives that stand are off within the first [s]; after the second [s] everything has been tried."""
 
@@ -101,6 +103,28 @@ def switch_off(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
         halted.update(job.drive for job in jobs)
         snapshot = yield replace(wish, jobs=jobs, heartbeat=heartbeat, phase="switching off")
     return snapshot
+
+
+class Lookout:
+    """Keeps drives off that are not ours yet: without our configuration they tell nothing, so each is asked by SDO."""
+
+    def __init__(self) -> None:
+        self._under_way: set[int] = set()
+        self._next = 0.0
+
+    def watch(self, plan: Plan, wish: Wish, snapshot: Snapshot) -> Wish:
+        """`wish`, with what keeps them off; its phase names one that a stranger had switched on."""
+        if plan.connected or is_second(plan, snapshot):
+            return wish
+        found = [result for result in snapshot.sensed.results if result.id in self._under_way]
+        self._under_way.difference_update(result.id for result in found)
+        if strangers := [result.drive for result in found if result.values]:
+            wish = replace(wish, phase=f"stopped what somebody else switched on: {', '.join(strangers)}")
+        if self._under_way or snapshot.time < self._next:
+            return wish
+        jobs = plan.jobs(JobKind.KEEP_OFF, plan.drives())
+        self._under_way, self._next = {job.id for job in jobs}, snapshot.time + LOOK_TIME
+        return replace(wish, jobs=(*wish.jobs, *jobs))
 
 
 def _goal(wish: Wish, drive: DriveFeedback) -> Goal:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from artemis.states.alignment import switch_off
+from artemis.states.alignment import Lookout, switch_off
 from artemis.states.mode import (
     OFF,
     PATIENCE,
@@ -34,6 +34,7 @@ class FaultMode(RoutineMode):
         super().enter(snapshot)
         self._acknowledged = self._resumes = False
         self._insecure: set[str] = set()
+        self._lookout = Lookout()
 
     def step(self, snapshot: Snapshot) -> Wish:
         """As the routine says; an acknowledgment counts also while the robot still stops."""
@@ -98,4 +99,4 @@ class FaultMode(RoutineMode):
             phase = f"cannot acknowledge yet: {present.text}"
         else:
             phase = "acknowledge to bring the drives up again"
-        return (yield replace(idle, phase=phase))
+        return (yield self._lookout.watch(self.plan, replace(idle, phase=phase), snapshot))

@@ -10,6 +10,7 @@ from artemis.states.keeping import contradiction
 from artemis.states.mode import (
     LISTEN,
     OFF,
+    PATIENCE,
     Routine,
     RoutineMode,
     at_rest,
@@ -61,10 +62,13 @@ class InitMode(RoutineMode):
             return (yield from fail(SILENT, fault))
         plan.connected = True
         snapshot = yield from self._prove_watchdog(snapshot)
+        latest = snapshot.time + PATIENCE
         while (held := hands_on(snapshot.sensed.inputs)) or not (plan.armed or Request.ARM in snapshot.sensed.requests):
-            if not (plan.armed or snapshot.sensed.attended):
+            late = snapshot.time > latest
+            if late or not (plan.armed or snapshot.sensed.attended):
                 plan.failed = True
-                yield replace(OFF, event=Event.END, phase="nobody there to arm")
+                expired = catalogue.fault("OPR-03") if late else None
+                yield replace(OFF, event=Event.END, fault=expired, phase="nobody there to arm")
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
         plan.armed = plan.held = False
         yield from align(plan, snapshot)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from artemis.states.alignment import enable, switch_off
+from artemis.states.alignment import Lookout, enable, switch_off
 from artemis.states.mode import (
     OFF,
     ON,
@@ -34,6 +34,7 @@ class QuickstopMode(RoutineMode):
         """Begin anew."""
         super().enter(snapshot)
         self._acknowledged = self._resumes = False
+        self._lookout = Lookout()
         self.plan.armed = False  # what was meant for a bring-up is no arm after a stop
 
     def step(self, snapshot: Snapshot) -> Wish:
@@ -93,7 +94,8 @@ class QuickstopMode(RoutineMode):
             self.plan.failed = True
             expired = None if alone else catalogue.fault("OPR-03")
             return replace(rest, event=Event.END, fault=expired, phase="stopped")
-        return replace(rest, phase=_waits_for(snapshot) or "stopped: arm to go on")
+        wish = replace(rest, phase=_waits_for(snapshot) or "stopped: arm to go on")
+        return self._lookout.watch(self.plan, wish, snapshot)
 
 
 def _asks_to_hold(snapshot: Snapshot) -> bool:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from artemis.states.mode import CalibrateStep, FollowStep, Plan, TeleopStep, WaitStep, at_rest, hands_on
+from artemis.states.mode import PATIENCE, CalibrateStep, FollowStep, Plan, TeleopStep, WaitStep, at_rest, hands_on
+from artemis.supervision import catalogue
 from artemis.values import DriveCommand, Event, Snapshot, Wish
 
 
@@ -31,7 +32,10 @@ class ReadyMode:
                 return replace(stand, event=Event.FOLLOW)
             case TeleopStep(input=name):
                 if held := hands_on(sample for sample in snapshot.sensed.inputs if sample.source == name):
-                    return replace(stand, phase=held)
+                    if snapshot.time - self._since - self._plan.done <= PATIENCE:
+                        return replace(stand, phase=held)
+                    self._plan.failed = True
+                    return replace(stand, event=Event.END, fault=catalogue.fault("OPR-03"), phase=held)
                 return replace(stand, event=Event.TELEOP)
             case WaitStep(seconds=seconds):
                 self._plan.done = snapshot.time - self._since

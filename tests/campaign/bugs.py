@@ -471,6 +471,12 @@ BUGS: tuple[Bug, ...] = (
     ),
     Bug("unwatching drive is accepted", "does not watch", "I3", {PROOF: becomes(_unproven)}),
     Bug(
+        "drives that are not ours yet are not looked at",
+        "driven by somebody else before the bring-up",
+        "I8",
+        {"artemis.states.alignment.Lookout.watch": becomes(lambda self, plan, wish, snapshot: wish)},
+    ),
+    Bug(
         "faults are forgotten without a person",
         "over-current, not acknowledged",
         "I10",

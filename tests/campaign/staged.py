@@ -188,6 +188,18 @@ SCENARIOS: dict[str, Scenario] = {
     "wheel blocked while it is measured": measure(fault("STE-02", 10.0, STEER)),
     "drive lost while it is measured": measure(fault("COM-26", 10.0, STEER)),
     "another calibration in a drive": drive(fault("CAL-02", 0.0, STEER)),
+    "driven by somebody else before the bring-up": drive(
+        fault("EST-01", 0.0, duration_s=1.9), fault("SYS-10", 4.0, RIGHT), acts=[(2.3, "acknowledge"), (6.0, "end")]
+    ),
+    "deaf on a slope": follow(
+        fault("RUN-02", 10.1), fault("COM-27", 10.4, "steer-right"), acts=[(15.0, "acknowledge"), (17.0, "end")]
+    ),
+    "two lost together": drive(
+        fault("COM-28", node=RIGHT, duration_s=1.5),
+        fault("COM-28", 6.53, "steer-right", duration_s=0.3),
+        acts=[(12.0, "end")],
+        seconds=9.0,
+    ),
     "askew": drive(start_steering_left_deg=20.0, start_steering_right_deg=15.0),
 }
 """By what happens."""

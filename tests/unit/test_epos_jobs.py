@@ -43,15 +43,18 @@ def test_moving_drive_is_stopped_before_its_power_is_cut() -> None:
     on(LEFT, test)
 
 
-def test_halted_drive_stops_before_its_power_is_cut_and_keeps_its_configuration() -> None:
+@pytest.mark.parametrize("kind", [JobKind.HALT, JobKind.KEEP_OFF])
+def test_halted_drive_stops_before_its_power_is_cut_and_keeps_its_configuration(kind: JobKind) -> None:
     async def test(rig: Rig) -> None:
         await rig.spin(1500)
         speeds = rig.watch_power()
-        await rig.jobs.perform(Job(id=1, kind=JobKind.HALT, drive=rig.jobs.name))
+        order = Job(id=1, kind=kind, drive=rig.jobs.name)
+        assert await rig.jobs.perform(order) == (1,), "it was found on"
         await asyncio.sleep(0.05)
         assert rig.node.state is DriveState.SWITCH_ON_DISABLED
         assert len(speeds) == 1
         assert speeds[0] < 1.0
+        assert await rig.jobs.perform(order) == ()
         assert {index for index, _, _ in rig.writes()} == {0x6040}
 
     on(LEFT, test)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -24,10 +25,11 @@ from core_builders import (
     verdict,
 )
 
+from artemis.states.alignment import LOOK_TIME
 from artemis.states.fault import FaultMode
 from artemis.states.mode import CalibrateStep, Plan
 from artemis.supervision import catalogue
-from artemis.values import Action, DriveState, Event, Goal, JobKind, Nmt, Request, Verdict
+from artemis.values import Action, DriveState, Event, Goal, JobKind, JobResult, Nmt, Request, Verdict
 
 
 def in_fault(**state: Any) -> tuple[Player, Plan]:
@@ -125,7 +127,53 @@ def test_fault_before_the_drives_were_configured_stops_them_by_jobs_and_exchange
     for wish in player.wishes:
         assert not wish.exchange
         assert not wish.heartbeat, "a heartbeat that begins here and ends again trips every drive that has heard it"
-    assert [(job.kind, job.drive) for job in player.jobs] == [(JobKind.SECURE, name) for name in NAMES]
+    secured = [(JobKind.SECURE, name) for name in NAMES]
+    assert [(job.kind, job.drive) for job in player.jobs] == secured + [(JobKind.KEEP_OFF, name) for name in NAMES]
+
+
+def test_drives_without_our_configuration_are_kept_off_again_and_again_while_a_person_is_waited_for() -> None:
+    player, _ = in_fault(connected=False)
+    player.until(lambda wish: "acknowledge" in wish.phase)
+    asked = [player.time]
+    for _ in range(20):
+        if jobs := player.tick().jobs:
+            assert [(job.kind, job.drive) for job in jobs] == [(JobKind.KEEP_OFF, name) for name in NAMES]
+            asked.append(player.time)
+    assert [later - before for before, later in pairwise(asked)] == pytest.approx([LOOK_TIME] * 4)
+
+
+def test_drives_that_do_not_answer_are_not_asked_twice_at_a_time() -> None:
+    player, _ = in_fault(connected=False)
+    player.until(lambda wish: "acknowledge" in wish.phase)
+    asked = player.jobs[-len(NAMES) :]
+    answers = [JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, fault="COM-08") for job in asked]
+    for late in ((), answers[:3]):
+        for _ in range(10):
+            assert player.tick(results=late).jobs == ()
+    wish = player.tick(results=answers[3:])
+    assert len(wish.jobs) == len(NAMES)
+    assert wish.fault is None
+
+
+def test_drive_that_somebody_else_switched_on_is_named() -> None:
+    player, _ = in_fault(connected=False)
+    player.until(lambda wish: "acknowledge" in wish.phase)
+    looks = player.jobs[-len(NAMES) :]
+    found = [
+        JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True, values=(1,) * (job.drive == LEFT))
+        for job in looks
+    ]
+    assert player.tick(results=found).phase == f"stopped what somebody else switched on: {LEFT}"
+    assert player.tick().phase == "acknowledge to bring the drives up again"
+
+
+def test_drives_that_exchange_process_data_or_that_another_artemis_has_are_not_looked_at() -> None:
+    for connected, fault in ((True, "DRV-25"), (False, "COM-18")):
+        player, _ = in_fault(connected=connected)
+        player.world["verdict"] = verdict(fault)
+        for _ in range(60):
+            player.tick()
+        assert {job.kind for job in player.jobs} <= {JobKind.READ_HISTORY}
 
 
 def test_drive_that_cannot_be_secured_is_a_fault_and_tried_until_it_is() -> None:
@@ -137,7 +185,7 @@ def test_drive_that_cannot_be_secured_is_a_fault_and_tried_until_it_is() -> None
         assert wish.fault is None, "said once"
         assert LEFT in wish.phase
     assert sum(job.drive == LEFT for job in player.jobs) > 10
-    assert sum(job.drive != LEFT for job in player.jobs) == 3
+    assert sum(job.drive != LEFT for job in player.jobs if job.kind is JobKind.SECURE) == 3
     player.refused.clear()
     player.tick()
     assert LEFT not in player.tick().phase

@@ -19,6 +19,7 @@ from core_builders import (
     WATCH,
     ObedientDrives,
     Player,
+    expires,
     fault_of,
     has_event,
     has_fault,
@@ -151,6 +152,16 @@ def test_bring_up_that_is_armed_goes_on_once_the_controls_are_released(attended:
         assert (wish.phase, powered(wish), wish.event) == ("release the controls", False, None)
     player.world["inputs"] = ()
     assert player.until(has_event).event is Event.ALIGNED
+
+
+@pytest.mark.parametrize(("armed", "inputs"), [(False, ()), (True, PRESSED)], ids=["not armed", "controls held"])
+def test_bring_up_ends_as_failed_when_nobody_comes_for_ten_minutes(
+    armed: bool, inputs: tuple[OperatorInput, ...]
+) -> None:
+    bring_up = BringUp(armed=armed)
+    bring_up.player.world["inputs"] = inputs
+    bring_up.player.until(lambda wish: wish.phase in ("waiting for arm", "release the controls"))
+    expires(bring_up.player, bring_up.plan)
 
 
 def test_later_bring_ups_keep_the_pose() -> None:

@@ -17,6 +17,7 @@ from core_builders import (
     StubFollower,
     drive,
     drives,
+    expires,
     fault_of,
     has_event,
     has_fault,
@@ -264,6 +265,13 @@ def test_teleop_begins_only_with_the_controls_released() -> None:
         assert player.tick(inputs=(OperatorInput(source="stick", neutral=False),)).event is None
     others = (OperatorInput(source="stick"), OperatorInput(source="other", neutral=False))
     assert player.tick(inputs=others).event is Event.TELEOP
+
+
+def test_step_by_hand_whose_controls_nobody_releases_for_ten_minutes_ends_the_run() -> None:
+    steps = plan(TeleopStep(input="stick", seconds=None), done=3.0)
+    player = Player(ReadyMode(steps))
+    player.world["inputs"] = (OperatorInput(source="stick", neutral=False),)
+    expires(player, steps)
 
 
 def test_calibrate_aligns_and_is_done() -> None:

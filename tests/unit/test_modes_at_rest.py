@@ -122,8 +122,8 @@ def test_drives_that_were_not_configured_are_stopped_by_jobs_and_not_judged() ->
         assert not wish.exchange
         assert not wish.heartbeat
         assert not wish.supervised
-    assert [job.drive for job in player.jobs] == list(NAMES)
-    assert {job.kind for job in player.jobs} == {JobKind.SECURE}
+    then_kept_off = [(kind, name) for kind in (JobKind.SECURE, JobKind.KEEP_OFF) for name in NAMES]
+    assert [(job.kind, job.drive) for job in player.jobs] == then_kept_off
     assert player.tick(requests=(Request.ARM,)).event is Event.ACKNOWLEDGED
 
 

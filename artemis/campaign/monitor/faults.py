@@ -30,7 +30,7 @@ AUTOMATIC = {
     **dict.fromkeys(("COM-03", "COM-11", "COM-14", "COM-15"), 2),
     **dict.fromkeys(("COM-07", "COM-08", "COM-31", "RUN-05", "SYS-01", "INP-01", "INP-03", "INP-06"), 3),
 }
-"""Automatic recoveries of single rows in a run of less than a minute."""
+"""Automatic recoveries of single rows in a run of less than a minute; what is forgotten together is one."""
 BY_ITSELF = ("COM-16", "COM-20", "COM-09", "COM-06", "RUN-12", "INP-08", "DSK-02", "DSK-03", "DSK-05")
 FINAL = ("DRV-05", "DRV-21", "COM-18", "COM-19", "RUN-03", "RUN-08", "STE-04", "STE-07", "PLG-05", "PLG-07", "SYS-04")
 """Rows that no acknowledgment clears."""
@@ -192,7 +192,7 @@ def recoveries(e: Evidence) -> Iterator[Violation]:
         if any(since <= time <= line.time for time in asked) or id in BY_ITSELF:
             continue
         by_itself.append((line.time, id))
-        spent = sum(other == id for _, other in by_itself)
+        spent = len({time for time, other in by_itself if other == id})
         if spent > AUTOMATIC.get(id, 0):
             yield Violation("I10", line.time, f"{line.text} was cleared without an acknowledgment (time {spent})")
     if len({time for time, _ in by_itself}) > RECOVERIES:

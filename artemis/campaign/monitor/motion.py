@@ -189,17 +189,26 @@ def pushes_alone(e: Evidence) -> Iterator[Violation]:
 
 
 def steering_holds(e: Evidence) -> Iterator[Violation]:
-    """I8: while the robot moves, the host switches no sound steering drive off; it has done so after `t_stop_max`."""
+    """I8: while the robot moves, the host switches no sound steering drive off; it has done so after `t_stop_max`.
+
+    One that is deaf is told again and again what was decided while the robot stood.
+    """
     longest = 1.0 + 2.0 * e.robot.limits.speed_m_s / e.robot.limits.quick_stop_deceleration_m_s2
     for number, side in enumerate(SIDES, 2):
-        enabled = False
+        enabled = told = False
         for event in e.wire.nodes[e.node("steering", side)].events:
             if isinstance(event, Status):
                 enabled = event.enabled
-            if not isinstance(event, SetPoint) or not enabled or event.controlword == ENABLE:
+            if not isinstance(event, SetPoint):
+                continue
+            told = told and event.controlword != ENABLE
+            if told or not enabled or event.controlword == ENABLE:
                 continue
             look = e.look_at(event.time)
-            if look is None or not look.enabled[number] or abs(look.speed) < ROLLING:
+            if look is None or not look.enabled[number]:
+                continue
+            if abs(look.speed) < ROLLING:
+                told = True
                 continue
             since = max((time for time, mode in e.journal.modes if mode in STOPPED and time <= event.time), default=0.0)
             if event.time - since < longest:
