@@ -12,7 +12,16 @@ import coverage
 from .core import CORE
 from .running import ROOT
 
-PROCESSES = 2
+RULES = """\
+[run]
+branch = true
+data_file = {folder}/data
+disable_warnings = no-data-collected
+include =
+    {modules}
+patch = subprocess
+"""
+"""Pytest's workers are measured, its first process only hands out work."""
 
 
 def main() -> int:
@@ -20,19 +29,14 @@ def main() -> int:
     modules = [str(ROOT / "artemis" / module) for module in CORE]
     tests = list(dict.fromkeys(str(ROOT / "tests" / test) for tests in CORE.values() for test in tests))
     with TemporaryDirectory() as folder:
-        data = [str(Path(folder) / f"part-{number}") for number in range(PROCESSES)]
-        measure = [sys.executable, "-m", "coverage", "run", "--rcfile=", "--branch", f"--include={','.join(modules)}"]
-        running = [
-            subprocess.Popen(
-                [*measure, f"--data-file={file}", "-m", "pytest", "-n", "0", "-q", *tests[number::PROCESSES]]
-            )
-            for number, file in enumerate(data)
-        ]
-        status = max(process.wait() for process in running)
-        measured = coverage.Coverage(str(Path(folder) / "all"), config_file=False, branch=True, include=modules)
-        measured.combine(data)
+        rules = Path(folder) / "rules"
+        rules.write_text(RULES.format(folder=folder, modules="\n    ".join(modules)))
+        measure = [sys.executable, "-m", "coverage", "run", f"--rcfile={rules}", "-m"]
+        status = subprocess.run([*measure, "pytest", "-q", "--dist", "worksteal", *tests], check=False).returncode
+        measured = coverage.Coverage(config_file=str(rules))
+        measured.combine()
         total = measured.report(show_missing=True)
-    return int(status > 0 or total < 100)
+    return int(status != 0 or total < 100)
 
 
 if __name__ == "__main__":
