@@ -182,6 +182,8 @@ SCENARIOS: dict[str, Scenario] = {
     "another product": drive(fault("COM-33", 0.0, STEER, answers="another product")),
     "does not watch": drive(fault("COM-30", 0.0, STEER)),
     "write not kept": drive(fault("COM-10", 0.0, LEFT)),
+    "write not kept, and not needed": drive(fault("COM-10", 0.0, STEER)),
+    "follower steers too far at the end of the path": follow(fault("RUN-12", 9.6, duration_s=2.0)),
     "error in bring-up": drive(fault("DRV-02", 0.42, LEFT)),
     "steering measured": measure(),
     "new potentiometers measured": measure(new=True, steering_zero_left_deg=25.0, steering_zero_right_deg=-30.0),

@@ -48,6 +48,8 @@ UNHEARD = Expected(W, 0.1, ("COM-01",), coasts=True)
 """Any drive error whose EMCY is lost."""
 NO_REACTION = "DRV-21"
 """For a COB-ID collision the EPOS firmware specification 2010 (12.2) names no reaction: only its EMCY tells."""
+UNKEPT = "COM-10"
+"""Unless another object is named it drops writes of 0x6085, which steering drives are left with from the factory."""
 STALL = Expected(W, 0.02, ("SYS-03", "DRV-20", "SYS-01", "COM-31", "PLG-03", "PTH-09"), stop="S2")
 """The computer does nothing for a while; noticed as soon as it goes on."""
 LATE = 0.06
@@ -160,6 +162,8 @@ def expectation(injected: Injected, tick: float) -> Expected:
     expected = EXPECTED[injected.id]
     if injected.options.get("heard") is False:
         return UNTOLD if injected.id == NO_REACTION else UNHEARD
+    if injected.id == UNKEPT and injected.node.startswith("steer") and "index" not in injected.options:
+        return UNTOLD
     seconds = injected.options.get("seconds")
     if seconds is None or (expected.when is not When.FOLLOWING and expected.shows != STALL.shows):
         return expected

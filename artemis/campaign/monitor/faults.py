@@ -82,7 +82,8 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
         case When.BY_HAND:
             return modes == {"teleop"}
         case When.FOLLOWING:
-            return modes == {"follow"}
+            phases = [line.text for line in e.journal.of("phase") if line.time < end - 1e-6]
+            return modes == {"follow"} and phases[-1:] == ["following"]  # at its end the follower is asked no more
         case When.MOVING:
             moving = modes <= DRIVING and _commanded(e, injected.time - 0.1, end)
             return moving and (injected.id not in ("RUN-01", "RUN-05") or _runs_away(e, injected, end))
@@ -153,7 +154,7 @@ def _from_start(e: Evidence) -> Iterator[Violation]:
     """What is wrong from the beginning shows before the robot is ready."""
     ready = e.journal.next_mode(0.0, "ready")
     for injected in e.injected:
-        expected = EXPECTED[injected.id]
+        expected = expectation(injected, e.tick)
         lasts = injected.until == inf and injected.options.get("count") is None
         if expected.when is When.FROM_START and injected.time < LISTENING and lasts and ready is not None:
             shown = [line for line in e.journal.of("fault") if line.time <= ready]
