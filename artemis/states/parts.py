@@ -114,8 +114,11 @@ class PartByPart:
         return plain_following(answer) or catalogue.fault("PLG-06", "follower", told(answer))
 
     def _steered(self, command: DriveCommand, snapshot: Snapshot) -> DriveCommand:
-        """Without its speed until the wheels were turned once to where it wants them, or could have been."""
-        if self._steering is None:
+        """Without its speed until the wheels were turned once to where it wants them, or could have been.
+
+        A speed that is no number stays, for the gate to see (RUN-11).
+        """
+        if self._steering is None or not math.isfinite(command.speed):
             return command
         self._steering += snapshot.dt
         target = min(max(command.steering, -self._limit), self._limit)

@@ -151,6 +151,15 @@ def test_the_wheels_are_turned_before_the_robot_drives_off() -> None:
     assert answered(driver, standing(steering=0.0)).command.speed == 0.0, "and again after a stop"
 
 
+@pytest.mark.parametrize("command", [DriveCommand(speed=math.nan, steering=0.6), DriveCommand(steering=math.nan)])
+def test_a_command_that_is_no_number_is_seen_also_while_the_wheels_are_turned(command: DriveCommand) -> None:
+    taker = Taker()
+    driver = PartByPart(taker, straight(2.0), 0.0, ROBOT)
+    taker.command = command
+    seen = answered(driver, standing(steering=0.0)).command
+    assert not math.isfinite(seen.speed + seen.steering)
+
+
 def test_wheels_that_the_robot_cannot_turn_so_far_are_not_waited_for() -> None:
     taker = Taker()
     taker.command = DriveCommand(speed=0.2, steering=9.0)
