@@ -150,6 +150,7 @@ SCENARIOS: dict[str, Scenario] = {
         acts=[(6.5, "quickstop"), (8.0, "acknowledge"), (12.0, "end")], rows="9.5,0,1,1\n11,0,0,0\n", seconds=8.0
     ),
     "stopped while the wheels are aligned": follow(acts=[(6.6, "quickstop"), (8.0, "arm")]),
+    "stopped while the watchdog is proven": drive(acts=[(0.77, "quickstop"), (3.0, "acknowledge"), (4.0, "end")]),
     "stick held at the start": drive(pushed_from=3.0, seconds=1.0),
     "computer asleep": drive(fault("SYS-03", seconds=0.7)),
     "computer dozes at the start": drive(fault("SYS-03", 0.0, seconds=0.15), acts=[(6.5, "end")]),
