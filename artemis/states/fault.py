@@ -14,6 +14,7 @@ from artemis.states.mode import (
     come_to_rest,
     failure,
     finish_jobs,
+    give_up,
     is_second,
     secure,
 )
@@ -87,9 +88,7 @@ class FaultMode(RoutineMode):
         late = snapshot.time > latest
         goes_on = verdict.recovers and not self.plan.held and (verdict.resumes or self.plan.armed)
         if late or is_second(self.plan, snapshot) or not (snapshot.sensed.attended or goes_on):
-            self.plan.failed = True
-            expired = catalogue.fault("OPR-03") if late else None
-            return (yield replace(idle, event=Event.END, fault=expired, phase="fault"))
+            return (yield give_up(self.plan, replace(idle, phase="fault"), late=late))
         if verdict.final:
             phase = f"this run cannot go on, end it: {present.text}"
         elif verdict.recovers:

@@ -17,6 +17,7 @@ from artemis.states.mode import (
     fail,
     failure,
     finish_jobs,
+    give_up,
     hands_on,
     listen,
     secure,
@@ -66,9 +67,7 @@ class InitMode(RoutineMode):
         while (held := hands_on(snapshot.sensed.inputs)) or not (plan.armed or Request.ARM in snapshot.sensed.requests):
             late = snapshot.time > latest
             if late or not (plan.armed or snapshot.sensed.attended):
-                plan.failed = True
-                expired = catalogue.fault("OPR-03") if late else None
-                yield replace(OFF, event=Event.END, fault=expired, phase="nobody there to arm")
+                yield give_up(plan, replace(OFF, phase="nobody there to arm"), late=late)
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
         plan.armed = plan.held = False
         yield from align(plan, snapshot)

@@ -19,6 +19,7 @@ from artemis.values import (
     Action,
     DriveCommand,
     DriveState,
+    Event,
     Fault,
     Goal,
     Job,
@@ -313,6 +314,12 @@ def secure(plan: Plan, wish: Wish, snapshot: Snapshot) -> Finished:
 
 PATIENCE = 600.0
 """After waiting so long for a person the run ends [s] (OPR-03)."""
+
+
+def give_up(plan: Plan, wish: Wish, *, late: bool) -> Wish:
+    """`wish`, and the end of the run as failed: nobody came in time (`late`), or nobody is there to come."""
+    plan.failed = True
+    return replace(wish, event=Event.END, fault=catalogue.fault("OPR-03") if late else None)
 
 
 ROLLING_TIME = 10.0

@@ -16,10 +16,10 @@ from artemis.states.mode import (
     fail,
     failure,
     finish_jobs,
+    give_up,
     hands_on,
     secure,
 )
-from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveState, Event, JobKind, Request, Severity, Snapshot, Wish
 
 
@@ -91,9 +91,7 @@ class QuickstopMode(RoutineMode):
         """At rest, with what it waits for; ends the run where nobody will come."""
         alone = not snapshot.sensed.attended and not self._goes_on
         if alone or snapshot.time > latest:
-            self.plan.failed = True
-            expired = None if alone else catalogue.fault("OPR-03")
-            return replace(rest, event=Event.END, fault=expired, phase="stopped")
+            return give_up(self.plan, replace(rest, phase="stopped"), late=not alone)
         wish = replace(rest, phase=_waits_for(snapshot) or "stopped: arm to go on")
         return self._lookout.watch(self.plan, wish, snapshot)
 

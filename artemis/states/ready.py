@@ -4,8 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from artemis.states.mode import PATIENCE, CalibrateStep, FollowStep, Plan, TeleopStep, WaitStep, at_rest, hands_on
-from artemis.supervision import catalogue
+from artemis.states.mode import (
+    PATIENCE,
+    CalibrateStep,
+    FollowStep,
+    Plan,
+    TeleopStep,
+    WaitStep,
+    at_rest,
+    give_up,
+    hands_on,
+)
 from artemis.values import DriveCommand, Event, Snapshot, Wish
 
 
@@ -34,8 +43,7 @@ class ReadyMode:
                 if held := hands_on(sample for sample in snapshot.sensed.inputs if sample.source == name):
                     if snapshot.time - self._since - self._plan.done <= PATIENCE:
                         return replace(stand, phase=held)
-                    self._plan.failed = True
-                    return replace(stand, event=Event.END, fault=catalogue.fault("OPR-03"), phase=held)
+                    return give_up(self._plan, replace(stand, phase=held), late=True)
                 return replace(stand, event=Event.TELEOP)
             case WaitStep(seconds=seconds):
                 self._plan.done = snapshot.time - self._since

@@ -82,8 +82,8 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
         case When.BY_HAND:
             return modes == {"teleop"}
         case When.FOLLOWING:
-            phases = [line.text for line in e.journal.of("phase") if line.time < end - 1e-6]
-            return modes == {"follow"} and phases[-1:] == ["following"]  # at its end the follower is asked no more
+            asked = e.journal.phase_before(end - 1e-6) == "following"  # not any more at the end of the path
+            return asked and modes == {"follow"}
         case When.MOVING:
             moving = modes <= DRIVING and _commanded(e, injected.time - 0.1, end)
             return moving and (injected.id not in ("RUN-01", "RUN-05") or _runs_away(e, injected, end))
@@ -174,11 +174,10 @@ def _without_cause(e: Evidence) -> Iterator[Violation]:
 
 def _ends_the_proof(e: Evidence, line: Line) -> bool:
     """A drive misses our heartbeat, which was withheld on purpose when a person stopped the bring-up."""
-    for time in e.acts("quickstop") + e.acts("end"):
-        phases = [phase.text for phase in e.journal.of("phase") if phase.time < time]
-        if phases[-1:] == ["proving the watchdog"] and time <= line.time <= time + WATCH_MS / 1000:
-            return str(line.data["id"]) == "DRV-20"
-    return False
+    return line.data["id"] == "DRV-20" and any(
+        time <= line.time <= time + WATCH_MS / 1000 and e.journal.phase_before(time) == "proving the watchdog"
+        for time in e.acts("quickstop") + e.acts("end")
+    )
 
 
 # ---------------------------------------------------------------------------------------------- I10

@@ -68,6 +68,10 @@ class Journal:
         """The mode at a run time [s]."""
         return next((mode for begin, mode in reversed(self._modes) if begin <= time), "init")
 
+    def phase_before(self, time: float) -> str:
+        """The phase that had begun last before a run time [s]; empty: none."""
+        return next((line.text for line in reversed(self.lines) if line.kind == "phase" and line.time < time), "")
+
     def next_mode(self, after: float, *modes: str) -> float | None:
         """When one of the modes begins next [s]; None: never."""
         return next((time for time, mode in self._modes if time > after and mode in modes), None)

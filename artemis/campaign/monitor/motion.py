@@ -201,8 +201,10 @@ def steering_holds(e: Evidence) -> Iterator[Violation]:
                 enabled = event.enabled
             if not isinstance(event, SetPoint):
                 continue
-            told = told and event.controlword != ENABLE
-            if told or not enabled or event.controlword == ENABLE:
+            if event.controlword == ENABLE:
+                told = False
+                continue
+            if told or not enabled:
                 continue
             look = e.look_at(event.time)
             if look is None or not look.enabled[number]:
