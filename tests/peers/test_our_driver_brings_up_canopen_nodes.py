@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Coroutine
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from local_epos import DISABLED, ENABLED, QUICK_STOP, LocalEpos, Wire
+from msgspec.structs import replace
 
 from artemis.clock import run
 from artemis.devices.drive import Drives

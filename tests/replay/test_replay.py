@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, Rig, Run, follow, run, stick, straight, write_mission
 
 from artemis.commands.replay import replay_run

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from msgspec import structs
+from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, Rig, Run, run, stick, write_mission
 from test_gamepad_drives import DONE, DRIVE, ENABLE, Desk
 

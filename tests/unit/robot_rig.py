@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, ClassVar
 
 from core_builders import PERIOD, ROBOT, FakeBus, snapshot
+from msgspec.structs import replace
 
 from artemis.clock import SimulatedLoop, run
 from artemis.config import Config

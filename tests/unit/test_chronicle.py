@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import core_builders
 from core_builders import drive, drives
+from msgspec.structs import replace
 
 from artemis.devices.can_bus import Frame
 from artemis.recording.chronicle import STORM, Chronicle

@@ -7,7 +7,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -23,6 +22,7 @@ from core_builders import (
     plan,
     sensed,
 )
+from msgspec.structs import replace
 
 from artemis.robot import LIMITED_SPEED, Core
 from artemis.states.mode import FollowStep, Step, TeleopStep, WaitStep

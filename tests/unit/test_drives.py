@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from core_builders import LOST_HEARTBEAT, NAMES, ROBOT, FakeBus, snapshot
+from msgspec.structs import replace
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import cache
 
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, ROUTE, FakeBus, StubFollower, drive, drives, plan, snapshot
+from msgspec.structs import replace
 
 from artemis.devices.drive import Drives
 from artemis.devices.epos_state import controlword

@@ -3,10 +3,10 @@ from __future__ import annotations
 import os
 import re
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from artemis.commands.live import LiveView, status
 from artemis.values import (

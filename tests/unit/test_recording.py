@@ -1,8 +1,8 @@
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
-from dataclasses import replace
 from datetime import timedelta
 from itertools import islice
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import synthetic_run
 from mcap.reader import make_reader
+from msgspec.structs import replace
 
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
@@ -288,7 +289,7 @@ def test_a_flipped_bit_in_a_file_of_the_mission_is_noticed(small: Path) -> None:
 
 
 def test_a_damaged_description_is_said(tmp_path: Path) -> None:
-    provenance = replace(synthetic_run.provenance(), robot=b'{"robot": "x"}', mission=b"[1]")
+    provenance = dataclasses.replace(synthetic_run.provenance(), robot=b'{"robot": "x"}', mission=b"[1]")
     Recorder(tmp_path / "recording.mcap", provenance, threaded=False).close()
     recording = Recording(tmp_path)
 

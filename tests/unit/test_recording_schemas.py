@@ -1,12 +1,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 import synthetic_run
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from artemis.devices.can_bus import Frame
 from artemis.recording.schemas import (
