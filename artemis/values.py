@@ -381,5 +381,4 @@ class Tick(Struct, frozen=True, kw_only=True, gc=False):
     done: float = 0.0
     """How much of it is done: way along its path [m], or time [s]."""
     wish: Wish
-    action: Action
     set_points: SetPoints

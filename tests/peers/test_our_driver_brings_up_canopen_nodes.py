@@ -73,7 +73,7 @@ class Bench:
             set_points=points,
             verdict=Verdict(),
         )
-        tick = Tick(snapshot=snapshot, mode=Mode.TELEOP, wish=wish, action=wish.command.action, set_points=points)
+        tick = Tick(snapshot=snapshot, mode=Mode.TELEOP, wish=wish, set_points=points)
         for _ in range(count):
             self.drives.write(tick)
             await asyncio.sleep(PERIOD)

@@ -34,7 +34,7 @@ class ScriptedCore(Core):
         self.seen.append(sensed)
         wish = self.script(sensed)
         seen = replace(snapshot(), sensed=sensed)
-        return Tick(snapshot=seen, mode=Mode.READY, wish=wish, action=wish.command.action, set_points=SetPoints())
+        return Tick(snapshot=seen, mode=Mode.READY, wish=wish, set_points=SetPoints())
 
 
 class SlowDrives(Drives):

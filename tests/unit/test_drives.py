@@ -39,7 +39,6 @@ class Bench:
             snapshot=snapshot(urgent=urgent),
             mode=mode,
             wish=wish,
-            action=wish.command.action,
             set_points=points or SetPoints(),
         )
         self.drives.write(tick)

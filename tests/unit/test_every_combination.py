@@ -115,7 +115,7 @@ def assert_may_leave(seen: Snapshot, mode: Mode, wish: Wish) -> None:
     gate = Gate(ROBOT, PERIOD)
     points = gate.limit(wish.command, SetPoints(), PERIOD, stop=seen.verdict.stops)
     robot = drives_on_a_bus()
-    robot.write(Tick(snapshot=seen, mode=mode, wish=wish, action=wish.command.action, set_points=points))
+    robot.write(Tick(snapshot=seen, mode=mode, wish=wish, set_points=points))
     assert robot.wire.health().blocked == ()
 
 

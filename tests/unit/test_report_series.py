@@ -42,7 +42,7 @@ def moved(observed: Observed, sideways: float) -> Observed:
 def test_cross_track_by_odometry_is_that_of_the_tracking(lap: Recording) -> None:
     run = read_series(lap)
 
-    expected = [t.record.tracking.cross_track if t.record.tracking else math.nan for t in lap.ticks()]
+    expected = [t.wish.tracking.cross_track if t.wish.tracking else math.nan for t in lap.ticks()]
     np.testing.assert_array_equal(run.cross_track, expected)
 
 
