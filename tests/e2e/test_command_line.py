@@ -9,6 +9,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from html.parser import HTMLParser
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -361,6 +362,16 @@ def test_help_imports_nothing_heavy() -> None:
     shown = artemis("--help")
     assert shown.returncode == 0
     assert "artemis" in shown.stdout
+
+
+def test_commands_of_a_broken_package_harm_nobody(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = EntryPoint("x", "no_such_package.cli:add_commands", cli.COMMANDS)
+    monkeypatch.setattr(cli, "entry_points", lambda group: [broken])
+    cli._add_commands()
+    said = "artemis: no commands of no_such_package.cli:add_commands: ModuleNotFoundError: "
+    assert capsys.readouterr().err.startswith(said)
 
 
 def test_output_survives_a_terminal_without_the_letters(tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.sim.bus import SimBus
 from artemis.sim.world import TrueRobot, World
-from artemis.testing.failing_disk import FailingDisk
 from artemis.values import Mode, Tick
+from artemis_lab.injections.failing_disk import FailingDisk
 
 BUS = {"interface": "udp_multicast", "channel": "239.74.163.77"}
 

@@ -20,8 +20,8 @@ from artemis.recording.disk import Disk, Trouble, low_disk, write_all
 from artemis.recording.journal import Entry, Journal, read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder
-from artemis.testing.failing_disk import FailingDisk
 from artemis.values import Tick
+from artemis_lab.injections.failing_disk import FailingDisk
 
 
 def first(count: int) -> list[synthetic_run.Observed]:
