@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TypeVar
 
 Number = TypeVar("Number", int, float)
@@ -14,3 +14,8 @@ def total(values: Iterable[Number]) -> Number:
     for value in values:
         result += value
     return result
+
+
+def mean(values: Sequence[float]) -> float:
+    """Of at least one."""
+    return total(values) / len(values)

@@ -9,15 +9,11 @@ from artemis.supervision.measures import Reading
 from artemis.values import DriveFeedback, DriveState, JobKind, JobResult
 from artemis.vehicle import Robot
 
-_NEVER = nan, 0.0
+_NEVER = nan, nan
 
 
 class SteeredWheel:
-    """Remembers whether its drive knows the wheel's angle, and when its potentiometers changed last.
-
-    Attributes:
-        aligned: The drive was told where the wheel stands.
-    """
+    """Remembers whether its drive knows the wheel's angle, and when its potentiometers changed last."""
 
     def __init__(self, robot: Robot, side: str, blind: bool) -> None:
         """`blind`: the calibration of the potentiometers means nothing."""
@@ -26,18 +22,22 @@ class SteeredWheel:
         self._calibration = robot.potentiometers(side)
         self._disagreement_deg = robot.calibration.steering.disagreement_deg
         self._blind = blind
-        self._changes = [_NEVER, _NEVER]
-        """What each potentiometer said when it changed last [V], and the wheel's angle then [rad]."""
-        self.aligned = False
+        self._changes: list[tuple[float, float]] = []
+        """What each potentiometer said when it changed last [V], and the wheel's angle then [rad]; once aligned."""
+
+    @property
+    def is_aligned(self) -> bool:
+        """Whether the drive was told where the wheel stands."""
+        return bool(self._changes)
 
     def learn(self, result: JobResult) -> None:
         """How a job of any drive ended."""
         if result.drive != self._name:
             return
         if result.kind is JobKind.REFERENCE and result.ok:
-            self.aligned, self._changes = True, [_NEVER, _NEVER]
+            self._changes = [_NEVER, _NEVER]
         elif result.kind is JobKind.CONFIGURE:
-            self.aligned = False
+            self._changes = []
 
     def read(self, drive: DriveFeedback, target: float, turns: bool) -> list[Reading]:
         """Readings of this tick; `target`: its set-point [rad], which it `turns` to if it is switched on."""
@@ -53,7 +53,7 @@ class SteeredWheel:
             return readings
         if not self._blind:
             readings += self._potentiometers(drive)
-        if self.aligned:
+        if self._changes:
             readings += self._frozen(drive)
         return readings
 
@@ -65,7 +65,7 @@ class SteeredWheel:
             words = f"{degrees(first):.1f} and {degrees(second):.1f} degrees"
             readings.append(("STE-03", self._name, apart, words))
         away = abs((first + second) / 2.0 - drive.position)
-        if away > 0.02 and self.aligned:
+        if away > 0.02 and self._changes:
             readings.append(("STE-05", self._name, away, f"{degrees(away):.1f} degrees"))
         return readings
 

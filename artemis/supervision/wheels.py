@@ -47,6 +47,9 @@ class Wheels:
         speed: of the faster driven wheel [m/s], without sign.
     """
 
+    _asked_columns: tuple[tuple[float, ...], ...]
+    """`_asked` in columns, of a tick in which the wheels are driven."""
+
     def __init__(self, robot: Robot, tick: float, blind: bool = False) -> None:
         """`blind`: the calibration of the potentiometers means nothing."""
         self._limits, self._stale = robot.limits, stale_age(tick)
@@ -57,7 +60,6 @@ class Wheels:
         """Time [s], ways of both wheels [m]."""
         self._asked: deque[tuple[float, float, float]] = deque()
         """Time [s], speeds of both wheels [m/s]."""
-        self._asked_columns: tuple[tuple[float, ...], ...] = ()
         self._planned = 0.0
         self._ramp_from = 0.0
         self._braking = False
@@ -184,7 +186,7 @@ class Wheels:
     def _pair(self, drives: Drives, last: Wish) -> list[Reading]:
         """Both wheels stand about one turning point: asked where the robot may drive."""
         _, _, left, right = drives
-        if last.traction is Goal.ENABLED and self._steered[0].aligned and self._steered[1].aligned:
+        if last.traction is Goal.ENABLED and self._steered[0].is_aligned and self._steered[1].is_aligned:
             fits = self._car.wheel_angles(self._car.steering_from_left(left.position))[1]
             if (apart := abs(fits - right.position)) > 0.02:
                 words = f"{degrees(left.position):.1f} and {degrees(right.position):.1f} degrees"
