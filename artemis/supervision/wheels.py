@@ -47,6 +47,8 @@ class Wheels:
         speed: of the faster driven wheel [m/s], without sign.
     """
 
+    _speeds: tuple[float, float]
+    """Of the driven wheels (left, right) in this tick [m/s]."""
     _asked_columns: tuple[tuple[float, ...], ...]
     """`_asked` in columns, of a tick in which the wheels are driven."""
 
@@ -65,7 +67,7 @@ class Wheels:
         self._braking = False
         self._driven = False
         self._stops = False
-        self._speeds, self.speed = (0.0, 0.0), 0.0
+        self.speed = 0.0
         self._mark: float | None = None
         self._arrived = False
 
@@ -82,7 +84,7 @@ class Wheels:
         stale = [drive.age is None or drive.age > self._stale for drive in drives]
         if not last.exchange or stale[0] or stale[1]:
             self._moments.clear()
-            self._speeds, self.speed = (0.0, 0.0), 0.0
+            self.speed = 0.0
             return []
         self._look(sensed.time, drives, last, points, stops)
         readings = self._traction(drives, stops)
