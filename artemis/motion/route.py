@@ -17,6 +17,7 @@ from artemis.motion.angles import wrap
 from artemis.motion.path import Path, check_drivable, path_from_points
 from artemis.motion.path_points import MIN_STEP, Points, cusps, read_points
 from artemis.motion.spline import Array
+from artemis.motion.totals import total
 from artemis.values import Pose
 from artemis.vehicle import Robot
 
@@ -50,11 +51,11 @@ class Route:
     @property
     def length(self) -> float:
         """Way from the start to the end of the last lap [m]."""
-        return sum(part.path.length for part in self.parts)
+        return total(part.path.length for part in self.parts)
 
     def duration(self, speed: float) -> float:
         """How long it takes [s] at a speed [m/s], or its own where that is lower."""
-        return sum(part.path.duration(speed) for part in self.parts)
+        return total(part.path.duration(speed) for part in self.parts)
 
     @property
     def closed(self) -> bool:

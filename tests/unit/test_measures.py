@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 import pytest
@@ -111,7 +112,7 @@ def test_age_is_given_less_what_we_are_late() -> None:
 
 def test_drive_that_was_never_heard_is_older_than_anything_and_has_no_state() -> None:
     silent = drive(SICK, age=None, state=DriveState.UNKNOWN, mode=0, heartbeat_age=None)
-    assert read(silent) == {("COM-11", SICK, 9e9), ("COM-28", SICK, 9e9)}
+    assert read(silent) == {("COM-11", SICK, inf), ("COM-28", SICK, inf)}
 
 
 @pytest.mark.parametrize(("age", "there"), [(0.1, False), (0.1001, True), (0.3, True)])
