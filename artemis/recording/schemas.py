@@ -10,6 +10,7 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 from math import cos, isfinite, sin
+from operator import attrgetter
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
@@ -192,23 +193,43 @@ def _differing(name: str, recorded: Any, now: Any) -> Iterator[str]:  # noqa: AN
         yield f"{name}: recorded {recorded!r}, now {now!r}"
 
 
+_Count = Callable[[Any], int]
+
+
+def _nones(kind: type) -> _Count:
+    """What counts the Nones in a value of a type, however deep. It runs at every tick: few and wide steps."""
+    plain, deep = ["__class__", "__class__"], list[tuple[Callable[[Any], Any], _Count]]()
+
+    def walk(kind: type, prefix: str) -> None:
+        for name, hint in get_type_hints(kind).items():
+            place, optional = prefix + name, get_origin(hint) is UnionType
+            part = next(of for of in get_args(hint) if of is not NoneType) if optional else hint
+            if many := get_origin(part) is tuple:
+                part = get_args(part)[0]
+            count = _nones(part)
+            if count is not _no_none and not (optional or many):
+                walk(part, f"{place}.")
+            elif count is not _no_none:
+                deep.append((attrgetter(place), _of_all(count) if many else count))
+            elif optional:
+                plain.append(place)
+
+    if not issubclass(kind, msgspec.Struct):
+        return _no_none
+    walk(kind, "")
+    if len(plain) == 2 and not deep:
+        return _no_none
+    shallow = attrgetter(*plain)  # gives a tuple, as there are two at least
+    return lambda value: 1 if value is None else shallow(value).count(None) + sum([of(get(value)) for get, of in deep])
+
+
 def _no_none(value: object) -> int:
     """Counts the Nones in a value that can hold none."""
     return 0
 
 
-def _nones(kind: Any) -> Callable[[Any], int]:  # noqa: ANN401 (any type annotation)
-    """What counts the Nones in a value of a type."""
-    if get_origin(kind) is UnionType:
-        inner = _nones(next(part for part in get_args(kind) if part is not NoneType))
-        return lambda value: 1 if value is None else inner(value)
-    if get_origin(kind) is tuple:
-        each = _nones(get_args(kind)[0])
-        return each if each is _no_none else lambda values: sum(map(each, values))
-    if not issubclass(kind, msgspec.Struct):
-        return _no_none
-    counts = {name: count for name, hint in get_type_hints(kind).items() if (count := _nones(hint)) is not _no_none}
-    return (lambda value: sum([count(getattr(value, name)) for name, count in counts.items()])) if counts else _no_none
+def _of_all(count: _Count) -> _Count:
+    return lambda values: sum(map(count, values))
 
 
 _count_nones = _nones(TickRecord)
