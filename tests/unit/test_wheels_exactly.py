@@ -251,7 +251,7 @@ def test_wheel_at_the_limit_of_standing_and_slow_commands_are_not_blocked() -> N
     assert exactly(road(0.1), 0.1, 0.0).value("RUN-04", RIGHT) is None
 
 
-@pytest.mark.parametrize("rates", [(1.0, 0.0), (0.0, 1.0)])
+@pytest.mark.parametrize("rates", [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 def test_either_wheel_may_be_the_one_that_is_steered(rates: tuple[float, float]) -> None:
     made = road()
     made.wish = OFF
