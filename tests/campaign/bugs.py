@@ -81,7 +81,7 @@ def with_result(alter: Callable[..., Any]) -> Change:
 
 def without_rows(*ids: str) -> Change:
     """A measure that never gives a reading of these rows."""
-    return with_result(lambda readings, *_: (reading for reading in readings if reading[0] not in ids))
+    return with_result(lambda readings, *_: [reading for reading in readings if reading[0] not in ids])
 
 
 def unless(condition: Callable[..., bool], instead: Any) -> Change:

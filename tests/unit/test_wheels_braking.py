@@ -119,3 +119,15 @@ def test_robot_that_no_drive_can_brake_is_judged_by_both_wheels_as_one_that_roll
         made.ill(name, state=DriveState.FAULT)
     made.ticks(0.6)
     assert made.value("RUN-03") == pytest.approx(0.2 * 0.5, abs=0.011)
+
+
+@pytest.mark.parametrize(("speed", "steering"), [(0.5, 1.0), (0.5, -1.0), (-0.5, 1.0), (-0.5, -1.0)])
+def test_fastest_that_either_wheel_was_told_lately_is_planned_in_a_controlled_stop(
+    speed: float, steering: float
+) -> None:
+    made = road(speed, steering)
+    made.stops = True
+    made.drive(0.0, steering, actual=speed)
+    assert made.history("RUN-03", 0.18) == [None] * 9
+    made.ticks(0.1)
+    assert made.value("RUN-03") is not None

@@ -251,7 +251,7 @@ def test_wheel_at_the_limit_of_standing_and_slow_commands_are_not_blocked() -> N
     assert exactly(road(0.1), 0.1, 0.0).value("RUN-04", RIGHT) is None
 
 
-@pytest.mark.parametrize("rates", [(1.0, 0.0), (0.0, 1.0)])
+@pytest.mark.parametrize("rates", [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 def test_either_wheel_may_be_the_one_that_is_steered(rates: tuple[float, float]) -> None:
     made = road()
     made.wish = OFF
@@ -297,10 +297,10 @@ def test_wheels_that_are_steered_slowly_do() -> None:
 
 def test_rolling_about_the_kingpins_is_taken_off_each_wheel() -> None:
     made = road(0.15)
-    made.speeds = CAR.wheel_speeds(0.15, 0.0, 0.3, 0.3)
+    made.speeds = CAR.wheel_speeds(0.15, 0.0, 0.34, 0.34)
     made.ticks(0.3)
-    made.ill(STEER_LEFT, velocity=0.3)
-    made.ill(STEER_RIGHT, velocity=0.3)
+    made.ill(STEER_LEFT, velocity=0.34)
+    made.ill(STEER_RIGHT, velocity=0.34)
     made.tick()
     assert made.value("RUN-05") is None
 

@@ -163,10 +163,11 @@ def test_new_reference_is_no_turn() -> None:
 
 
 @pytest.mark.parametrize("trouble", [{"age": None}, {"age": 0.0801}], ids=str)
-def test_nothing_is_said_of_a_steered_wheel_that_is_not_heard(trouble: dict[str, Any]) -> None:
+@pytest.mark.parametrize("name", STEERING)
+def test_nothing_is_said_of_a_steered_wheel_that_is_not_heard(name: str, trouble: dict[str, Any]) -> None:
     made = road()
     made.reference()
-    made.ill(STEER_LEFT, **trouble, potentiometers=(0.0, 0.0), current=9.0, position=0.01)
+    made.ill(name, **trouble, potentiometers=(0.0, 0.0), current=9.0, position=0.01)
     made.tick()
     assert made.seen == {}
 
