@@ -10,6 +10,7 @@ from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import load_mission
 from artemis.planning import core_from
 from artemis.recording.mcap_reader import Recording
+from artemis.recording.provenance import made_with
 from artemis.recording.replay import replay
 from artemis.yaml_file import MAX_BYTES, survey
 
@@ -31,10 +32,17 @@ def replay_run(run: Path) -> int:
     if recording.missing:
         sys.stdout.write(f"the recording is not whole: {recording.missing}\n")
     if result.difference:
-        sys.stdout.write(result.difference + "\n")
+        sys.stdout.write(result.difference + "\n" + _versions(recording))
         return 1
     sys.stdout.write(f"{result.ticks} ticks recomputed: every command equal, bit for bit\n")
     return 0
+
+
+def _versions(recording: Recording) -> str:
+    """What of other versions made the recording: corners are rounded by numpy and scipy, whose last bits change."""
+    other = {name: (recording.versions.get(name, "?"), now) for name, now in made_with().items()}
+    told = [f"{name} {then}, here {now}" for name, (then, now) in other.items() if then != now]
+    return f"it was recorded with {'; '.join(told)}\n" if told else ""
 
 
 def _unpack(recording: Recording, folder: Path) -> Path:

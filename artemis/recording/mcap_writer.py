@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
@@ -14,7 +13,6 @@ from threading import Thread
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Frame
@@ -25,7 +23,7 @@ from artemis.recording.chronicle import Chronicle
 from artemis.recording.disk import Disk, Trouble, trouble
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_file import McapFile
-from artemis.recording.provenance import Provenance
+from artemis.recording.provenance import Provenance, made_with
 from artemis.recording.schemas import encode, pack_frames, spatial_pose, tick_record
 from artemis.values import Pose, Tick
 
@@ -243,10 +241,8 @@ class Recorder:
         versions = {
             "start_ns": str(self._start),
             "start": provenance.start.isoformat(),
-            "artemis": version("artemis-robot"),
-            "python": platform.python_version(),
-            "numpy": np.__version__,
             "platform": sys.platform,
+            **made_with(),
         }
         self._writer.add_metadata("artemis", versions)
         if provenance.resumption is not None:

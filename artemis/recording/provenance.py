@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -46,6 +47,12 @@ class Provenance:
     """Contents of every file that the mission names, by the name there."""
     resumption: Resumption | None = None
     """The run that is gone on with."""
+
+
+def made_with() -> dict[str, str]:
+    """Versions of everything that decides what the same mission does, to the last bit."""
+    packages = {name: version(name) for name in ("numpy", "scipy")}
+    return {"artemis": version("artemis-robot"), "python": platform.python_version(), **packages}
 
 
 def first_entries(

@@ -7,10 +7,11 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from html.parser import HTMLParser
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 from command_line import (
@@ -150,6 +151,10 @@ def test_replay_of_a_changed_command_exits_with_1_and_names_tick_and_value(run: 
     found = artemis_here("replay", doctored)
     assert found.returncode == 1
     assert re.search(r"tick 400 differs: set_points\.speed: recorded 0\.35, now 0\.", found.stdout)
+    assert "it was recorded with" not in found.stdout
+    rewrite(run / "recording.mcap", doctored, "/tick", 400, faster, {"python": "3.99.1", "scipy": "0.1"})
+    versions = artemis_here("replay", doctored).stdout.splitlines()[-1]
+    assert re.fullmatch(r"it was recorded with python 3\.99\.1, here \S+; scipy 0\.1, here \S+", versions)
 
 
 def test_replay_of_something_else_is_refused(tmp_path: Path, run: Path) -> None:
@@ -161,13 +166,20 @@ def test_replay_of_something_else_is_refused(tmp_path: Path, run: Path) -> None:
     assert len(found.stderr.splitlines()) == 1
 
 
-def rewrite(source: Path, target: Path, topic: str, sequence: int, change: Callable[[bytes], bytes]) -> None:
-    """Copy a recording with one message changed."""
+def rewrite(
+    source: Path,
+    target: Path,
+    topic: str,
+    sequence: int,
+    change: Callable[[bytes], bytes],
+    versions: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    """Copy a recording with one message changed, and as if written by other versions."""
     with source.open("rb") as stream, target.open("wb") as out:
         reader, writer = make_reader(stream), Writer(out)
         writer.start()
         for metadata in reader.iter_metadata():
-            writer.add_metadata(metadata.name, metadata.metadata)
+            writer.add_metadata(metadata.name, metadata.metadata | dict(versions))
         for a in reader.iter_attachments():
             writer.add_attachment(a.create_time, a.log_time, a.name, a.media_type, a.data)
         channels: dict[str, int] = {}
