@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import count
 from typing import Any, ClassVar, TypeVar
+
+from msgspec.structs import replace
 
 from artemis.clock import stall
 from artemis.config import Config

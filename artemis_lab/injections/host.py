@@ -6,9 +6,9 @@ import errno
 import math
 import signal
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Annotated, Any, Literal
 
+from msgspec.structs import replace
 from pydantic import Field, create_model
 
 from artemis.clock import stall

@@ -14,8 +14,9 @@ from artemis.devices.can_bus import FrameBus, Traffic
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
 from artemis.recording.journal import Entry, read_journal
-from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import Resumption
+from artemis.recording.schemas import TickRecord
 from artemis.sim.bus import SimBus
 from artemis.sim.world import TrueRobot, World
 from artemis.values import Mode, Request, Tick
@@ -36,7 +37,7 @@ class Done:
         return self.outcome.run.path
 
     @property
-    def recorded(self) -> list[RecordedTick]:
+    def recorded(self) -> list[TickRecord]:
         return list(Recording(self.folder).ticks())
 
     @property

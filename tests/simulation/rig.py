@@ -7,12 +7,13 @@ World and bus are subclasses that write down what truly happens; a test may act 
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import itertools
 import json
 import math
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path as FilePath
@@ -231,7 +232,7 @@ class Rig:
             self._loaded = load_mission(mission)
             self._plan = planning.plan_for(self._loaded, planning.is_simulated(self._loaded, simulate), None)
         if true_robot is not None:
-            self._loaded = replace(self._loaded, true_robot=true_robot)
+            self._loaded = dataclasses.replace(self._loaded, true_robot=true_robot)
         if follower is not None:
             self._plan.steps = with_followers(self._plan.steps, lambda _: follower)
         self._input, self._settings, self._disturb = input, settings, disturb
@@ -286,7 +287,7 @@ class Rig:
             outcome = app.run_mission(
                 self._loaded, self.mission, simulate=self._simulate, watch=self._watch, parts=parts
             )
-        return replace(self._result(), outcome=outcome)
+        return dataclasses.replace(self._result(), outcome=outcome)
 
     def run_until_killed(self) -> Run:
         """To the moment at which an act calls `kill`: the process is gone, the world stays as it is."""
