@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import signal
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
-from math import inf
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from artemis import clock
+from artemis.attendance import Attendance, Operator
 from artemis.devices.can_bus import CanBus, FrameBus, Traffic
 from artemis.devices.drive import Drives
 from artemis.devices.host import HostWatch, usage
@@ -33,9 +31,9 @@ from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.recording.resume import BROKEN, DONE, where_it_stopped
 from artemis.recording.run_folder import RunFolder, create_run_folder, keep_calibration, keep_paths
 from artemis.robot import Core, Robot
-from artemis.states.mode import FollowStep, with_followers
+from artemis.states.mode import FollowStep, Plan, with_followers
 from artemis.supervision import catalogue
-from artemis.values import Fault, Pose, Request, Severity, Tick
+from artemis.values import Fault, Pose, Severity, Tick
 
 if TYPE_CHECKING:
     from artemis.sim.bus import Surroundings
@@ -43,19 +41,6 @@ if TYPE_CHECKING:
 
 MOST_MEMORY = 1_000_000_000
 """A process that grows and takes more than this [bytes] has to stop before the system ends it (PLG-05)."""
-OPERATOR_GRACE = 5.0
-"""A scripted operator counts as present until this long after its last act [s]."""
-REQUESTS = {
-    "quickstop": Request.QUICKSTOP,
-    "acknowledge": Request.ACKNOWLEDGE,
-    "arm": Request.ARM,
-    "end": Request.END,
-    "accept": Request.ACCEPT,
-    "left_degree": Request.LEFT_DEGREE,
-    "right_degree": Request.RIGHT_DEGREE,
-    "left_tenth": Request.LEFT_TENTH,
-    "right_tenth": Request.RIGHT_TENTH,
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,12 +69,22 @@ class Outcome:
         return int(self.failed)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """What a run is made of where it is not as its mission says: a test hands it in."""
+
+    machine: Callable[[], tuple[FrameBus, World | None]] | None = None
+    """Opens the bus on the running loop; with the world behind it, where that is a simulated one."""
+    plan: Plan | None = None
+    inputs: Mapping[str, InputDevice] | None = None
+    robot: Callable[..., Robot] = Robot
+    disk: Disk | None = None
+    """What the run is recorded on."""
+    loop: type[asyncio.AbstractEventLoop] | None = None
+    """In whose time it runs."""
+
+
 Watch = Callable[[Tick, Traffic], None]
-Typed = Callable[[bytes], None]
-"""Is called with what is typed at the terminal; with nothing once that is closed."""
-Operator = Callable[[Callable[[Request], None], Typed | None], Callable[[], None]]
-"""Given where requests go, and all that is typed (None: nobody wants it), begins to listen to somebody at a terminal;
-returns how to stop."""
 
 
 def resumption_from(
@@ -110,83 +105,51 @@ def _files(loaded: LoadedMission, source: FilePath) -> dict[str, bytes]:
     return {**loaded.files, source.name: source.read_bytes()}
 
 
+@dataclass(slots=True, kw_only=True)
 class _Run:
-    """Everything that exists for one run."""
+    """A run under way: what it is made of, and what is noted of it meanwhile."""
 
-    def __init__(
-        self,
-        loaded: LoadedMission,
-        source: FilePath,
-        *,
-        simulated: bool,
-        watch: Watch,
-        operator: Operator | None,
-        witness: Callable[[World], Surroundings],
-        start: datetime | None,
-        resumption: Resumption | None,
-        disk: Disk,
-    ) -> None:
-        mission = loaded.mission
-        self._loaded, self._watch, self._operator, self._witness = loaded, watch, operator, witness
-        self._plan = plan_for(loaded, simulated, resumption)
-        self._simulated, self._resumption, self._disk = simulated, resumption, disk
-        self._virtual = is_fast(loaded, simulated)
-        acts = mission.simulation.operator if simulated else ()
-        self._last_act = max((act.at_s for act in acts), default=-inf)
-        start = start or clock.wall_date()
-        root = loaded.folder / mission.record
-        warning = low_disk(root, disk)
-        if warning and not (self._virtual or operator or acts):
-            raise RecordingError(warning)
-        files = _files(loaded, source)
-        self.run = create_run_folder(root, mission.mission, start, files)
-        resolved = mission.model_copy(update={"bus": "simulation"}) if simulated else mission
-        provenance = Provenance(
-            start=start,
-            mission=resolved.model_dump_json().encode(),
-            robot=loaded.robot.model_dump_json().encode(),
-            files=files,
-            resumption=resumption,
-        )
-        self._recorder = Recorder(
-            self.run.recording,
-            provenance,
-            threaded=not self._virtual,
-            journal=Journal(self.run.journal, disk),
-            nodes={name: drive.node_id for name, drive in loaded.robot.drives.items()},
-            disk=disk,
-        )
-        for entry in first_entries(mission.mission, loaded.robot.robot, provenance, warning, loaded.remarks):
-            self._recorder.note(entry)
-        self._interrupted: int | None = None
-        self._listeners: list[Typed] = []
-        self._hands = False  # somebody was heard at a device that needs a person
-        self._time = 0.0
+    loaded: LoadedMission
+    simulated: bool
+    virtual: bool
+    """On virtual time."""
+    resumption: Resumption | None
+    plan: Plan
+    parts: Parts
+    disk: Disk
+    folder: RunFolder
+    recorder: Recorder
+    attendance: Attendance
+    watch: Watch
+    witness: Callable[[World], Surroundings]
+    time: float = 0.0
+    """Run time [s]."""
 
-    def go(self) -> Outcome:
-        """Run to the end."""
+    def go(self, loop: type[asyncio.AbstractEventLoop]) -> Outcome:
+        """Run to the end, in the time of such a loop."""
         begun = clock.stopwatch()
         outcome = BROKEN
         try:
-            clock.run(self._main(), simulated=self._virtual)
-            outcome = "failed" if self._plan.failed else DONE
+            with asyncio.Runner(loop_factory=loop) as runner:
+                runner.run(self._main())
+            outcome = "failed" if self.plan.failed else DONE
         finally:
-            self._recorder.close(outcome)
-        kept = keep_paths(self.run, {name: track.as_csv() for name, track in self._plan.tracks.items()})
-        kept += keep_calibration(self.run, {side: fit.record for side, fit in self._plan.steering.items()})
+            self.recorder.close(outcome)
+        kept = keep_paths(self.folder, {name: track.as_csv() for name, track in self.plan.tracks.items()})
+        kept += keep_calibration(self.folder, {side: fit.record for side, fit in self.plan.steering.items()})
         return Outcome(
-            failed=self._plan.failed,
-            interrupted=self._interrupted,
-            run=self.run,
-            duration=self._time,
+            failed=self.plan.failed,
+            interrupted=self.attendance.interrupted,
+            run=self.folder,
+            duration=self.time,
             elapsed=clock.stopwatch() - begun,
-            steering=self._plan.steering,
-            troubles=(*(trouble.detail for trouble in self._recorder.troubles()), *kept),
+            steering=self.plan.steering,
+            troubles=(*(trouble.detail for trouble in self.recorder.troubles()), *kept),
         )
 
     async def _main(self) -> None:
         loop = asyncio.get_running_loop()
-        bus, world = self._open_bus(loop)
+        bus, world = self._machine(loop)
 
         def wake() -> None:
             loop.call_soon_threadsafe(robot.tick_now)
@@ -194,30 +157,30 @@ class _Run:
         inputs = self._inputs(wake)
         live = {name for name, device in inputs.items() if getattr(device, "live", False)}
         border = Border(inputs, loop.time)
-        self._plan.steps = with_followers(self._plan.steps, border.watched)
-        drives = Drives(self._loaded.robot, bus)
+        self.plan.steps = with_followers(self.plan.steps, border.watched)
+        drives = Drives(self.loaded.robot, bus)
         true_pose = self._true_pose(world)
+        host = HostWatch()
 
         def observe(tick: Tick) -> None:
-            self._time, now = tick.snapshot.time, loop.time()
+            self.time, now = tick.snapshot.time, loop.time()
             traffic = drives.wire.take_traffic(now)
-            self._recorder.observe(tick, traffic, true_pose(tick), now)
+            self.recorder.observe(tick, traffic, true_pose(tick), now)
             self._report_disk(robot, tick)
-            if not self._virtual and (grown := host.look(self._time)) is not None:
-                robot.report(_growth(grown))
-            self._hands = self._hands or any(i.source in live for i in tick.snapshot.sensed.inputs if i.age is not None)
-            self._watch(tick, traffic)
+            if not self.virtual and (grown := host.look(self.time)) is not None:
+                robot.report(growth(grown, usage()[0]))
+            if live and any(sample.source in live for sample in tick.snapshot.sensed.inputs if sample.age is not None):
+                self.attendance.hands = True
+            self.watch(tick, traffic)
 
-        host = HostWatch()
-        period = 1 / self._loaded.mission.tick_hz
-        core = Core(self._plan, period)
-        robot = Robot(core, drives, border, period, observe, self._attended)
-        if world is not None and (injector := self._loaded.injector) is not None:
+        period = 1 / self.loaded.mission.tick_hz
+        robot = self.parts.robot(Core(self.plan, period), drives, border, period, observe, self.attendance.there)
+        if world is not None and (injector := self.loaded.injector) is not None:
             run = Simulated(
-                robot=self._loaded.robot, world=world, bus=bus, disk=self._disk, inputs=inputs, request=robot.request
+                robot=self.loaded.robot, world=world, bus=bus, disk=self.disk, inputs=inputs, request=robot.request
             )
-            injector.begin(run, self._loaded.mission.simulation.faults, self._recorder.note)
-        stop_listening = self._listen(loop, robot)
+            injector.begin(run, self.loaded.mission.simulation.faults, self.recorder.note)
+        stop_listening = self.attendance.begin(loop, robot.request)
         try:
             self._show_paths()
             await robot.run()
@@ -225,36 +188,42 @@ class _Run:
             stop_listening()
             for id, name, seen in close(inputs):
                 text = f"{id} {name}: {seen}, when it was closed"
-                self._recorder.note(Entry(time=self._time, kind="warning", text=text, level=Level.WARNING))
+                self.recorder.note(Entry(time=self.time, kind="warning", text=text, level=Level.WARNING))
             bus.close()
 
-    def _open_bus(self, loop: asyncio.AbstractEventLoop) -> tuple[FrameBus, World | None]:
-        mission, robot = self._loaded.mission, self._loaded.robot
-        if isinstance(mission.bus, BusWords) and not self._simulated:
+    def _machine(self, loop: asyncio.AbstractEventLoop) -> tuple[FrameBus, World | None]:
+        """The bus, and the world behind it where that is simulated; one that can fail where the mission wants that."""
+        mission, injector = self.loaded.mission, self.loaded.injector
+        if self.parts.machine is not None:
+            bus, world = self.parts.machine()
+        elif isinstance(mission.bus, BusWords) and not self.simulated:
             words = mission.bus.words
             return ReopeningBus(lambda: CanBus(words), loop.time), None
+        else:
+            bus, world = self._simulated_machine(loop)
+        if world is not None and injector is not None:
+            bus = injector.failing_bus(bus, mission.simulation.seed)
+        return bus, world
+
+    def _simulated_machine(self, loop: asyncio.AbstractEventLoop) -> tuple[FrameBus, World]:
         from artemis.sim.bus import SimBus
         from artemis.sim.truth import moved_to
         from artemis.sim.world import World
 
-        seed = mission.simulation.seed
-        true, resumed = self._loaded.true_robot, self._resumption
+        robot, true, resumed = self.loaded.robot, self.loaded.true_robot, self.resumption
         true = moved_to(true, resumed.true_pose or resumed.pose) if resumed else true
-        world = World(robot, true, seed=seed, start=loop.time())
-        bus = SimBus(self._witness(world), robot.bitrate, loop)
-        return (bus if (injector := self._loaded.injector) is None else injector.failing_bus(bus, seed)), world
+        world = World(robot, true, seed=self.loaded.mission.simulation.seed, start=loop.time())
+        return SimBus(self.witness(world), robot.bitrate, loop), world
 
     def _inputs(self, wake: Callable[[], None]) -> dict[str, InputDevice]:
+        if self.parts.inputs is not None:
+            return dict(self.parts.inputs)
         devices: dict[str, InputDevice] = {}
-        for name, use in inputs_used(self._loaded, self._simulated).items():
+        for name, use in inputs_used(self.loaded, self.simulated).items():
             plugin, config = plugin_from("artemis.inputs", use)
-            setup = replace(setup_for(self._loaded, name), wake=wake, typed=self._hear)
+            setup = replace(setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear)
             devices[name] = made(plugin, config, setup)
         return devices
-
-    def _hear(self, listener: Typed) -> bool:
-        self._listeners.append(listener)
-        return self._operator is not None
 
     def _true_pose(self, world: World | None) -> Callable[[Tick], Pose | None]:
         """Tells where the simulated robot really is; nobody knows of a real one."""
@@ -262,51 +231,24 @@ class _Run:
             return lambda tick: None
         from artemis.sim.truth import Truth, origin_of
 
-        return Truth(world, origin_of(self._loaded.true_robot) if self._resumption else Pose()).pose
+        return Truth(world, origin_of(self.loaded.true_robot) if self.resumption else Pose()).pose
 
     def _report_disk(self, robot: Robot, tick: Tick) -> None:
         """What the disk refuses is a fault; a run without a journal and without anybody there is not gone on with."""
-        for trouble in self._recorder.troubles():
+        for trouble in self.recorder.troubles():
             stops = trouble.journal and not tick.snapshot.sensed.attended
             severity = Severity.CONTROLLED_STOP if stops else None
             robot.report(catalogue.fault(trouble.id, detail=trouble.detail, severity=severity))
 
-    def _attended(self, time: float) -> bool:
-        return self._operator is not None or self._hands or time <= self._last_act + OPERATOR_GRACE
-
-    def _listen(self, loop: asyncio.AbstractEventLoop, robot: Robot) -> Callable[[], None]:
-        """Signals, the scripted operator of a simulated run, and somebody at the terminal."""
-        if self._simulated:
-            for act in self._loaded.mission.simulation.operator:
-                loop.call_later(act.at_s, robot.request, REQUESTS[act.do])
-
-        def interrupt(number: int) -> None:
-            again, self._interrupted = self._interrupted is not None, number
-            robot.request(Request.END)
-            if again:
-                robot.request(Request.QUICKSTOP)
-
-        if threading.current_thread() is threading.main_thread():  # no other hears signals
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.add_signal_handler(number, interrupt, number)
-
-        def tell(typed: bytes) -> None:
-            for listener in self._listeners:
-                listener(typed)
-
-        if self._operator is None:
-            return lambda: None
-        return self._operator(robot.request, tell if self._listeners else None)
-
     def _show_paths(self) -> None:
-        for step in self._plan.steps:
+        for step in self.plan.steps:
             if isinstance(step, FollowStep) and isinstance(step.route, Route):
-                self._recorder.show_path(0.0, step.route.poses(0.05))
+                self.recorder.show_path(0.0, step.route.poses(0.05))
 
 
-def _growth(grown: str) -> Fault:
-    """The fault that a process is which has `grown`: a warning, while there is memory."""
-    severity = None if usage()[0] > MOST_MEMORY else Severity.WARN
+def growth(grown: str, memory: int) -> Fault:
+    """The fault that a process is which has `grown` and now takes `memory` [bytes]: a warning, while there is some."""
+    severity = None if memory > MOST_MEMORY else Severity.WARN
     return catalogue.fault("PLG-05", detail=grown, severity=severity)
 
 
@@ -320,7 +262,7 @@ def run_mission(
     witness: Callable[[World], Surroundings] = lambda world: world,
     start: datetime | None = None,
     resumption: Resumption | None = None,
-    disk: Disk | None = None,
+    parts: Parts | None = None,
 ) -> Outcome:
     """Run a mission to its ordered end and leave its folder behind, with recording and journal.
 
@@ -333,20 +275,68 @@ def run_mission(
         witness: Puts itself around the simulated world: hears every frame on its wire and sees what truly moves.
         start: Date and time on the wall at run time 0; None: now.
         resumption: The run to go on with.
-        disk: What the run is recorded on; None: the computer's.
+        parts: What is to be another than the mission says.
 
     Raises:
         DeviceLost: the bus cannot be opened.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
-    return _Run(
-        loaded,
-        source,
-        simulated=is_simulated(loaded, simulate),
-        watch=watch,
-        operator=operator,
-        witness=witness,
-        start=start,
+    parts, simulated = parts or Parts(), is_simulated(loaded, simulate)
+    loop = parts.loop or (clock.SimulatedLoop if is_fast(loaded, simulated) else asyncio.SelectorEventLoop)
+    virtual = issubclass(loop, clock.SimulatedLoop)
+    injector = loaded.injector if simulated else None
+    plan = parts.plan or plan_for(loaded, simulated, resumption)
+    disk = parts.disk or (Disk() if injector is None else injector.failing_disk(loaded.folder))
+    provenance = _provenance(loaded, source, start or clock.wall_date(), simulated, resumption)
+    attendance = Attendance(loaded.mission.simulation.operator if simulated else (), operator)
+    folder, recorder = _recorder(loaded, provenance, disk, virtual, alone=not (virtual or attendance.expected))
+    run = _Run(
+        loaded=loaded,
+        simulated=simulated,
+        virtual=virtual,
         resumption=resumption,
-        disk=disk or (Disk() if loaded.injector is None else loaded.injector.failing_disk(loaded.folder)),
-    ).go()
+        plan=plan,
+        parts=parts,
+        disk=disk,
+        folder=folder,
+        recorder=recorder,
+        attendance=attendance,
+        watch=watch,
+        witness=witness,
+    )
+    return run.go(loop)
+
+
+def _provenance(
+    loaded: LoadedMission, source: FilePath, start: datetime, simulated: bool, resumption: Resumption | None
+) -> Provenance:
+    mission = loaded.mission.model_copy(update={"bus": "simulation"}) if simulated else loaded.mission
+    return Provenance(
+        start=start,
+        mission=mission.model_dump_json().encode(),
+        robot=loaded.robot.model_dump_json().encode(),
+        files=_files(loaded, source),
+        resumption=resumption,
+    )
+
+
+def _recorder(
+    loaded: LoadedMission, provenance: Provenance, disk: Disk, virtual: bool, alone: bool
+) -> tuple[RunFolder, Recorder]:
+    """Make the folder of a run, and what writes into it; with enough room for one that is left `alone`."""
+    mission, root = loaded.mission.mission, loaded.folder / loaded.mission.record
+    warning = low_disk(root, disk)
+    if warning and alone:
+        raise RecordingError(warning)
+    folder = create_run_folder(root, mission, provenance.start, provenance.files)
+    recorder = Recorder(
+        folder.recording,
+        provenance,
+        threaded=not virtual,
+        journal=Journal(folder.journal, disk),
+        nodes={name: drive.node_id for name, drive in loaded.robot.drives.items()},
+        disk=disk,
+    )
+    for entry in first_entries(mission, loaded.robot.robot, provenance, warning, loaded.remarks):
+        recorder.note(entry)
+    return folder, recorder

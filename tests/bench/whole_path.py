@@ -16,24 +16,25 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 from unittest.mock import patch
 
 import yaml
 
-from artemis.app import run_mission
+from artemis.app import Parts, run_mission
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Frame, Traffic
 from artemis.devices.hid.port import HidInfo
 from artemis.mission.loading import load_mission
 from artemis.plugins.inputs.held import REST
 from artemis.plugins.inputs.profiles import profile_named
+from artemis.sim.world import World
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import Mode, Request, Tick
+from artemis.vehicle import Robot
 
 from .composition import MISSIONS, WatchedBus
 
@@ -76,10 +77,10 @@ def measure(reports: int = REPORTS, stops: int = STOPS) -> Latencies:
         _mission() as mission,
         _busy_computer(),
         patch("artemis.plugins.inputs.gamepad.Hidraw", lambda: hid),
-        patch("artemis.sim.bus.SimBus", hand.bus),
-        patch("artemis.clock.run", _run),
     ):
-        outcome = run_mission(load_mission(mission), mission, watch=hand.see, operator=hand.begin)
+        loaded = load_mission(mission)
+        parts = Parts(machine=lambda: hand.machine(loaded.robot), loop=_PacedLoop)
+        outcome = run_mission(loaded, mission, watch=hand.see, operator=hand.begin, parts=parts)
     assert not hand.problem, hand.problem
     assert outcome.interrupted is None
     return hand.found
@@ -154,12 +155,6 @@ class _PacedLoop(asyncio.SelectorEventLoop):
         self._paced.pace(real=real)
 
 
-def _run(main: Coroutine[Any, Any, None], *, simulated: bool) -> None:
-    assert not simulated, "on virtual time the recorder has no thread"
-    with asyncio.Runner(loop_factory=_PacedLoop) as runner:
-        runner.run(main)
-
-
 # ------------------------------------------------------------------------------------------------- the hand
 
 
@@ -176,10 +171,12 @@ class _Hand:
         self._set_points: dict[int, bytes] = {}
         self._waits_for_stop = False
 
-    def bus(self, *arguments: Any) -> WatchedBus:  # noqa: ANN401 (those of the simulated bus)
-        bus = WatchedBus(*arguments)
+    def machine(self, robot: Robot) -> tuple[WatchedBus, World]:
+        loop = asyncio.get_running_loop()
+        world = World(robot, start=loop.time())
+        bus = WatchedBus(world, robot.bitrate, loop)
         bus.watch = self._watch
-        return bus
+        return bus, world
 
     def _watch(self, frame: Frame) -> None:
         """Every frame that artemis sends: the first quick stop, or the first set-point that differs."""

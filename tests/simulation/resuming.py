@@ -10,14 +10,15 @@ from pathlib import Path
 from rig import CALIBRATE, follow, straight, write_mission
 
 from artemis import app
-from artemis.devices.can_bus import Traffic
+from artemis.devices.can_bus import FrameBus, Traffic
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
-from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry, read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import Resumption
 from artemis.recording.schemas import TickRecord
+from artemis.sim.bus import SimBus
+from artemis.sim.world import TrueRobot, World
 from artemis.values import Mode, Request, Tick
 
 FAR, HALF, LONGEST = 1.5, 0.75, 120.0
@@ -56,7 +57,7 @@ def run(
     until: Callable[[Tick], bool] = lambda tick: False,
     *,
     simulate: bool = False,
-    disk: Disk | None = None,
+    parts: app.Parts | None = None,
 ) -> Done:
     """Run a mission, or go on with a run of it; somebody ends it in order after the tick that is `until`."""
     loaded, ticks = load_mission(mission), list[Tick]()
@@ -74,9 +75,20 @@ def run(
 
     found = resumption(mission, resume, simulate) if resume else None
     outcome = app.run_mission(
-        loaded, mission, simulate=simulate, watch=watch, operator=operator, resumption=found, disk=disk
+        loaded, mission, simulate=simulate, watch=watch, operator=operator, resumption=found, parts=parts
     )
     return Done(outcome, ticks)
+
+
+def of_a_robot(mission: Path) -> Callable[[], tuple[FrameBus, None]]:
+    """The bus of a mission's robot, where drives answer and nobody knows where it truly stands."""
+    robot = load_mission(mission).robot
+
+    def machine() -> tuple[FrameBus, None]:
+        loop = asyncio.get_running_loop()
+        return SimBus(World(robot, TrueRobot(), seed=1, start=loop.time()), robot.bitrate, loop), None
+
+    return machine
 
 
 def driven(metres: float) -> Callable[[Tick], bool]:

@@ -1,7 +1,7 @@
 """The test rig of whole runs: a mission runs in process on virtual time through the composition root, under watch.
 
-World and bus are those of `artemis.app`, replaced by subclasses that write down what truly happens; a test may act on
-them while the run goes on (`at`, `when`), and put another follower, input device or world in.
+World and bus are subclasses that write down what truly happens; a test may act on them while the run goes on (`at`,
+`when`), and put another follower, input device or world in.
 """
 
 from __future__ import annotations
@@ -12,16 +12,14 @@ import itertools
 import json
 import math
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, ClassVar
 from unittest.mock import patch
 
-from msgspec.structs import replace
 from watched import DRIVES as DRIVES
 from watched import EMERGENCY as EMERGENCY
 from watched import HEARTBEAT as HEARTBEAT
@@ -40,19 +38,17 @@ from watched import standing as standing
 from watched import target_velocity as target_velocity
 
 from artemis import app, clock, planning
+from artemis.config import Config
 from artemis.devices.can_bus import Frame, Traffic
-from artemis.devices.drive import Drives
-from artemis.mission.loading import LoadedMission, load_mission
-from artemis.plugins.border import Border
+from artemis.mission.loading import load_mission
 from artemis.plugins.contracts import Follower, InputDevice
 from artemis.recording.replay import Replayed, replay
-from artemis.robot import Core, Robot
+from artemis.robot import Robot
 from artemis.sim.bus import Disturb
 from artemis.sim.epos import SimEpos, SimSettings
-from artemis.sim.world import TrueRobot, World
-from artemis.states.mode import FollowStep, Plan
+from artemis.sim.world import TrueRobot
+from artemis.states.mode import Plan, with_followers
 from artemis.values import Fault, Mode, Pose, Request, Tick
-from artemis.vehicle import Robot as RobotFile
 
 MISSIONS = FilePath(__file__).parents[2] / "missions"
 BRAKING = 1.5
@@ -234,15 +230,17 @@ class Rig:
         self.mission, self.world = mission, world
         with patch(*_PLUGINS):
             self._loaded = load_mission(mission)
+            self._plan = planning.plan_for(self._loaded, planning.is_simulated(self._loaded, simulate), None)
         if true_robot is not None:
             self._loaded = dataclasses.replace(self._loaded, true_robot=true_robot)
-        self._follower, self._input, self._settings, self._disturb = follower, input, settings, disturb
+        if follower is not None:
+            self._plan.steps = with_followers(self._plan.steps, lambda _: follower)
+        self._input, self._settings, self._disturb = input, settings, disturb
         self._start, self._longest, self._simulate = start, longest, simulate
         self._acts: list[tuple[float, str, Callable[[], None]]] = []
         self._conditions: list[tuple[Callable[[Seen], bool], float, str, Callable[[], None]]] = []
         self._seen: list[Seen] = []
         self._done: dict[str, float] = {}
-        self._plan: Plan | None = None
         self._taken = 0
 
     # ------------------------------------------------------------------------------------------ what happens meanwhile
@@ -280,11 +278,14 @@ class Rig:
 
     def run(self) -> Run:
         """To the end."""
-        with ExitStack() as stack:
-            for target, substitute in self._substitutes():
-                stack.enter_context(patch(target, substitute))
+        names = self._loaded.mission.inputs
+        inputs = None if self._input is None else dict.fromkeys(names, _Unattended(self._input))
+        parts = app.Parts(
+            machine=self._machine, plan=self._plan, inputs=inputs, robot=self._make_robot, loop=self._loop()
+        )
+        with patch(*_PLUGINS):
             outcome = app.run_mission(
-                self._loaded, self.mission, simulate=self._simulate, watch=self._watch, operator=None
+                self._loaded, self.mission, simulate=self._simulate, watch=self._watch, parts=parts
             )
         return dataclasses.replace(self._result(), outcome=outcome)
 
@@ -304,57 +305,35 @@ class Rig:
 
     def _result(self) -> Run:
         assert self.world is not None
-        assert self._plan is not None
         return Run(
             mission=self.mission, seen=self._seen, world=self.world, bus=self.bus, plan=self._plan, acts=self._done
         )
 
-    def _substitutes(self) -> Iterator[tuple[str, Callable[..., Any]]]:
-        yield "artemis.sim.world.World", self._make_world
-        yield "artemis.sim.bus.SimBus", self._make_bus
-        yield "artemis.app.Robot", self._make_robot
-        yield "artemis.planning.plan_from", self._make_plan
-        yield "artemis.clock.SimulatedLoop", self._make_loop
-        yield _PLUGINS
+    def _loop(self) -> type[clock.SimulatedLoop]:
+        start = self._start
 
-    def _make_loop(self) -> clock.SimulatedLoop:
-        loop = _LOOP()
-        loop._selector_with_time.now = self._start
-        return loop
+        class Loop(clock.SimulatedLoop):
+            def __init__(self) -> None:
+                super().__init__()
+                self.skip(start)
 
-    def _make_world(self, robot: RobotFile, true: TrueRobot, *, seed: int, start: float) -> WatchedWorld:
+        return Loop
+
+    def _machine(self) -> tuple[WatchedBus, WatchedWorld]:
+        loop, robot = asyncio.get_running_loop(), self._loaded.robot
         if self.world is None:
-            self.world = WatchedWorld(robot, true, seed=seed, start=start, settings=self._settings)
-        return self.world
-
-    def _make_bus(self, world: World, bitrate: int, loop: asyncio.AbstractEventLoop) -> WatchedBus:
-        self.bus = WatchedBus(world, bitrate, loop, self._disturb)
+            seed = self._loaded.mission.simulation.seed
+            true = self._loaded.true_robot
+            self.world = WatchedWorld(robot, true, seed=seed, start=loop.time(), settings=self._settings)
+        self.bus = WatchedBus(self.world, robot.bitrate, loop, self._disturb)
         for time, name, act in self._acts:
             self._later(time, name, act)
         self.bus.loop.call_later(self._longest, self._give_up)
-        return self.bus
+        return self.bus, self.world
 
-    def _make_robot(
-        self,
-        core: Core,
-        drives: Drives,
-        border: Border,
-        period: float,
-        observe: Callable[[Tick], None],
-        attended: Callable[[float], bool],
-    ) -> Robot:
-        if self._input is not None:
-            border.inputs = dict.fromkeys(border.inputs, self._input)
-        self.robot = Robot(core, drives, border, period, observe, attended)
+    def _make_robot(self, *parts: Any) -> Robot:  # noqa: ANN401 (those of a robot)
+        self.robot = Robot(*parts)
         return self.robot
-
-    def _make_plan(self, loaded: LoadedMission) -> Plan:
-        self._plan = plan = _PLAN_FROM(loaded)
-        if self._follower is not None:
-            plan.steps = tuple(
-                replace(step, follower=self._follower) if isinstance(step, FollowStep) else step for step in plan.steps
-            )
-        return plan
 
     def _watch(self, tick: Tick, traffic: Traffic) -> None:
         assert self.world is not None
@@ -381,11 +360,19 @@ class Rig:
         raise RunTooLong(f"still running after {self._longest:g} s: {last.mode.value}, {last.phase}; {last.tick}")
 
 
+class _Unattended:
+    """An input device, of which it does not count that a person holds it."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def __init__(self, device: InputDevice) -> None:
+        self.read, self.close = device.read, device.close
+
+
 class Killed(Exception):
     """The host process is gone."""
 
 
-_LOOP, _PLAN_FROM = clock.SimulatedLoop, planning.plan_from
 _PLUGINS: tuple[str, Callable[..., Any]] = ("artemis.plugins.registry.entry_points", cache(entry_points))
 """What is installed stays: it is looked up once, not again for every run."""
 

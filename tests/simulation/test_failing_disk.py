@@ -49,8 +49,9 @@ def run(
         act(tick)
 
     operator = somebody if attended else None
+    parts = app.Parts(disk=disk)
     return app.run_mission(
-        load_mission(mission), mission, watch=watch, disk=disk, operator=operator, start=START
+        load_mission(mission), mission, watch=watch, operator=operator, start=START, parts=parts
     ), ticks
 
 

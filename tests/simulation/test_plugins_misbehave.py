@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
-from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -234,8 +233,7 @@ def test_an_input_that_ends_the_program_when_it_is_closed_changes_nothing(tmp_pa
             sys.exit(0)
 
     mission = teleop_mission(tmp_path, DRIVING)
-    with patch("artemis.plugins.inputs.scripted.ScriptedInput.close", Leaving.close):
-        seen = Rig(mission, input=Stick(lambda sample: None)).run()
+    seen = Rig(mission, input=Leaving(lambda sample: None)).run()
     assert (seen.status, seen.faults[0].id) == (1, "PLG-06")
     assert seen.outcome is not None
     warnings = [entry.text for entry in read_journal(seen.outcome.run.journal).entries if entry.kind == "warning"]

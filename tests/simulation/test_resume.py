@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from resuming import FAR, HALF, STEPS, Done, driven, line, refused, resumption, run, waited
+from resuming import FAR, HALF, STEPS, Done, driven, line, of_a_robot, refused, resumption, run, waited
 from rig import CALIBRATE, follow, straight, write_mission
 
 from artemis import app
@@ -196,11 +196,10 @@ def test_a_recording_cut_anywhere_is_refused_or_gone_on_with_from_what_is_whole(
     assert 0.5 < done[-1] <= at_most
 
 
-def test_where_a_real_robot_stands_is_not_guessed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_a_real_robot_stands_is_not_guessed(tmp_path: Path) -> None:
     """The recording ends when it had driven half its way; the journal knows that it went on."""
-    monkeypatch.setattr(app._Run, "_true_pose", lambda *_: lambda tick: None)
     mission = line(tmp_path)
-    first = run(mission, until=driven(HALF))
+    first = run(mission, until=driven(HALF), parts=app.Parts(machine=of_a_robot(mission)))
     assert resumption(mission, first.folder).true_pose is None
     whole = (first.folder / "recording.mcap").read_bytes()
     (first.folder / "recording.mcap").write_bytes(whole[: len(whole) * 6 // 10])

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import asyncio
 import errno
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from resuming import FAR, HALF, STEPS, driven, line, refused, run
+import resuming
+from resuming import FAR, HALF, STEPS, Done, driven, line, of_a_robot, refused
 from rig import straight, write_mission
 
-from artemis import app
-from artemis.devices.can_bus import FrameBus
-from artemis.mission.loading import load_mission
+from artemis.app import Parts
+from artemis.clock import SimulatedLoop
 from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
-from artemis.sim.bus import SimBus
-from artemis.sim.world import TrueRobot, World
 from artemis.values import Mode, Tick
 from artemis_lab.injections.failing_disk import FailingDisk
 
@@ -26,17 +23,18 @@ BUS = {"interface": "udp_multicast", "channel": "239.74.163.77"}
 
 
 @pytest.fixture
-def mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Of a real robot; what answers on its bus are simulated drives all the same, on virtual time."""
-    path = write_mission(tmp_path, STEPS, {"line.csv": straight(FAR)}, bus=BUS)
-    robot = load_mission(path).robot
+def mission(tmp_path: Path) -> Path:
+    """Of a real robot."""
+    return write_mission(tmp_path, STEPS, {"line.csv": straight(FAR)}, bus=BUS)
 
-    def connect(connect: object, time: Callable[[], float]) -> FrameBus:
-        return SimBus(World(robot, TrueRobot(), seed=1, start=time()), robot.bitrate, asyncio.get_running_loop())
 
-    monkeypatch.setattr(app, "ReopeningBus", connect)
-    monkeypatch.setattr(app, "is_fast", lambda *_: True)
-    return path
+def run(
+    mission: Path, *, until: Callable[[Tick], bool], simulate: bool = False, disk: FailingDisk | None = None
+) -> Done:
+    """Run it; what answers on its bus are simulated drives all the same, on virtual time."""
+    machine = None if simulate else of_a_robot(mission)
+    parts = Parts(machine=machine, loop=SimulatedLoop, disk=disk)
+    return resuming.run(mission, until=until, simulate=simulate, parts=parts)
 
 
 def as_if_killed(folder: Path, when: Callable[[Tick], bool]) -> tuple[Path, Callable[[Tick], bool]]:

@@ -1,0 +1,87 @@
+"""Who attends a run: a scripted operator, somebody at the terminal or at a device; and the signals that end it."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import threading
+from collections.abc import Callable, Sequence
+from math import inf
+
+from artemis.mission.schema import Operation
+from artemis.values import Request
+
+OPERATOR_GRACE = 5.0
+"""A scripted operator counts as present until this long after its last act [s]."""
+REQUESTS = {
+    "quickstop": Request.QUICKSTOP,
+    "acknowledge": Request.ACKNOWLEDGE,
+    "arm": Request.ARM,
+    "end": Request.END,
+    "accept": Request.ACCEPT,
+    "left_degree": Request.LEFT_DEGREE,
+    "right_degree": Request.RIGHT_DEGREE,
+    "left_tenth": Request.LEFT_TENTH,
+    "right_tenth": Request.RIGHT_TENTH,
+}
+Typed = Callable[[bytes], None]
+"""Is called with what is typed at the terminal; with nothing once that is closed."""
+Operator = Callable[[Callable[[Request], None], Typed | None], Callable[[], None]]
+"""Given where requests go, and all that is typed (None: nobody wants it), begins to listen to somebody at a terminal;
+returns how to stop."""
+
+
+class Attendance:
+    """Who can act in a run, and whether anybody is there."""
+
+    def __init__(self, acts: Sequence[Operation], operator: Operator | None) -> None:
+        """Nobody has acted yet.
+
+        Args:
+            acts: Of the scripted operator; none where the run is not simulated.
+            operator: Somebody at a terminal; None: nobody.
+        """
+        self._acts, self._operator = acts, operator
+        self._until = max((act.at_s for act in acts), default=-inf) + OPERATOR_GRACE
+        self._listeners: list[Typed] = []
+        self.hands = False
+        """Somebody was heard at a device that needs a person."""
+        self.interrupted: int | None = None
+        """The signal that ends the run."""
+
+    @property
+    def expected(self) -> bool:
+        """Somebody will be there, by what is known before the run."""
+        return self._operator is not None or bool(self._acts)
+
+    def there(self, time: float) -> bool:
+        """Whether anybody is, at a run time [s]."""
+        return self._operator is not None or self.hands or time <= self._until
+
+    def hear(self, listener: Typed) -> bool:
+        """Have an input device hear what is typed at the terminal; whether there is one."""
+        self._listeners.append(listener)
+        return self._operator is not None
+
+    def begin(self, loop: asyncio.AbstractEventLoop, request: Callable[[Request], None]) -> Callable[[], None]:
+        """Pass on what everybody asks for from now on; returns how to stop."""
+        for act in self._acts:
+            loop.call_later(act.at_s, request, REQUESTS[act.do])
+
+        def interrupt(number: int) -> None:
+            again, self.interrupted = self.interrupted is not None, number
+            request(Request.END)
+            if again:
+                request(Request.QUICKSTOP)
+
+        if threading.current_thread() is threading.main_thread():  # no other hears signals
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, interrupt, number)
+
+        def tell(typed: bytes) -> None:
+            for listener in self._listeners:
+                listener(typed)
+
+        if self._operator is None:
+            return lambda: None
+        return self._operator(request, tell if self._listeners else None)
