@@ -14,6 +14,7 @@ def test_sound_system_breaks_no_invariant(name: str) -> None:
     assert run(SCENARIOS[name], replayed=True).violations == ()
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("bug", BUGS, ids=lambda bug: bug.name)
 def test_monitor_catches(bug: Bug) -> None:
     with planted(bug):
