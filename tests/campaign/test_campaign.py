@@ -113,7 +113,7 @@ def test_cluster_that_is_not_there_is_refused(tmp_path: Path) -> None:
 
 
 def test_cluster_that_loses_a_worker_finds_what_one_computer_finds(tmp_path: Path) -> None:
-    """A scheduler and two workers of Dask, each a process; one worker keeps the seeds that it gets until it is killed."""
+    """A scheduler and two workers of Dask, each a process; one keeps the seeds that it gets until it is killed."""
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     words = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
     with distributed.LocalCluster(**words) as cluster, (tmp_path / "shown").open("w+") as shown:
