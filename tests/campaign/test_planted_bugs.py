@@ -26,7 +26,7 @@ def planted_bugs() -> Iterator[ParameterSet]:
         broken.add(bug.broken)
 
 
-@pytest.mark.parametrize("bug", planted_bugs())
+@pytest.mark.parametrize("bug", list(planted_bugs()))
 def test_monitor_catches(bug: Bug) -> None:
     with planted(bug):
         result = run(SCENARIOS[bug.scenario], replayed=bug.replayed)

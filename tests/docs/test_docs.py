@@ -139,7 +139,7 @@ def tried() -> Iterator[ParameterSet]:
 
 
 @pytest.mark.timeout(2 * PATIENCE)
-@pytest.mark.parametrize("command", tried())
+@pytest.mark.parametrize("command", list(tried()))
 def test_command_of_the_docs_works(command: str, checkout: Path) -> None:
     program, *arguments = shlex.split(command)
     if program == "make":
