@@ -6,11 +6,15 @@ Anything may run on any worker of pytest-xdist, beside anything else.
 from __future__ import annotations
 
 import gc
+import sys
 from collections import Counter
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+sys.path.append(str(Path(__file__).parent / "simulation"))  # tests of replay run missions on the rig that is there
 
 settings.register_profile("short", settings.default, deadline=None)
 settings.register_profile("exhaustive", settings.default, deadline=None, max_examples=400)

@@ -172,5 +172,5 @@ class Following(RuleBasedStateMachine):
 
 TestFollowing = Following.TestCase
 TestFollowing.settings = settings(
-    max_examples=max(60, settings.default.max_examples // 2), stateful_step_count=30, deadline=None
+    max_examples=max(60, settings().max_examples // 2), stateful_step_count=30, deadline=None
 )

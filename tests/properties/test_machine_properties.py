@@ -61,5 +61,5 @@ class Modes(RuleBasedStateMachine):
 
 TestModes = Modes.TestCase
 TestModes.settings = settings(
-    max_examples=max(60, settings.default.max_examples // 2), stateful_step_count=40, deadline=None
+    max_examples=max(60, settings().max_examples // 2), stateful_step_count=40, deadline=None
 )
