@@ -1,20 +1,24 @@
 # `make demo` and `make test` set up what they need: a virtual environment in .venv, made anew when pyproject.toml changes.
-# Another interpreter: make PYTHON=/path/to/python3.12 test
+# Another interpreter: make PYTHON=/path/to/python3.12 test. Other extras: make EXTRAS=dev,cluster test, after `make clean`.
 
 VENV := .venv
+EXTRAS := dev
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 # Where it is set, every worker and every `artemis` that the tests start would compile everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check bench bench-followers host-death campaign coverage core-coverage mutation fuzz picture thesis clean
+.PHONY: demo test test-all check bench bench-followers host-death campaign coverage core-coverage mutation fuzz picture thesis clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
 
 test: $(READY)
 	@$(BIN)/python -m pytest
+
+test-all: $(READY)
+	@$(BIN)/python -m pytest -m "" --hypothesis-profile=exhaustive
 
 check: $(READY)
 	$(BIN)/ruff format --check .
@@ -71,5 +75,5 @@ $(READY): pyproject.toml
 	fi; \
 	echo "setting up $(VENV) with $$("$$python" --version) (once, about a minute)"; \
 	"$$python" -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
 	@touch $@

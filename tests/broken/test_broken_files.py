@@ -209,7 +209,7 @@ def broken(draw: st.DrawFn) -> bytes:
 @example(content=TEXT.replace(b"robots/artemis.yaml", b'"\\0"'))
 @example(content=b"\xe2\x80\xa8" * 10 + b"a: [")
 @example(content=b"? !x\n: 1\n? &b\n: *b\n")
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_whatever_a_mission_holds_it_is_accepted_or_refused_in_plain_words(folder: Path, content: bytes) -> None:
     for problem in problems(folder, "mission.yaml", content):
         problem.encode()

@@ -16,6 +16,7 @@ from typing import Any, get_args
 
 import pytest
 import yaml
+from _pytest.mark import ParameterSet
 from pydantic import BaseModel
 from typer.main import get_command
 
@@ -130,8 +131,15 @@ def artemis(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+def tried() -> Iterator[ParameterSet]:
+    """Every command; missions of the docs are run by tests/simulation, too."""
+    for command in COMMANDS:
+        runs = command.startswith("artemis run ")
+        yield pytest.param(command, marks=[pytest.mark.exhaustive] if runs else [])
+
+
 @pytest.mark.timeout(2 * PATIENCE)
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", list(tried()))
 def test_command_of_the_docs_works(command: str, checkout: Path) -> None:
     program, *arguments = shlex.split(command)
     if program == "make":

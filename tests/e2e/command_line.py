@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import socket
@@ -45,6 +46,15 @@ def write_mission(folder: Path, *, name: str = "mission.yaml", bus: str = "simul
     return mission
 
 
+def endless_mission(folder: Path, *, more: str = "") -> Path:
+    """Round and round a circle for two days: only somebody ends it, however fast virtual time goes."""
+    mission = write_mission(folder, more=more)
+    circle = (f"{math.sin(turn):.4f},{1 - math.cos(turn):.4f}\n" for turn in (math.tau * i / 60 for i in range(61)))
+    (folder / "paths/line.csv").write_text("x_m,y_m\n" + "".join(circle))
+    mission.write_text(mission.read_text().replace("0.3}}", "0.3}, laps: 10000}"))
+    return mission
+
+
 def artemis(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
     command = [*ARTEMIS, *map(str, arguments)]
@@ -84,14 +94,14 @@ def read_until(process: subprocess.Popen[str], words: str) -> str:
     raise AssertionError(f"ended without {words!r}: {''.join(lines)}{stream(process.stderr).read()}")
 
 
-def skip_if_late(shown: str) -> None:
+def skip_if_late(shown: str, *others: str) -> None:
     """A machine that is busy with something else stops a real-time run, rightly: then there is nothing to test.
 
-    A late host says so itself. Drives in another process that answer too late are only believed to be late where more
-    than twice as many programs want to run as there are processors.
+    A late host says so itself. Drives in another process that answer too late (and `others`, which are faults too) are
+    only believed to be late where more than twice as many programs want to run as there are processors.
     """
     busy = os.getloadavg()[0] > 2 * (os.cpu_count() or 1)
-    for fault in ("SYS-01", "COM-08", "COM-11", "COM-28", "DRV-20") if busy else ("SYS-01",):
+    for fault in ("SYS-01", "COM-08", "COM-11", "COM-28", "DRV-20", *others) if busy else ("SYS-01",):
         if fault in shown:
             pytest.skip(f"this machine is too busy for real time: {shown[shown.index(fault) :].splitlines()[0]}")
 

@@ -57,7 +57,7 @@ class Terminal:
 
     def see_driving(self) -> None:
         """Wait until the robot has gone some way."""
-        self.see(r" 0\.[3-9] of 1\.5 m")
+        self.see(r" (?!0\.[0-2])\d+\.\d of \d")
 
     def press(self, key: bytes) -> None:
         os.write(self.host, key)
@@ -76,7 +76,7 @@ class Terminal:
                 self.shown, self.everything = self.shown + text, self.everything + text
                 if self.hear is not None:
                     self.hear(self, text)
-                skip_if_late(self.shown)
+                skip_if_late(self.shown, *(["INP-03"] if self.hear else []))  # this terminal may answer too late
                 return
             assert self.process.poll() is None, f"ended without {wanted}"
         raise AssertionError(f"nothing more comes; waited for {wanted}")

@@ -11,7 +11,7 @@ from pseudo_terminal import Terminal, terminal
 
 UP, UP_RELEASED, FOCUS_LOST = b"\x1b[1;1:1A", b"\x1b[1;1:3A", b"\x1b[O"
 TELLS_RELEASE, THERE = b"\x1b[?2u", b"\x1b[0n"
-FASTER_THAN_ROLLING = r"teleop +\+0\.(0[5-9]|[12])"
+FASTER_THAN_ROLLING = r"teleop +\+0\.(0[5-9]|[1-9])"
 DRIVES = r" s  teleop +driving"
 AT_REST, STANDS = r"teleop +[+-]0\.00 m/s", 5
 """A line of the live view, and how many of them have come when the robot certainly stands."""

@@ -11,6 +11,7 @@ from command_line import (
     ARTEMIS,
     PATIENCE,
     assert_left_at_rest,
+    endless_mission,
     modes_of,
     only_run,
     read_until,
@@ -29,9 +30,7 @@ def assert_stopped_on_the_way(folder: Path) -> None:
 
 
 def test_a_signal_ends_a_run_on_virtual_time_in_order(tmp_path: Path) -> None:
-    mission = write_mission(tmp_path)
-    mission.write_text(mission.read_text().replace("0.3}", "0.02}"))
-    with started("run", mission) as process:
+    with started("run", endless_mission(tmp_path)) as process:
         read_until(process, "following")
         process.send_signal(signal.SIGINT)
         rest, errors = process.communicate(timeout=PATIENCE)
@@ -43,7 +42,9 @@ def test_a_signal_ends_a_run_on_virtual_time_in_order(tmp_path: Path) -> None:
 
 @pytest.mark.realtime
 def test_a_reader_that_goes_away_ends_the_run_in_order(tmp_path: Path) -> None:
-    with started("run", write_mission(tmp_path, more=REAL_TIME)) as process:
+    mission = write_mission(tmp_path, more=REAL_TIME)
+    mission.write_text(mission.read_text().replace("steps:\n", "steps:\n  - wait: {seconds: 3600}\n"))
+    with started("run", mission) as process:
         assert stream(process.stdout).readline().startswith("mission line")
         stream(process.stdout).close()
         assert stream(process.stderr).read() == ""

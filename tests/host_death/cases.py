@@ -166,10 +166,11 @@ class Process:
 def play(cases: Sequence[Case], jobs: int) -> Iterator[Outcome]:
     """Play cases, `jobs` at a time: each has the drives in a process of its own, and the host in another."""
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(_play, cases)
+        yield from pool.map(play_one, cases)
 
 
-def _play(case: Case) -> Outcome:
+def play_one(case: Case) -> Outcome:
+    """Play a case with the drives in this process."""
     robot = load_model(MISSIONS / "robots" / "artemis.yaml", Robot)
     outcome = Outcome(case=case)
     while not outcome.undecided:

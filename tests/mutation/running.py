@@ -119,9 +119,8 @@ def tested(tests: Sequence[Path], plugin: object) -> int:
         phases=(hypothesis.Phase.explicit, hypothesis.Phase.generate),
         suppress_health_check=list(hypothesis.HealthCheck),  # they ask the clock
     )
-    hypothesis.settings.load_profile("same")
     where = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), "-p", "no:cacheprovider"]
-    how = ["-q", "-x", "-n", "0", "--assert=plain", f"--timeout={STUCK}"]
+    how = ["-q", "-x", "-n", "0", "--assert=plain", f"--timeout={STUCK}", "--hypothesis-profile=same"]
     return pytest.main([*where, *how, *map(str, tests)], [plugin])
 
 

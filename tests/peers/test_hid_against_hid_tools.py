@@ -114,7 +114,6 @@ def has_one_meaning(described: Any) -> bool:  # noqa: ANN401
     return True
 
 
-@settings(max_examples=400, deadline=None)
 @given(name=st.sampled_from(SHORT), edits=EDITS)
 def test_whoever_accepts_a_changed_descriptor_reads_the_same(name: str, edits: list[tuple[int, int, int]]) -> None:
     data = changed(DESCRIPTORS[name], edits)

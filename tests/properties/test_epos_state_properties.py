@@ -171,4 +171,6 @@ class Following(RuleBasedStateMachine):
 
 
 TestFollowing = Following.TestCase
-TestFollowing.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
+TestFollowing.settings = settings(
+    max_examples=max(60, settings().max_examples // 2), stateful_step_count=30, deadline=None
+)

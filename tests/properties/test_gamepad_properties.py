@@ -25,7 +25,7 @@ from artemis.yaml_file import load
 
 ROOT = Path(__file__).parents[2]
 ROBOT = Robot.model_validate(load(ROOT / "missions" / "robots" / "artemis.yaml").data)
-SETTINGS = settings(derandomize=True, deadline=None, max_examples=150)
+SETTINGS = settings(derandomize=True, deadline=None)
 NAMES = {"logitech-extreme-3d-pro": "logitech_extreme_3d_pro", "sony-dualshock-4-usb": "dualshock4_usb"}
 
 

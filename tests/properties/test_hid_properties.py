@@ -6,7 +6,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from artemis.devices.hid.descriptor import MAX_DESCRIPTOR, MAX_FIELDS, MAX_REPORT, Descriptor, parse_descriptor
@@ -64,21 +64,18 @@ def attempt(data: bytes, report: bytes) -> None:
             assert low <= values[field.name] < low + (1 << field.bits)
 
 
-@settings(max_examples=300, deadline=None)
 @given(data=st.binary(max_size=200), report=st.binary(max_size=80))
 @example(data=bytes(MAX_DESCRIPTOR + 1), report=b"")
 def test_any_bytes_are_a_descriptor_or_refused(data: bytes, report: bytes) -> None:
     attempt(data, report)
 
 
-@settings(max_examples=300, deadline=None)
 @given(items=SEQUENCES, closed=st.booleans(), report=st.binary(max_size=300))
 @example(items=bytes.fromhex("75 01 97 ff ff ff ff 81 02"), closed=True, report=b"")
 def test_any_items_are_a_descriptor_or_refused(items: bytes, closed: bool, report: bytes) -> None:
     attempt(bytes.fromhex(JOYSTICK) + items + b"\xc0" * closed, report)
 
 
-@settings(max_examples=200, deadline=None)
 @given(name=st.sampled_from(sorted(DESCRIPTORS)), report=st.binary(max_size=80))
 def test_any_report_of_a_real_device_is_decoded_or_refused(name: str, report: bytes) -> None:
     attempt(DESCRIPTORS[name], report)
@@ -95,7 +92,6 @@ def layouts(draw: st.DrawFn) -> list[tuple[int, int, bool]]:
     return chosen
 
 
-@settings(max_examples=200, deadline=None)
 @given(layout=layouts(), numbered=st.booleans())
 def test_what_was_packed_is_what_is_decoded(layout: list[tuple[int, int, bool]], numbered: bool) -> None:
     items, whole, place = b"\x85\x05" * numbered, 0, 0

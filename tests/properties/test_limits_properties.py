@@ -13,7 +13,7 @@ from artemis.motion.limits import Gate, is_sane
 from artemis.values import Action, DriveCommand, SetPoints
 from artemis.vehicle import Robot
 
-SETTINGS = settings(derandomize=True, deadline=None, max_examples=200)
+SETTINGS = settings(derandomize=True, deadline=None, max_examples=max(200, settings().max_examples))
 FILE = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 ARTEMIS = Robot.model_validate(yaml.safe_load(FILE.read_text(encoding="utf-8")))
 DT_MAX = 0.1

@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from artemis.errors import ConfigError
@@ -25,7 +25,6 @@ def wave(amplitude: float, length: float, turned: float) -> Path:
 waves = st.builds(wave, st.floats(0.0, 0.4), st.floats(3.0, 9.0), st.floats(-math.pi, math.pi))
 
 
-@settings(max_examples=60, deadline=None)
 @given(path=waves, share=st.floats(0.05, 0.95), offset=st.floats(-0.3, 0.3), guess=st.floats(-0.1, 0.1))
 def test_projection_inverts_an_offset_from_the_path(path: Path, share: float, offset: float, guess: float) -> None:
     point = path.at(share * path.length)
@@ -35,7 +34,6 @@ def test_projection_inverts_an_offset_from_the_path(path: Path, share: float, of
     assert abs(found.cross_track - offset) < 1e-4
 
 
-@settings(max_examples=60, deadline=None)
 @given(path=waves, x=st.floats(-9, 9), y=st.floats(-9, 9), share=st.floats(0, 1), window=st.floats(0.05, 1))
 def test_projection_never_leaves_its_window(path: Path, x: float, y: float, share: float, window: float) -> None:
     near = share * path.length
@@ -44,7 +42,6 @@ def test_projection_never_leaves_its_window(path: Path, x: float, y: float, shar
         assert abs(found.arc_length - near) <= window + 2 * path.spacing
 
 
-@settings(max_examples=40, deadline=None)
 @given(path=waves, share=st.floats(0, 1))
 def test_path_is_smooth_between_its_samples(path: Path, share: float) -> None:
     arc_length = share * (path.length - 0.01)
@@ -53,7 +50,6 @@ def test_path_is_smooth_between_its_samples(path: Path, share: float) -> None:
     assert abs(math.remainder(there.heading - here.heading, math.tau) - here.curvature * 0.01) < 1e-3
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.one_of(st.text(max_size=80), st.text(alphabet="0123456789.,; -\n#xyeinf", max_size=80)))
 def test_any_text_is_a_path_or_refused_with_its_places(text: str) -> None:
     problems: list[str] | None = None
@@ -74,7 +70,6 @@ near = st.floats(-0.4, 0.4)
 rows = st.lists(st.tuples(near, near, st.floats(-4, 4)), min_size=2, max_size=12)
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.one_of(st.text(alphabet="0123456789.,; -\n#xyeinfhadg", max_size=80), rows), st.booleans())
 def test_any_points_are_a_route_that_a_car_can_be_put_on_or_refused(
     given_rows: str | list[tuple[float, float, float]], headings: bool
@@ -105,7 +100,6 @@ def test_any_points_are_a_route_that_a_car_can_be_put_on_or_refused(
     assert [part.backward for part in reversed(back.parts)] == [not part.backward for part in route.parts]
 
 
-@settings(max_examples=40, deadline=None)
 @given(radius=st.floats(0.33, 20), count=st.integers(40, 200), left=st.booleans(), share=st.floats(-1, 3))
 def test_circles_are_circles(radius: float, count: int, left: bool, share: float) -> None:
     count = max(count, math.ceil(math.tau * radius))

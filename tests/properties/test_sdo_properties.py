@@ -10,7 +10,7 @@ import asyncio
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from artemis.clock import run, until
@@ -176,7 +176,6 @@ def transfer_all(line: Line, plan: list[tuple[str, int, float | None]]) -> None:
     run(main(), simulated=True)
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.lists(fates, max_size=40), st.lists(transfers, min_size=1, max_size=12))
 @example(  # two fences under way at once: the answer to the first says nothing about requests after it
     [Fate(request_lost=True), Fate(), Fate(delay=0.06), Fate(delay=0.07), Fate(delay=0.12)],
@@ -188,7 +187,6 @@ def test_no_transfer_takes_an_answer_that_is_not_its_own(
     transfer_all(Line(list(line_fates)), plan)
 
 
-@settings(max_examples=100, deadline=None)
 @given(
     st.lists(st.builds(Fate, delay=st.floats(0.0, 0.099), answer_lost=st.booleans()), max_size=30),
     st.lists(transfers, min_size=1, max_size=8),
@@ -203,7 +201,6 @@ def test_nor_when_answers_overtake_each_other_within_two_timeouts(
     transfer_all(Line(list(line_fates), overtakes=True), plan)
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(st.floats(0.0, 0.08), st.binary(max_size=9)), max_size=20))
 def test_any_bytes_from_the_line_end_in_a_device_error_or_an_answer(noise: list[tuple[float, bytes]]) -> None:
     async def main() -> None:

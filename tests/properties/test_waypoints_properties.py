@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import TypeVar
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from artemis.commands.path_formats import READERS, read_gpx
@@ -69,7 +69,6 @@ def apart(px: float, py: float, x: np.ndarray, y: np.ndarray) -> float:
     return nearest
 
 
-@settings(max_examples=60, deadline=None)
 @given(poses=drives(), smoothing=st.sampled_from([0.0, 0.3, 0.8]), spacing=st.sampled_from([0.02, 0.05, 0.2]))
 def test_what_a_car_drives_becomes_files_that_load_again(poses: list[Pose], smoothing: float, spacing: float) -> None:
     legs = legs_of(poses, spacing)
@@ -92,7 +91,6 @@ def test_what_a_car_drives_becomes_files_that_load_again(poses: list[Pose], smoo
             assert off < 0.05  # even where the steering jumps from lock to lock
 
 
-@settings(max_examples=150, deadline=None)
 @given(given_points=st.one_of(points, near), closed=st.booleans(), smoothing=st.sampled_from([0.0, 0.3, 2.0]))
 def test_any_points_become_a_file_that_loads_again_or_an_error(
     given_points: list[tuple[float, float]], closed: bool, smoothing: float
@@ -109,7 +107,6 @@ def test_any_points_become_a_file_that_loads_again_or_an_error(
     assert again.closed or not closed
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     latitude=st.floats(-80, 80),
     longitude=st.floats(-180, 180),
@@ -133,7 +130,6 @@ any_text = st.one_of(
 )
 
 
-@settings(max_examples=200, deadline=None)
 @given(
     content=any_text, kind=st.sampled_from(sorted(READERS)), head=st.sampled_from(["", "x,y\n", "<gpx>", "poses:\n- "])
 )

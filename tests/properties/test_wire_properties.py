@@ -5,7 +5,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from artemis.clock import run
@@ -121,7 +121,6 @@ sendings = st.lists(st.tuples(times, host_frames), max_size=12, unique_by=lambda
 node_delays = st.lists(st.floats(0.0, 1e-3), min_size=1, max_size=4)
 
 
-@settings(max_examples=50)
 @given(delays=node_delays, sent=sendings, looks=st.lists(times, max_size=12))
 def test_what_happens_does_not_depend_on_when_the_host_looks(
     delays: list[float], sent: list[tuple[float, Frame]], looks: list[float]
@@ -131,7 +130,6 @@ def test_what_happens_does_not_depend_on_when_the_host_looks(
     assert [frame.time for frame in often] == pytest.approx([frame.time for frame in seldom], abs=1e-8)
 
 
-@settings(max_examples=50)
 @given(delays=node_delays, sent=sendings)
 def test_every_frame_arrives_once_and_no_two_share_the_wire(
     delays: list[float], sent: list[tuple[float, Frame]]

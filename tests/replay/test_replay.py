@@ -175,6 +175,7 @@ def test_a_mission_that_was_changed_after_the_run_does_not_recompute(tmp_path: P
 # ---------------------------------------------------------------------------------------------- determinism
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", ["done", "teleop", "fault and recovery", "bad bus"])
 def test_the_same_mission_twice_gives_identical_records(tmp_path: Path, kind: str) -> None:
     make, _ = KINDS[kind]

@@ -73,6 +73,7 @@ def seen_by(robot: Robot, old: Robot) -> dict[str, float]:
     return true
 
 
+@pytest.mark.exhaustive
 def test_a_calibrated_robot_knows_where_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for folder in ("robots", "inputs", "paths"):
         shutil.copytree(MISSIONS / folder, tmp_path / folder)

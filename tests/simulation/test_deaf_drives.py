@@ -128,6 +128,7 @@ def test_a_steering_drive_that_hears_no_process_data_is_switched_off_once_the_ro
 # ---------------------------------------------------------------------------------------------- NMT states
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.2, 0.3, 0.5])
 @pytest.mark.parametrize("nmt", [b"\x02", b"\x80"], ids=["stopped", "pre-operational"])
 def test_the_ordered_end_gives_a_runaway_drive_no_heartbeat_back(tmp_path: Path, nmt: bytes, delay: float) -> None:

@@ -56,6 +56,7 @@ CASES = [
 ]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("where", "id", "scene"), CASES, ids=name_of)
 def test_error_of_a_drive_is_noticed_wherever_it_comes(tmp_path: Path, where: str, id: str, scene: Scene) -> None:
     run = play(tmp_path, id, scene)

@@ -102,6 +102,7 @@ def test_gains_may_be_tried_first_of_all(tmp_path: Path, tick_hz: int) -> None:
     assert (run.status, run.fault_ids) == (0, [])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("tick_hz", [50, 200])
 @pytest.mark.parametrize("step", [trying(300, 10, 200), TURN], ids=["gains", "turn"])
 def test_wheels_that_were_left_turned_are_straightened_while_nothing_drives(
@@ -220,6 +221,7 @@ def swing(monkeypatch: pytest.MonkeyPatch, degrees: float, frequency: float) -> 
     monkeypatch.setattr("artemis.sim.epos_motion.regulators_for", regulators)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("degrees", "frequency"), [(1.8, 1.7), (1.8, 3.0), (1.0, 8.0), (0.7, 8.0)])
 @pytest.mark.parametrize("tick_hz", [50, 200])
 def test_a_wheel_that_swings_is_a_fault_though_no_error_lasts(
@@ -236,6 +238,7 @@ def test_a_wheel_that_swings_is_a_fault_though_no_error_lasts(
     assert run.recompute().difference is None
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("speed", "frequency"), [(0.1, 3.0), (0.1, 8.0), (0.06, 8.0)])
 @pytest.mark.parametrize("tick_hz", [50, 200])
 def test_a_driven_wheel_that_swings_is_a_fault_though_no_error_lasts(

@@ -114,6 +114,7 @@ FOUND_MOVING = [0.0, 0.1, 0.29, 0.301, 0.302, 0.31, 0.33, 0.4]
 """While listening, while securing, and when the robot stands already [s]."""
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("time", FOUND_MOVING)
 @pytest.mark.parametrize("request_", [Request.QUICKSTOP, Request.END], ids=["stop", "end"])
 def test_drives_found_moving_are_stopped_though_the_bring_up_is_interrupted(
@@ -196,6 +197,7 @@ def end_at(folder: Path, time: float, settings: SimSettings | None = None) -> Ru
     return rig.at(time, rig.request(Request.END), name="end").run()
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("time", BRING_UP, ids=lambda time: f"{time * 1000:.0f} ms")
 def test_an_end_request_during_the_bring_up_leaves_the_drives_at_rest(tmp_path: Path, time: float) -> None:
     seen = end_at(tmp_path, time)
@@ -204,6 +206,7 @@ def test_an_end_request_during_the_bring_up_leaves_the_drives_at_rest(tmp_path: 
     assert_at_rest(seen)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("time", SLOW_BRING_UP, ids=lambda time: f"{time * 1000:.0f} ms")
 def test_an_end_request_leaves_drives_at_rest_that_answer_slowly(tmp_path: Path, time: float) -> None:
     seen = end_at(tmp_path, time, SimSettings(answer_time_s=0.01))

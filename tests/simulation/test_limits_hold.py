@@ -43,6 +43,7 @@ def set_points(seen: Run, name: str) -> list[int]:
     return [int.from_bytes(frame.data[2:6], "little", signed=True) for frame in frames]
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("seed", range(6))
 def test_no_set_point_that_leaves_exceeds_the_robot_file_however_wild_the_hand(tmp_path: Path, seed: int) -> None:
     mission = write_mission(tmp_path, [TELEOP], {"stick.csv": random_stick(seed)}, inputs=STICK)
@@ -93,6 +94,7 @@ true_robots = st.builds(
 )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.slow
 @settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @example(TrueRobot(steering_zero_left_deg=3.0, steering_zero_right_deg=3.0, slip=0.05))

@@ -57,6 +57,7 @@ def assert_drives_stopped_by_themselves(seen: Run, last: float) -> None:
     assert standing(seen.world.truth)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("phase", [0.0, 0.004, 0.011, 0.019])
 def test_when_the_host_dies_every_drive_stops_by_itself(tmp_path: Path, phase: float) -> None:
     rig = Rig(write_mission(tmp_path, STEPS))
@@ -173,6 +174,7 @@ def test_frames_that_arrive_twice_change_nothing(tmp_path: Path) -> None:
         assert other == pytest.approx(mine, abs=1e-4)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", range(1, 5))
 def test_a_path_is_finished_while_one_frame_in_a_hundred_is_lost(tmp_path: Path, seed: int) -> None:
     rig = Rig(write_mission(tmp_path, STEPS), disturb=random_disturbance(seed, loss=0.01), longest=120.0)

@@ -217,6 +217,7 @@ def judged(steps: list[dict[str, Any]], files: dict[str, str], faults: list[dict
     return run_scenario(Scenario(seed=1, mission=json.loads(json.dumps(mission)), files=files), robot, folder)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "faults",
     [

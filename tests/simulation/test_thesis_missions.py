@@ -47,7 +47,7 @@ def whole(name: str) -> Run:
     return seen
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_circles_are_the_circles_of_their_angles() -> None:
     seen = whole("thesis_circles").in_mode(Mode.TELEOP)
     for degrees in (40.0, 60.0):
@@ -63,7 +63,7 @@ def test_circles_are_the_circles_of_their_angles() -> None:
         assert [math.hypot(pose.x - x, pose.y - y) for pose in poses] == pytest.approx([radius] * len(part), abs=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_wheels_are_turned_only_at_standstill() -> None:
     points = [seen.tick.set_points for seen in whole("thesis_stop_and_steer").in_mode(Mode.TELEOP)]
     steered = [abs(b.steering - a.steering) > 1e-9 for a, b in pairwise(points)]
@@ -72,7 +72,7 @@ def test_wheels_are_turned_only_at_standstill() -> None:
     assert sum(a.speed == 0.0 != b.speed for a, b in pairwise(points)) == 13
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_hysteresis_leaves_out_small_changes() -> None:
     commands = [seen.tick.wish.command for seen in whole("thesis_hysteresis").in_mode(Mode.FOLLOW)]
     changes = np.abs(np.diff([command.steering for command in commands if command.speed > 0.0]))
@@ -80,7 +80,7 @@ def test_hysteresis_leaves_out_small_changes() -> None:
     assert changes[changes > 0].min() >= math.radians(11.46)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_fast_lap_is_fast_and_comes_round() -> None:
     seen = whole("thesis_fast").in_mode(Mode.FOLLOW)
     last = seen[-1].tick.snapshot.odometry

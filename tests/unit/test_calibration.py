@@ -235,7 +235,7 @@ class TestFit:
         assert without.sensor[2] == 0.0
         assert both.sensor == pytest.approx(with_headings.sensor, abs=0.005)
 
-    @pytest.mark.slow
+    @pytest.mark.exhaustive
     @pytest.mark.timeout(900)
     @pytest.mark.parametrize("on_axle", [True, False])
     def test_the_truth_is_in_the_interval_as_often_as_it_says(self, on_axle: bool) -> None:

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import math
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from sim_epos_rig import STEERING, Rig
 
@@ -36,7 +36,6 @@ requests = st.builds(
 )
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(frames | commands | controlwords | requests, st.integers(0, 30)), max_size=40))
 def test_no_frames_whatever_bring_the_node_out_of_step(traffic: list[tuple[tuple[int, bytes, bool], int]]) -> None:
     rig = Rig(STEERING)
