@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from bisect import bisect
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
@@ -24,8 +26,7 @@ ON_THE_SPOT = math.radians(45)
 """A robot that would have to turn by more than this between two parts [rad] cannot: neither a curve nor a reversal."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class Part(Struct, frozen=True, kw_only=True):
     """A path that is driven in one direction; its tangent is the direction of travel."""
 
     path: Path

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from array import array
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -30,7 +31,6 @@ from artemis.recording import schemas
 from artemis.recording.journal import Entry, JournalContent, Level, read_journal
 from artemis.recording.provenance import Resumption
 from artemis.recording.schemas import TickRecord
-from artemis.values import Sensed
 from artemis.vehicle import Robot
 
 _RECORD = struct.Struct("<BQ")
@@ -47,15 +47,6 @@ _FRAMES, _LOG = msgspec.json.Decoder(schemas.Frames), msgspec.json.Decoder(schem
 _Content = TypeVar("_Content")
 _PLACED = b'"reset_pose":true'
 """In the record of the tick in which the odometry gets its origin."""
-
-
-class RecordedTick(NamedTuple):
-    """One tick of a recording."""
-
-    sensed: Sensed
-    record: TickRecord
-    raw: bytes
-    """The record as written by `schemas.tick_record`."""
 
 
 class _Message(NamedTuple):
@@ -163,36 +154,27 @@ class Recording:
         prefix = "files/"
         return {name[len(prefix) :]: data for name, data in self.attachments.items() if name.startswith(prefix)}
 
-    def ticks(self) -> Iterator[RecordedTick]:
-        """Every tick that is there with both its halves, in order.
+    def ticks(self) -> Iterator[TickRecord]:
+        """Every tick that is there, in order.
 
         Raises:
             RecordingError: a tick holds other values than this version of artemis knows, or the file is gone.
         """
-        for sensed, tick in self._pairs():
-            yield self._decoded(sensed, tick)
+        yield from map(self._decoded, self._messages("/tick"))
 
-    def ticks_and_frames(self) -> Iterator[RecordedTick | schemas.Frames]:
+    def ticks_and_frames(self) -> Iterator[TickRecord | schemas.Frames]:
         """The ticks and, each after its tick, packed frames; all in one pass. Raises as `ticks` does."""
-        sensed = None
-        for message in self._messages("/sensed", "/tick", "/frames"):
-            if message.topic == "/sensed":
-                sensed = message
-            elif message.topic == "/frames":
-                yield self._understood(message, _frames_from)
-            elif sensed and sensed.sequence == message.sequence:
-                yield self._decoded(sensed, message)
+        for message in self._messages("/tick", "/frames"):
+            yield self._decoded(message) if message.topic == "/tick" else self._understood(message, _frames_from)
 
-    def last_tick(self) -> RecordedTick | None:
+    def last_tick(self) -> TickRecord | None:
         """The last of them; None: there is none.
 
         Raises:
             RecordingError: as `ticks`.
         """
-        pair = None
-        for pair in self._pairs():  # noqa: B007  (the last one is what counts)
-            pass
-        return self._decoded(*pair) if pair else None
+        last = deque(self._messages("/tick"), maxlen=1)
+        return self._decoded(last[0]) if last else None
 
     def places_robot(self) -> bool:
         """Whether the odometry got its origin in this run: before, its poses mean nothing."""
@@ -241,21 +223,8 @@ class Recording:
             return tuple(self.entries())
         return journal.entries
 
-    def _pairs(self) -> Iterator[tuple[_Message, _Message]]:
-        """Both halves of every tick that has them."""
-        sensed = None
-        for message in self._messages("/sensed", "/tick"):
-            if message.topic == "/sensed":
-                sensed = message
-            elif sensed and sensed.sequence == message.sequence:
-                yield sensed, message
-
-    def _decoded(self, sensed: _Message, tick: _Message) -> RecordedTick:
-        return RecordedTick(
-            sensed=self._understood(sensed, schemas.sensed_from_record),
-            record=self._understood(tick, schemas.tick_from_record),
-            raw=tick.data,
-        )
+    def _decoded(self, message: _Message) -> TickRecord:
+        return self._understood(message, schemas.tick_from_record)
 
     def _understood(self, message: _Message, read: Callable[[bytes], _Content]) -> _Content:
         """What `read` makes of a message; what that raises becomes a RecordingError."""

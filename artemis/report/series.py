@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 from math import hypot, inf, isfinite, nan
+from operator import attrgetter
 
 import numpy as np
 
 from artemis.motion.path import Path
 from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
-from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.recording.mcap_reader import Recording
+from artemis.recording.schemas import TickRecord
 from artemis.report.bus_load import BusLoad
 from artemis.report.cross_track import TruePlaces, routes_of
 from artemis.report.rows import Errors, Rows
@@ -105,7 +107,7 @@ def read_series(recording: Recording, *, every_tick: bool = False) -> Series:
     """
     reader = _Reader(recording, every_tick)
     for each in recording.ticks_and_frames():
-        if isinstance(each, RecordedTick):
+        if isinstance(each, TickRecord):
             reader.see(each)
         else:
             reader.bus.add(each.data, of_tick=each.tick == reader.index)
@@ -122,6 +124,14 @@ _COLUMNS = (
 """Those before the set-points and measured values of the drives."""
 _AT = {name: number for number, name in enumerate(_COLUMNS)}
 _NO_POSE = Pose(x=nan, y=nan, heading=nan)
+_SET_POINTS = {
+    ("traction", "left"): attrgetter("speed_left"),
+    ("traction", "right"): attrgetter("speed_right"),
+    ("steering", "left"): attrgetter("steering_left"),
+    ("steering", "right"): attrgetter("steering_right"),
+}
+"""By role and side of a drive."""
+_MEASURED = {"traction": attrgetter("velocity"), "steering": attrgetter("position")}
 _NOT_FOLLOWING = nan, nan, nan, nan, nan
 
 
@@ -130,14 +140,17 @@ class _Reader:
 
     def __init__(self, recording: Recording, every_tick: bool) -> None:
         self._recording, robot = recording, recording.robot
-        self._drives = robot.drives
+        self._states = {name: _Spans() for name in robot.drives}
+        self._drives = [
+            (name, _SET_POINTS[drive.role, drive.side], self._states[name], _MEASURED[drive.role])
+            for name, drive in robot.drives.items()
+        ]
         self._entries = recording.events()
         faults = [entry.time for entry in self._entries if entry.kind == "fault"]
         ticks = None if every_tick else recording.number
         self._rows = Rows(len(_COLUMNS) + 2 * len(self._drives), _AT["x"], _AT["y"], ticks, faults)
         self._true_places = TruePlaces(routes_of(recording))
         self._modes = _Spans()
-        self._states = {name: _Spans() for name in self._drives}
         self.bus = BusLoad(recording.number, recording.duration)
         self.index = -1
         """Of the last tick."""
@@ -150,41 +163,41 @@ class _Reader:
         self._placed_after = -inf
         self._finished = False
 
-    def see(self, tick: RecordedTick) -> None:
+    def see(self, tick: TickRecord) -> None:
         """The next tick."""
-        record, odometry = tick.record, tick.record.odometry
-        estimated, true = odometry.pose, record.true_pose
+        snapshot, points = tick.snapshot, tick.set_points
+        sensed, odometry, time = snapshot.sensed, snapshot.odometry, snapshot.sensed.time
+        estimated, true = odometry.pose, tick.true_pose
         if true is not None and not isfinite(true.x):
             true = None
-        tracking = record.tracking if record.mode is Mode.FOLLOW else None
+        tracking = tick.wish.tracking if tick.mode is Mode.FOLLOW else None
         if tracking is not None and not isfinite(tracking.arc_length):
             tracking = None
-        true_arc_length, true_cross_track = self._true_places.find(record.step, tracking, true)
-        followed = _NOT_FOLLOWING if tracking is None else _followed(tracking, record.set_points)
+        true_arc_length, true_cross_track = self._true_places.find(tick.step, tracking, true)
+        followed = _NOT_FOLLOWING if tracking is None else _followed(tracking, points)
         arc_length, cross_track, planned_speed, feedforward, feedback = followed
         self._error.add(cross_track)
         self._true_error.add(true_cross_track)
         if true is not None:
             self._error_end = hypot(estimated.x - true.x, estimated.y - true.y)
         at = true or _NO_POSE
-        row = [record.time, estimated.x, estimated.y, estimated.heading, at.x, at.y, at.heading]
+        row = [time, estimated.x, estimated.y, estimated.heading, at.x, at.y, at.heading]
         row += (arc_length, cross_track, true_arc_length, true_cross_track)
-        row += (odometry.speed, planned_speed, feedforward, feedback, tick.sensed.late)
-        heard = {drive.name: drive for drive in tick.sensed.drives}
-        for name, drive in self._drives.items():
-            feedback_of = heard.get(name) or DriveFeedback(name=name)
-            measured = feedback_of.velocity if drive.role == "traction" else feedback_of.position
-            row += (_set_point(record.set_points, drive.role, drive.side), nan if feedback_of.age is None else measured)
-            self._states[name].see(record.time, feedback_of.state)
+        row += (odometry.speed, planned_speed, feedforward, feedback, sensed.late)
+        heard = {drive.name: drive for drive in sensed.drives}
+        for name, set_point, states, measured in self._drives:
+            drive = heard.get(name) or DriveFeedback(name=name)
+            row += (set_point(points), nan if drive.age is None else measured(drive))
+            states.see(time, drive.state)
         self._rows.add(row)
         if self._driven is not None:
             self._way += abs(odometry.distance - self._driven)
         self._driven = odometry.distance
-        if record.reset_pose:
-            self._driven, self._placed_after = None, record.time
-        self._modes.see(record.time, record.mode)
-        self.bus.tick(record.time)
-        self.index, self._finished = record.index, record.finished
+        if tick.wish.reset_pose:
+            self._driven, self._placed_after = None, time
+        self._modes.see(time, tick.mode)
+        self.bus.tick(time)
+        self.index, self._finished = sensed.index, tick.wish.finished
         self._ticks += 1
 
     def series(self) -> Series:
@@ -232,12 +245,6 @@ def _followed(tracking: Tracking, set_points: SetPoints) -> tuple[float, ...]:
     front = -1.0 if set_points.speed < 0 else 1.0  # a follower is shown the other end as the front
     feedback = front * set_points.steering - feedforward
     return tracking.arc_length, tracking.cross_track, planned, feedforward, feedback
-
-
-def _set_point(set_points: SetPoints, role: str, side: str) -> float:
-    if role == "traction":
-        return set_points.speed_left if side == "left" else set_points.speed_right
-    return set_points.steering_left if side == "left" else set_points.steering_right
 
 
 def _wheels(table: Array, robot: Robot) -> dict[str, Wheel]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
 from artemis.states.mode import OFF, ON, STEERING_ON, Plan, Routine, fail, finish_jobs, is_second

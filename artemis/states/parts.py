@@ -11,7 +11,8 @@ stay as they are. So a follower always drives forwards along a path of its own, 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from artemis.motion.angles import wrap
 from artemis.motion.route import Part, Route

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from math import copysign, degrees, inf, radians
+
+from msgspec.structs import replace
 
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.potentiometers import memory_numbers, wheel_angles
@@ -46,12 +47,11 @@ JOGS = {
 Lines = tuple[Line, Line]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SteeringStep(CalibrateStep):
+class SteeringStep(CalibrateStep, frozen=True, kw_only=True):
     """Measure zero and slope of the potentiometers of steered wheels."""
 
     sides: tuple[str, ...] = ("left", "right")
-    reference: Mapping[str, float] = field(default_factory=dict)
+    reference: Mapping[str, float] = {}
     """True angle of a wheel that shows 0 [rad], by side; of one with new potentiometers: as it is found."""
     new: bool = False
     """Nothing that the potentiometers say now is believed."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, drive, drives, sensed
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from supervision_rig import DRIVING, OFF
 
 from artemis.supervision.measures import DriveMeasures, Rate, Reading
@@ -211,7 +211,7 @@ def test_drive_that_need_not_be_enabled_may_be_as_it_likes_and_begins_anew(goal:
 @pytest.mark.parametrize(("name", "wanted"), [("traction-left", "traction"), ("steer-right", "steering")])
 def test_each_role_is_judged_by_its_own_goal(name: str, wanted: str) -> None:
     for role in ("traction", "steering"):
-        wish = replace(OFF, **{role: Goal.ENABLED})  # type: ignore[arg-type]
+        wish = replace(OFF, **{role: Goal.ENABLED})
         assert Enabling(name).read(DriveState.READY, wish) == (["COM-03"] if role == wanted else [])
 
 
