@@ -53,7 +53,7 @@ def report(
     given = None if truth in (None, SIMULATION) else _truth(Path(str(truth)))
     recording = Recording(run)
     folder = run if run.is_dir() else run.parent
-    series = read_series(recording)
+    series = read_series(recording, every_tick=truth is not None or export is not None)
     compared = None
     if truth is not None:
         same_clock = same_clock or truth == SIMULATION

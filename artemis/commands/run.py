@@ -24,6 +24,7 @@ from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import Resumption
 from artemis.recording.resume import unfinished_run
 from artemis.report.page import write_report
+from artemis.report.series import read_series
 from artemis.report.summary import Summary, summary
 from artemis.values import Request, Tick
 
@@ -132,7 +133,8 @@ def _conclude(outcome: Outcome) -> None:
     sys.stdout.write("\n")
     try:
         recording = Recording(outcome.run.path)
-        found = summary(recording)
+        series = read_series(recording)
+        found = summary(recording, series)
     except RecordingError as error:  # the disk failed; how the run ended is known all the same
         _print("result", _result(outcome, ()))
         _print("recording", str(error))
@@ -146,7 +148,7 @@ def _conclude(outcome: Outcome) -> None:
     for trouble in outcome.troubles:
         _print("recording", f"not whole: {trouble}")
     try:
-        write_report(recording, outcome.run.report)
+        write_report(recording, outcome.run.report, series)
     except RecordingError as error:
         _print("report", str(error))
     else:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import correlate  # scipy has no types
 
 from artemis.errors import ConfigError
 from artemis.motion.spline import Array
@@ -223,6 +222,8 @@ def _motion(trajectory: Trajectory, time: Array, window: float, kind: str, clock
 
 def _overlapping(a: Array, b: Array) -> Array:
     """Sum of the products of what overlaps, for every shift of `b`, from its last value on `a`'s first."""
+    from scipy.signal import correlate  # half a second to import
+
     return np.asarray(correlate(a, b, mode="full", method="fft"))
 
 

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 from msgspec import Struct
-from scipy.interpolate import CubicSpline  # scipy has no types
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
@@ -286,6 +285,8 @@ def path_from_points(
         closed: whether it goes on from its end to its start; None: if they meet.
         between_halts: it is open, and keeps its curvature up to its ends, as between two reversals.
     """
+    from scipy.interpolate import CubicSpline  # a third of a second to import
+
     points = np.column_stack([x, y])
     closed = not between_halts and _is_closed(points) if closed is None else closed
     if closed and math.dist(points[0], points[-1]) >= MIN_STEP:

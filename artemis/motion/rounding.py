@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicHermiteSpline  # scipy has no types
-from scipy.optimize import least_squares
 
 from artemis.errors import ConfigError
 from artemis.motion.path import Path, place_on
@@ -95,6 +93,8 @@ def rounded(path: Path, robot: Robot) -> tuple[Path, list[Cut]]:
 
 def _joined(path: Path, pieces: list[Array]) -> Path:
     """One path of pieces end to end, sampled at constant arc length again."""
+    from scipy.interpolate import CubicHermiteSpline  # scipy has no types
+
     x, y, heading, curvature, source = np.concatenate(pieces, axis=1)
     chord = np.hypot(np.diff(x), np.diff(y))
     arc = np.append(0.0, np.cumsum(chord * (1 + np.diff(heading) ** 2 / 24)))
@@ -155,6 +155,8 @@ class _Piece:
         Raises:
             ConfigError: none was found; `worst`: the sharpest sample, to be named.
         """
+        from scipy.optimize import least_squares
+
         unknown, inner = self._guess(), len(self._knots) - 2
         low = np.append(np.full(inner, -1.0), 0.3 * self._length)
         high = np.append(np.full(inner, 1.0), 1.5 * self._length)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicHermiteSpline, CubicSpline  # scipy has no types
-from scipy.linalg import solveh_banded
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline  # scipy has no types
 
 Array: TypeAlias = npt.NDArray[np.float64]
 """Numbers for each point of a curve, shape (n,), or coordinates x, y [m], shape (n, 2)."""
@@ -48,6 +49,8 @@ def smoothed(parameter: Array, points: Array, wavelength: float, closed: bool) -
     )
     bands[0, 2:] = stiffness * after[:-2] * inverse_weight[2:-2] * before[2:]
     slope = np.diff(points, axis=0) / step[:, None]
+    from scipy.linalg import solveh_banded  # a third of a second to import
+
     bend = solveh_banded(bands, np.diff(slope, axis=0))
     force = np.zeros_like(points)
     force[:-2] += before[:, None] * bend
@@ -93,6 +96,8 @@ def parameter_from_arc(curve: CubicSpline, end: float, spacing: float) -> tuple[
     Returns:
         Parameters, shape (n,), n >= 3; and the curve's length [m].
     """
+    from scipy.interpolate import CubicHermiteSpline
+
     grid = np.linspace(0.0, end, 2 * math.ceil(end / spacing) + 2)
     at_grid = np.hypot(*curve(grid, 1).T)
     at_middle = np.hypot(*curve((grid[:-1] + grid[1:]) / 2, 1).T)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree  # scipy has no types
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
@@ -174,6 +173,8 @@ def deviation(x: Array, y: Array, path: Path) -> tuple[float, int]:
 
 def largest_distance(points: Array, line: Array) -> tuple[float, int]:
     """Largest distance [m] of `points` from a densely sampled `line`, and of which point; both have shape (n, 2)."""
+    from scipy.spatial import cKDTree  # no run needs it
+
     candidates = cKDTree(line).query(points, k=min(CANDIDATES, len(line)))[1]
     distance = np.full(len(points), np.inf)
     for nearest in candidates.T:

@@ -1,13 +1,14 @@
 """An MCAP file as it is written: chunks with their indexes, then the summary (MCAP specification, mcap.dev/spec).
 
-The records are the mcap package's. Only its writer is not used: it takes as long for the three messages of a tick as
-everything else that is done to record them.
+The records are the mcap package's. Its writer is not used: it cannot be told to write what waits, by which a killed run
+loses a fraction of a second only, nor say which messages wait when the disk refuses; and it needs 2 to 3 us more for a
+message, of which a tick has three, and 0.9 kB of memory for every chunk of a run.
 """
 
 from __future__ import annotations
 
 import struct
-from zlib import crc32
+from zlib import compressobj, crc32, decompress
 
 import zstandard
 from mcap.data_stream import RecordBuilder
@@ -54,7 +55,8 @@ class McapFile:
         self._offset = self._crc = 0
         self._schemas: list[McapRecord] = []
         self._channels: list[McapRecord] = []
-        self._chunks: list[McapRecord] = []
+        self._indexer, self._indexes, self._chunks = compressobj(1), bytearray(), 0
+        """Indexes of the chunks, packed, since a run of hours has ten thousands; and how many."""
         self._attachments: list[McapRecord] = []
         self._metadata: list[McapRecord] = []
         self._chunk = bytearray()
@@ -125,17 +127,16 @@ class McapFile:
         self._end_chunk()
         self._write(_bytes(DataEnd(self._crc)))
         start = self._offset
-        groups: list[tuple[Opcode, list[McapRecord]]] = [
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._chunks),
-            (Opcode.ATTACHMENT_INDEX, self._attachments),
-            (Opcode.METADATA_INDEX, self._metadata),
+        groups = [
+            (Opcode.SCHEMA, b"".join(map(_bytes, self._schemas))),
+            (Opcode.CHANNEL, b"".join(map(_bytes, self._channels))),
+            (Opcode.STATISTICS, _bytes(self._statistics())),
+            (Opcode.CHUNK_INDEX, decompress(self._indexes + self._indexer.flush())),
+            (Opcode.ATTACHMENT_INDEX, b"".join(map(_bytes, self._attachments))),
+            (Opcode.METADATA_INDEX, b"".join(map(_bytes, self._metadata))),
         ]
         summary, offsets = b"", b""
-        for opcode, records in groups:
-            group = b"".join(map(_bytes, records))
+        for opcode, group in groups:
             offsets += _bytes(SummaryOffset(opcode, start + len(summary), len(group))) if group else b""
             summary += group
         footer = Footer(summary_start=start, summary_offset_start=start + len(summary), summary_crc=0)
@@ -159,19 +160,19 @@ class McapFile:
         offset = self._write(_bytes(chunk))
         after = self._offset
         index = {number: self._write(_message_index(number, place)) for number, place in self._places.items()}
-        self._chunks.append(
-            ChunkIndex(
-                chunk_start_offset=offset,
-                chunk_length=after - offset,
-                message_index_offsets=index,
-                message_index_length=self._offset - after,
-                message_start_time=chunk.message_start_time,
-                message_end_time=chunk.message_end_time,
-                compression=chunk.compression,
-                compressed_size=len(chunk.data),
-                uncompressed_size=chunk.uncompressed_size,
-            )
+        record = ChunkIndex(
+            chunk_start_offset=offset,
+            chunk_length=after - offset,
+            message_index_offsets=index,
+            message_index_length=self._offset - after,
+            message_start_time=chunk.message_start_time,
+            message_end_time=chunk.message_end_time,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            uncompressed_size=chunk.uncompressed_size,
         )
+        self._indexes += self._indexer.compress(_bytes(record))
+        self._chunks += 1
         self._count(chunk)
         self._chunk.clear()
         self._places.clear()
@@ -187,7 +188,7 @@ class McapFile:
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunks,
             message_count=sum(self._counts.values()),
             message_start_time=self._earliest,
             message_end_time=self._latest,

@@ -1,26 +1,28 @@
-"""Reads a recording back, whole or damaged: as far as it is whole, and says what is missing."""
+"""Reads a recording back, whole or damaged: as far as it is whole, and says what is missing.
+
+Never more of it is in memory than one chunk and the files that the mission names, however long the run was.
+"""
 
 from __future__ import annotations
 
 import struct
+from array import array
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from functools import cached_property
-from io import BytesIO
+from io import BufferedReader, BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
-import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Metadata
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from artemis.devices.can_bus import Frame
@@ -29,17 +31,20 @@ from artemis.recording import schemas
 from artemis.recording.journal import Entry, JournalContent, Level, read_journal
 from artemis.recording.provenance import Resumption
 from artemis.recording.schemas import TickRecord
-from artemis.values import Pose
 from artemis.vehicle import Robot
 
 _RECORD = struct.Struct("<BQ")
 """Kind and length of a record (MCAP specification, "Records")."""
 _MESSAGE = struct.Struct("<HIQ8x")
 """Channel, sequence and log time at the beginning of a message; the publishing time is the same."""
+_CHUNK_FIELDS = 8 + 8 + 8 + 4 + 4 + 8
+"""Bytes of a chunk beside the name of its compression and its data."""
 _DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
 """What a damaged file makes the mcap package raise (checksums: ValueError; absurd lengths: the last two)."""
 _NOT_UNDERSTOOD = (msgspec.DecodeError, ValueError, RecursionError)
 """What bytes raise that are not the JSON that they should be (not UTF-8, an unknown value: ValueError)."""
+_FRAMES, _LOG = msgspec.json.Decoder(schemas.Frames), msgspec.json.Decoder(schemas.Log)
+_Content = TypeVar("_Content")
 _PLACED = b'"reset_pose":true'
 """In the record of the tick in which the odometry gets its origin."""
 
@@ -49,6 +54,26 @@ class _Message(NamedTuple):
     sequence: int
     time_ns: int
     data: bytes
+
+
+class _Extent:
+    """Which ticks the file holds, by their second halves."""
+
+    def __init__(self) -> None:
+        self.number = self.lost = 0
+        self.first_gap = ""
+        self.first_ns = self.last_ns = 0
+        self.last = -1
+        """Sequence number."""
+
+    def see(self, sequence: int, time_ns: int) -> None:
+        if self.number == 0:
+            self.first_ns = time_ns
+        elif sequence > self.last + 1:
+            self.lost += sequence - self.last - 1
+            self.first_gap = self.first_gap or f"{self.last + 1} to {sequence - 1}"
+        self.number += 1
+        self.last, self.last_ns = sequence, time_ns
 
 
 class Recording:
@@ -62,6 +87,8 @@ class Recording:
         attachments: `mission.json` and `robot.json` (resolved), and the mission's files as `files/...`.
         outcome: how the run ended, in a few words; empty if nobody said.
         wall_duration: how long the run took on the wall [s]; None if it was cut off.
+        number: of ticks.
+        duration: run time from the first to the last tick [s].
     """
 
     def __init__(self, path: Path) -> None:
@@ -73,8 +100,10 @@ class Recording:
         self.path = path / "recording.mcap" if path.is_dir() else path
         self.attachments: dict[str, bytes] = {}
         self._metadata: dict[str, dict[str, str]] = {}
-        self._chunks: list[Chunk] = []
+        self._chunks = array("Q")
+        """Where in the file the content of each begins."""
         self._topics: dict[int, str] = {}
+        self._extent = _Extent()
         damage = self._scan()
         if "artemis" not in self._metadata or "robot.json" not in self.attachments:
             raise RecordingError(f"{self.path}: {damage or 'not written by artemis'}; nothing of a run can be read")
@@ -90,6 +119,8 @@ class Recording:
         except (KeyError, ValueError) as error:
             raise RecordingError(f"{self.path}: {damage or 'damaged'}; its times cannot be read: {error!r}") from error
         self.missing = self._missing(damage)
+        self.number = self._extent.number
+        self.duration = (self._extent.last_ns - self._extent.first_ns) / 1e9
 
     # ----------------------------------------------------------------------------------------------------- content
 
@@ -127,9 +158,14 @@ class Recording:
         """Every tick that is there, in order.
 
         Raises:
-            RecordingError: a tick holds other values than this version of artemis knows.
+            RecordingError: a tick holds other values than this version of artemis knows, or the file is gone.
         """
         yield from map(self._decoded, self._messages("/tick"))
+
+    def ticks_and_frames(self) -> Iterator[TickRecord | schemas.Frames]:
+        """The ticks and, each after its tick, packed frames; all in one pass. Raises as `ticks` does."""
+        for message in self._messages("/tick", "/frames"):
+            yield self._decoded(message) if message.topic == "/tick" else self._understood(message, _frames_from)
 
     def last_tick(self) -> TickRecord | None:
         """The last of them; None: there is none.
@@ -157,29 +193,16 @@ class Recording:
         except _NOT_UNDERSTOOD as error:
             raise RecordingError(f"{self.path}: resumption.json in it is damaged: {error}") from error
 
-    def frame_arrays(self) -> Iterator[tuple[int, NDArray[np.void]]]:
-        """The index of each tick with frames, and these as an array of dtype `schemas.FRAME_RECORD`.
-
-        Raises:
-            RecordingError: as `ticks` does.
-        """
-        for message in self._messages("/frames"):
-            with self._understanding(message):
-                packed = msgspec.json.decode(message.data, type=schemas.Frames)
-                array = schemas.frame_array(packed.data)
-            yield packed.tick, array
-
     def frames(self) -> Iterator[tuple[int, list[tuple[bool, Frame]]]]:
         """The index of each tick with frames, and these, each with "sent by us". Raises as `ticks` does."""
-        for index, array in self.frame_arrays():
-            yield index, schemas.unpack_frames(array.tobytes())
+        for message in self._messages("/frames"):
+            packed = self._understood(message, _frames_from)
+            yield packed.tick, schemas.unpack_frames(packed.data)
 
     def entries(self) -> Iterator[Entry]:
         """What happened: the log (the journal holds the same, with data for machines). Raises as `ticks` does."""
         for message in self._messages("/log"):
-            with self._understanding(message):
-                line = msgspec.json.decode(message.data, type=schemas.Log)
-                level = Level(line.level)
+            line, level = self._understood(message, _line_from)
             time = (message.time_ns - self._start) / 1e9
             yield Entry(time=time, kind=line.name, text=line.message, level=level)
 
@@ -200,21 +223,13 @@ class Recording:
             return tuple(self.entries())
         return journal.entries
 
-    def true_poses(self) -> Iterator[tuple[float, Pose]]:
-        """Run time [s] and true pose (frame `odom`) of every tick that has one. Raises as `ticks` does."""
-        for tick in self.ticks():
-            if tick.true_pose is not None:
-                yield tick.snapshot.time, tick.true_pose
-
     def _decoded(self, message: _Message) -> TickRecord:
-        with self._understanding(message):
-            return schemas.tick_from_record(message.data)
+        return self._understood(message, schemas.tick_from_record)
 
-    @contextmanager
-    def _understanding(self, message: _Message) -> Iterator[None]:
-        """Turns what decoding a message raises into a RecordingError."""
+    def _understood(self, message: _Message, read: Callable[[bytes], _Content]) -> _Content:
+        """What `read` makes of a message; what that raises becomes a RecordingError."""
         try:
-            yield
+            return read(message.data)
         except _NOT_UNDERSTOOD as error:
             what = f"{message.topic.removeprefix('/')} {message.sequence}"
             version = self.versions.get("artemis", "?")
@@ -223,77 +238,104 @@ class Recording:
 
     # --------------------------------------------------------------------------------------------------- the file
 
-    def _scan(self) -> str | None:
-        """Collect everything whole; returns what is wrong with the rest."""
+    @contextmanager
+    def _opened(self) -> Iterator[BufferedReader]:
         try:
             with self.path.open("rb") as stream:
-                size = self.path.stat().st_size
-                reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=size)
-                return self._collect(reader)
+                yield stream
         except FileNotFoundError:
             raise RecordingError(f"{self.path}: no recording here; name a run folder or an MCAP file") from None
         except OSError as error:
             raise RecordingError(f"{self.path}: cannot read: {error.strerror}") from error
 
-    def _collect(self, reader: StreamReader) -> str | None:
-        try:
-            for record in reader.records:
-                if isinstance(record, Metadata):
-                    self._metadata[record.name] = record.metadata
-                elif isinstance(record, Attachment):
-                    self.attachments[record.name] = record.data
-                elif isinstance(record, Chunk):
-                    self._learn_topics(_content(record))
-                    self._chunks.append(record)
-                elif isinstance(record, DataEnd):
-                    return None
-        except InvalidMagic:
-            return "not an MCAP file"
-        except (EndOfFile, RecordLengthLimitExceeded, struct.error):
-            return "the file is cut off"
-        except _DAMAGE as error:
-            return f"the file is damaged ({error})"
+    def _scan(self) -> str | None:
+        """Collect everything whole; returns what is wrong with the rest."""
+        with self._opened() as stream:
+            size = self.path.stat().st_size
+            reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=size)
+            try:
+                for record in reader.records:
+                    if isinstance(record, Metadata):
+                        self._metadata[record.name] = record.metadata
+                    elif isinstance(record, Attachment):
+                        self.attachments[record.name] = record.data
+                    elif isinstance(record, Chunk):
+                        self._look_through(_content(record, check=True))
+                        behind = len(record.compression) + len(record.data)
+                        self._chunks.append(stream.tell() - _CHUNK_FIELDS - behind)
+                    elif isinstance(record, DataEnd):
+                        return None
+            except InvalidMagic:
+                return "not an MCAP file"
+            except (EndOfFile, RecordLengthLimitExceeded, struct.error):
+                return "the file is cut off"
+            except _DAMAGE as error:
+                return f"the file is damaged ({error})"
         return "the file is cut off"
 
-    def _learn_topics(self, content: bytes) -> None:
+    def _look_through(self, content: bytes) -> None:
+        """Learn topics, and which ticks are there."""
+        ticks: list[tuple[int, int]] = []
         for opcode, start, end in _records(content):
-            if opcode == Opcode.CHANNEL:
+            if opcode == Opcode.MESSAGE:
+                if end - start < _MESSAGE.size:
+                    raise ValueError(f"a message of {end - start} bytes")
+                number, sequence, time_ns = _MESSAGE.unpack_from(content, start)
+                if self._topics.get(number) == "/tick":
+                    ticks.append((sequence, time_ns))
+            elif opcode == Opcode.CHANNEL:
                 channel = Channel.read(ReadDataStream(BytesIO(content[start:end])))
                 self._topics[channel.id] = channel.topic
-            elif opcode == Opcode.MESSAGE and end - start < _MESSAGE.size:
-                raise ValueError(f"a message of {end - start} bytes")
+        for sequence, time_ns in ticks:
+            self._extent.see(sequence, time_ns)
 
     def _messages(self, *topics: str) -> Iterator[_Message]:
         """All messages of some topics, in the order written."""
         wanted = {number: topic for number, topic in self._topics.items() if topic in topics}
-        for chunk in self._chunks:
-            content = _content(chunk)
+        for content in self._contents():
             for opcode, start, end in _records(content):
                 if opcode == Opcode.MESSAGE:
                     number, sequence, time_ns = _MESSAGE.unpack_from(content, start)
                     if number in wanted:
                         yield _Message(wanted[number], sequence, time_ns, content[start + _MESSAGE.size : end])
 
+    def _contents(self) -> Iterator[bytes]:
+        """The chunks, read again."""
+        with self._opened() as stream:
+            for place in self._chunks:
+                stream.seek(place)
+                try:
+                    content = _content(Chunk.read(ReadDataStream(stream)), check=False)
+                except _DAMAGE as error:
+                    raise RecordingError(f"{self.path}: changed while it was read: {error}") from error
+                yield content
+
     def _missing(self, damage: str | None) -> str | None:
         """Words for ticks that the recorder had to drop, and for the damage of the file."""
-        lost = 0
-        first = ""
-        last: _Message | None = None
-        for message in self._messages("/tick"):
-            if last and message.sequence > last.sequence + 1:
-                lost += message.sequence - last.sequence - 1
-                first = first or f"{last.sequence + 1} to {message.sequence - 1}"
-            last = message
-        place = f"tick {last.sequence} at {(last.time_ns - self._start) / 1e9:.2f} s" if last else "no tick"
-        parts = [f"{lost} ticks were not recorded, the first are {first}"] if lost else []
+        ticks = self._extent
+        time = (ticks.last_ns - self._start) / 1e9
+        place = f"tick {ticks.last} at {time:.2f} s" if ticks.number else "no tick"
+        parts = [f"{ticks.lost} ticks were not recorded, the first are {ticks.first_gap}"] if ticks.lost else []
         parts += [f"{damage}; the last whole one is {place}"] if damage else []
         return "; ".join(parts) or None
 
 
-def _content(chunk: Chunk) -> bytes:
-    """The records of a chunk, decompressed and checked."""
-    stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+def _content(chunk: Chunk, *, check: bool) -> bytes:
+    """The records of a chunk, decompressed, and checked if asked for."""
+    stream, length = get_chunk_data_stream(chunk, validate_crc=check)
     return stream.read(length)
+
+
+def _line_from(record: bytes) -> tuple[schemas.Log, Level]:
+    line = _LOG.decode(record)
+    return line, Level(line.level)
+
+
+def _frames_from(record: bytes) -> schemas.Frames:
+    packed = _FRAMES.decode(record)
+    if len(packed.data) % schemas.FRAME_RECORD.itemsize:
+        raise ValueError(f"{len(packed.data)} bytes of frames")
+    return packed
 
 
 def _records(content: bytes) -> Iterator[tuple[int, int, int]]:

@@ -6,26 +6,50 @@ import numpy as np
 
 from artemis.devices.can_bus import most_bits
 from artemis.motion.spline import Array
-from artemis.recording.mcap_reader import Recording
+from artemis.recording.schemas import FRAME_RECORD
 
 BUS_BIN = 0.2
 """Shortest time over which the load is averaged [s]."""
+BINS = 500
+"""At most about."""
+_OFFSET = 11
+"""Of the length in a packed frame."""
+_BITS = [most_bits(length) for length in range(256)]
 
 
-def measure_bus_load(recording: Recording, time: Array, indices: list[int]) -> tuple[int, Array, Array]:
-    """Number of frames, and the load of the bus in bins of equally many ticks: their middles [s], and shares."""
-    frames = 0
-    bits = dict.fromkeys(indices, 0.0)
-    for index, packed in recording.frame_arrays():
-        frames += len(packed)
-        if index in bits:
-            bits[index] += float(np.sum(most_bits(packed["length"].astype(np.int64))))
-    if len(time) < 2:
-        return frames, np.empty(0), np.empty(0)
-    ticks = max(1, round(max(BUS_BIN, float(time[-1] - time[0]) / 500) / float(np.median(np.diff(time)) or BUS_BIN)))
-    edges = np.arange(0, len(time), ticks)  # whole ticks: a bin of fixed time would hold now one more, now one less
-    if len(edges) < 2:
-        edges = np.array([0, len(time) - 1])
-    totals = np.add.reduceat(np.array(list(bits.values())), edges)[:-1]
-    begin, end = time[edges[:-1]], time[edges[1:]]
-    return frames, (begin + end) / 2, totals / ((end - begin) * recording.robot.bitrate)
+class BusLoad:
+    """Counts frames and their bits tick by tick, in bins of whole ticks: one of fixed time would hold now one more."""
+
+    def __init__(self, ticks: int, duration: float) -> None:
+        """So many `ticks` will come, in `duration` [s]."""
+        period = duration / (ticks - 1) if ticks > 1 else 0.0
+        self._per_bin = max(1, round(max(BUS_BIN, duration / BINS) / (period or BUS_BIN)))
+        self._ticks = 0
+        self._edges: list[float] = []
+        self._bits: list[int] = []
+        self._last = 0.0, 0
+        """Time of the last tick, and bits of its bin before it."""
+        self.frames = 0
+
+    def tick(self, time: float) -> None:
+        """The next tick, at run time `time` [s]."""
+        if self._ticks % self._per_bin == 0:
+            self._edges.append(time)
+            self._bits.append(0)
+        self._ticks += 1
+        self._last = time, self._bits[-1]
+
+    def add(self, packed: bytes, *, of_tick: bool) -> None:
+        """Frames, packed as `FRAME_RECORD`s; only those of the last tick count as load."""
+        lengths = packed[_OFFSET :: FRAME_RECORD.itemsize]
+        self.frames += len(lengths)
+        if of_tick:
+            self._bits[-1] += sum(map(_BITS.__getitem__, lengths))
+
+    def shares(self, bitrate: int) -> tuple[Array, Array]:
+        """Middles of the bins that are full [s], and the load in them; shape (n,)."""
+        edges, bits = np.array(self._edges), np.array(self._bits[:-1], dtype=np.float64)
+        if len(edges) == 1 and self._ticks > 1:
+            edges, bits = np.array([edges[0], self._last[0]]), np.array([self._last[1]], dtype=np.float64)
+        begin, end = edges[:-1], edges[1:]
+        return (begin + end) / 2, bits / ((end - begin) * bitrate)

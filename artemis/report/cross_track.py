@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
-import numpy as np
-from numpy.typing import NDArray
+from bisect import bisect_right
+from collections.abc import Mapping
+from math import nan
 
 from artemis.errors import ConfigError
 from artemis.motion.fitting import route_for
 from artemis.motion.path import Path
 from artemis.motion.route import Route, route_from_csv
-from artemis.motion.spline import Array
 from artemis.recording.mcap_reader import Recording
+from artemis.values import Pose, Tracking
 
 SAME = 1e-3
 """A path whose length differs by more [m] from what was followed is another one."""
 PROJECTION_WINDOW = 0.5
 """The true pose is looked for this far [m] around its last place on the path."""
+STEP = 0.05
+"""So far it moves from one tick to the next on its path at most [m], or it is looked for anew."""
+_NOWHERE = nan, nan
 
 
 def routes_of(recording: Recording) -> dict[int, tuple[Route, bool]]:
@@ -46,65 +48,67 @@ def routes_of(recording: Recording) -> dict[int, tuple[Route, bool]]:
     return routes
 
 
-def _followed(route: Route, nearest: bool, tracking: Array, pose: Array) -> tuple[Route, float] | None:
+def _followed(route: Route, nearest: bool, tracking: Tracking, pose: Pose | None) -> tuple[Route, float] | None:
     """What was left of a route, or of some laps of it, when it was begun with this `tracking` at this `pose`.
 
     And how much of it was driven before [m]. None: it is not what was followed, for its length is another.
     """
-    arc_length, _, length = tracking.tolist()
-    laps = max(1, round(length / route.length)) if route.closed else 1
-    if abs(laps * route.length - length) > SAME:
+    laps = max(1, round(tracking.length / route.length)) if route.closed else 1
+    if abs(laps * route.length - tracking.length) > SAME:
         return None
     route = route.with_laps(laps)
-    if not nearest or not route.closed or not np.isfinite(pose[0]):
+    if not nearest or not route.closed or pose is None:
         return route, 0.0
-    begun = route.begun_at(route.nearest(*pose[:2].tolist()), arc_length)
+    begun = route.begun_at(route.nearest(pose.x, pose.y), tracking.arc_length)
     return begun, route.length - begun.length
 
 
-def follow_true_pose(
-    routes: Mapping[int, tuple[Route, bool]],
-    following: NDArray[np.bool_],
-    steps: Sequence[int],
-    tracking: Array,
-    true: Array,
-) -> tuple[list[Path], Array]:
-    """The paths that were followed, and where the true pose was on them: arc length and cross-track, shape (n, 2).
+class TruePlaces:
+    """Where the true pose is on the path that is followed, tick by tick."""
 
-    Args:
-        routes: as of `routes_of`.
-        following: in which ticks one was followed, shape (n,).
-        steps: the step at each tick.
-        tracking: arc length, cross-track and length of the route by the estimated pose [m], shape (n, 3).
-        true: pose, shape (n, 3).
-    """
-    followed: list[Path] = []
-    projected = np.full((len(true), 2), np.nan)
-    indices = np.flatnonzero(following)
-    for rows in np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1):
-        step = routes.get(steps[rows[0]]) if len(rows) else None
-        found = None if step is None else _followed(*step, tracking[rows[0]], true[rows[0]])
-        if found is None:
-            continue
-        route, driven = found
-        begins = [begin + driven for begin in route.begins]
-        numbers = np.searchsorted(begins, tracking[rows, 0], side="right").clip(1) - 1
-        for number, (part, begin) in enumerate(zip(route.parts, begins, strict=True)):
-            if not any(part.path.x is other.x for other in followed):
-                followed.append(part.path)
-            own = rows[numbers == number]
-            if len(own):
-                near = float(tracking[own[0], 0]) - begin
-                projected[own] = _project(part.path, true[own], near) + np.array([begin, 0.0])
-    return followed, projected
+    def __init__(self, routes: Mapping[int, tuple[Route, bool]]) -> None:
+        """`routes` as of `routes_of`."""
+        self.paths: list[Path] = []
+        """Every path that was followed so far."""
+        self._routes = routes
+        self._following = False
+        self._route: Route | None = None
+        self._begins: list[float] = []
+        self._near: dict[int, float] = {}
+        """Arc length [m] where the true pose was last, by the number of the route's part."""
 
+    def find(self, step: int, tracking: Tracking | None, true: Pose | None) -> tuple[float, float]:
+        """Arc length on the route and cross-track of the true pose [m]; nan: not known.
 
-def _project(path: Path, poses: Array, near: float) -> Array:
-    """Arc length and cross-track of each pose, shape (n, 2), carried on from the arc length `near` [m]."""
-    rows = np.full((len(poses), 2), np.nan)
-    for index, (x, y, _) in enumerate(poses.tolist()):
-        if np.isfinite(x):
-            projection = path.project(x, y, near, PROJECTION_WINDOW)
-            near = projection.arc_length
-            rows[index] = near, projection.cross_track
-    return rows
+        Args:
+            step: of the mission, in the tick.
+            tracking: of the estimated pose; None: nothing is followed in this tick.
+            true: pose; None: nobody knows.
+        """
+        if tracking is None:
+            self._following = False
+            return _NOWHERE
+        if not self._following:
+            self._following = True
+            self._begin(step, tracking, true)
+        if self._route is None or true is None:
+            return _NOWHERE
+        number = max(bisect_right(self._begins, tracking.arc_length) - 1, 0)
+        begin, path = self._begins[number], self._route.parts[number].path
+        known, near = number in self._near, self._near.get(number, tracking.arc_length - begin)
+        projection = path.project(true.x, true.y, near, 2 * STEP if known else PROJECTION_WINDOW)
+        if known and abs(projection.arc_length - near) > STEP:
+            projection = path.project(true.x, true.y, near, PROJECTION_WINDOW)
+        self._near[number] = projection.arc_length
+        return projection.arc_length + begin, projection.cross_track
+
+    def _begin(self, step: int, tracking: Tracking, true: Pose | None) -> None:
+        route = self._routes.get(step)
+        found = None if route is None else _followed(*route, tracking, true)
+        self._route, self._near = None, {}
+        if found is not None:
+            self._route, driven = found
+            self._begins = [begin + driven for begin in self._route.begins]
+            for part in self._route.parts:
+                if not any(part.path.x is other.x for other in self.paths):
+                    self.paths.append(part.path)

@@ -167,10 +167,8 @@ def plan_figure(run: Series) -> Figure:
     speeds.plot(*thinned(run.time, run.planned_speed), color=PATH, linewidth=4.0, alpha=0.45, label="planned")
     speeds.plot(*thinned(run.time, driven), color=ESTIMATED, label="driven")
     speeds.set_ylabel("speed [m/s]")
-    backward = np.where(run.set_points[:, 0] < 0, -1.0, 1.0)  # a follower is shown the other end as the front
-    feedback = backward * run.set_points[:, 1] - run.feedforward
     angles.plot(*thinned(run.time, np.degrees(run.feedforward)), color=PATH, label="feed-forward")
-    angles.plot(*thinned(run.time, np.degrees(feedback)), color=ESTIMATED, label="feedback")
+    angles.plot(*thinned(run.time, np.degrees(run.feedback)), color=ESTIMATED, label="feedback")
     angles.set_ylabel("steering [°]")
     for axes in (speeds, angles):
         _mark_faults(axes, run)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from array import array
 from dataclasses import dataclass
-from math import nan
+from enum import Enum
+from math import hypot, inf, isfinite, nan
+from operator import attrgetter
 
 import numpy as np
 
@@ -12,10 +13,14 @@ from artemis.motion.path import Path
 from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
-from artemis.report.bus_load import measure_bus_load
-from artemis.report.cross_track import follow_true_pose, routes_of
+from artemis.recording.schemas import TickRecord
+from artemis.report.bus_load import BusLoad
+from artemis.report.cross_track import TruePlaces, routes_of
+from artemis.report.rows import Errors, Rows
 from artemis.values import DriveFeedback, Mode, Pose, SetPoints, Tracking
 from artemis.vehicle import Robot
+
+_DOING = (Mode.CALIBRATE.value, Mode.TELEOP.value, Mode.FOLLOW.value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +44,7 @@ class Wheel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """A run over time. Arrays have one row a tick, NaN where there is no value."""
+    """A run over time. Arrays have one row a tick, of a long run the rows that matter (`rows`); NaN: no value."""
 
     time: Array
     """Run time [s], shape (n,)."""
@@ -64,10 +69,18 @@ class Series:
     """That the path allowed, by the follower's plan [m/s]; nan where nothing was followed, or without a plan."""
     feedforward: Array
     """Steering for the path's curvature alone [rad]; nan likewise."""
-    set_points: Array
-    """Speed [m/s] and angle [rad] of the virtual front wheel that left the gate, shape (n, 2)."""
+    feedback: Array
+    """What the follower adds to that [rad]; nan likewise."""
     late: Array
     """How late each tick began [s]."""
+    ticks: int
+    """All of them."""
+    error: Errors
+    """Cross-track error by the estimated pose [m], over all ticks."""
+    true_error: Errors
+    """The same by the true pose."""
+    error_end: float | None
+    """Distance of the last estimated from the last true position [m]."""
     modes: tuple[Interval, ...]
     steps: tuple[Interval, ...]
     """Of the modes those that do what the mission wants."""
@@ -87,133 +100,179 @@ class Series:
     """First tick after the present place was last made the origin of the odometry."""
 
 
-def read_series(recording: Recording) -> Series:
-    """Read a recording once and lay its values out over time."""
-    table = _read_table(recording)
-    time, true, tracking = table.columns(0, 1)[:, 0], table.columns(5, 8), table.columns(8, 11)
-    following = np.array([mode is Mode.FOLLOW for mode in table.modes], dtype=bool) & np.isfinite(tracking[:, 0])
-    paths, projected = follow_true_pose(routes_of(recording), following, table.steps, tracking, true)
-    modes = _intervals(time, [mode.value for mode in table.modes])
-    doing = {Mode.CALIBRATE.value, Mode.TELEOP.value, Mode.FOLLOW.value}
-    frames, bus_time, bus_load = measure_bus_load(recording, time, table.indices)
-    return Series(
-        time=time,
-        estimated=table.columns(2, 5),
-        true=true,
-        distance=_distance(table.columns(11, 12)[:, 0], table.resets),
-        speed=table.columns(12, 13)[:, 0],
-        wheels=_wheels(table, recording.robot),
-        arc_length=np.where(following, tracking[:, 0], np.nan),
-        cross_track=np.where(following, tracking[:, 1], np.nan),
-        true_arc_length=projected[:, 0],
-        true_cross_track=projected[:, 1],
-        planned_speed=np.where(following, table.columns(13, 14)[:, 0], np.nan),
-        feedforward=np.where(following, table.columns(14, 15)[:, 0], np.nan),
-        set_points=table.columns(15, 17),
-        late=table.columns(1, 2)[:, 0],
-        modes=modes,
-        steps=tuple(interval for interval in modes if interval.value in doing),
-        drive_states={name: _intervals(time, states) for name, states in table.states.items()},
-        paths=tuple(paths),
-        entries=recording.events(),
-        frames=frames,
-        bus_time=bus_time,
-        bus_load=bus_load,
-        finished=table.finished,
-        placed=table.resets[-1] + 1 if table.resets else 0,
-    )
+def read_series(recording: Recording, *, every_tick: bool = False) -> Series:
+    """Read a recording once and lay its values out over time.
+
+    `every_tick`: with a row for each of them, however many there are: 0.2 kB for each.
+    """
+    reader = _Reader(recording, every_tick)
+    for each in recording.ticks_and_frames():
+        if isinstance(each, TickRecord):
+            reader.see(each)
+        else:
+            reader.bus.add(each.data, of_tick=each.tick == reader.index)
+    return reader.series()
 
 
-# --------------------------------------------------------------------------------------------------- one pass over it
-
-
-@dataclass(slots=True)
-class _Table:
-    """Numbers of every tick in one flat array (a long run has millions), and what is no number."""
-
-    width: int
-    numbers: array[float]
-    indices: list[int]
-    modes: list[Mode]
-    steps: list[int]
-    """Of the mission, done at each tick."""
-    states: dict[str, list[str]]
-    resets: list[int]
-    finished: bool = False
-
-    def columns(self, first: int, end: int) -> Array:
-        """Some columns, shape (ticks, end - first)."""
-        return np.asarray(self.numbers, dtype=np.float64).reshape(-1, self.width)[:, first:end]
-
-
-_FIXED = 17
-"""Columns before those of the drives: time, late, estimated pose (3), true pose (3), tracking (3), distance, speed,
-planned speed, feed-forward, commanded speed and steering."""
+_COLUMNS = (
+    "time",
+    *("x", "y", "heading"),
+    *("true_x", "true_y", "true_heading"),
+    *("arc_length", "cross_track", "true_arc_length", "true_cross_track"),
+    *("speed", "planned_speed", "feedforward", "feedback", "late"),
+)
+"""Those before the set-points and measured values of the drives."""
+_AT = {name: number for number, name in enumerate(_COLUMNS)}
 _NO_POSE = Pose(x=nan, y=nan, heading=nan)
-_NO_TRACKING = Tracking(arc_length=nan, cross_track=nan, length=nan)
+_SET_POINTS = {
+    ("traction", "left"): attrgetter("speed_left"),
+    ("traction", "right"): attrgetter("speed_right"),
+    ("steering", "left"): attrgetter("steering_left"),
+    ("steering", "right"): attrgetter("steering_right"),
+}
+"""By role and side of a drive."""
+_MEASURED = {"traction": attrgetter("velocity"), "steering": attrgetter("position")}
+_NOT_FOLLOWING = nan, nan, nan, nan, nan
 
 
-def _read_table(recording: Recording) -> _Table:
-    drives = recording.robot.drives
-    table = _Table(_FIXED + 2 * len(drives), array("d"), [], [], [], {name: [] for name in drives}, [])
-    for tick in recording.ticks():
-        sensed, odometry, points = tick.snapshot.sensed, tick.snapshot.odometry, tick.set_points
-        estimated, true = odometry.pose, tick.true_pose or _NO_POSE
-        tracking = tick.wish.tracking or _NO_TRACKING
-        table.numbers.extend((sensed.time, sensed.late, estimated.x, estimated.y, estimated.heading))
-        table.numbers.extend((true.x, true.y, true.heading))
-        table.numbers.extend((tracking.arc_length, tracking.cross_track, tracking.length))
-        table.numbers.extend((odometry.distance, odometry.speed))
-        table.numbers.extend((_or_nan(tracking.planned_speed), _or_nan(tracking.feedforward)))
-        table.numbers.extend((points.speed, points.steering))
+class _Reader:
+    """Sees every tick of a recording once."""
+
+    def __init__(self, recording: Recording, every_tick: bool) -> None:
+        self._recording, robot = recording, recording.robot
+        self._states = {name: _Spans() for name in robot.drives}
+        self._drives = [
+            (name, _SET_POINTS[drive.role, drive.side], self._states[name], _MEASURED[drive.role])
+            for name, drive in robot.drives.items()
+        ]
+        self._entries = recording.events()
+        faults = [entry.time for entry in self._entries if entry.kind == "fault"]
+        ticks = None if every_tick else recording.number
+        self._rows = Rows(len(_COLUMNS) + 2 * len(self._drives), _AT["x"], _AT["y"], ticks, faults)
+        self._true_places = TruePlaces(routes_of(recording))
+        self._modes = _Spans()
+        self.bus = BusLoad(recording.number, recording.duration)
+        self.index = -1
+        """Of the last tick."""
+        self._ticks = 0
+        self._error, self._true_error = Errors(), Errors()
+        self._error_end: float | None = None
+        self._way = 0.0
+        self._driven: float | None = None
+        """By the odometry, before this tick [m]; None: unknown, or counted anew."""
+        self._placed_after = -inf
+        self._finished = False
+
+    def see(self, tick: TickRecord) -> None:
+        """The next tick."""
+        snapshot, points = tick.snapshot, tick.set_points
+        sensed, odometry, time = snapshot.sensed, snapshot.odometry, snapshot.sensed.time
+        estimated, true = odometry.pose, tick.true_pose
+        if true is not None and not isfinite(true.x):
+            true = None
+        tracking = tick.wish.tracking if tick.mode is Mode.FOLLOW else None
+        if tracking is not None and not isfinite(tracking.arc_length):
+            tracking = None
+        true_arc_length, true_cross_track = self._true_places.find(tick.step, tracking, true)
+        followed = _NOT_FOLLOWING if tracking is None else _followed(tracking, points)
+        arc_length, cross_track, planned_speed, feedforward, feedback = followed
+        self._error.add(cross_track)
+        self._true_error.add(true_cross_track)
+        if true is not None:
+            self._error_end = hypot(estimated.x - true.x, estimated.y - true.y)
+        at = true or _NO_POSE
+        row = [time, estimated.x, estimated.y, estimated.heading, at.x, at.y, at.heading]
+        row += (arc_length, cross_track, true_arc_length, true_cross_track)
+        row += (odometry.speed, planned_speed, feedforward, feedback, sensed.late)
         heard = {drive.name: drive for drive in sensed.drives}
-        for name, drive in drives.items():
-            feedback = heard.get(name) or DriveFeedback(name=name)
-            measured = feedback.velocity if drive.role == "traction" else feedback.position
-            set_point = _set_point(points, drive.role, drive.side)
-            table.numbers.extend((set_point, nan if feedback.age is None else measured))
-            table.states[name].append(feedback.state.value)
+        for name, set_point, states, measured in self._drives:
+            drive = heard.get(name) or DriveFeedback(name=name)
+            row += (set_point(points), nan if drive.age is None else measured(drive))
+            states.see(time, drive.state)
+        self._rows.add(row)
+        if self._driven is not None:
+            self._way += abs(odometry.distance - self._driven)
+        self._driven = odometry.distance
         if tick.wish.reset_pose:
-            table.resets.append(len(table.modes))
-        table.indices.append(sensed.index)
-        table.modes.append(tick.mode)
-        table.steps.append(tick.step)
-        table.finished = tick.wish.finished
-    return table
+            self._driven, self._placed_after = None, time
+        self._modes.see(time, tick.mode)
+        self.bus.tick(time)
+        self.index, self._finished = sensed.index, tick.wish.finished
+        self._ticks += 1
+
+    def series(self) -> Series:
+        """All that was seen."""
+        table = self._rows.table()
+        columns = {name: table[:, number] for name, number in _AT.items()}
+        modes = self._modes.intervals()
+        bus_time, bus_load = self.bus.shares(self._recording.robot.bitrate)
+        return Series(
+            time=columns["time"],
+            estimated=table[:, _AT["x"] : _AT["heading"] + 1],
+            true=table[:, _AT["true_x"] : _AT["true_heading"] + 1],
+            distance=self._way,
+            speed=columns["speed"],
+            wheels=_wheels(table, self._recording.robot),
+            arc_length=columns["arc_length"],
+            cross_track=columns["cross_track"],
+            true_arc_length=columns["true_arc_length"],
+            true_cross_track=columns["true_cross_track"],
+            planned_speed=columns["planned_speed"],
+            feedforward=columns["feedforward"],
+            feedback=columns["feedback"],
+            late=columns["late"],
+            ticks=self._ticks,
+            error=self._error,
+            true_error=self._true_error,
+            error_end=self._error_end,
+            modes=modes,
+            steps=tuple(interval for interval in modes if interval.value in _DOING),
+            drive_states={name: spans.intervals() for name, spans in self._states.items()},
+            paths=tuple(self._true_places.paths),
+            entries=self._entries,
+            frames=self.bus.frames,
+            bus_time=bus_time,
+            bus_load=bus_load,
+            finished=self._finished,
+            placed=int(np.searchsorted(columns["time"], self._placed_after, side="right")),
+        )
 
 
-def _or_nan(value: float | None) -> float:
-    return nan if value is None else value
+def _followed(tracking: Tracking, set_points: SetPoints) -> tuple[float, ...]:
+    """Arc length, cross-track, planned speed, feed-forward, and what feedback adds to it."""
+    planned = nan if tracking.planned_speed is None else tracking.planned_speed
+    feedforward = nan if tracking.feedforward is None else tracking.feedforward
+    front = -1.0 if set_points.speed < 0 else 1.0  # a follower is shown the other end as the front
+    feedback = front * set_points.steering - feedforward
+    return tracking.arc_length, tracking.cross_track, planned, feedforward, feedback
 
 
-def _set_point(set_points: SetPoints, role: str, side: str) -> float:
-    if role == "traction":
-        return set_points.speed_left if side == "left" else set_points.speed_right
-    return set_points.steering_left if side == "left" else set_points.steering_right
-
-
-def _wheels(table: _Table, robot: Robot) -> dict[str, Wheel]:
+def _wheels(table: Array, robot: Robot) -> dict[str, Wheel]:
     wheels = {}
     for number, (name, drive) in enumerate(robot.drives.items()):
-        set_point, measured = table.columns(_FIXED + 2 * number, _FIXED + 2 * number + 2).T
+        set_point, measured = table[:, len(_COLUMNS) + 2 * number :].T[:2]
         wheels[name] = Wheel(role=drive.role, side=drive.side, set_point=set_point, measured=measured)
     return wheels
 
 
-def _distance(way: Array, resets: list[int]) -> float:
-    """Sum of the steps of `way`, but for those behind a reset of the pose."""
-    steps = np.abs(np.diff(way))
-    steps[[index for index in resets if index < len(steps)]] = 0.0
-    return float(np.sum(steps))
-
-
-def _intervals(time: Array, values: list[str]) -> tuple[Interval, ...]:
+class _Spans:
     """Unbroken stretches of one value; each ends where the next begins, the last with the last tick."""
-    if not values:
-        return ()
-    changes = [index for index in range(len(values)) if index == 0 or values[index] != values[index - 1]]
-    ends = [*changes[1:], len(values) - 1]
-    return tuple(
-        Interval(value=values[begin], begin=float(time[begin]), end=float(time[end]))
-        for begin, end in zip(changes, ends, strict=True)
-    )
+
+    def __init__(self) -> None:
+        self._begun: list[tuple[float, Enum]] = []
+        self._value: Enum | None = None
+        self._end = 0.0
+
+    def see(self, time: float, value: Enum) -> None:
+        """The value of the next tick."""
+        if value is not self._value:
+            self._value = value
+            self._begun.append((time, value))
+        self._end = time
+
+    def intervals(self) -> tuple[Interval, ...]:
+        ends = [time for time, _ in self._begun[1:]]
+        return tuple(
+            Interval(value=value.value, begin=begin, end=end)
+            for (begin, value), end in zip(self._begun, [*ends, self._end], strict=False)
+        )

@@ -60,19 +60,14 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
     """The summary of a run; `series` saves reading the recording again."""
     run = series or read_series(recording)
     duration = float(run.time[-1] - run.time[0]) if len(run.time) else 0.0
-    wall = recording.wall_duration
-    rms, worst = _rms_and_max(run.cross_track)
-    true_rms, true_worst = _rms_and_max(run.true_cross_track)
-    journal = recording.journal
-    apart = np.hypot(*(run.estimated - run.true)[:, :2].T)
-    known = apart[np.isfinite(apart)]
+    wall, journal = recording.wall_duration, recording.journal
     return Summary(
         mission=str(recording.mission.get("mission", "")),
         robot=recording.robot.robot,
         start=recording.start,
         result=_result(recording, run),
         missing="; ".join(filter(None, (recording.missing, journal.missing if journal else None))) or None,
-        ticks=len(run.time),
+        ticks=run.ticks,
         duration=duration,
         wall_duration=wall,
         real_time_factor=duration / wall if wall else None,
@@ -80,11 +75,11 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         max_speed=_largest(run.speed),
         max_wheel_speed=max(_largest(wheel.measured) for wheel in run.wheels.values() if wheel.role == "traction"),
         max_steering=max(_largest(wheel.measured) for wheel in run.wheels.values() if wheel.role == "steering"),
-        cross_track_rms=rms,
-        cross_track_max=worst,
-        true_cross_track_rms=true_rms,
-        true_cross_track_max=true_worst,
-        position_error_end=float(known[-1]) if len(known) else None,
+        cross_track_rms=run.error.rms,
+        cross_track_max=run.error.max,
+        true_cross_track_rms=run.true_error.rms,
+        true_cross_track_max=run.true_error.max,
+        position_error_end=run.error_end,
         frames=run.frames,
         bus_load_mean=float(np.mean(run.bus_load)) if len(run.bus_load) else 0.0,
         bus_load_max=_largest(run.bus_load),
@@ -103,13 +98,6 @@ def _result(recording: Recording, run: Series) -> str:
         return "ended in order"
     mode = run.modes[-1].value if run.modes else "the beginning"
     return f"broken off in {mode}"
-
-
-def _rms_and_max(errors: Array) -> tuple[float | None, float | None]:
-    known = errors[np.isfinite(errors)]
-    if not len(known):
-        return None, None
-    return float(np.sqrt(np.mean(known**2))), float(np.max(np.abs(known)))
 
 
 def _largest(values: Array) -> float:

@@ -276,7 +276,7 @@ class ReadRecording:
         self._path.write_bytes(data)
         with suppress(RecordingError):
             recording = Recording(self._path)
-            for read in (recording.ticks, recording.frames, recording.entries, recording.true_poses):
+            for read in (recording.ticks_and_frames, recording.frames, recording.entries):
                 with suppress(RecordingError):
                     list(read())
             for name in ("robot", "mission", "files", "resumption"):

@@ -43,7 +43,7 @@ def test_every_value_of_a_tick_comes_back_exactly(tmp_path: Path) -> None:
     assert [encode(tick) for tick in ticks] == [tick_record(each.tick, each.true_pose) for each in observed]
     assert [tick.snapshot.odometry for tick in ticks] == [each.tick.snapshot.odometry for each in observed]
     assert [tick.wish.tracking for tick in ticks] == [each.tick.wish.tracking for each in observed]
-    assert [pose for _, pose in recording.true_poses()] == [each.true_pose for each in observed]
+    assert [tick.true_pose for tick in ticks] == [each.true_pose for each in observed]
 
 
 def test_a_tick_made_again_is_compared_bit_for_bit(tmp_path: Path) -> None:

@@ -1,0 +1,55 @@
+"""What a run does not need is not imported on its way: it would delay the start, and take memory, for nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import PATIENCE, ROBOT, write_mission
+
+RUN = """
+import sys
+from pathlib import Path
+from artemis.commands import run
+run._conclude = lambda outcome: print("imported:", *sys.modules)
+sys.exit(run.run_and_report(Path(sys.argv[1]), True))
+"""
+CHECK = """
+import sys
+from pathlib import Path
+from artemis.mission.loading import load_mission
+load_mission(Path(sys.argv[1]))
+print("imported:", *sys.modules)
+"""
+
+
+def imported(program: str, mission: Path) -> set[str]:
+    """Modules, and packages above them, that are there before the report of a run."""
+    command = [sys.executable, "-c", program, str(mission)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=True)
+    names = done.stdout.partition("imported: ")[2].split()
+    assert "artemis.mission.loading" in names
+    return set(names)
+
+
+def unwanted(names: set[str], *packages: str) -> list[str]:
+    return sorted(name for name in names if name.startswith(tuple(f"{p}." for p in packages)) or name in packages)
+
+
+@pytest.mark.parametrize("program", [CHECK, RUN])
+def test_a_run_along_a_path_imports_what_a_spline_needs(tmp_path: Path, program: str) -> None:
+    names = imported(program, write_mission(tmp_path))
+
+    assert unwanted(names, "matplotlib", "artemis.calibration", "artemis.report.figures", "scipy.signal") == []
+
+
+@pytest.mark.parametrize("program", [CHECK, RUN])
+def test_a_run_without_a_path_imports_no_scipy(tmp_path: Path, program: str) -> None:
+    mission = tmp_path / "wait.yaml"
+    mission.write_text("mission: wait\nrobot: robot.yaml\nbus: simulation\nsteps:\n  - wait: {seconds: 0.1}\n")
+    (tmp_path / "robot.yaml").write_bytes(ROBOT.read_bytes())
+    names = imported(program, mission)
+
+    assert unwanted(names, "matplotlib", "artemis.calibration", "scipy") == []
