@@ -18,6 +18,7 @@ from artemis.devices.drive import Drives
 from artemis.devices.host import HostWatch, usage
 from artemis.devices.reopening import ReopeningBus
 from artemis.errors import RecordingError
+from artemis.mission.injector import Simulated
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.schema import BusWords, Stop
 from artemis.motion.route import Route
@@ -211,11 +212,11 @@ class _Run:
         period = 1 / self._loaded.mission.tick_hz
         core = Core(self._plan, period)
         robot = Robot(core, drives, border, period, observe, self._attended)
-        if world is not None and self._loaded.mission.simulation.faults:
-            from artemis.testing.injections import schedule, stage_of
-
-            stage = stage_of(self._loaded.robot, world, bus, inputs, self._disk, robot.request)
-            schedule(stage, self._loaded.mission.simulation.faults, self._recorder.note)
+        if world is not None and (injector := self._loaded.injector) is not None:
+            run = Simulated(
+                robot=self._loaded.robot, world=world, bus=bus, disk=self._disk, inputs=inputs, request=robot.request
+            )
+            injector.begin(run, self._loaded.mission.simulation.faults, self._recorder.note)
         stop_listening = self._listen(loop, robot)
         try:
             self._show_paths()
@@ -241,11 +242,7 @@ class _Run:
         true = moved_to(true, resumed.true_pose or resumed.pose) if resumed else true
         world = World(robot, true, seed=seed, start=loop.time())
         bus = SimBus(self._witness(world), robot.bitrate, loop)
-        if not mission.simulation.faults:
-            return bus, world
-        from artemis.testing.fault_bus import FaultBus
-
-        return FaultBus(bus, seed=seed), world
+        return (bus if (injector := self._loaded.injector) is None else injector.failing_bus(bus, seed)), world
 
     def _inputs(self, wake: Callable[[], None]) -> dict[str, InputDevice]:
         devices: dict[str, InputDevice] = {}
@@ -351,14 +348,5 @@ def run_mission(
         witness=witness,
         start=start,
         resumption=resumption,
-        disk=disk or _disk(loaded),
+        disk=disk or (Disk() if loaded.injector is None else loaded.injector.failing_disk(loaded.folder)),
     ).go()
-
-
-def _disk(loaded: LoadedMission) -> Disk:
-    """The computer's; one that can be told to fail where the mission wants faults."""
-    if not loaded.mission.simulation.faults:
-        return Disk()
-    from artemis.testing.failing_disk import FailingDisk
-
-    return FailingDisk(free=Disk().free(loaded.folder))

@@ -6,16 +6,18 @@ import io
 import logging
 import os
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from artemis.commands.bench import bench
 from artemis.commands.path import paths
 from artemis.errors import ArtemisError, ConfigError, RecordingError
 
 FAILED, REFUSED, OWN_BUG = 1, 2, 70
+COMMANDS = "artemis.commands"
+"""Entry points of packages that add commands: functions that take the `typer.Typer` below, and import nothing heavy."""
 
 app = typer.Typer(
     name="artemis",
@@ -29,7 +31,6 @@ app = typer.Typer(
 plugins = typer.Typer(rich_markup_mode=None, invoke_without_command=True)
 app.add_typer(plugins, name="plugins")
 app.add_typer(paths, name="path")
-app.add_typer(bench, name="bench")
 
 calibrate = typer.Typer(
     rich_markup_mode=None, no_args_is_help=True, help="Teach artemis what it has to know of a device."
@@ -110,17 +111,6 @@ def replay(run: RunFolder) -> None:
     from artemis.commands.replay import replay_run
 
     raise typer.Exit(replay_run(run))
-
-
-@app.command()
-def campaign(
-    file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (YAML).")],
-    seed: Annotated[int | None, typer.Option(help="Run only this seed, in sight, and keep its folder.")] = None,
-) -> None:
-    """Do many seeded runs with everything that may go wrong, and have each judged from outside."""
-    from artemis.commands.campaign import run_all, run_one
-
-    raise typer.Exit(run_all(file) if seed is None else run_one(file, seed))
 
 
 @app.command()
@@ -290,6 +280,18 @@ def schema(kind: Annotated[str, typer.Argument(metavar="mission|robot", help="Of
     if kind not in ("mission", "robot"):
         raise ConfigError(f"no schema of {kind!r}: write mission or robot")
     typer.echo(json.dumps(mission_schema() if kind == "mission" else robot_schema(), indent=2))
+
+
+def _add_commands() -> None:
+    """Those of other packages; one that is broken harms nobody else."""
+    for point in sorted(entry_points(group=COMMANDS)):
+        try:
+            point.load()(app)
+        except Exception as error:  # noqa: BLE001  a stranger's module may raise anything
+            print(f"artemis: no commands of {point.value}: {type(error).__name__}: {error}", file=sys.stderr)
+
+
+_add_commands()
 
 
 def main() -> None:

@@ -91,10 +91,8 @@ def core_from(loaded: LoadedMission, resumption: Resumption | None = None, simul
 def plan_for(loaded: LoadedMission, simulated: bool, resumption: Resumption | None) -> Plan:
     """The mission's plan, with followers that fail where it wants that, begun where an earlier run stopped."""
     plan = plan_from(loaded)
-    if simulated and loaded.mission.simulation.faults:
-        from artemis.testing.injections import failing_followers
-
-        plan.steps = failing_followers(plan.steps, loaded.mission.simulation.faults)
+    if simulated and loaded.injector is not None:
+        plan.steps = loaded.injector.failing_followers(plan.steps, loaded.mission.simulation.faults)
     if resumption is not None:
         plan.index, plan.done = resumption.step, resumption.done
         plan.start, plan.placed = resumption.pose, True

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
 from math import inf
 from typing import Any
+
+from msgspec.structs import replace
 
 from artemis.clock import until
 from artemis.devices.drive import Drives
@@ -50,8 +51,8 @@ class Core:
             self._perception.reset()
         points = self._limit(wish, snapshot)
         self._wish, self._points = wish, points
-        step, done, action = self._plan.index, self._plan.done, wish.command.action
-        return Tick(snapshot=snapshot, mode=mode, step=step, done=done, wish=wish, action=action, set_points=points)
+        step, done = self._plan.index, self._plan.done
+        return Tick(snapshot=snapshot, mode=mode, step=step, done=done, wish=wish, set_points=points)
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
         """The gate, from its last set-points on; wheels whose drives are off are where they are."""

@@ -6,8 +6,9 @@ One tick in the order of its values: `Sensed` (all that the edge knows) -> `Snap
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum, IntEnum
+
+from msgspec import Struct
 
 
 class DriveState(Enum):
@@ -51,8 +52,7 @@ class Nmt(Enum):
     PRE_OPERATIONAL = 0x7F
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriveFeedback:
+class DriveFeedback(Struct, frozen=True, kw_only=True, gc=False):
     """What one drive last said. Ages are seconds; None means never heard in this run."""
 
     name: str
@@ -98,8 +98,7 @@ class Request(Enum):
     LEFT_TENTH, RIGHT_TENTH = "a tenth of a degree to the left", "a tenth of a degree to the right"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OperatorInput:
+class OperatorInput(Struct, frozen=True, kw_only=True, gc=False):
     """The newest valid sample of one input device. Axes are levels; requests happen once."""
 
     source: str
@@ -142,8 +141,7 @@ class JobKind(Enum):
 RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}  # `value` of the job SECURE, by the NMT reset that goes before
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class Job(Struct, frozen=True, kw_only=True, gc=False):
     """One order to one drive; `id` is unique in a run."""
 
     id: int
@@ -153,8 +151,7 @@ class Job:
     values: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JobResult:
+class JobResult(Struct, frozen=True, kw_only=True, gc=False):
     """How a job ended. `detail` is for people; `values` for the logic (READ_HISTORY: error codes)."""
 
     id: int
@@ -166,8 +163,7 @@ class JobResult:
     values: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BusHealth:
+class BusHealth(Struct, frozen=True, kw_only=True, gc=False):
     """What the host's end of the bus went through since the last tick."""
 
     foreign: tuple[int, ...] = ()
@@ -179,8 +175,7 @@ class BusHealth:
     """Frames of ours that the allow-list held back, each with its reason and where it came from."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sensed:
+class Sensed(Struct, frozen=True, kw_only=True, gc=False):
     """Everything the edge knows at a tick. Recording these is enough to replay a run."""
 
     index: int
@@ -201,8 +196,7 @@ class Sensed:
     """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pose:
+class Pose(Struct, frozen=True, kw_only=True, gc=False):
     """Where the centre of the REAR axle is: x, y [m] and heading [rad, counter-clockwise from x]."""
 
     x: float = 0.0
@@ -210,8 +204,7 @@ class Pose:
     heading: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Odometry:
+class Odometry(Struct, frozen=True, kw_only=True, gc=False):
     """Pose and motion estimated from the wheels, in the frame `odom` (origin: where the run was armed)."""
 
     pose: Pose = Pose()
@@ -231,8 +224,7 @@ class Action(Enum):
     DISABLE = "disable"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriveCommand:
+class DriveCommand(Struct, frozen=True, kw_only=True, gc=False):
     """A wish for the vehicle: virtual front wheel speed [m/s] and angle [rad]."""
 
     speed: float = 0.0
@@ -240,8 +232,7 @@ class DriveCommand:
     action: Action = Action.RUN
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetPoints:
+class SetPoints(Struct, frozen=True, kw_only=True, gc=False):
     """What leaves the gate: the virtual wheel, and each wheel's own set-point (rolling speed m/s, angle rad)."""
 
     speed: float = 0.0
@@ -276,8 +267,7 @@ class Mode(Enum):
     END = "end"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
+class Fault(Struct, frozen=True, kw_only=True, gc=False):
     """Something is wrong: the catalogue's id, the device, and words for the operator."""
 
     id: str
@@ -289,8 +279,7 @@ class Fault:
     final: bool = False  # no acknowledgment helps in this run
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class Verdict(Struct, frozen=True, kw_only=True, gc=False):
     """The supervisor's judgement of one tick: every active fault, worst first."""
 
     severity: Severity = Severity.NONE
@@ -315,8 +304,7 @@ class Verdict:
         return self.severity is Severity.LIMIT
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot:
+class Snapshot(Struct, frozen=True, kw_only=True, gc=False):
     """What a mode sees: the sensed values, and what follows from them without judgement."""
 
     sensed: Sensed
@@ -350,8 +338,7 @@ class Event(Enum):
     END = "end"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tracking:
+class Tracking(Struct, frozen=True, kw_only=True, gc=False):
     """How a path is being followed."""
 
     arc_length: float  # of the projection [m]
@@ -363,8 +350,7 @@ class Tracking:
     feedforward: float | None = None  # steering for the path's curvature alone [rad]; the rest is feedback
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class Wish(Struct, frozen=True, kw_only=True, gc=False):
     """What a mode wants of one tick."""
 
     command: DriveCommand = DriveCommand()
@@ -385,8 +371,7 @@ class Wish:
     finished: bool = False  # the ordered end is complete; the run may stop ticking
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tick:
+class Tick(Struct, frozen=True, kw_only=True, gc=False):
     """The record of one tick, in the order it came about."""
 
     snapshot: Snapshot
@@ -396,5 +381,4 @@ class Tick:
     done: float = 0.0
     """How much of it is done: way along its path [m], or time [s]."""
     wish: Wish
-    action: Action
     set_points: SetPoints

@@ -9,7 +9,8 @@ import numpy as np
 from artemis.errors import RecordingError
 from artemis.motion.spline import Array
 from artemis.motion.trajectory import Trajectory
-from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.recording.mcap_reader import Recording
+from artemis.recording.schemas import TickRecord
 from artemis.values import JobKind, Pose
 
 LEAST_TICKS = 10
@@ -43,29 +44,29 @@ def recorded_log(recording: Recording, name: str) -> tuple[WheelLog, Trajectory 
     Raises:
         RecordingError: damaged, or nothing was driven.
     """
-    stretches: list[list[RecordedTick]] = [[]]
+    stretches: list[list[TickRecord]] = [[]]
     for tick in recording.ticks():
-        record = tick.record
-        referenced = any(result.kind is JobKind.REFERENCE for result in tick.sensed.results)
-        if record.odometry.lost or record.reset_pose or referenced:
+        sensed, lost = tick.snapshot.sensed, tick.snapshot.odometry.lost
+        referenced = any(result.kind is JobKind.REFERENCE for result in sensed.results)
+        if lost or tick.wish.reset_pose or referenced:
             stretches.append([])
-        heard = all(drive.age is not None for drive in tick.sensed.drives)
-        if heard and not tick.sensed.urgent and not record.odometry.lost:
+        heard = all(drive.age is not None for drive in sensed.drives)
+        if heard and not sensed.urgent and not lost:
             stretches[-1].append(tick)
     logs = [(_log(each, recording, name), each) for each in stretches if len(each) >= LEAST_TICKS]
     if not logs:
         raise RecordingError(f"{recording.path}: nothing was driven in this run")
     log, ticks = max(logs, key=lambda each: each[0].rolled)
-    known = [(tick.record.time, tick.record.true_pose) for tick in ticks if tick.record.true_pose is not None]
+    known = [(tick.snapshot.time, tick.true_pose) for tick in ticks if tick.true_pose is not None]
     return log, _trajectory(known) if known else None
 
 
-def _log(ticks: list[RecordedTick], recording: Recording, name: str) -> WheelLog:
+def _log(ticks: list[TickRecord], recording: Recording, name: str) -> WheelLog:
     places = recording.robot.places
-    rows = np.array([[tick.sensed.drives[place].position for place in places] for tick in ticks])
+    rows = np.array([[tick.snapshot.sensed.drives[place].position for place in places] for tick in ticks])
     return WheelLog(
         name=name,
-        time=np.array([tick.sensed.time for tick in ticks]),
+        time=np.array([tick.snapshot.sensed.time for tick in ticks]),
         way_left=rows[:, 0],
         way_right=rows[:, 1],
         steering_left=rows[:, 2],

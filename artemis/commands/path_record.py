@@ -20,7 +20,8 @@ from artemis.motion.route import Part, Route
 from artemis.motion.spline import Array
 from artemis.motion.track import SHORTEST, SPACING, Track, loop_end
 from artemis.motion.waypoints import Leg, PathRows, deviation, drawn, highest_speed, legs_of, rows_of
-from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.recording.mcap_reader import Recording
+from artemis.recording.schemas import TickRecord
 from artemis.values import Mode, Pose, Request
 from artemis.vehicle import Robot
 
@@ -172,19 +173,19 @@ def _stretches(recording: Recording, choice: Choice) -> list[Driven]:
     chosen = _Chosen(recording, choice)
     stretches: list[Driven] = []
     for tick in recording.ticks():
-        record = tick.record
+        placed, odometry = tick.wish.reset_pose, tick.snapshot.odometry
         wanted = chosen.takes(tick)
-        if record.reset_pose or chosen.begins_anew:
+        if placed or chosen.begins_anew:
             stretches.clear()
-        if not wanted or record.reset_pose or record.odometry.lost:
+        if not wanted or placed or odometry.lost:
             continue
-        pose = record.odometry.pose
+        pose = odometry.pose
         last = stretches[-1].poses[-1] if stretches else None
         if last is None or math.hypot(pose.x - last.x, pose.y - last.y) > LEAP:
             stretches.append(Driven())
         stretches[-1].poses.append(pose)
-        stretches[-1].speeds.append(record.odometry.speed)
-        stretches[-1].times.append(record.time)
+        stretches[-1].speeds.append(odometry.speed)
+        stretches[-1].times.append(tick.snapshot.time)
     return stretches
 
 
@@ -209,19 +210,18 @@ class _Chosen:
             hint = nearest(choice.name, names, "recorded") if names else "; no step of its mission has `record:`"
             raise ConfigError(f"{recording.path}: no path {shown(choice.name)} was recorded{hint}")
 
-    def takes(self, tick: RecordedTick) -> bool:
+    def takes(self, tick: TickRecord) -> bool:
         """By name: what mode teleop recorded, see there."""
-        choice, record = self._choice, tick.record
+        choice, time = self._choice, tick.snapshot.time
         if choice.name is None:
             if choice.begin is None and choice.end is None:
-                return record.mode is Mode.TELEOP
-            return (choice.begin is None or record.time >= choice.begin) and (
-                choice.end is None or record.time <= choice.end
-            )
-        source = self._inputs.get(record.step)
-        if record.mode is not Mode.TELEOP or source is None:
+                return tick.mode is Mode.TELEOP
+            return (choice.begin is None or time >= choice.begin) and (choice.end is None or time <= choice.end)
+        source = self._inputs.get(tick.step)
+        if tick.mode is not Mode.TELEOP or source is None:
             return False
-        pressed = any(Request.RECORD in sample.requests for sample in tick.sensed.inputs if sample.source == source)
+        samples = (sample for sample in tick.snapshot.sensed.inputs if sample.source == source)
+        pressed = any(Request.RECORD in sample.requests for sample in samples)
         counts = self._track.records(pressed=pressed)
         self.begins_anew = pressed and counts
         return counts

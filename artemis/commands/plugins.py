@@ -92,7 +92,7 @@ class _Package:
             f"src/{self._module}/py.typed": "",
             f"tests/test_{self._module}.py": self._filled(f"{self.kind}/test.py"),
             "mission.yaml": self._filled(f"{self.kind}/mission.yaml"),
-            "robot.yaml": (files("artemis.testing") / "artemis.yaml").read_text(encoding="utf-8"),
+            "robot.yaml": (files("artemis") / "testing/artemis.yaml").read_text(encoding="utf-8"),
         }
         return made | ({"path.csv": self._filled("follower/path.csv")} if self.kind == "follower" else {})
 

@@ -46,7 +46,6 @@ class AllowList:
         self._mode = Mode.INIT
         self._ceiling = 0.0
         self._asked: dict[int, float] = {}
-        self._sent: dict[int, int] = {}
         self._nodes = {0, *(drive.node_id for drive in robot.drives.values())}
         self._top = TOLERANCE * robot.limits.wheel_speed_m_s
         self._rules: dict[int, Rule] = {
@@ -60,10 +59,12 @@ class AllowList:
             self._rules[RXPDO[0] + node] = self._set_point(node, rpm)
             self._rules[RXPDO[1] + node] = self._stop
             self._rules[SDO_REQUEST + node] = self._sdo
+        self._counted = [identifier for identifier in self._rules if identifier & _FUNCTION not in (NMT, SDO_REQUEST)]
+        self._sent = dict.fromkeys(self._counted, 0)
 
     def begin(self, mode: Mode) -> None:
         """A tick in `mode` begins to write."""
-        self._sent.clear()
+        self._sent = dict.fromkeys(self._counted, 0)
         fastest = max(self._asked.values(), default=0.0)
         if mode in DRIVING:
             self._ceiling = self._top
@@ -82,8 +83,8 @@ class AllowList:
         rule = self._rules.get(frame.id)
         if rule is None or frame.rtr:
             return self._told(frame, "is none of ours")
-        if frame.id & _FUNCTION not in (NMT, SDO_REQUEST):
-            sent = self._sent[frame.id] = self._sent.get(frame.id, 0) + 1
+        if frame.id in self._sent:
+            sent = self._sent[frame.id] = self._sent[frame.id] + 1
             if sent > MOST:
                 return self._told(frame, f"was sent {sent} times in one tick")
         wrong = rule(frame.data)
@@ -101,17 +102,18 @@ class AllowList:
 
     def _set_point(self, node: int, rpm: float) -> Rule:
         """Controlword and set-point of a node; `rpm`: motor rpm per m/s of a driven wheel, 0 for a steered one."""
+        if not rpm:
+            return _of_length(6)
+        rounding = 1.0 / rpm  # to whole rpm
 
         def judge(data: bytes) -> str | None:
             if len(data) != 6:
                 return "is no set-point"
-            if not rpm:
-                return None
             if self._mode in (Mode.FAULT, Mode.END) and data[0] not in _OFF_WORDS:
                 return "may only stop, switch off or reset"
             speed = abs(int.from_bytes(data[2:], "little", signed=True)) / rpm
             self._asked[node] = speed
-            if speed > self._ceiling + 1.0 / rpm * bool(self._ceiling):  # rounded to whole rpm
+            if speed > (self._ceiling + rounding if self._ceiling else 0.0):
                 return f"target of {speed:.2f} m/s, at most {self._ceiling:.2f}"
             return None
 

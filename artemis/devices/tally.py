@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from msgspec import Struct
 
 
-@dataclass(slots=True)
-class Tally:
+class Tally(Struct):
     """Counted since the last tick."""
 
-    emergencies: list[int] = field(default_factory=list)
+    emergencies: list[int] = []
     boots: int = 0
     frames: int = 0
     malformed: int = 0

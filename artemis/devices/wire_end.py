@@ -77,7 +77,7 @@ class WireEnd:
     def take_traffic(self, now: float) -> list[tuple[bool, Frame]]:
         """Every frame on the bus since the last call, each with whether we sent it: those at the latest at `now`."""
         traffic, self._traffic = self._traffic, []
-        return [(sent, frame._replace(time=now) if sent else frame) for sent, frame in traffic]
+        return [(sent, Frame(frame.id, frame.data, frame.rtr, now) if sent else frame) for sent, frame in traffic]
 
 
 def _where_from() -> str:

@@ -36,7 +36,7 @@ def read_data(path: FilePath) -> bytes:
         recording = Recording(path)
         if recording.missing:
             raise ConfigError(f"{path}: the recording is not whole: {recording.missing}")
-        content = content_of(Moment(tick.sensed.time, tick.sensed.inputs) for tick in recording.ticks())
+        content = content_of(Moment(tick.snapshot.time, tick.snapshot.sensed.inputs) for tick in recording.ticks())
     except RecordingError as error:
         reason = str(error).removeprefix(f"{path}: ")
         raise ConfigError(f"{path}: {reason}") from error

@@ -10,15 +10,15 @@ from typing import Any
 from artemis import vehicle
 from artemis.config import Config
 from artemis.mission import schema
+from artemis.mission.injector import installed_injector
 from artemis.mission.schema import Mission
 
 
 def mission_schema() -> dict[str, object]:
     """JSON schema of a mission file, for editors."""
-    from artemis.testing.injections import INJECTIONS
-
     words: dict[str, Any] = _schema(Mission, schema)
-    words["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] = list(INJECTIONS)
+    if (injector := installed_injector()) is not None:
+        words["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] = list(injector.ids())
     return words
 
 

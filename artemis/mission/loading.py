@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.files import files_like, read_data, read_table
+from artemis.mission.injector import FaultInjector, installed_injector
 from artemis.mission.problems import nearest, problems_from
 from artemis.mission.schema import (
     Calibrate,
@@ -59,6 +60,8 @@ class LoadedMission:
     """What was changed in a path so that the robot can drive it."""
     routes: Mapping[int, Route]
     """What is followed by the steps that name a path file, by the step's number from 0."""
+    injector: FaultInjector | None = None
+    """Makes the mission's faults happen in its simulation; None: it has none."""
 
 
 def load_mission(path: FilePath) -> LoadedMission:
@@ -115,6 +118,7 @@ class _Loading:
         self._remarks: list[str] = []
         self._routes: dict[int, Route] = {}
         self._plugins: dict[KeyPath, tuple[Any, Config]] = {}
+        self._injector: FaultInjector | None = None
         self._document = self._survey(read(path), str(path))
         self._data = self._document.data if isinstance(self._document.data, dict) else {}
         self._robot_source = str(path)
@@ -142,6 +146,7 @@ class _Loading:
             folder=self._folder,
             remarks=tuple(self._remarks),
             routes=self._routes,
+            injector=self._injector,
         )
 
     # ------------------------------------------------------------------------------------------ reading and reporting
@@ -281,19 +286,19 @@ class _Loading:
         given = simulation.get("faults") if isinstance(simulation, dict) else None
         if not isinstance(given, list) or not given:
             return
-        from artemis.mission.faults import check_fault
-        from artemis.testing.injections import INJECTIONS
-
+        self._injector = injector = installed_injector()
+        if injector is None:
+            self._complain(("simulation", "faults"), "the package artemis_lab makes them happen: it is not installed")
+            return
         follows = isinstance(steps, list) and any(isinstance(step, dict) and "follow" in step for step in steps)
         for index in range(len(given)):
             at: KeyPath = ("simulation", "faults", index)
-            fault = self._part(InjectedFault, *at)
-            if fault is None:
+            if (fault := self._part(InjectedFault, *at)) is None:
                 continue
-            for key, problem in check_fault(fault, robot, inputs, follows):
+            for key, problem in injector.problems(fault, robot, inputs, follows):
                 self._complain((*at, key), problem)
-            if fault.inject in INJECTIONS:
-                self._validated(INJECTIONS[fault.inject].parameters, self._document, at, fault.options)
+            if (parameters := injector.parameters(fault.inject)) is not None:
+                self._validated(parameters, self._document, at, fault.options)
 
     def _check_policies(self) -> None:
         names = self._names("recovery")

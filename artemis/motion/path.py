@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 from scipy.interpolate import CubicSpline  # scipy has no types
 
 from artemis.errors import ConfigError
@@ -24,8 +24,7 @@ the noise of millimetres in a recording, which curvature would multiply, goes.""
 WINDOW = 0.3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PathPoint:
+class PathPoint(Struct, frozen=True, kw_only=True):
     """A point of a path. Heading is that of the tangent, in (-pi, pi]; curvature [1/m] is positive to the left."""
 
     arc_length: float
@@ -35,8 +34,7 @@ class PathPoint:
     curvature: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Projection(PathPoint):
+class Projection(PathPoint, frozen=True, kw_only=True):
     """The point of a path that is nearest to a robot."""
 
     cross_track: float

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
 from math import inf
+
+from msgspec.structs import replace
 
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.odometry import Odometer

@@ -8,23 +8,19 @@ from math import radians
 from artemis.vehicle import Potentiometers
 
 SUPPLY_V = 5.0
-RAIL = 0.02
-"""Within this part of the supply from a rail a potentiometer counts as open or shorted."""
+LOWEST, HIGHEST = 0.02 * SUPPLY_V, SUPPLY_V - 0.02 * SUPPLY_V
+"""Nearer than this [V] to a rail of its supply a potentiometer counts as open or shorted."""
 
 
 def wheel_angles(volts: tuple[float, float], calibration: Potentiometers) -> tuple[float, float]:
     """The wheel's angle [rad] by each of its two potentiometers (two-point calibration, thesis 4.3.1)."""
-    first, second = (
-        radians(slope * (volt - zero))
-        for volt, zero, slope in zip(volts, calibration.zero_v, calibration.slope_deg_per_v, strict=True)
-    )
-    return first, second
+    (zero, other_zero), (slope, other_slope) = calibration.zero_v, calibration.slope_deg_per_v
+    return radians(slope * (volts[0] - zero)), radians(other_slope * (volts[1] - other_zero))
 
 
 def is_at_a_rail(volts: tuple[float, float]) -> bool:
     """Whether one of them is open or shorted."""
-    margin = RAIL * SUPPLY_V
-    return not (margin <= volts[0] <= SUPPLY_V - margin and margin <= volts[1] <= SUPPLY_V - margin)
+    return not (LOWEST <= volts[0] <= HIGHEST and LOWEST <= volts[1] <= HIGHEST)
 
 
 def memory_numbers(calibration: Potentiometers) -> tuple[int, ...]:

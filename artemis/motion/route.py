@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from bisect import bisect
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
 from artemis.motion.path import Path, check_drivable, path_from_points
 from artemis.motion.path_points import MIN_STEP, Points, cusps, read_points
 from artemis.motion.spline import Array
+from artemis.motion.totals import total
 from artemis.values import Pose
 from artemis.vehicle import Robot
 
@@ -24,8 +27,7 @@ ON_THE_SPOT = math.radians(45)
 """A robot that would have to turn by more than this between two parts [rad] cannot: neither a curve nor a reversal."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class Part(Struct, frozen=True, kw_only=True):
     """A path that is driven in one direction; its tangent is the direction of travel."""
 
     path: Path
@@ -49,11 +51,11 @@ class Route:
     @property
     def length(self) -> float:
         """Way from the start to the end of the last lap [m]."""
-        return sum(part.path.length for part in self.parts)
+        return total(part.path.length for part in self.parts)
 
     def duration(self, speed: float) -> float:
         """How long it takes [s] at a speed [m/s], or its own where that is lower."""
-        return sum(part.path.duration(speed) for part in self.parts)
+        return total(part.path.duration(speed) for part in self.parts)
 
     @property
     def closed(self) -> bool:

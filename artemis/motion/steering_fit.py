@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees, sqrt
+from math import degrees, inf, sqrt
+from operator import mul
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from artemis.motion.totals import mean, total
 from artemis.vehicle import Potentiometers
 
 ZERO_DIGITS, SLOPE_DIGITS = 4, 3
 """Results are rounded to 0.1 mV (0.007 degrees) and 0.001 degrees per volt: less than they are spread."""
+
+STILL = 1e-9
+"""A wheel whose angles differ by less than about the root of this [rad] did not turn."""
 
 
 class Pass(NamedTuple):
@@ -44,8 +47,9 @@ class Line(NamedTuple):
 
     def spread(self, angle: float, direction: float = 0.0) -> float:
         """Standard deviation of `at` [V]."""
-        at = np.array((1.0, angle, direction))
-        return sqrt(max(0.0, float(at @ np.array(self.covariance) @ at)))
+        at = 1.0, angle, direction
+        shares = [total(map(mul, row, at)) for row in self.covariance]
+        return sqrt(max(0.0, total(map(mul, shares, at))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,19 +84,31 @@ def lines_through(passes: Sequence[Pass]) -> tuple[Line, Line]:
 
 
 def _line(passes: Sequence[Pass], column: int) -> Line:
-    angles = np.array([reading[0] for one in passes for reading in one.readings])
-    volts = np.array([reading[column] for one in passes for reading in one.readings])
-    directions = np.array([one.direction for one in passes for _ in one.readings])
-    wanted = np.column_stack((np.ones_like(angles), angles, directions))
-    found = np.linalg.lstsq(wanted, volts, rcond=None)[0]
-    left = volts - wanted @ found
-    variance = float(left @ left) / (len(left) - 3)
-    covariance = variance * np.linalg.pinv(wanted.T @ wanted)
-    ends = np.cumsum([len(one.readings) for one in passes])[:-1]
-    worst = max(abs(float(part.mean())) for part in np.split(left, ends))
-    volt, per_radian, lag = (float(number) for number in found)
-    misfit = worst / abs(per_radian) if per_radian else float("inf")
-    return Line(volt, per_radian, lag, tuple(tuple(map(float, row)) for row in covariance), misfit)
+    rows = [((1.0, reading[0], one.direction), reading[column]) for one in passes for reading in one.readings]
+    inverse = _inverse([[total([row[i] * row[j] for row, _ in rows]) for j in range(3)] for i in range(3)], len(rows))
+    wanted = [total([row[i] * volt for row, volt in rows]) for i in range(3)]
+    volt, per_radian, lag = (total(map(mul, row, wanted)) for row in inverse)
+    line = Line(volt, per_radian, lag, (), inf)
+    off = [[reading[column] - line.at(reading[0], one.direction) for reading in one.readings] for one in passes]
+    variance = total([each * each for part in off for each in part]) / (len(rows) - 3)
+    worst = max(abs(mean(part)) for part in off)
+    return line._replace(
+        covariance=tuple(tuple(variance * number for number in row) for row in inverse),
+        misfit=worst / abs(per_radian) if per_radian else inf,
+    )
+
+
+def _inverse(matrix: Sequence[Sequence[float]], readings: int) -> tuple[tuple[float, ...], ...]:
+    """Of a symmetric one; all zeros where that many readings tell nothing, because the wheel did not turn."""
+    (a, b, c), (_, d, e), (_, _, f) = matrix
+    adjugate = (
+        (d * f - e * e, c * e - b * f, b * e - c * d),
+        (c * e - b * f, a * f - c * c, b * c - a * e),
+        (b * e - c * d, b * c - a * e, a * d - b * b),
+    )
+    determinant = total(map(mul, matrix[0], adjugate[0]))
+    turned = determinant > STILL * readings**3
+    return tuple(tuple(number / determinant if turned else 0.0 for number in row) for row in adjugate)
 
 
 def shown_straight(lines: tuple[Line, Line], known: Potentiometers) -> float:
@@ -117,7 +133,7 @@ def fitted(lines: tuple[Line, Line], straight: float, direction: float, known: P
     spreads = tuple(
         abs(slope / line.per_radian) * sqrt(line.covariance[1][1]) for slope, line in zip(slopes, lines, strict=True)
     )
-    play = sum(-2.0 * line.lag / line.per_radian for line in lines) / 2.0
+    play = mean([-2.0 * line.lag / line.per_radian for line in lines])
     zeros = tuple(round(line.at(straight, direction), ZERO_DIGITS) for line in lines)
     calibration = Potentiometers(
         zero_v=(zeros[0], zeros[1]),

@@ -16,6 +16,7 @@ from artemis.motion.path import path_from_points
 from artemis.motion.path_points import MIN_STEP, moving
 from artemis.motion.route import Part, Route
 from artemis.motion.spline import Array
+from artemis.motion.totals import total
 from artemis.values import Pose
 from artemis.vehicle import Robot
 
@@ -110,7 +111,7 @@ class Track:
             poses, backward = legs[0]
             if (count := loop_end(poses, close_within, backward)) is not None:
                 legs, closed = [(poses[:count], backward)], True
-        length = sum(math.hypot(b.x - a.x, b.y - a.y) for poses, _ in legs for a, b in pairwise(poses))
+        length = total(math.hypot(b.x - a.x, b.y - a.y) for poses, _ in legs for a, b in pairwise(poses))
         if length < SHORTEST:
             raise ConfigError(f"only {length:.2f} m were recorded, at least {SHORTEST:g} m are needed")
         parts = []

@@ -7,11 +7,11 @@ program. An answer goes on as plain values: numbers are floats, whatever the plu
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from math import isfinite
 from typing import ClassVar, TypeGuard
 
 import numpy as np
+from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.errors import DeviceLost

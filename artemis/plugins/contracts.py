@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import ClassVar, Protocol
 
+from msgspec import Struct
+
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.motion.path import Path
@@ -74,8 +76,7 @@ class InputDevice(Protocol):
         """Give the device back; harmless when repeated."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Following:
+class Following(Struct, frozen=True, kw_only=True):
     """A follower's answer to one snapshot."""
 
     command: DriveCommand

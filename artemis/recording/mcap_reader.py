@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import struct
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from io import BytesIO
@@ -29,7 +29,7 @@ from artemis.recording import schemas
 from artemis.recording.journal import Entry, JournalContent, Level, read_journal
 from artemis.recording.provenance import Resumption
 from artemis.recording.schemas import TickRecord
-from artemis.values import Pose, Sensed
+from artemis.values import Pose
 from artemis.vehicle import Robot
 
 _RECORD = struct.Struct("<BQ")
@@ -42,16 +42,6 @@ _NOT_UNDERSTOOD = (msgspec.DecodeError, ValueError, RecursionError)
 """What bytes raise that are not the JSON that they should be (not UTF-8, an unknown value: ValueError)."""
 _PLACED = b'"reset_pose":true'
 """In the record of the tick in which the odometry gets its origin."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedTick:
-    """One tick of a recording."""
-
-    sensed: Sensed
-    record: TickRecord
-    raw: bytes
-    """The record as written by `schemas.tick_record`."""
 
 
 class _Message(NamedTuple):
@@ -133,25 +123,22 @@ class Recording:
         prefix = "files/"
         return {name[len(prefix) :]: data for name, data in self.attachments.items() if name.startswith(prefix)}
 
-    def ticks(self) -> Iterator[RecordedTick]:
-        """Every tick that is there with both its halves, in order.
+    def ticks(self) -> Iterator[TickRecord]:
+        """Every tick that is there, in order.
 
         Raises:
             RecordingError: a tick holds other values than this version of artemis knows.
         """
-        for sensed, tick in self._pairs():
-            yield self._decoded(sensed, tick)
+        yield from map(self._decoded, self._messages("/tick"))
 
-    def last_tick(self) -> RecordedTick | None:
+    def last_tick(self) -> TickRecord | None:
         """The last of them; None: there is none.
 
         Raises:
             RecordingError: as `ticks`.
         """
-        pair = None
-        for pair in self._pairs():  # noqa: B007  (the last one is what counts)
-            pass
-        return self._decoded(*pair) if pair else None
+        last = deque(self._messages("/tick"), maxlen=1)
+        return self._decoded(last[0]) if last else None
 
     def places_robot(self) -> bool:
         """Whether the odometry got its origin in this run: before, its poses mean nothing."""
@@ -216,25 +203,12 @@ class Recording:
     def true_poses(self) -> Iterator[tuple[float, Pose]]:
         """Run time [s] and true pose (frame `odom`) of every tick that has one. Raises as `ticks` does."""
         for tick in self.ticks():
-            if tick.record.true_pose is not None:
-                yield tick.record.time, tick.record.true_pose
+            if tick.true_pose is not None:
+                yield tick.snapshot.time, tick.true_pose
 
-    def _pairs(self) -> Iterator[tuple[_Message, _Message]]:
-        """Both halves of every tick that has them."""
-        sensed = None
-        for message in self._messages("/sensed", "/tick"):
-            if message.topic == "/sensed":
-                sensed = message
-            elif sensed and sensed.sequence == message.sequence:
-                yield sensed, message
-
-    def _decoded(self, sensed: _Message, tick: _Message) -> RecordedTick:
-        with self._understanding(tick):
-            return RecordedTick(
-                sensed=schemas.sensed_from_record(sensed.data),
-                record=schemas.tick_from_record(tick.data),
-                raw=tick.data,
-            )
+    def _decoded(self, message: _Message) -> TickRecord:
+        with self._understanding(message):
+            return schemas.tick_from_record(message.data)
 
     @contextmanager
     def _understanding(self, message: _Message) -> Iterator[None]:

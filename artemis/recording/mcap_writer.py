@@ -26,7 +26,7 @@ from artemis.recording.disk import Disk, Trouble, trouble
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_file import McapFile
 from artemis.recording.provenance import Provenance
-from artemis.recording.schemas import encode, pack_frames, sensed_record, spatial_pose, tick_record
+from artemis.recording.schemas import encode, pack_frames, spatial_pose, tick_record
 from artemis.values import Pose, Tick
 
 CHUNK_SIZE = 256 * 1024
@@ -217,8 +217,8 @@ class Recorder:
                 self._end_recording(trouble(error, self._path))
 
     def _end_recording(self, why: Trouble) -> None:
-        halves = [self._writer.first_waiting(self._channels[topic]) for topic in ("/sensed", "/tick")]
-        first = min((index for index in halves if index is not None), default=self._index + 1)
+        first = self._writer.first_waiting(self._channels["/tick"])
+        first = self._index + 1 if first is None else first
         self._lost.add(first, self._index + 1 - first)
         self._data_trouble = why
 
@@ -272,7 +272,6 @@ class Recorder:
         sensed = tick.snapshot.sensed
         index, at = sensed.index, self._start + round(sensed.time * 1e9)
         add, channels = self._writer.add_message, self._channels
-        add(channels["/sensed"], at, sensed_record(sensed), index)
         add(channels["/tick"], at, tick_record(tick, true_pose), index)
         if frames:
             add(channels["/frames"], at, encode(schemas.Frames(index, pack_frames(frames))), index)

@@ -23,6 +23,6 @@ def replay(recording: Recording, core: Core) -> Replayed:
     """Recompute the ticks of `recording` with `core`, made from the same mission."""
     number = 0
     for number, recorded in enumerate(recording.ticks(), 1):
-        if found := differences(recorded.record, core.decide(recorded.sensed)):
+        if found := differences(recorded, core.decide(recorded.snapshot.sensed)):
             return Replayed(ticks=number, difference=f"tick {number - 1} differs: {'; '.join(found)}")
     return Replayed(ticks=number, difference=None)

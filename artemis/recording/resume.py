@@ -11,9 +11,10 @@ from pathlib import Path
 from artemis.errors import ConfigError, RecordingError
 from artemis.motion.track import Track
 from artemis.recording.journal import Entry, read_journal
-from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import Resumption
 from artemis.recording.run_folder import RunFolder
+from artemis.recording.schemas import TickRecord
 from artemis.values import Mode, Pose, Request
 
 DONE, BROKEN = "done", "did not end in order"
@@ -59,29 +60,29 @@ def _where_it_stopped(
     entries = recording.journal.entries if recording.journal else ()
     if last is None:
         raise _refused(run, recording.missing or "it holds no tick")
-    if last.record.step >= steps or DONE in (recording.outcome, entries[-1].text if _ended(entries) else ""):
+    if last.step >= steps or DONE in (recording.outcome, entries[-1].text if _ended(entries) else ""):
         raise ConfigError(f"{run}: this run is done, there is nothing to resume; leave --resume away to drive it again")
     if was_simulated and not simulated:
         raise _refused(run, "it was simulated, and this run is not; only with --simulate it can go on")
     if simulated and not was_simulated:
         raise _refused(run, "it was not simulated, and this run is")
-    if last.record.odometry.lost:
+    if last.snapshot.odometry.lost:
         raise _refused(run, "wheels rolled while nobody counted: nobody knows where the robot is")
     if not simulated and (since := _driven_since(recording, root)) is not None:
         raise _refused(run, f"{since.name} has driven the robot since: only that run knows where it is")
     notes = [f"the recording is not whole: {recording.missing}"] if recording.missing else []
-    if last.record.true_pose is None:
+    if last.true_pose is None:
         notes += _doubts(run, recording, last, entries)
     pose, true_pose = Pose(), None
     if before or recording.places_robot():
-        pose, true_pose = last.record.odometry.pose, last.record.true_pose
+        pose, true_pose = last.snapshot.odometry.pose, last.true_pose
     resumption = Resumption(
         run=recording.path.resolve().parent.name,
-        step=last.record.step,
-        done=last.record.done,
+        step=last.step,
+        done=last.done,
         pose=pose,
         true_pose=true_pose,
-        tracks=_tracks(run, recording, last.record.step),
+        tracks=_tracks(run, recording, last.step),
     )
     return resumption, notes
 
@@ -125,9 +126,9 @@ def _ended(entries: tuple[Entry, ...]) -> bool:
     return bool(entries) and entries[-1].kind == "end"
 
 
-def _doubts(run: Path, recording: Recording, last: RecordedTick, entries: tuple[Entry, ...]) -> list[str]:
+def _doubts(run: Path, recording: Recording, last: TickRecord, entries: tuple[Entry, ...]) -> list[str]:
     """Why a real robot may not stand where the recording ends."""
-    time, speed = last.record.time, abs(last.record.odometry.speed)
+    time, speed = last.snapshot.time, abs(last.snapshot.odometry.speed)
     unknown = "nobody knows where the robot is"
     until = entries[-1].time if entries else time
     if until > time + LONGEST_GAP:
@@ -171,14 +172,14 @@ def _tracks(run: Path, recording: Recording, step: int) -> dict[str, Track]:
         return tracks
     current, index = before.step if before else 0, -1
     for tick in recording.ticks():
-        teleop = records.get(current) if tick.record.mode is Mode.TELEOP else None
-        if teleop is not None and not tick.record.odometry.lost:
-            if tick.record.index != index + 1:
+        teleop = records.get(current) if tick.mode is Mode.TELEOP else None
+        if teleop is not None and not tick.snapshot.odometry.lost:
+            if tick.snapshot.sensed.index != index + 1:
                 raise _refused(run, f"ticks are missing while the path {teleop['record']} was recorded")
-            samples = (sample for sample in tick.sensed.inputs if sample.source == teleop["input"])
+            samples = (sample for sample in tick.snapshot.sensed.inputs if sample.source == teleop["input"])
             pressed = any(Request.RECORD in sample.requests for sample in samples)
-            tracks.setdefault(teleop["record"], Track()).see(tick.record.odometry.pose, pressed=pressed)
-        current, index = tick.record.step, tick.record.index
+            tracks.setdefault(teleop["record"], Track()).see(tick.snapshot.odometry.pose, pressed=pressed)
+        current, index = tick.step, tick.snapshot.sensed.index
     missing = [done["record"] for number, done in records.items() if number < step and done["record"] not in tracks]
     if missing:
         raise _refused(run, f"nothing is left of the path {missing[0]}, which was recorded by driving")

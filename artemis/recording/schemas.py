@@ -7,14 +7,16 @@ no unions), so the schemas are derived here. Names of fields are shown there: an
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 from math import cos, isfinite, sin
-from types import UnionType
+from operator import attrgetter
+from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
+from msgspec.structs import asdict
 from numpy.typing import NDArray
 
 from artemis import values
@@ -23,42 +25,11 @@ from artemis.devices.can_bus import Frame
 # ------------------------------------------------------------------------------------------------- records of artemis
 
 
-class TickRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What artemis made of one tick (topic `/tick`). A struct, not a dataclass: it is made and written every tick."""
+class TickRecord(values.Tick, frozen=True, kw_only=True, gc=False):
+    """A whole tick (topic `/tick`): what was sensed, all that was made of it, and where the robot really was."""
 
-    index: int
-    time: float
-    """Run time [s]."""
-    mode: values.Mode
-    phase: str
-    action: values.Action
-    severity: values.Severity
-    to_fault: bool
-    faults: tuple[values.Fault, ...]
-    command: values.DriveCommand
-    set_points: values.SetPoints
-    traction: values.Goal
-    steering: values.Goal
-    heartbeat: bool
-    odometry: values.Odometry
-    dt: float
-    standing: bool
-    jobs: tuple[values.Job, ...]
-    reset_pose: bool
-    finished: bool
-    step: int = 0
-    done: float = 0.0
-    """How much of the step is done: way along its path [m], or time [s]."""
-    final: bool = False
-    recovers: bool = False
-    resumes: bool = False
-    alarm: bool = False
-    event: values.Event | None = None
-    fault: values.Fault | None = None
-    """What the mode itself reports."""
-    tracking: values.Tracking | None = None
     true_pose: values.Pose | None = None
-    """Where the robot really is, in the frame `odom`; only where someone knows (simulation, ground truth)."""
+    """In the frame `odom`; only where someone knows it (simulation, ground truth)."""
 
 
 class Frames(msgspec.Struct, frozen=True):
@@ -146,7 +117,6 @@ class Log(msgspec.Struct, frozen=True):
 
 
 CHANNELS: dict[str, tuple[str, type]] = {
-    "/sensed": ("artemis.Sensed", values.Sensed),
     "/tick": ("artemis.Tick", TickRecord),
     "/frames": ("artemis.Frames", Frames),
     "/pose/estimated": ("foxglove.PoseInFrame", PoseInFrame),
@@ -180,68 +150,13 @@ def json_schema(kind: Any) -> dict[str, Any]:  # noqa: ANN401 (any type annotati
 
 _ENCODER = msgspec.json.Encoder()
 encode = _ENCODER.encode
-_SENSED = msgspec.json.Decoder(values.Sensed)
 _TICK = msgspec.json.Decoder(TickRecord)
 _NON_FINITE = {"float:nan": float("nan"), "float:inf": float("inf"), "float:-inf": float("-inf")}
 
 
-def sensed_record(sensed: values.Sensed) -> bytes:
-    """JSON of everything that the edge knew. Floats survive exactly, also those that JSON lacks (nan, inf)."""
-    record = encode(sensed)
-    if b"null" not in record:
-        return record
-    unknown = [age for drive in sensed.drives for age in (drive.age, drive.nmt, drive.heartbeat_age)]
-    unknown += [sample.age for sample in sensed.inputs]
-    return _exact(sensed, record, unknown.count(None))
-
-
 def tick_record(tick: values.Tick, true_pose: values.Pose | None = None) -> bytes:
-    """JSON of what artemis made of one tick; floats survive exactly."""
-    snapshot, wish, verdict = tick.snapshot, tick.wish, tick.snapshot.verdict
-    record = TickRecord(
-        index=snapshot.sensed.index,
-        time=snapshot.sensed.time,
-        mode=tick.mode,
-        phase=wish.phase,
-        action=tick.action,
-        severity=verdict.severity,
-        to_fault=verdict.to_fault,
-        faults=verdict.faults,
-        command=wish.command,
-        set_points=tick.set_points,
-        traction=wish.traction,
-        steering=wish.steering,
-        heartbeat=wish.heartbeat,
-        odometry=snapshot.odometry,
-        dt=snapshot.dt,
-        standing=snapshot.standing,
-        jobs=wish.jobs,
-        reset_pose=wish.reset_pose,
-        finished=wish.finished,
-        step=tick.step,
-        done=tick.done,
-        final=verdict.final,
-        recovers=verdict.recovers,
-        resumes=verdict.resumes,
-        alarm=verdict.alarm,
-        event=wish.event,
-        fault=wish.fault,
-        tracking=wish.tracking,
-        true_pose=true_pose,
-    )
-    return _exact(record, encode(record), 0)
-
-
-def sensed_from_record(record: bytes) -> values.Sensed:
-    """Inverse of `sensed_record`.
-
-    Raises:
-        msgspec.ValidationError: the JSON is something else.
-    """
-    try:
-        return _SENSED.decode(record)
-    except msgspec.ValidationError:
-        return msgspec.convert(_respelled(msgspec.json.decode(record)), values.Sensed)
+    """JSON of a tick, every field of it. Floats survive exactly, also those that JSON lacks (nan, inf)."""
+    return _exact(TickRecord(**asdict(tick), true_pose=true_pose))
 
 
 def tick_from_record(record: bytes) -> TickRecord:
@@ -261,24 +176,71 @@ def differences(recorded: TickRecord, tick: values.Tick) -> list[str]:
 
     Each line names the field and both values: `set_points.speed: recorded 0.4, now 0.41`.
     """
-    # a round trip through JSON makes floats of integers in float fields, as the recorded sensed values were
-    again = tick_from_record(tick_record(tick, recorded.true_pose))
-    if encode(again) == encode(recorded) and again == recorded:
+    record, again = _exact(recorded), tick_record(tick, recorded.true_pose)
+    if again == record:
         return []
-    return list(_differing("", _respelled(msgspec.to_builtins(recorded)), _respelled(msgspec.to_builtins(again))))
+    now = tick_from_record(again)  # a round trip makes floats of integers in float fields, as those recorded were
+    if _exact(now) == record:
+        return []
+    return list(_differing("", _respelled(msgspec.to_builtins(recorded)), _respelled(msgspec.to_builtins(now))))
 
 
-def _differing(name: str, recorded: Any, again: Any) -> Iterator[str]:  # noqa: ANN401 (any JSON)
-    if isinstance(recorded, dict) and isinstance(again, dict):
-        for key in recorded | again:
-            yield from _differing(f"{name}.{key}".lstrip("."), recorded.get(key), again.get(key))
-    elif repr(recorded) != repr(again):
-        yield f"{name}: recorded {recorded!r}, now {again!r}"
+def _differing(name: str, recorded: Any, now: Any) -> Iterator[str]:  # noqa: ANN401 (any JSON)
+    if isinstance(recorded, dict) and isinstance(now, dict):
+        for key in recorded | now:
+            yield from _differing(f"{name}.{key}".lstrip("."), recorded.get(key), now.get(key))
+    elif repr(recorded) != repr(now):
+        yield f"{name}: recorded {recorded!r}, now {now!r}"
 
 
-def _exact(value: object, record: bytes, nulls: int) -> bytes:
-    """`record` itself, or where it has more nulls than it should (msgspec writes nan and inf so): spelled out."""
-    return record if record.count(b"null") == nulls else encode(_respelled(msgspec.to_builtins(value)))
+_Count = Callable[[Any], int]
+
+
+def _nones(kind: type) -> _Count:
+    """What counts the Nones in a value of a type, however deep. It runs at every tick: few and wide steps."""
+    plain, deep = ["__class__", "__class__"], list[tuple[Callable[[Any], Any], _Count]]()
+
+    def walk(kind: type, prefix: str) -> None:
+        for name, hint in get_type_hints(kind).items():
+            place, optional = prefix + name, get_origin(hint) is UnionType
+            part = next(of for of in get_args(hint) if of is not NoneType) if optional else hint
+            if many := get_origin(part) is tuple:
+                part = get_args(part)[0]
+            count = _nones(part)
+            if count is not _no_none and not (optional or many):
+                walk(part, f"{place}.")
+            elif count is not _no_none:
+                deep.append((attrgetter(place), _of_all(count) if many else count))
+            elif optional:
+                plain.append(place)
+
+    if not issubclass(kind, msgspec.Struct):
+        return _no_none
+    walk(kind, "")
+    if len(plain) == 2 and not deep:
+        return _no_none
+    shallow = attrgetter(*plain)  # gives a tuple, as there are two at least
+    return lambda value: 1 if value is None else shallow(value).count(None) + sum([of(get(value)) for get, of in deep])
+
+
+def _no_none(value: object) -> int:
+    """Counts the Nones in a value that can hold none."""
+    return 0
+
+
+def _of_all(count: _Count) -> _Count:
+    return lambda values: sum(map(count, values))
+
+
+_count_nones = _nones(TickRecord)
+
+
+def _exact(record: TickRecord) -> bytes:
+    """JSON of a record; msgspec writes nan and inf as null: where more is null than is None, they are spelled out."""
+    written = encode(record)
+    return (
+        written if written.count(b"null") == _count_nones(record) else encode(_respelled(msgspec.to_builtins(record)))
+    )
 
 
 def _respelled(value: Any) -> Any:  # noqa: ANN401 (any JSON)

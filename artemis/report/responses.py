@@ -12,7 +12,8 @@ import numpy as np
 
 from artemis.motion.spline import Array
 from artemis.motion.step_response import StepResponse, slope, step_response
-from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.recording.mcap_reader import Recording
+from artemis.recording.schemas import TickRecord
 from artemis.values import Mode
 from artemis.vehicle import Robot
 
@@ -73,15 +74,15 @@ def read_traces(recording: Recording, drives: Sequence[str], steps: Sequence[int
     """
     rows: dict[tuple[str, int], list[_Row]] = {}
     recent: dict[str, deque[_Row]] = {name: deque(maxlen=REST) for name in drives}
-    before: RecordedTick | None = None
+    before: TickRecord | None = None
     for tick in recording.ticks():
-        if tick.sensed.urgent:
+        if tick.snapshot.sensed.urgent:
             continue
-        for drive in tick.sensed.drives:
+        for drive in tick.snapshot.sensed.drives:
             if before is not None and drive.name in recent and drive.age is not None:
-                told, step = _set_point(before, recording.robot, drive.name), before.record.step
-                row = before.record.time, told, drive.position, drive.current
-                if step in steps and before.record.mode in _TRIED:
+                told, step = _set_point(before, recording.robot, drive.name), before.step
+                row = before.snapshot.time, told, drive.position, drive.current
+                if step in steps and before.mode in _TRIED:
                     rest = recent[drive.name] if recording.robot.drives[drive.name].role == "traction" else ()
                     rows.setdefault((drive.name, step), list(rest)).append(row)
                 recent[drive.name].append(row)
@@ -89,8 +90,8 @@ def read_traces(recording: Recording, drives: Sequence[str], steps: Sequence[int
     return {key: _trace(key[0], recording.robot, np.array(found)) for key, found in rows.items()}
 
 
-def _set_point(tick: RecordedTick, robot: Robot, name: str) -> float:
-    points, drive = tick.record.set_points, robot.drives[name]
+def _set_point(tick: TickRecord, robot: Robot, name: str) -> float:
+    points, drive = tick.set_points, robot.drives[name]
     if drive.role == "traction":
         return points.speed_left if drive.side == "left" else points.speed_right
     return points.steering_left if drive.side == "left" else points.steering_right

@@ -157,28 +157,28 @@ def _read_table(recording: Recording) -> _Table:
     drives = recording.robot.drives
     table = _Table(_FIXED + 2 * len(drives), array("d"), [], [], [], {name: [] for name in drives}, [])
     for tick in recording.ticks():
-        record = tick.record
-        estimated, true = record.odometry.pose, record.true_pose or _NO_POSE
-        tracking = record.tracking or _NO_TRACKING
-        table.numbers.extend((record.time, tick.sensed.late, estimated.x, estimated.y, estimated.heading))
+        sensed, odometry, points = tick.snapshot.sensed, tick.snapshot.odometry, tick.set_points
+        estimated, true = odometry.pose, tick.true_pose or _NO_POSE
+        tracking = tick.wish.tracking or _NO_TRACKING
+        table.numbers.extend((sensed.time, sensed.late, estimated.x, estimated.y, estimated.heading))
         table.numbers.extend((true.x, true.y, true.heading))
         table.numbers.extend((tracking.arc_length, tracking.cross_track, tracking.length))
-        table.numbers.extend((record.odometry.distance, record.odometry.speed))
+        table.numbers.extend((odometry.distance, odometry.speed))
         table.numbers.extend((_or_nan(tracking.planned_speed), _or_nan(tracking.feedforward)))
-        table.numbers.extend((record.set_points.speed, record.set_points.steering))
-        heard = {drive.name: drive for drive in tick.sensed.drives}
+        table.numbers.extend((points.speed, points.steering))
+        heard = {drive.name: drive for drive in sensed.drives}
         for name, drive in drives.items():
             feedback = heard.get(name) or DriveFeedback(name=name)
             measured = feedback.velocity if drive.role == "traction" else feedback.position
-            set_point = _set_point(record.set_points, drive.role, drive.side)
+            set_point = _set_point(points, drive.role, drive.side)
             table.numbers.extend((set_point, nan if feedback.age is None else measured))
             table.states[name].append(feedback.state.value)
-        if record.reset_pose:
+        if tick.wish.reset_pose:
             table.resets.append(len(table.modes))
-        table.indices.append(record.index)
-        table.modes.append(record.mode)
-        table.steps.append(record.step)
-        table.finished = record.finished
+        table.indices.append(sensed.index)
+        table.modes.append(tick.mode)
+        table.steps.append(tick.step)
+        table.finished = tick.wish.finished
     return table
 
 

@@ -158,7 +158,7 @@ class SimBus:
     def bus_off(self, off: bool) -> None:
         self._advance(self._loop.time())  # what was sent in time is on the wire
         self._bus_off = off
-        self._urgent_under_way -= sum(is_urgent(frame) for _, (_, _, _, frame, _) in self._from_host)
+        self._urgent_under_way -= len([frame for _, (_, _, _, frame, _) in self._from_host if is_urgent(frame)])
         self._from_host.clear()
 
     # ------------------------------------------------------------------------------------------ the host's side

@@ -11,6 +11,7 @@ import struct
 from collections.abc import Callable, Collection
 
 from artemis.devices.can_bus import Frame
+from artemis.motion.totals import total
 from artemis.sim.dictionary import FORMATS, SIZES, Abort, AbortCode, Dictionary, key_of
 from artemis.sim.epos_objects import MAPPING_PLACES, TPDO_COB_IDS
 
@@ -197,7 +198,7 @@ class ProcessData:
             places = [self._dictionary.number(index, sub) for sub in range(1, count + 1)]
             for mapped in places:
                 self._judge_mapped(mapped, receive=index < 0x1A00)
-            if sum(mapped & 0xFF for mapped in places) > LONGEST_BITS:
+            if total(mapped & 0xFF for mapped in places) > LONGEST_BITS:
                 raise Abort(AbortCode.PDO_TOO_LONG)
 
         return judge

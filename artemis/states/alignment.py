@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
+from artemis.motion.totals import mean
 from artemis.states.mode import OFF, ON, STEERING_ON, Plan, Routine, fail, finish_jobs, is_second
 from artemis.supervision import catalogue
 from artemis.values import POWERED, DriveCommand, DriveFeedback, DriveState, Fault, Goal, Job, JobKind, Snapshot, Wish
@@ -58,7 +60,7 @@ def align(plan: Plan, snapshot: Snapshot) -> Routine:
     errors: dict[str, list[float]] = {name: [] for name in names}
     for target in (SWEEP, -SWEEP, 0.0):
         snapshot = yield from steer(plan, target, snapshot, errors)
-    corrections = {name: sum(found) / len(found) for name, found in errors.items()}
+    corrections = {name: mean(found) for name, found in errors.items()}
     for name, correction in corrections.items():
         if abs(correction) > LARGEST_CORRECTION:
             seen = f"by {math.degrees(correction):.1f} degrees"
@@ -176,11 +178,7 @@ def _read_potentiometers(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snap
         for drive in snapshot.sensed.drives:
             if drive.name in readings:
                 readings[drive.name].append(drive.potentiometers)
-    means = {
-        name: (sum(a for a, _ in pairs) / len(pairs), sum(b for _, b in pairs) / len(pairs))
-        for name, pairs in readings.items()
-    }
-    return means, snapshot
+    return {name: (mean([a for a, _ in read]), mean([b for _, b in read])) for name, read in readings.items()}, snapshot
 
 
 def _angle_at_rest(plan: Plan, name: str, volts: tuple[float, float]) -> float:
@@ -190,7 +188,7 @@ def _angle_at_rest(plan: Plan, name: str, volts: tuple[float, float]) -> float:
 
 
 def _angle(plan: Plan, name: str, volts: tuple[float, float]) -> float:
-    return sum(_angles(plan, name, volts)) / 2
+    return mean(_angles(plan, name, volts))
 
 
 def _angles(plan: Plan, name: str, volts: tuple[float, float]) -> tuple[float, float]:

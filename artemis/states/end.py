@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from artemis.states.gains import restore_gains
 from artemis.states.mode import STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs, is_second, listen

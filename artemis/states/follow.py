@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from math import inf
+
+from msgspec.structs import replace
 
 from artemis.errors import ConfigError
 from artemis.motion.route import Route

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Container, Iterator, Mapping
-from dataclasses import dataclass, replace
 from math import radians
+
+from msgspec.structs import replace
 
 from artemis.motion.ackermann import Ackermann
 from artemis.states.alignment import do, enable
@@ -24,16 +25,14 @@ SHAKE = 0.002
 """The same of a driven wheel [m], of its way against that of its set-points: counts are too coarse for its speed."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GainsStep(CalibrateStep):
+class GainsStep(CalibrateStep, frozen=True, kw_only=True):
     """Give drives other gains, until the run ends or a fault has them configured anew."""
 
     gains: Mapping[str, tuple[int, ...]]
     """Current P, I; velocity P, I; position P, I, D: by drive."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TurnStep(CalibrateStep):
+class TurnStep(CalibrateStep, frozen=True, kw_only=True):
     """Turn the wheels by a step, and back, to see how the steering drives follow."""
 
     side: str

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from artemis.motion.potentiometers import memory_numbers, memory_words
 from artemis.states.alignment import switch_off

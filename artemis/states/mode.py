@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Generator, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from artemis.motion.perception import STANDING_TIME
 from artemis.motion.route import Route
@@ -47,8 +50,7 @@ class ModeLogic(Protocol):
 # ---------------------------------------------------------------------------------------------- the mission's steps
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CalibrateStep:
+class CalibrateStep(Struct, frozen=True, kw_only=True):
     """Align the wheels from the potentiometers again; what else mode calibrate does are kinds of this."""
 
     @property
@@ -57,8 +59,7 @@ class CalibrateStep:
         return ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FollowStep:
+class FollowStep(Struct, frozen=True, kw_only=True):
     """Follow a path to its end; `max_cross_track` [m] is where the robot counts as lost."""
 
     route: Route | str
@@ -83,8 +84,7 @@ class FollowStep:
     """Of the virtual front wheel [m/s], where the follower says: it drives no faster, and not for ever (PTH-08)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TeleopStep:
+class TeleopStep(Struct, frozen=True, kw_only=True):
     """Drive by hand until the input says done or the time is over (`seconds` None: no limit)."""
 
     input: str
@@ -95,8 +95,7 @@ class TeleopStep:
     """Name of the path that is recorded; none: nothing is."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WaitStep:
+class WaitStep(Struct, frozen=True, kw_only=True):
     """Stand still."""
 
     seconds: float

@@ -11,10 +11,12 @@ stay as they are. So a follower always drives forwards along a path of its own, 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from artemis.motion.angles import wrap
 from artemis.motion.route import Part, Route
+from artemis.motion.totals import total
 from artemis.plugins.border import PLUGIN_ERRORS, plain_following, told
 from artemis.plugins.contracts import Follower, Following
 from artemis.supervision import catalogue
@@ -74,7 +76,7 @@ class PartByPart:
         parts = self._route.parts
         self._index, self._part = index, parts[index]
         self._before = self._driven + self._route.begins[index]
-        self._after = sum(part.path.length for part in parts[index + 1 :])
+        self._after = total(part.path.length for part in parts[index + 1 :])
         self._started = self._finished = False
         self.go_on()
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from math import copysign, degrees, inf, radians
+
+from msgspec.structs import replace
 
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.potentiometers import memory_numbers, wheel_angles
 from artemis.motion.steering_fit import Line, Pass, SteeringFit, fitted, lines_through, shown_straight
+from artemis.motion.totals import mean, total
 from artemis.states.alignment import READINGS, do, enable, steer
 from artemis.states.keeping import keep
 from artemis.states.mode import OFF, PATIENCE, STEERING_ON, CalibrateStep, Plan, Routine, fail
@@ -46,12 +48,11 @@ JOGS = {
 Lines = tuple[Line, Line]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SteeringStep(CalibrateStep):
+class SteeringStep(CalibrateStep, frozen=True, kw_only=True):
     """Measure zero and slope of the potentiometers of steered wheels."""
 
     sides: tuple[str, ...] = ("left", "right")
-    reference: Mapping[str, float] = field(default_factory=dict)
+    reference: Mapping[str, float] = {}
     """True angle of a wheel that shows 0 [rad], by side; of one with new potentiometers: as it is found."""
     new: bool = False
     """Nothing that the potentiometers say now is believed."""
@@ -154,7 +155,7 @@ def _ask_straight(
     while not _accepts(snapshot, begun):
         question = f"{side} wheel at {degrees(angle):+.1f} deg: turn it until it stands straight, then accept"
         yield from _somebody(snapshot, begun, question)
-        if jog := sum(JOGS.get(request, 0.0) for request in snapshot.sensed.requests):
+        if jog := total(JOGS.get(request, 0.0) for request in snapshot.sensed.requests):
             here, direction = _drive(snapshot, name).position, copysign(1.0, jog)
             angle = min(max(angle + jog, here - AHEAD, low), here + AHEAD, high)
             target = _virtual(plan, side, angle)
@@ -262,8 +263,7 @@ def _judged(plan: Plan, side: str, lines: Lines, passes: list[Pass]) -> Iterator
 
 def _apart(known: Potentiometers, one: Pass) -> float:
     """Difference of both potentiometers in the mean of a pass, by a calibration [degrees]."""
-    number = len(one.readings)
-    volts = sum(first for _, first, _ in one.readings) / number, sum(second for _, _, second in one.readings) / number
+    volts = mean([first for _, first, _ in one.readings]), mean([second for _, _, second in one.readings])
     first, second = wheel_angles(volts, known)
     return degrees(abs(first - second))
 

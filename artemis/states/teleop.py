@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from artemis.motion.track import Track
 from artemis.states.mode import ON, Plan, TeleopStep

@@ -6,10 +6,11 @@ for how long is a fault stands in the row.
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
-from collections.abc import Iterator
+from collections import deque
+from math import inf
 
 from artemis.motion.perception import stale_age
+from artemis.motion.totals import total
 from artemis.values import DriveFeedback, DriveState, Goal, Nmt, OperatorInput, Sensed, Wish
 from artemis.vehicle import OPERATING_MODES, Robot
 
@@ -27,20 +28,28 @@ HAND = 1.2
 
 
 class Rate:
-    """How often something happened in the last `window` [s], by name."""
+    """How often something happened in the last `window` [s], by name.
+
+    Attributes:
+        happened: When, and how many times, by the names of what happened in the window; empty: nothing did.
+    """
 
     def __init__(self, window: float) -> None:
         self._window = window
-        self._happened: defaultdict[str, deque[tuple[float, int]]] = defaultdict(deque)
+        self.happened: dict[str, deque[tuple[float, int]]] = {}
 
     def count(self, name: str, times: int, now: float) -> int:
         """Add `times` at time `now` [s]; the sum over the window."""
-        happened = self._happened[name]
         if times:
-            happened.append((now, times))
+            self.happened.setdefault(name, deque()).append((now, times))
+        elif name not in self.happened:
+            return 0
+        happened = self.happened[name]
         while happened and happened[0][0] <= now - self._window:
             happened.popleft()
-        return sum(number for _, number in happened)
+        if not happened:
+            del self.happened[name]
+        return total(number for _, number in happened)
 
 
 class DriveMeasures:
@@ -57,53 +66,55 @@ class DriveMeasures:
         """Nothing is expected: the drives are being brought up or released."""
         self._enabled.clear()
 
-    def read(self, sensed: Sensed, last: Wish, explained: set[str]) -> Iterator[Reading]:
+    def read(self, sensed: Sensed, last: Wish, explained: set[str]) -> list[Reading]:
         """Readings of all drives; a fault of one that is `explained` is no news."""
         drives, late = sensed.drives, sensed.late  # feedback answers our SYNC: where we are late, so is all of it
-        ages = [drive.age for drive in drives]
-        if all(age is None or age - late > self._stale for age in ages):
-            yield "COM-29", "", 1.0, _old(min((age for age in ages if age is not None), default=None))
-            return
+        newest = min([drive.age for drive in drives if drive.age is not None], default=inf)
+        if newest - late > self._stale:
+            return [("COM-29", "", 1.0, _old(newest))]
+        readings: list[Reading] = []
         for drive in drives:
+            name, age = drive.name, inf if drive.age is None else drive.age
+            heartbeat = inf if drive.heartbeat_age is None else drive.heartbeat_age
             if drive.boots:
-                yield "COM-26", drive.name, 1.0, ""
-            if drive.age is None or drive.age - late > self._stale:
-                own = 9e9 if drive.age is None else drive.age - late - self._slack
-                yield "COM-11", drive.name, own, _old(drive.age)
-            if drive.heartbeat_age is None or drive.heartbeat_age > 0.1:
-                heard = 9e9 if drive.heartbeat_age is None else drive.heartbeat_age
-                yield "COM-28", drive.name, heard, _old(drive.heartbeat_age)
+                readings.append(("COM-26", name, 1.0, ""))
+            if age - late > self._stale:
+                readings.append(("COM-11", name, age - late - self._slack, _old(age)))
+            if heartbeat > 0.1:
+                readings.append(("COM-28", name, heartbeat, _old(heartbeat)))
             if drive.nmt is not Nmt.OPERATIONAL:
-                yield "COM-27", drive.name, 1.0, drive.nmt.name if drive.nmt else "never heard"
+                readings.append(("COM-27", name, 1.0, drive.nmt.name if drive.nmt else "never heard"))
             if drive.frames > 2:
-                yield "COM-15", drive.name, float(drive.frames), f"{drive.frames} at once"
+                readings.append(("COM-15", name, float(drive.frames), f"{drive.frames} at once"))
             if drive.disordered:
-                yield "COM-16", drive.name, 1.0, ""
+                readings.append(("COM-16", name, 1.0, ""))
             if drive.jumps:
-                yield "RUN-10", drive.name, float(drive.jumps), ""
-            if drive.age is not None:
-                yield from self._state(drive, explained)
-                yield from self._enabling(drive, last.traction if drive.name in self._traction else last.steering)
+                readings.append(("RUN-10", name, float(drive.jumps), ""))
+            if age < inf:
+                goal = last.traction if name in self._traction else last.steering
+                readings += self._state(drive, goal, explained)
+        return readings
 
-    def _state(self, drive: DriveFeedback, explained: set[str]) -> Iterator[Reading]:
-        if drive.state is DriveState.UNKNOWN:
-            yield "COM-05", drive.name, 1.0, f"0x{drive.statusword:04X}"
-        elif drive.state in FAULT_STATES:
-            if not drive.emergencies and drive.name not in explained:
-                yield "COM-01", drive.name, 1.0, ""
-        elif drive.mode != self._modes[drive.name]:
-            yield "COM-04", drive.name, 1.0, f"mode {drive.mode}, expected {self._modes[drive.name]}"
-
-    def _enabling(self, drive: DriveFeedback, goal: Goal) -> Iterator[Reading]:
-        """A drive that is to be enabled gets there in time, and stays."""
+    def _state(self, drive: DriveFeedback, goal: Goal, explained: set[str]) -> list[Reading]:
+        """It is a known one, and without a fault; a drive that is to be enabled gets there in time, and stays."""
+        readings: list[Reading] = []
+        name, state = drive.name, drive.state
+        if state is DriveState.UNKNOWN:
+            readings.append(("COM-05", name, 1.0, f"0x{drive.statusword:04X}"))
+        elif state in FAULT_STATES:
+            if not drive.emergencies and name not in explained:
+                readings.append(("COM-01", name, 1.0, ""))
+        elif drive.mode != self._modes[name]:
+            readings.append(("COM-04", name, 1.0, f"mode {drive.mode}, expected {self._modes[name]}"))
         if goal is not Goal.ENABLED:
-            self._enabled.discard(drive.name)
-        elif drive.state is DriveState.OPERATION_ENABLE:
-            self._enabled.add(drive.name)
-        elif drive.name not in self._enabled:
-            yield "COM-03", drive.name, 1.0, f"stuck in {drive.state.value}"
-        elif drive.state not in FAULT_STATES:
-            yield "COM-02", drive.name, 1.0, f"now {drive.state.value}"
+            self._enabled.discard(name)
+        elif state is DriveState.OPERATION_ENABLE:
+            self._enabled.add(name)
+        elif name not in self._enabled:
+            readings.append(("COM-03", name, 1.0, f"stuck in {state.value}"))
+        elif state not in FAULT_STATES:
+            readings.append(("COM-02", name, 1.0, f"now {state.value}"))
+        return readings
 
 
 class HostMeasures:
@@ -117,56 +128,66 @@ class HostMeasures:
         self._last_beat: float | None = None
         self._axes: dict[str, tuple[float, ...]] = {}
 
-    def read(self, sensed: Sensed, last: Wish) -> Iterator[Reading]:
+    def read(self, sensed: Sensed, last: Wish) -> list[Reading]:
         """Readings of everything that is not one drive's state."""
         now, bus = sensed.time, sensed.bus
-        if not sensed.urgent:
-            yield from self._schedule(sensed, last)
+        readings = [] if sensed.urgent else self._schedule(sensed, last)
         if bus.foreign:
             id = "COM-18" if self._heartbeat in bus.foreign else "COM-17"
-            yield id, "", 1.0, ", ".join(f"0x{identifier:03X}" for identifier in bus.foreign[:4])
-        malformed = self._malformed.count("", sum(drive.malformed for drive in sensed.drives), now)
-        if malformed:
-            yield "COM-14", "", float(malformed), f"{malformed} in a second"
-        if bus.refused:
-            yield "COM-25", "", float(bus.refused), ""
-        for reason in bus.blocked:
-            yield "PLG-07", "", 1.0, reason
-        if errors := self._errors.count("", bus.error_frames, now):
-            yield "COM-20", "", float(errors), f"{errors} error frames"
+            readings.append((id, "", 1.0, ", ".join(f"0x{identifier:03X}" for identifier in bus.foreign[:4])))
+        damaged = 0
         for drive in sensed.drives:
-            yield from self._messages(drive, now)
-        if lost := sum(time > now - TOGETHER for time in self._supply_lost.values()):
-            yield "EST-01", "", float(lost), f"{lost} drives"
+            damaged += drive.malformed
+        if malformed := self._malformed.count("", damaged, now):
+            readings.append(("COM-14", "", float(malformed), f"{malformed} in a second"))
+        if bus.refused:
+            readings.append(("COM-25", "", float(bus.refused), ""))
+        for reason in bus.blocked:
+            readings.append(("PLG-07", "", 1.0, reason))
+        if errors := self._errors.count("", bus.error_frames, now):
+            readings.append(("COM-20", "", float(errors), f"{errors} error frames"))
+        for drive in sensed.drives:
+            if drive.stray or drive.emergencies or self._stray.happened or self._emergencies.happened:
+                readings += self._messages(drive, now)
+        lost = 0
+        for time in self._supply_lost.values():
+            lost += time > now - TOGETHER
+        if lost:
+            readings.append(("EST-01", "", float(lost), f"{lost} drives"))
         for sample in sensed.inputs:
-            yield from self._input(sample, now)
+            readings += self._input(sample, now)
+        return readings
 
-    def _schedule(self, sensed: Sensed, last: Wish) -> Iterator[Reading]:
+    def _schedule(self, sensed: Sensed, last: Wish) -> list[Reading]:
+        readings: list[Reading] = []
         if sensed.late > 0.0:
-            yield "SYS-01", "", sensed.late, f"{sensed.late * 1000:.0f} ms"
-            yield "SYS-03", "", sensed.late, f"for {sensed.late * 1000:.0f} ms"
+            readings.append(("SYS-01", "", sensed.late, f"{sensed.late * 1000:.0f} ms"))
+            readings.append(("SYS-03", "", sensed.late, f"for {sensed.late * 1000:.0f} ms"))
         if self._last_beat is not None and (gap := sensed.time - self._last_beat) > 0.1:
-            yield "COM-31", "", gap, f"{gap * 1000:.0f} ms after the one before"
+            readings.append(("COM-31", "", gap, f"{gap * 1000:.0f} ms after the one before"))
         self._last_beat = sensed.time if last.heartbeat else None
+        return readings
 
-    def _messages(self, drive: DriveFeedback, now: float) -> Iterator[Reading]:
+    def _messages(self, drive: DriveFeedback, now: float) -> list[Reading]:
+        readings: list[Reading] = []
         name = drive.name
         if stray := self._stray.count(name, drive.stray, now):
-            yield "COM-19", name, float(stray), f"{stray} answers too many in a second"
+            readings.append(("COM-19", name, float(stray), f"{stray} answers too many in a second"))
             if drive.stray:
-                yield "COM-09", name, 1.0, ""
+                readings.append(("COM-09", name, 1.0, ""))
         if number := self._emergencies.count(name, len(drive.emergencies), now):
-            yield "DRV-33", name, float(number), f"{number} in a second"
+            readings.append(("DRV-33", name, float(number), f"{number} in a second"))
         if UNDER_VOLTAGE in drive.emergencies:
             self._supply_lost[name] = now
+        return readings
 
-    def _input(self, sample: OperatorInput, now: float) -> Iterator[Reading]:
+    def _input(self, sample: OperatorInput, now: float) -> list[Reading]:
         before = self._axes.get(sample.source, sample.axes)
         self._axes[sample.source] = sample.axes
-        jumped = any(abs(axis - last) > HAND for axis, last in zip(sample.axes, before, strict=False))
-        if jumps := self._jumps.count(sample.source, jumped, now):
-            yield "INP-08", sample.source, float(jumps), ""
+        jumped = any([abs(axis - last) > HAND for axis, last in zip(sample.axes, before, strict=False)])
+        jumps = self._jumps.count(sample.source, jumped, now)
+        return [("INP-08", sample.source, float(jumps), "")] if jumps else []
 
 
-def _old(age: float | None) -> str:
-    return "never heard" if age is None else f"{age * 1000:.0f} ms old"
+def _old(age: float) -> str:
+    return "never heard" if age == inf else f"{age * 1000:.0f} ms old"

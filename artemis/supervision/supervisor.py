@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from math import inf
 
+from msgspec.structs import replace
+
+from artemis.motion.totals import total
 from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import Kind, Row
 from artemis.supervision.measures import FAULT_STATES, DriveMeasures, HostMeasures, Reading
@@ -83,57 +86,67 @@ class Supervisor:
 
     # ------------------------------------------------------------------------------------------ finding
 
-    def _emergencies(self, sensed: Sensed, last: Wish) -> Iterator[Fault]:
+    def _emergencies(self, sensed: Sensed, last: Wish) -> list[Fault]:
         """What the drives told; in bring-up and release a lost heartbeat is no news."""
+        found = []
         for drive in sensed.drives:
             for code in drive.emergencies:
                 if code and (last.supervised or code != LOST_HEARTBEAT):
-                    yield catalogue.emergency(drive.name, code)
+                    found.append(catalogue.emergency(drive.name, code))
+        return found
 
     def _measured(self, sensed: Sensed, last: Wish, points: SetPoints) -> list[Fault]:
         """The faults among the readings: what is above its limit for long enough."""
-        self._now, self._stops_by = sensed.time, _STOPS_BY[last.command.action]
-        above: dict[tuple[str, str, int], float] = {}
-        found = [fault for reading in self._readings(sensed, last, points) for fault in self._rise(reading, above)]
-        self._above = {**self._above, **above} if sensed.urgent else above  # between two ticks not all is measured
+        found = []
+        above = self._above.copy() if sensed.urgent else {}  # between two ticks not all is measured
+        for id, device, value, seen in self._readings(sensed, last, points):
+            severity = self._risen((id, device), value, sensed.time, above)
+            if severity is not None:
+                escalates = id == NO_SLOWER
+                found.append(self._escalated(seen, last) if escalates else catalogue.fault(id, device, seen, severity))
+        self._above = above
         return found
 
-    def _readings(self, sensed: Sensed, last: Wish, points: SetPoints) -> Iterator[Reading]:
-        yield from self._host.read(sensed, last)
-        if any(fault.id == _ADAPTER_LOST for fault in sensed.faults):
-            return  # of the drives nothing can be known
+    def _readings(self, sensed: Sensed, last: Wish, points: SetPoints) -> list[Reading]:
+        readings = self._host.read(sensed, last)
+        for fault in sensed.faults:
+            if fault.id == _ADAPTER_LOST:
+                return readings  # of the drives nothing can be known
         if last.supervised:
-            told = self._explained.union(device for id, device in self._latched if id.startswith("DRV"))
-            shows = sensed.time - self._told > STATE_TIME
-            self._explained = {
-                drive.name
-                for drive in sensed.drives
-                if drive.name in told and (drive.state in FAULT_STATES or not shows)
-            }
-            yield from self._drives.read(sensed, last, self._explained)
+            readings += self._drives.read(sensed, last, self._explain(sensed))
         else:
             self._drives.forget()
             if reasons := {drive.name for drive in sensed.drives if any(drive.emergencies)}:
                 self._explained, self._told = self._explained | reasons, sensed.time
         if not sensed.urgent:
-            yield from self._wheels.read(sensed, last, points, self._verdict.stops)
+            readings += self._wheels.read(sensed, last, points, self._verdict.stops)
+        return readings
 
-    def _rise(self, reading: Reading, above: dict[tuple[str, str, int], float]) -> Iterator[Fault]:
-        """The worst stage of the row that the reading has been above for long enough."""
-        id, device, value, seen = reading
-        worst: Severity | None = None
-        for number, stage in enumerate(self._rows[id].stages):
+    def _explain(self, sensed: Sensed) -> set[str]:
+        """Drives whose state of fault is no news: they said why, and are still there or will soon be."""
+        told = self._explained.union([device for id, device in self._latched if id.startswith("DRV")])
+        if told:
+            soon = sensed.time - self._told <= STATE_TIME
+            drives = [drive for drive in sensed.drives if drive.name in told]
+            self._explained = {drive.name for drive in drives if soon or drive.state in FAULT_STATES}
+        return self._explained
+
+    def _risen(
+        self, row: tuple[str, str], value: float, now: float, above: dict[tuple[str, str, int], float]
+    ) -> Severity | None:
+        """The worst stage of the row that the value has been above for long enough."""
+        worst = None
+        for number, stage in enumerate(self._rows[row[0]].stages):
             if value > stage.over:
-                key = id, device, number
-                since = above[key] = self._above.get(key, self._now)
-                if self._now - since >= stage.hold - ROUNDING:
+                key = *row, number
+                since = above[key] = self._above.get(key, now)
+                if now - since >= stage.hold - ROUNDING:
                     worst = stage.severity
-        if worst is not None:
-            yield self._escalated(seen) if id == NO_SLOWER else catalogue.fault(id, device, seen, worst)
+        return worst
 
-    def _escalated(self, seen: str) -> Fault:
+    def _escalated(self, seen: str, last: Wish) -> Fault:
         """The robot does not slow down as it should: one step further each time, S2 -> S1 -> S0 -> alarm."""
-        stops_by = max(self._verdict.severity, self._stops_by)
+        stops_by = max(self._verdict.severity, _STOPS_BY[last.command.action])
         self._alarm = stops_by is Severity.OFF
         self._wheels.plan_from_here()
         return replace(catalogue.fault(NO_SLOWER, "", seen), severity=Severity(min(stops_by + 1, Severity.OFF)))
@@ -159,7 +172,7 @@ class Supervisor:
             return row.recovery.kind is Kind.NEVER
         occurred = self._occurred.setdefault(key, [])
         occurred.append(now)
-        return sum(time > now - row.recovery.window for time in occurred) >= row.recovery.final
+        return len([time for time in occurred if time > now - row.recovery.window]) >= row.recovery.final
 
     def _forget(self, sensed: Sensed, mode: Mode) -> None:
         """Drop what is over: by itself, by an acknowledgment, or automatically."""
@@ -193,7 +206,7 @@ class Supervisor:
 
     def _recoverable(self, stopping: Iterable[tuple[str, str]], now: float) -> bool:
         """Whether all that stops the robot may be forgotten without a person, within the budgets."""
-        if sum(map(len, self._recovered.values())) >= ALL_RECOVERIES:
+        if total(map(len, self._recovered.values())) >= ALL_RECOVERIES:
             return False
         return all(self._has_budget(id, device, now) for id, device in stopping)
 
@@ -201,7 +214,7 @@ class Supervisor:
         recovery = self._rows[id].recovery
         if recovery.kind is Kind.ITSELF:
             return True
-        spent = sum(time > now - recovery.window for time in self._recovered.get(id, ()))
+        spent = len([time for time in self._recovered.get(id, ()) if time > now - recovery.window])
         others = any((other, device) in self._latched for other in recovery.unless)
         return spent < recovery.times and not others
 

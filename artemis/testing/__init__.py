@@ -1,1 +1,1 @@
-"""Makes things go wrong, on purpose and repeatably: a bus, drives, plugins and inputs that fail when told to."""
+"""For tests of plugins: the contract that each must keep, and devices in memory."""

@@ -92,13 +92,13 @@ def main() -> None:
 def drive(missions: Path, name: str, machine: Errors | None = None, robot: str = "artemis") -> Drive:
     """Run a mission, if asked to with another machine or robot file, and read what was recorded while it drove."""
     recording = run(missions, name, machine, robot)
-    ticks = [tick for tick in recording.ticks() if tick.record.mode in MOVING]
+    ticks = [tick for tick in recording.ticks() if tick.mode in MOVING]
     places = recording.robot.places
-    time = [tick.record.time for tick in ticks[:-1]]  # a tick's feedback was sampled at the SYNC of the tick before
+    time = [tick.snapshot.time for tick in ticks[:-1]]  # a tick's feedback was sampled at the SYNC of the tick before
     return Drive(
-        odometry=_trajectory(time, [tick.record.odometry.pose for tick in ticks[1:]]),
-        true=_trajectory(time, [tick.record.true_pose or Pose() for tick in ticks[:-1]]),
-        wheels=np.array([[tick.sensed.drives[place].position for place in places] for tick in ticks[1:]]),
+        odometry=_trajectory(time, [tick.snapshot.odometry.pose for tick in ticks[1:]]),
+        true=_trajectory(time, [tick.true_pose or Pose() for tick in ticks[:-1]]),
+        wheels=np.array([[tick.snapshot.sensed.drives[place].position for place in places] for tick in ticks[1:]]),
         geometry=recording.robot.geometry,
     )
 

@@ -7,10 +7,11 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path as FilePath
 from typing import ClassVar
+
+from msgspec.structs import replace
 
 from artemis import clock
 from artemis.clock import stopwatch

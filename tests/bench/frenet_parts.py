@@ -16,9 +16,6 @@ from unittest.mock import patch
 
 import numpy as np
 
-from artemis.bench.courses import Course, five_courses
-from artemis.bench.driving import drive
-from artemis.bench.plant import Conditions
 from artemis.motion.path import Path
 from artemis.motion.pose_filter import PoseFilter
 from artemis.motion.spline import Array
@@ -27,6 +24,9 @@ from artemis.plugins.followers import frenet
 from artemis.testing.contracts import ROBOT
 from artemis.values import Odometry
 from artemis.vehicle import Robot
+from artemis_lab.bench.courses import Course, five_courses
+from artemis_lab.bench.driving import drive
+from artemis_lab.bench.plant import Conditions
 
 PLANT = ROBOT
 CONDITIONS = (

@@ -9,10 +9,12 @@ import math
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pkgutil import resolve_name
 from typing import Any
 from unittest.mock import patch
+
+from msgspec.structs import replace
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import heartbeat_frame

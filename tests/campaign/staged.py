@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from artemis.campaign.one_run import Result, run_scenario
-from artemis.campaign.scenario import Scenario
+from artemis_lab.campaign.one_run import Result, run_scenario
+from artemis_lab.campaign.scenario import Scenario
 
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 LONGEST = 60.0

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from campaign_files import write_campaign
 
-from artemis.campaign.monitor.evidence import Violation
-from artemis.campaign.one_run import Result
-from artemis.campaign.runs import Results, load_campaign
+from artemis_lab.campaign.monitor.evidence import Violation
+from artemis_lab.campaign.one_run import Result
+from artemis_lab.campaign.runs import Results, load_campaign
 
 ARTEMIS = [sys.executable, "-m", "artemis", "campaign"]
 SLICE = 16
@@ -113,7 +113,7 @@ def test_cluster_that_is_not_there_is_refused(tmp_path: Path) -> None:
 def test_cluster_of_processes_does_the_same_runs(tmp_path: Path) -> None:
     """A scheduler and two workers of Dask on this computer; what they found is what this process finds."""
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    from artemis.campaign.runs import run_seed
+    from artemis_lab.campaign.runs import run_seed
 
     words = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
     with distributed.LocalCluster(**words) as cluster:

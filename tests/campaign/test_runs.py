@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 from campaign_files import write_campaign
 
-from artemis.campaign import runs
-from artemis.campaign.monitor.evidence import Violation
-from artemis.campaign.one_run import Result
-from artemis.campaign.runs import Line, Results, load_campaign, run_campaign, table
 from artemis.errors import ConfigError
+from artemis_lab.campaign import runs
+from artemis_lab.campaign.monitor.evidence import Violation
+from artemis_lab.campaign.one_run import Result
+from artemis_lab.campaign.runs import Line, Results, load_campaign, run_campaign, table
 
 
 class Here(Executor):
@@ -91,7 +91,7 @@ def test_dead_worker_ends_the_campaign_and_names_the_seeds_under_way(
 
 def test_run_that_never_ends_shows_where_it_is_and_dies() -> None:
     script = """
-from artemis.campaign import runs
+from artemis_lab.campaign import runs
 
 def spin(*_, **__):
     while True:

@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 from staged import ROBOT
 
-from artemis.campaign.monitor.expected import EXPECTED, When
-from artemis.campaign.monitor.faults import AUTOMATIC, BY_ITSELF, FINAL
-from artemis.campaign.one_run import run_scenario
-from artemis.campaign.scenario import NOT_DRAWN, scenario
 from artemis.mission.loading import load_mission, load_model
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Kind
-from artemis.testing.injections import INJECTIONS
 from artemis.vehicle import Robot
+from artemis_lab.campaign.monitor.expected import EXPECTED, When
+from artemis_lab.campaign.monitor.faults import AUTOMATIC, BY_ITSELF, FINAL
+from artemis_lab.campaign.one_run import run_scenario
+from artemis_lab.campaign.scenario import NOT_DRAWN, scenario
+from artemis_lab.injections.table import INJECTIONS
 
 SEEDS = range(400)
 

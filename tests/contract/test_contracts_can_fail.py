@@ -7,11 +7,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import count
 from typing import Any, ClassVar
 
 import pytest
+from msgspec.structs import replace
 from pydantic import ConfigDict
 
 from artemis.config import Config

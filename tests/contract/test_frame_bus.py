@@ -14,7 +14,7 @@ import pytest
 from frame_bus_suite import FrameBusSuite, Link, Peer
 
 from artemis.devices.can_bus import CanBus, FrameBus
-from artemis.testing.fault_bus import FaultBus
+from artemis_lab.injections.fault_bus import FaultBus
 
 PORT = 20000 + os.getpid() % 20000
 """On one host, groups of the same port hear each other: every test process takes a port of its own."""

@@ -29,12 +29,12 @@ from artemis.plugins.registry import CONTRACTS as PLUGIN_CONTRACTS
 from artemis.plugins.registry import load
 from artemis.sim.world import TrueRobot
 from artemis.states.machine import mermaid
-from artemis.testing.injections import INJECTIONS, NOT_INJECTED
-from artemis.testing.stage import Needs
+from artemis_lab.injections.stage import Needs
+from artemis_lab.injections.table import INJECTIONS, NOT_INJECTED
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").rglob("*.md")])
-SOURCES = sorted((ROOT / "artemis").rglob("*.py"))
+SOURCES = sorted(path for name in ("artemis", "artemis_lab") for path in (ROOT / name).rglob("*.py"))
 MAIN_PATH = (
     "plugins/inputs/gamepad.py",
     "robot.py",
@@ -369,7 +369,7 @@ FORBIDDEN: Mapping[str, re.Pattern[str]] = {
 
 def project_files() -> Iterator[Path]:
     """Text files of the project, wherever it was unpacked."""
-    for name in ("artemis", "docs", "missions", "tests", ".ci", "scripts"):
+    for name in ("artemis", "artemis_lab", "docs", "missions", "tests", ".ci", "scripts"):
         for path in sorted((ROOT / name).rglob("*")):
             made = {"runs", "__pycache__"} & set(path.relative_to(ROOT).parts)
             if path.is_file() and path.suffix not in (".png", ".pyc") and not made:

@@ -161,6 +161,6 @@ def modes_of(run: Path) -> list[str]:
     """Every mode of the run in order, without repetition."""
     modes: list[str] = []
     for tick in Recording(run).ticks():
-        if modes[-1:] != [tick.record.mode.value]:
-            modes.append(tick.record.mode.value)
+        if modes[-1:] != [tick.mode.value]:
+            modes.append(tick.mode.value)
     return modes

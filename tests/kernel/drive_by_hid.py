@@ -304,7 +304,7 @@ def judge(run: Path) -> str:
         Wrong: it did not.
     """
     moving = [
-        (tick.record.time, tick.record.mode.value, abs(tick.record.odometry.speed)) for tick in Recording(run).ticks()
+        (tick.snapshot.time, tick.mode.value, abs(tick.snapshot.odometry.speed)) for tick in Recording(run).ticks()
     ]
     lost = next(time for time, mode, _ in moving if mode == "quickstop")
     stopped = next(time for time, mode, speed in moving if time >= lost and speed < STANDS)

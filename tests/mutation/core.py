@@ -25,6 +25,11 @@ CORE: Mapping[str, tuple[str, ...]] = {
         "unit/test_wheels_steered.py",
         *_ROWS,
     ),
+    "supervision/steered.py": (
+        "unit/test_wheels_steered.py",
+        "unit/test_wheels_exactly.py",
+        *_ROWS,
+    ),
     "supervision/supervisor.py": (
         "unit/test_supervisor_times.py",
         "unit/test_supervisor.py",

@@ -154,7 +154,7 @@ def changed_by(subject: Subject) -> set[str]:
 
 
 def _is_ours(name: str) -> bool:
-    return name.partition(".")[0] == "artemis"
+    return name.partition(".")[0] in ("artemis", "artemis_lab")
 
 
 def _imports(module: ModuleType) -> set[str]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Coroutine
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from local_epos import DISABLED, ENABLED, QUICK_STOP, LocalEpos, Wire
+from msgspec.structs import replace
 
 from artemis.clock import run
 from artemis.devices.drive import Drives
@@ -73,7 +73,7 @@ class Bench:
             set_points=points,
             verdict=Verdict(),
         )
-        tick = Tick(snapshot=snapshot, mode=Mode.TELEOP, wish=wish, action=wish.command.action, set_points=points)
+        tick = Tick(snapshot=snapshot, mode=Mode.TELEOP, wish=wish, set_points=points)
         for _ in range(count):
             self.drives.write(tick)
             await asyncio.sleep(PERIOD)

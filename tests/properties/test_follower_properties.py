@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
-from artemis.bench.courses import random_course
-from artemis.bench.plant import Conditions, Plant
 from artemis.motion.angles import wrap
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Follower, Setup
 from artemis.plugins.registry import FOLLOWERS, load
 from artemis.testing.contracts import ROBOT, FollowerContract
 from artemis.values import DriveCommand, Pose, Snapshot
+from artemis_lab.bench.courses import random_course
+from artemis_lab.bench.plant import Conditions, Plant
 
 NAMES = ("frenet", "indiveri", "pure_pursuit", "stanley")
 LIMIT = math.radians(ROBOT.limits.steering_deg)

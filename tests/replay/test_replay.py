@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, Rig, Run, follow, run, stick, straight, write_mission
 
 from artemis.commands.replay import replay_run
 from artemis.mission.loading import load_mission
 from artemis.planning import core_from
-from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.recording.mcap_reader import Recording
 from artemis.recording.replay import replay
-from artemis.recording.schemas import sensed_record
+from artemis.recording.schemas import TickRecord, encode
 from artemis.sim.bus import random_disturbance
-from artemis.values import Mode
+from artemis.values import DriveFeedback, Mode
 
 STEPS = [CALIBRATE, follow(0.4)]
 NOISY = {"potentiometer_noise_v": 0.005, "slip": 0.01, "steering_zero_left_deg": 0.5}
@@ -91,9 +91,9 @@ def recorded(seen: Run) -> Recording:
     return Recording(seen.outcome.run.path)
 
 
-def records(seen: Run) -> list[tuple[bytes, bytes]]:
-    """Every /sensed and /tick of a run, as written."""
-    return [(sensed_record(tick.sensed), tick.raw) for tick in recorded(seen).ticks()]
+def records(seen: Run) -> list[bytes]:
+    """Every tick of a run, as written."""
+    return [encode(tick) for tick in recorded(seen).ticks()]
 
 
 # ---------------------------------------------------------------------------------------------- replay
@@ -122,31 +122,35 @@ def test_a_mission_for_a_real_bus_that_is_simulated_replays_with_the_faults_of_i
 class Altered(Recording):
     """A recording in which one sensed value was another."""
 
-    change: tuple[int, Callable[[RecordedTick], RecordedTick]]
+    change: tuple[int, Callable[[TickRecord], TickRecord]]
 
-    def ticks(self) -> Iterator[RecordedTick]:
+    def ticks(self) -> Iterator[TickRecord]:
         at, change = self.change
         for number, tick in enumerate(super().ticks()):
             yield change(tick) if number == at else tick
 
 
-def roll_on(tick: RecordedTick) -> RecordedTick:
+def with_drives(tick: TickRecord, drives: tuple[DriveFeedback, ...]) -> TickRecord:
+    return replace(tick, snapshot=replace(tick.snapshot, sensed=replace(tick.snapshot.sensed, drives=drives)))
+
+
+def roll_on(tick: TickRecord) -> TickRecord:
     """The first drive's position is another by the smallest step that a float has."""
-    first, *others = tick.sensed.drives
+    first, *others = tick.snapshot.sensed.drives
     moved = replace(first, position=first.position + 1e-9)
-    return RecordedTick(sensed=replace(tick.sensed, drives=(moved, *others)), record=tick.record, raw=tick.raw)
+    return with_drives(tick, (moved, *others))
 
 
-def lose_state(tick: RecordedTick) -> RecordedTick:
+def lose_state(tick: TickRecord) -> TickRecord:
     """A drive's emergency that was never sent."""
-    first, *others = tick.sensed.drives
+    first, *others = tick.snapshot.sensed.drives
     failed = replace(first, emergencies=(0x8611,))
-    return RecordedTick(sensed=replace(tick.sensed, drives=(failed, *others)), record=tick.record, raw=tick.raw)
+    return with_drives(tick, (failed, *others))
 
 
 @pytest.mark.parametrize("change", [roll_on, lose_state])
 def test_one_altered_value_is_reported_with_its_tick(
-    tmp_path: Path, change: Callable[[RecordedTick], RecordedTick]
+    tmp_path: Path, change: Callable[[TickRecord], TickRecord]
 ) -> None:
     seen = done(tmp_path)
     assert seen.outcome is not None

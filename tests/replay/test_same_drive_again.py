@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-from msgspec import structs
+from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, Rig, Run, run, stick, write_mission
 from test_gamepad_drives import DONE, DRIVE, ENABLE, Desk
 
@@ -87,18 +86,17 @@ def again(first: Run, **keys: object) -> Path:
     return path
 
 
-def commands(seen: Run) -> list[TickRecord]:
+def commands(seen: Run) -> list[tuple[object, ...]]:
     """What artemis made of every tick, but for the words of faults, and the last digits of times: acts are timers."""
     assert seen.outcome is not None
-    return [
-        structs.replace(
-            tick.record,
-            time=round(tick.record.time, 9),
-            dt=round(tick.record.dt, 9),
-            faults=tuple(replace(fault, text="") for fault in tick.record.faults),
-        )
-        for tick in Recording(seen.outcome.run.path).ticks()
-    ]
+    return [_command(tick) for tick in Recording(seen.outcome.run.path).ticks()]
+
+
+def _command(tick: TickRecord) -> tuple[object, ...]:
+    snapshot, verdict = tick.snapshot, tick.snapshot.verdict
+    faults = tuple(replace(fault, text="") for fault in verdict.faults)
+    times = round(snapshot.time, 9), round(snapshot.dt, 9)
+    return times, snapshot.odometry, replace(verdict, faults=faults), tick.mode, tick.wish, tick.set_points
 
 
 @pytest.mark.parametrize("drive", [by_table, by_joystick, by_keys, by_unplugged_joystick])

@@ -19,11 +19,11 @@ from artemis.errors import DeviceBusy, DeviceLost
 from artemis.sim.bus import SimBus
 from artemis.sim.epos import SimEpos
 from artemis.sim.world import TrueRobot, World
-from artemis.testing.fault_bus import FaultBus
-from artemis.testing.injections import inject
-from artemis.testing.stage import Stage, Undo
 from artemis.values import DriveState, Nmt, Request
 from artemis.vehicle import Robot
+from artemis_lab.injections.fault_bus import FaultBus
+from artemis_lab.injections.stage import Stage, Undo
+from artemis_lab.injections.table import inject
 
 ROBOT = Robot.model_validate(
     yaml.safe_load((Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").read_text())

@@ -20,10 +20,6 @@ from artemis.config import Config
 from artemis.errors import DeviceLost
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
-from artemis.testing.bad_plugins import BadFollower, BadInput
-from artemis.testing.failing_disk import FailingDisk
-from artemis.testing.injections import inject
-from artemis.testing.stage import Stage
 from artemis.values import (
     DriveCommand,
     Odometry,
@@ -35,6 +31,10 @@ from artemis.values import (
     Tracking,
     Verdict,
 )
+from artemis_lab.injections.bad_plugins import BadFollower, BadInput
+from artemis_lab.injections.failing_disk import FailingDisk
+from artemis_lab.injections.stage import Stage
+from artemis_lab.injections.table import inject
 
 
 class Stick:

@@ -15,8 +15,9 @@ from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry, read_journal
-from artemis.recording.mcap_reader import RecordedTick, Recording
+from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import Resumption
+from artemis.recording.schemas import TickRecord
 from artemis.values import Mode, Request, Tick
 
 FAR, HALF, LONGEST = 1.5, 0.75, 120.0
@@ -35,7 +36,7 @@ class Done:
         return self.outcome.run.path
 
     @property
-    def recorded(self) -> list[RecordedTick]:
+    def recorded(self) -> list[TickRecord]:
         return list(Recording(self.folder).ticks())
 
     @property

@@ -7,19 +7,21 @@ them while the run goes on (`at`, `when`), and put another follower, input devic
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import itertools
 import json
 import math
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path as FilePath
 from typing import Any
 from unittest.mock import patch
 
+from msgspec.structs import replace
 from watched import DRIVES as DRIVES
 from watched import EMERGENCY as EMERGENCY
 from watched import HEARTBEAT as HEARTBEAT
@@ -233,7 +235,7 @@ class Rig:
         with patch(*_PLUGINS):
             self._loaded = load_mission(mission)
         if true_robot is not None:
-            self._loaded = replace(self._loaded, true_robot=true_robot)
+            self._loaded = dataclasses.replace(self._loaded, true_robot=true_robot)
         self._follower, self._input, self._settings, self._disturb = follower, input, settings, disturb
         self._start, self._longest, self._simulate = start, longest, simulate
         self._acts: list[tuple[float, str, Callable[[], None]]] = []
@@ -284,7 +286,7 @@ class Rig:
             outcome = app.run_mission(
                 self._loaded, self.mission, simulate=self._simulate, watch=self._watch, operator=None
             )
-        return replace(self._result(), outcome=outcome)
+        return dataclasses.replace(self._result(), outcome=outcome)
 
     def run_until_killed(self) -> Run:
         """To the moment at which an act calls `kill`: the process is gone, the world stays as it is."""

@@ -35,7 +35,7 @@ def shows(*ids: str) -> Callable[[Proof], Proof]:
 
 def decisions(done: Run) -> list[object]:
     """All that left the host's mind, tick by tick."""
-    return [(s.time, s.mode, s.tick.action, s.tick.set_points) for s in done.seen]
+    return [(s.time, s.mode, s.tick.wish.command.action, s.tick.set_points) for s in done.seen]
 
 
 def assert_changes_nothing(folder: Path, id: str, scene: Scene) -> Run:

@@ -9,7 +9,7 @@ from every_row import Scene
 from watched import DRIVES, TRACTION
 
 from artemis.sim.epos_errors import ERRORS, Reaction
-from artemis.testing.drive_injections import CODES, UNKNOWN
+from artemis_lab.injections.drives import CODES, UNKNOWN
 
 LEFT, RIGHT = TRACTION
 SILENT = "DRV-21"

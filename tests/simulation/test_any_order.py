@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import replace
 from typing import Any, ClassVar
 
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from msgspec.structs import replace
 from rig import MISSIONS, WatchedBus, WatchedWorld
 
 from artemis import clock
@@ -18,13 +18,13 @@ from artemis.plugins.border import Border
 from artemis.robot import Core, Robot
 from artemis.states.mode import Plan, TeleopStep
 from artemis.supervision.catalogue import ROWS
-from artemis.testing.bad_plugins import BadInput
-from artemis.testing.fault_bus import FaultBus
-from artemis.testing.injections import INJECTIONS, inject
-from artemis.testing.stage import Needs, Stage
 from artemis.values import Mode, OperatorInput, Request, Severity, Tick
 from artemis.vehicle import Robot as RobotFile
 from artemis.yaml_file import load
+from artemis_lab.injections.bad_plugins import BadInput
+from artemis_lab.injections.fault_bus import FaultBus
+from artemis_lab.injections.stage import Needs, Stage
+from artemis_lab.injections.table import INJECTIONS, inject
 
 ROBOT = RobotFile.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
 PERIOD = 0.02

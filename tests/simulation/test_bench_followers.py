@@ -10,10 +10,10 @@ from unittest.mock import patch
 import pytest
 
 from artemis import cli
-from artemis.bench.cases import CASES
-from artemis.bench.followers import FRAMES, Task, run
-from artemis.commands import bench_followers
 from artemis.testing.contracts import ROBOT
+from artemis_lab.bench.cases import CASES
+from artemis_lab.bench.followers import FRAMES, Task, run
+from artemis_lab.commands import bench_followers
 
 pytestmark = pytest.mark.slow
 BENCH = ["artemis", "bench", "followers"]

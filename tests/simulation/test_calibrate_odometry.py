@@ -57,9 +57,9 @@ def error_at_end(run: Path) -> tuple[float, float]:
     """Of the odometry [m], and the way [m]."""
     last = Recording(run).last_tick()
     assert last is not None
-    assert last.record.true_pose is not None
-    pose, true = last.record.odometry.pose, last.record.true_pose
-    return hypot(pose.x - true.x, pose.y - true.y), last.record.odometry.distance
+    assert last.true_pose is not None
+    pose, true = last.snapshot.odometry.pose, last.true_pose
+    return hypot(pose.x - true.x, pose.y - true.y), last.snapshot.odometry.distance
 
 
 def seen_by(robot: Robot, old: Robot) -> dict[str, float]:
@@ -105,7 +105,7 @@ def test_runs_need_a_truth_or_to_return(tmp_path: Path) -> None:
     run = driven(tmp_path, "eight", EIGHT, {"steering_zero_left_deg": 0.3, "steering_zero_right_deg": 0.3}, 5)
     last = Recording(run).last_tick()
     assert last is not None
-    assert last.record.true_pose is not None
+    assert last.true_pose is not None
 
     with pytest.raises(ConfigError, match="--returns-to-start"):
         calibrate_with_truth([run], [], None, [], None, None)

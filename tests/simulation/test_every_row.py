@@ -15,8 +15,8 @@ from scenes_of_the_host import HOST_SCENES
 
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Found
-from artemis.testing.injections import INJECTIONS, NOT_INJECTED
 from artemis.values import Severity
+from artemis_lab.injections.table import INJECTIONS, NOT_INJECTED
 
 TESTS = Path(__file__).parents[1]
 SCENES = {**DRIVE_SCENES, **BUS_SCENES, **MOTION_SCENES, **HOST_SCENES}

@@ -11,8 +11,8 @@ from every_row import SETTINGS, Scene, assert_follows, assert_noticed, in_phase,
 from scenes_of_drives import of_code
 from watched import DRIVES, standing
 
-from artemis.testing.drive_injections import CODES
 from artemis.values import Mode
+from artemis_lab.injections.drives import CODES
 
 AT, FOLLOWING = SETTINGS["driving"].at, SETTINGS["following"].at
 STOPPING = [{"at_s": AT - 0.1, "inject": "DRV-25", "node": "steer-left"}]

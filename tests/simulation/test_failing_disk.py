@@ -19,8 +19,8 @@ from artemis.errors import RecordingError
 from artemis.mission.loading import load_mission
 from artemis.recording.journal import Entry, read_journal
 from artemis.recording.mcap_reader import Recording
-from artemis.testing.failing_disk import FailingDisk
 from artemis.values import Fault, Mode, Request, Severity, Tick
+from artemis_lab.injections.failing_disk import FailingDisk
 
 STEPS = [CALIBRATE, follow(0.4)]
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)

@@ -10,8 +10,8 @@ import pytest
 from injection_rig import FAULT_STATES, LEFT, PROOFS, RIGHT, ROBOT, Host, on_stage
 
 from artemis.supervision.catalogue import ROWS
-from artemis.testing.drive_injections import CODES
-from artemis.testing.injections import INJECTIONS, NOT_INJECTED
+from artemis_lab.injections.drives import CODES
+from artemis_lab.injections.table import INJECTIONS, NOT_INJECTED
 
 
 def test_every_row_of_the_fault_table_can_be_injected_or_tells_why_not() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +15,20 @@ from rig import CALIBRATE, MISSIONS, STICK, TELEOP, Run, follow, run, stick, wri
 from artemis.clock import run as run_loop
 from artemis.devices.can_bus import Frame
 from artemis.errors import ConfigError
-from artemis.mission import load_mission, mission_schema
-from artemis.plugins.contracts import InputDevice
+from artemis.mission import injector, load_mission, mission_schema
+from artemis.mission.injector import FaultInjector, Simulated
+from artemis.mission.schema import InjectedFault
+from artemis.plugins.contracts import InputDevice, Setup
+from artemis.plugins.inputs.scripted import ScriptedConfig, ScriptedInput
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry, read_journal
 from artemis.sim.bus import SimBus
 from artemis.sim.world import World
-from artemis.testing.fault_bus import FaultBus
-from artemis.testing.injections import INJECTIONS, schedule, stage_of
-from artemis.testing.stage import Needs
 from artemis.values import DriveState
+from artemis_lab.injections import missions
+from artemis_lab.injections.bad_plugins import BadInput
+from artemis_lab.injections.stage import Needs
+from artemis_lab.injections.table import INJECTIONS
 
 
 def faulty(folder: Path, *faults: dict[str, Any], by_hand: bool = False) -> Run:
@@ -131,12 +136,26 @@ def test_mission_without_faults_loads_none_of_it() -> None:
 import sys, tempfile
 from pathlib import Path
 from artemis.errors import ConfigError
-from artemis.mission import load_mission, mission_schema
+from artemis.mission import injector, load_mission, mission_schema
+from artemis.mission.injector import FaultInjector, Simulated
+from artemis.mission.schema import InjectedFault
 load_mission(Path({str(MISSIONS / "figure_eight.yaml")!r}))
 import artemis.app
-sys.exit(any(name.startswith("artemis.testing") for name in sys.modules))
+sys.exit(any(name.startswith(("artemis.testing", "artemis_lab")) for name in sys.modules))
 """
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_faults_are_refused_where_nothing_makes_them_happen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mission = write_mission(tmp_path, [CALIBRATE], simulation={"faults": [{"at_s": 1.0, "inject": "COM-22"}]})
+    gone = EntryPoint("lab", "no_such_package.injections", injector.GROUP)
+    for points in ([], [gone]):
+        monkeypatch.setattr(injector, "entry_points", lambda group, points=points: points)
+        with pytest.raises(ConfigError) as caught:
+            load_mission(mission)
+        (problem,) = caught.value.problems
+        assert problem.endswith("simulation.faults: the package artemis_lab makes them happen: it is not installed")
+        assert "enum" not in mission_schema()["$defs"]["InjectedFault"]["properties"]["inject"]  # type: ignore[index]
 
 
 def test_mission_without_faults_has_its_bus_as_it_is(tmp_path: Path) -> None:
@@ -148,23 +167,22 @@ def test_mission_without_faults_has_its_bus_as_it_is(tmp_path: Path) -> None:
 # ---------------------------------------------------------------------------------------------- without a mission
 
 
-def test_stage_of_a_run_wraps_its_inputs_where_they_lie() -> None:
+def test_injector_wraps_the_inputs_of_a_run_where_they_lie() -> None:
     robot = load_mission(MISSIONS / "figure_eight.yaml").robot
-
-    class Order:
-        at_s, inject, node, options = 0.0, "COM-22", None, dict[str, Any]()
+    lab: FaultInjector = missions
 
     async def main() -> None:
-        loop = asyncio.get_running_loop()
         world = World(robot)
-        bus = FaultBus(SimBus(world, robot.bitrate, loop))
-        inputs: dict[str, InputDevice] = {}
-        stage = stage_of(robot, world, bus, inputs, Disk(), lambda request: None)
-        assert (stage.inputs, stage.disk) == (inputs, None)
+        bus = lab.failing_bus(SimBus(world, robot.bitrate, asyncio.get_running_loop()), seed=0)
+        device = ScriptedInput(ScriptedConfig(file="stick.csv"), setup)
+        inputs: dict[str, InputDevice] = {"stick": device}
         noted: list[Entry] = []
-        schedule(stage, [Order()], noted.append)
+        run = Simulated(robot=robot, world=world, bus=bus, disk=Disk(), inputs=inputs, request=lambda request: None)
+        lab.begin(run, [InjectedFault(at_s=0.0, inject="COM-22")], noted.append)
+        assert isinstance(inputs["stick"], BadInput)
         with pytest.raises(ConnectionError, match="unplugged"):
             bus.send(Frame(0x080))
         assert [entry.text for entry in noted] == ["COM-22: the adapter is unplugged"]
 
+    setup = Setup(name="stick", robot=robot, folder=Path(), files={"stick.csv": b"time_s,x,y,enable\n0,0,0,0\n"})
     run_loop(main(), simulated=True)

@@ -6,13 +6,13 @@ import itertools
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 from unittest.mock import patch
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, TICK, Rig, Run, follow, standing, stick, straight, write_mission
 
 from artemis.config import Config

@@ -61,15 +61,16 @@ def test_the_robot_is_brought_up_from_the_start_and_its_odometry_goes_on(first: 
     kinds = [entry.text.split(" ")[0] for entry in second.journal if entry.kind == "job"]
     assert {"secure", "configure", "reference", "clear", "disarm"} <= set(kinds)
     assert "proving the watchdog" in [entry.text for entry in second.journal if entry.kind == "phase"]
-    ended, begun = first.recorded[-1].record, second.recorded[0].record
-    assert begun.odometry.pose == ended.odometry.pose
+    ended, begun = first.recorded[-1], second.recorded[0]
+    assert begun.snapshot.odometry.pose == ended.snapshot.odometry.pose
     assert ended.true_pose is not None
     assert begun.true_pose is not None
     assert begun.true_pose.x == pytest.approx(ended.true_pose.x, abs=1e-9)
     assert begun.true_pose.heading == pytest.approx(ended.true_pose.heading, abs=1e-9)
-    error = second.recorded[-1].record
+    error = second.recorded[-1]
     assert error.true_pose is not None
-    assert math.hypot(error.odometry.pose.x - error.true_pose.x, error.odometry.pose.y - error.true_pose.y) < 0.02
+    pose = error.snapshot.odometry.pose
+    assert math.hypot(pose.x - error.true_pose.x, pose.y - error.true_pose.y) < 0.02
 
 
 def test_a_run_can_be_gone_on_with_again_and_again(mission: Path, first: Done) -> None:
@@ -174,7 +175,7 @@ def test_a_run_that_was_killed_is_gone_on_with_as_far_as_it_is_recorded(tmp_path
 
     assert "the file is cut off" in notes[0]
     assert 0.0 < found.done < 1.2
-    assert (found.done, found.pose) == (last.record.done, last.record.odometry.pose)
+    assert (found.done, found.pose) == (last.done, last.snapshot.odometry.pose)
     second = run(mission, killed)
     assert second.outcome.exit_status == 0
     assert second.ticks[-1].snapshot.odometry.pose.x == pytest.approx(FAR, abs=0.03)

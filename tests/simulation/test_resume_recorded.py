@@ -98,9 +98,9 @@ def test_a_path_that_is_being_recorded_is_gone_on_with(mission: Path) -> None:
 
 def test_a_path_that_cannot_be_had_is_refused(mission: Path, first: Done, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = list(Recording(first.folder).ticks())
-    gone = [tick for tick in whole if not (tick.record.mode is Mode.TELEOP and 22.0 < tick.record.time < 23.0)]
+    gone = [tick for tick in whole if not (tick.mode is Mode.TELEOP and 22.0 < tick.snapshot.time < 23.0)]
     monkeypatch.setattr(Recording, "ticks", lambda self: iter(gone))
     assert "ticks are missing while the path shown was recorded" in refused(mission, first.folder)
-    none = [tick for tick in whole if tick.record.mode is not Mode.TELEOP]
+    none = [tick for tick in whole if tick.mode is not Mode.TELEOP]
     monkeypatch.setattr(Recording, "ticks", lambda self: iter(none))
     assert "the path shown" in refused(mission, first.folder)

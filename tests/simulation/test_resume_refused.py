@@ -19,8 +19,8 @@ from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.sim.bus import SimBus
 from artemis.sim.world import TrueRobot, World
-from artemis.testing.failing_disk import FailingDisk
 from artemis.values import Mode, Tick
+from artemis_lab.injections.failing_disk import FailingDisk
 
 BUS = {"interface": "udp_multicast", "channel": "239.74.163.77"}
 
@@ -92,7 +92,7 @@ def test_where_a_robot_stands_whose_recording_ended_before_its_run_is_not_guesse
 
     last = Recording(killed).last_tick()
     assert last is not None
-    assert fails[0] - 1.0 < last.record.time < fails[0]
+    assert fails[0] - 1.0 < last.snapshot.time < fails[0]
     said = refused(mission, killed)
     assert f"{id} at {fails[0]:.2f} s" in said
     assert "nobody knows where the robot is" in said

@@ -13,14 +13,14 @@ import pytest
 import resuming
 from rig import CALIBRATE, MISSIONS, Run, run, straight, write_mission
 
-from artemis.campaign.one_run import run_scenario
-from artemis.campaign.scenario import Scenario
 from artemis.commands.path_record import Choice, Drawing, record_path
 from artemis.commands.replay import replay_run
 from artemis.motion.route import route_from_csv
 from artemis.recording.mcap_reader import Recording
 from artemis.report.series import read_series
 from artemis.values import Mode
+from artemis_lab.campaign.one_run import run_scenario
+from artemis_lab.campaign.scenario import Scenario
 
 pytestmark = pytest.mark.slow
 STICK = {"stick": {"plugin": "scripted", "file": "stick.csv"}}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
+from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, Rig, Run, driven, follow, standing, stick, straight, write_mission
 
 from artemis.config import Config
@@ -46,7 +46,7 @@ class MadInput:
 
 
 def having(**rubbish: object) -> Callable[[OperatorInput], OperatorInput]:
-    return lambda answer: replace(answer, **rubbish)  # type: ignore[arg-type]
+    return lambda answer: replace(answer, **rubbish)
 
 
 RUBBISH: dict[str, Callable[[OperatorInput], Any]] = {

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, ClassVar
 
 import numpy as np
+from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.devices.can_bus import Frame

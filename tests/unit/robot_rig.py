@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, ClassVar
 
 from core_builders import PERIOD, ROBOT, FakeBus, snapshot
+from msgspec.structs import replace
 
 from artemis.clock import SimulatedLoop, run
 from artemis.config import Config
@@ -34,7 +34,7 @@ class ScriptedCore(Core):
         self.seen.append(sensed)
         wish = self.script(sensed)
         seen = replace(snapshot(), sensed=sensed)
-        return Tick(snapshot=seen, mode=Mode.READY, wish=wish, action=wish.command.action, set_points=SetPoints())
+        return Tick(snapshot=seen, mode=Mode.READY, wish=wish, set_points=SetPoints())
 
 
 class SlowDrives(Drives):

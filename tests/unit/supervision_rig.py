@@ -4,12 +4,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf
 from typing import Any
 
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, STEERING, drive, volts
+from msgspec.structs import replace
 
 from artemis.motion.ackermann import Ackermann
 from artemis.supervision import catalogue

@@ -16,7 +16,6 @@ from artemis.recording.journal import Journal
 from artemis.recording.mcap_writer import Recorder
 from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.values import (
-    Action,
     DriveCommand,
     DriveFeedback,
     DriveState,
@@ -156,8 +155,7 @@ def _observed(
         tracking=Tracking(arc_length=min(way, length), length=length, cross_track=offset) if driving else None,
         finished=mode is Mode.END,
     )
-    action = Action.DISABLE if mode is Mode.FAULT else Action.RUN
-    tick = Tick(snapshot=snapshot, mode=mode, wish=wish, action=action, set_points=set_points)
+    tick = Tick(snapshot=snapshot, mode=mode, wish=wish, set_points=set_points)
     return Observed(tick=tick, frames=_frames(index, time, sensed), true_pose=true)
 
 

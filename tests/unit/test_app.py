@@ -10,8 +10,8 @@ import pytest
 
 from artemis import app
 from artemis.mission.loading import load_mission
-from artemis.testing.failing_disk import FailingDisk
 from artemis.values import Severity
+from artemis_lab.injections.failing_disk import FailingDisk
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 REAL = {"interface": "udp_multicast", "channel": "239.0.0.1", "port": 45455, "hop_limit": 0}

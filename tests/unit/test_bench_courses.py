@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from artemis.bench.courses import LONGEST, SHARE, SPACING, Course, five_courses, random_course
 from artemis.motion.spline import Array
 from artemis.testing.contracts import ROBOT
+from artemis_lab.bench.courses import LONGEST, SHARE, SPACING, Course, five_courses, random_course
 
 COURSES = {course.name: course for course in five_courses()}
 BOUND = math.tan(math.radians(60)) / 0.56

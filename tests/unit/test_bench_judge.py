@@ -8,10 +8,6 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from artemis.bench.courses import five_courses
-from artemis.bench.driving import Refused, drive
-from artemis.bench.judge import Reference, Track, judge
-from artemis.bench.plant import Conditions, bicycle
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.motion.path import Path
@@ -19,6 +15,10 @@ from artemis.motion.spline import Array
 from artemis.plugins.contracts import Following
 from artemis.testing.contracts import ROBOT
 from artemis.values import DriveCommand, Snapshot, Tracking
+from artemis_lab.bench.courses import five_courses
+from artemis_lab.bench.driving import Refused, drive
+from artemis_lab.bench.judge import Reference, Track, judge
+from artemis_lab.bench.plant import Conditions, bicycle
 
 COURSES = {course.name: course for course in five_courses()}
 STRAIGHT = COURSES["straight"]

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from artemis.bench.plant import Conditions, Plant, bicycle
 from artemis.motion.ackermann import Ackermann
 from artemis.testing.contracts import ROBOT
 from artemis.values import DriveCommand, Pose
+from artemis_lab.bench.plant import Conditions, Plant, bicycle
 
 BICYCLE = bicycle(ROBOT, 38.0)
 PERIOD = 1 / 30
@@ -88,7 +88,7 @@ def test_finer_steps_change_hundredths_of_a_millimetre(monkeypatch: pytest.Monke
         return car.pose
 
     coarse = weave()
-    monkeypatch.setattr("artemis.bench.plant.SUB_STEPS", 64)
+    monkeypatch.setattr("artemis_lab.bench.plant.SUB_STEPS", 64)
     fine = weave()
     assert math.dist((coarse.x, coarse.y), (fine.x, fine.y)) < 50e-6
 

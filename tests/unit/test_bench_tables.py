@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from artemis.bench import followers
-from artemis.bench.cases import CASES, CLEAN, NOISY, random_case
-from artemis.bench.followers import FRAMES, RANDOM, Row, Task, installed, run, tasks
-from artemis.bench.judge import Figures
-from artemis.bench.python_robotics import REFERENCES
-from artemis.bench.step_time import step_times, weaving_path
-from artemis.bench.tables import Grid, as_csv, grids, problems
 from artemis.testing.contracts import ROBOT
+from artemis_lab.bench import followers
+from artemis_lab.bench.cases import CASES, CLEAN, NOISY, random_case
+from artemis_lab.bench.followers import FRAMES, RANDOM, Row, Task, installed, run, tasks
+from artemis_lab.bench.judge import Figures
+from artemis_lab.bench.python_robotics import REFERENCES
+from artemis_lab.bench.step_time import step_times, weaving_path
+from artemis_lab.bench.tables import Grid, as_csv, grids, problems
 
 FIGURES = Figures(
     rms=0.0123,

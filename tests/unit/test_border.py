@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from core_builders import PATH, StubFollower, following, snapshot
+from msgspec import Struct
+from msgspec.structs import replace
 from robot_rig import StubInput
 
 from artemis.errors import DeviceLost
@@ -251,9 +252,9 @@ def test_bad_samples_are_counted_for_each_input() -> None:
 
 def is_plain(value: object, like: object) -> bool:
     """Of the very type that it is declared to have, whatever would count as equal."""
-    if is_dataclass(value) and not isinstance(value, type):
+    if isinstance(value, Struct):
         return type(value) is type(like) and all(
-            is_plain(getattr(value, field.name), getattr(like, field.name)) for field in fields(value)
+            is_plain(getattr(value, name), getattr(like, name)) for name in value.__struct_fields__
         )
     if isinstance(value, tuple) and isinstance(like, tuple):
         return type(value) is tuple and all(map(is_plain, value, like))
@@ -264,7 +265,7 @@ class Named(str):
     """A name that no encoder knows."""
 
 
-class Sample(OperatorInput):
+class Sample(OperatorInput, frozen=True):
     """A sample of somebody's own kind."""
 
 

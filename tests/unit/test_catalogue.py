@@ -24,10 +24,7 @@ CODES = [
 SUPERVISION = Path(__file__).parents[2] / "artemis" / "supervision"
 TABLES = sorted((SUPERVISION / "catalogue").glob("*.py"))
 MEASURES = [SUPERVISION / "measures.py", SUPERVISION / "wheels.py"]
-PROGRAM = [
-    path for path in SUPERVISION.parent.rglob("*.py")
-    if path not in TABLES and not {"testing", "campaign"} & set(path.relative_to(SUPERVISION.parent).parts)
-]  # fmt: skip
+PROGRAM = [path for path in SUPERVISION.parent.rglob("*.py") if path not in TABLES]
 ID = re.compile(r"[A-Z]{3}-\d{2}")
 STOPS = Severity.CONTROLLED_STOP
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import core_builders
 from core_builders import drive, drives
+from msgspec.structs import replace
 
 from artemis.devices.can_bus import Frame
 from artemis.recording.chronicle import STORM, Chronicle
 from artemis.recording.journal import Entry, Level
 from artemis.supervision import catalogue
 from artemis.values import (
-    Action,
     Event,
     Fault,
     Job,
@@ -47,7 +46,7 @@ def tick(time: float = 0.0, mode: Mode = Mode.FOLLOW, *faults: Fault, **changes:
         **{name: changes.pop(name) for name in ("recovers", "alarm", "final") if name in changes},
     )
     snapshot = core_builders.snapshot(time, verdict=verdict, **changes)
-    return Tick(snapshot=snapshot, mode=mode, wish=Wish(**told), action=Action.RUN, set_points=SetPoints())
+    return Tick(snapshot=snapshot, mode=mode, wish=Wish(**told), set_points=SetPoints())
 
 
 def told(*ticks: Tick, frames: Sequence[tuple[bool, Frame]] = ()) -> list[Entry]:

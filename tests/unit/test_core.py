@@ -7,7 +7,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -23,6 +22,7 @@ from core_builders import (
     plan,
     sensed,
 )
+from msgspec.structs import replace
 
 from artemis.robot import LIMITED_SPEED, Core
 from artemis.states.mode import FollowStep, Step, TeleopStep, WaitStep
@@ -130,7 +130,7 @@ def test_fault_of_a_drive_stops_the_robot_in_the_tick_that_sees_it() -> None:
     live = driving()
     live.drives.changes["traction-left"] = {"emergencies": (0x2310,), "state": DriveState.FAULT_REACTION_DISABLED}
     tick = live.tick(inputs=(STICK,))
-    assert (tick.mode, tick.action) == (Mode.FAULT, Action.QUICKSTOP)
+    assert (tick.mode, tick.wish.command.action) == (Mode.FAULT, Action.QUICKSTOP)
     assert (tick.wish.traction, tick.wish.steering) == (Goal.QUICK_STOPPED, Goal.HOLD)
     assert tick.set_points.speed == 0.0
 
@@ -139,7 +139,11 @@ def test_request_of_a_quick_stop_stops_the_robot_in_an_extra_tick() -> None:
     live = driving()
     held = live.ticks[-1].set_points.steering
     tick = live.tick(inputs=(STICK,), requests=(Request.QUICKSTOP,), urgent=True)
-    assert (tick.mode, tick.action, tick.wish.traction) == (Mode.QUICKSTOP, Action.QUICKSTOP, Goal.QUICK_STOPPED)
+    assert (tick.mode, tick.wish.command.action, tick.wish.traction) == (
+        Mode.QUICKSTOP,
+        Action.QUICKSTOP,
+        Goal.QUICK_STOPPED,
+    )
     assert (tick.set_points.speed, tick.set_points.steering) == (0.0, held)
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from core_builders import LOST_HEARTBEAT, NAMES, ROBOT, FakeBus, snapshot
+from msgspec.structs import replace
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
@@ -40,7 +39,6 @@ class Bench:
             snapshot=snapshot(urgent=urgent),
             mode=mode,
             wish=wish,
-            action=wish.command.action,
             set_points=points or SetPoints(),
         )
         self.drives.write(tick)

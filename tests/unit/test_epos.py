@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import replace
 
 import pytest
 from core_builders import ROBOT
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.epos import EposDrive

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import cache
 
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, ROUTE, FakeBus, StubFollower, drive, drives, plan, snapshot
+from msgspec.structs import replace
 
 from artemis.devices.drive import Drives
 from artemis.devices.epos_state import controlword
@@ -114,7 +115,7 @@ def assert_may_leave(seen: Snapshot, mode: Mode, wish: Wish) -> None:
     gate = Gate(ROBOT, PERIOD)
     points = gate.limit(wish.command, SetPoints(), PERIOD, stop=seen.verdict.stops)
     robot = drives_on_a_bus()
-    robot.write(Tick(snapshot=seen, mode=mode, wish=wish, action=wish.command.action, set_points=points))
+    robot.write(Tick(snapshot=seen, mode=mode, wish=wish, set_points=points))
     assert robot.wire.health().blocked == ()
 
 

@@ -9,10 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from artemis.bench.cases import random_case
-from artemis.bench.courses import five_courses, random_course
-from artemis.bench.driving import Driven, drive
-from artemis.bench.plant import Conditions, bicycle
 from artemis.errors import ConfigError
 from artemis.motion.path import Path, path_from_points
 from artemis.plugins.contracts import Setup
@@ -20,6 +16,10 @@ from artemis.plugins.followers.frenet import APPROACH, FrenetConfig, FrenetFollo
 from artemis.testing.contracts import ROBOT, FollowerContract
 from artemis.values import Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
 from artemis.vehicle import Robot
+from artemis_lab.bench.cases import random_case
+from artemis_lab.bench.courses import five_courses, random_course
+from artemis_lab.bench.driving import Driven, drive
+from artemis_lab.bench.plant import Conditions, bicycle
 
 COURSES = {course.name: course for course in five_courses()}
 RADIUS = ROBOT.geometry.wheelbase_m / math.tan(math.radians(ROBOT.limits.steering_deg))

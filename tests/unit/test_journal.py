@@ -9,7 +9,7 @@ import pytest
 from artemis.errors import RecordingError
 from artemis.recording import journal as module
 from artemis.recording.journal import Entry, Journal, JournalContent, Level, read_journal
-from artemis.testing.failing_disk import FailingDisk
+from artemis_lab.injections.failing_disk import FailingDisk
 
 ENTRIES = (
     Entry(time=0.0, kind="start", text="mission circle", data={"robot": "ARTEMIS"}),

@@ -3,14 +3,13 @@ from __future__ import annotations
 import os
 import re
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from artemis.commands.live import LiveView, status
 from artemis.values import (
-    Action,
     Fault,
     JobKind,
     JobResult,
@@ -56,7 +55,7 @@ def tick(
         verdict=verdict,
     )
     wish = Wish(phase=phase, tracking=tracking)
-    return Tick(snapshot=snapshot, mode=mode, wish=wish, action=Action.RUN, set_points=SetPoints())
+    return Tick(snapshot=snapshot, mode=mode, wish=wish, set_points=SetPoints())
 
 
 def said(capsys: pytest.CaptureFixture[str], *ticks: Tick) -> list[str]:

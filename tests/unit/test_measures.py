@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from math import inf
 from typing import Any
 
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, drive, drives, sensed
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from supervision_rig import DRIVING, OFF
 
 from artemis.supervision.measures import DriveMeasures, Rate, Reading
@@ -111,7 +112,7 @@ def test_age_is_given_less_what_we_are_late() -> None:
 
 def test_drive_that_was_never_heard_is_older_than_anything_and_has_no_state() -> None:
     silent = drive(SICK, age=None, state=DriveState.UNKNOWN, mode=0, heartbeat_age=None)
-    assert read(silent) == {("COM-11", SICK, 9e9), ("COM-28", SICK, 9e9)}
+    assert read(silent) == {("COM-11", SICK, inf), ("COM-28", SICK, inf)}
 
 
 @pytest.mark.parametrize(("age", "there"), [(0.1, False), (0.1001, True), (0.3, True)])
@@ -211,7 +212,7 @@ def test_drive_that_need_not_be_enabled_may_be_as_it_likes_and_begins_anew(goal:
 @pytest.mark.parametrize(("name", "wanted"), [("traction-left", "traction"), ("steer-right", "steering")])
 def test_each_role_is_judged_by_its_own_goal(name: str, wanted: str) -> None:
     for role in ("traction", "steering"):
-        wish = replace(OFF, **{role: Goal.ENABLED})  # type: ignore[arg-type]
+        wish = replace(OFF, **{role: Goal.ENABLED})
         assert Enabling(name).read(DriveState.READY, wish) == (["COM-03"] if role == wanted else [])
 
 

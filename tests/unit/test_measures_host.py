@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, drive, drives, sensed
+from msgspec.structs import replace
 from supervision_rig import DRIVING, OFF
 
 from artemis.supervision.measures import DriveMeasures, HostMeasures, Reading

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -21,6 +20,7 @@ from core_builders import (
     plan,
     powered,
 )
+from msgspec.structs import replace
 
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
@@ -81,8 +81,8 @@ GARBAGE: dict[str, Any] = {
     "None": None,
     "number": 42,
     "command": DriveCommand(speed=0.3),
-    "no tracking": replace(following(), tracking=None),  # type: ignore[arg-type]
-    "no command": replace(following(), command=None),  # type: ignore[arg-type]
+    "no tracking": replace(following(), tracking=None),
+    "no command": replace(following(), command=None),
     "text for a number": following(cross_track="near"),  # type: ignore[arg-type]
     "cross-track not a number": following(cross_track=math.nan),
     "cross-track infinite": following(cross_track=math.inf),

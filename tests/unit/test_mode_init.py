@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -27,6 +26,7 @@ from core_builders import (
     powered,
     volts,
 )
+from msgspec.structs import replace
 
 from artemis.states.init import InitMode
 from artemis.states.mode import CalibrateStep

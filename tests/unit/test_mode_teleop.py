@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from core_builders import Player, plan
+from msgspec.structs import replace
 
 from artemis.states.mode import TeleopStep
 from artemis.states.teleop import TeleopMode

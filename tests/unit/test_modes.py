@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -27,6 +26,7 @@ from core_builders import (
     snapshot,
     verdict,
 )
+from msgspec.structs import replace
 
 from artemis.states.calibrate import CalibrateMode
 from artemis.states.mode import ON, CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep, finish_jobs

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 from core_builders import PERIOD, ROBOT, Player, StubFollower, fault_of, following, plan
+from msgspec.structs import replace
 from reversing_car import Car, drive, follower, straight, three_point_turn
 
 from artemis.motion.path import Path

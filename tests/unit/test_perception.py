@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, STEERING, TRACTION, drive, drives, sensed
+from msgspec.structs import replace
 
 from artemis.motion.perception import Perception
 from artemis.values import (

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from artemis.motion.pose_filter import JUMP, ZERO_LIMIT, PoseFilter
 from artemis.values import Odometry, Pose

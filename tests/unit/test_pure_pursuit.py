@@ -9,9 +9,6 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from artemis.bench.courses import Course
-from artemis.bench.driving import drive
-from artemis.bench.plant import Conditions, bicycle
 from artemis.errors import ConfigError
 from artemis.motion.path import path_from_points
 from artemis.plugins.contracts import Setup
@@ -24,6 +21,9 @@ from artemis.plugins.followers.pure_pursuit import (
 )
 from artemis.testing.contracts import ROBOT, FollowerContract
 from artemis.values import Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis_lab.bench.courses import Course
+from artemis_lab.bench.driving import drive
+from artemis_lab.bench.plant import Conditions, bicycle
 
 CONFIG = PurePursuitConfig(speed_m_s=0.7)
 

@@ -20,8 +20,8 @@ from artemis.recording.disk import Disk, Trouble, low_disk, write_all
 from artemis.recording.journal import Entry, Journal, read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder
-from artemis.testing.failing_disk import FailingDisk
 from artemis.values import Tick
+from artemis_lab.injections.failing_disk import FailingDisk
 
 
 def first(count: int) -> list[synthetic_run.Observed]:
@@ -61,7 +61,7 @@ def test_a_stalled_disk_costs_the_oldest_ticks_and_delays_none(tmp_path: Path, m
     recorder.close()
 
     recording = Recording(tmp_path)
-    assert [tick.sensed.index for tick in recording.ticks()] == [0, *range(5, 15)]
+    assert [tick.snapshot.sensed.index for tick in recording.ticks()] == [0, *range(5, 15)]
     assert recording.missing == "4 ticks were not recorded, the first are 1 to 4"
     assert [entry.text for entry in recording.entries()][-2:] == ["4 ticks were not recorded, the first is 1", ""]
 
@@ -141,7 +141,7 @@ def test_a_recording_that_cannot_be_written_ends_and_the_journal_goes_on(
     recorder.close()
 
     recording, journal = Recording(tmp_path), read_journal(tmp_path / "journal.jsonl")
-    read = [tick.sensed.index for tick in recording.ticks()]
+    read = [tick.snapshot.sensed.index for tick in recording.ticks()]
     assert 30 < len(read) <= 50
     assert read == list(range(len(read)))
     assert recorder.dropped == 101 - len(read)
@@ -279,7 +279,7 @@ def test_a_thread_that_dies_is_told_at_the_next_tick_and_what_it_left_is_written
     recorder.close("failed")
 
     assert len(died) == 1, "the error itself is shown where those of all threads are"
-    read = [tick.sensed.index for tick in Recording(tmp_path).ticks()]
+    read = [tick.snapshot.sensed.index for tick in Recording(tmp_path).ticks()]
     assert 5 < len(read) <= 20
     assert read == list(range(len(read)))
     assert recorder.dropped == 101 - len(read)

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import replace
+import dataclasses
 from html.parser import HTMLParser
 from itertools import islice
 from pathlib import Path
@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import synthetic_run
+from msgspec.structs import replace
 
 from artemis.errors import RecordingError
 from artemis.recording.journal import Entry, Journal
@@ -102,7 +103,7 @@ def test_a_fault_is_explained(tmp_path: Path, journalled: bool) -> None:
     observed = list(synthetic_run.run(hz=10.0, fault_at=3.0))
     tick = observed[-1].tick
     told = replace(tick, snapshot=replace(tick.snapshot, sensed=replace(tick.snapshot.sensed, results=(HISTORY,))))
-    observed[-1] = replace(observed[-1], tick=told)
+    observed[-1] = dataclasses.replace(observed[-1], tick=told)
     journal = Journal(tmp_path / "journal.jsonl") if journalled else None
     synthetic_run.record(tmp_path / "recording.mcap", iter(observed), journal=journal)
     write_report(Recording(tmp_path), tmp_path / "report.html")

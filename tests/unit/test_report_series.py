@@ -1,8 +1,8 @@
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from datetime import timedelta
 from itertools import islice
 from pathlib import Path
@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic_run
+from msgspec.structs import replace
 from synthetic_run import Observed
 
 from artemis.recording.journal import Journal
@@ -35,13 +36,13 @@ def moved(observed: Observed, sideways: float) -> Observed:
     """The same tick, the robot truly `sideways` metres to the left of where odometry believes."""
     pose = observed.tick.snapshot.odometry.pose
     x, y = pose.x - sideways * math.sin(pose.heading), pose.y + sideways * math.cos(pose.heading)
-    return replace(observed, true_pose=Pose(x=x, y=y, heading=pose.heading))
+    return dataclasses.replace(observed, true_pose=Pose(x=x, y=y, heading=pose.heading))
 
 
 def test_cross_track_by_odometry_is_that_of_the_tracking(lap: Recording) -> None:
     run = read_series(lap)
 
-    expected = [t.record.tracking.cross_track if t.record.tracking else math.nan for t in lap.ticks()]
+    expected = [t.wish.tracking.cross_track if t.wish.tracking else math.nan for t in lap.ticks()]
     np.testing.assert_array_equal(run.cross_track, expected)
 
 
@@ -112,7 +113,7 @@ def test_distance_ignores_a_reset_of_the_pose(tmp_path: Path) -> None:
             odometry = replace(snapshot.odometry, distance=float(index) if index < 5 else 0.25 * index)
             wish = replace(each.tick.wish, reset_pose=index == 4)
             tick = replace(each.tick, snapshot=replace(snapshot, odometry=odometry), wish=wish)
-            yield replace(each, tick=tick)
+            yield dataclasses.replace(each, tick=tick)
 
     assert read_series(recorded(tmp_path, observed())).distance == pytest.approx(4 * 1.0 + 4 * 0.25)
 
@@ -155,7 +156,7 @@ def test_a_run_without_a_tick_has_a_summary(tmp_path: Path) -> None:
 
 def test_a_damaged_path_costs_only_the_projection(tmp_path: Path) -> None:
     path = tmp_path / "recording.mcap"
-    provenance = replace(synthetic_run.provenance(), files={"paths/circle.csv": b"x,y\n0,\xff"})
+    provenance = dataclasses.replace(synthetic_run.provenance(), files={"paths/circle.csv": b"x,y\n0,\xff"})
     recorder = Recorder(path, provenance, threaded=False)
     for each in islice(synthetic_run.run(), 150):
         recorder.observe(each.tick, each.frames, each.true_pose)
@@ -171,7 +172,7 @@ def test_a_path_that_is_no_file_of_the_mission_has_no_projection(tmp_path: Path)
         for each in islice(synthetic_run.run(), 150):
             tracking = each.tick.wish.tracking
             wish = replace(each.tick.wish, tracking=replace(tracking, length=7.0) if tracking else None)
-            yield replace(each, tick=replace(each.tick, wish=wish))
+            yield dataclasses.replace(each, tick=replace(each.tick, wish=wish))
 
     run = read_series(recorded(tmp_path, observed()))
 
@@ -209,7 +210,9 @@ def test_the_journal_of_another_run_is_not_believed(tmp_path: Path) -> None:
     synthetic_run.record(tmp_path / "recording.mcap", synthetic_run.run(fault_at=3.0), journal=journal)
     path = tmp_path / "other.mcap"
     Recorder(
-        path, replace(synthetic_run.provenance(), start=synthetic_run.START + timedelta(days=1)), threaded=False
+        path,
+        dataclasses.replace(synthetic_run.provenance(), start=synthetic_run.START + timedelta(days=1)),
+        threaded=False,
     ).close("failed")
 
     assert Recording(path).journal is None

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 from core_builders import NAMES, PERIOD
+from msgspec.structs import replace
 from robot_rig import EMERGENCY, HEARTBEAT, SYNC, Rig
 
 from artemis.clock import run

@@ -8,14 +8,14 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from artemis.bench.courses import Course, five_courses
-from artemis.bench.driving import drive
-from artemis.bench.plant import Conditions, bicycle
 from artemis.errors import ConfigError
 from artemis.plugins.contracts import Setup
 from artemis.plugins.followers.stanley import StanleyConfig, StanleyFollower, front_axle, steering
 from artemis.testing.contracts import ROBOT, FollowerContract
 from artemis.values import Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis_lab.bench.courses import Course, five_courses
+from artemis_lab.bench.driving import drive
+from artemis_lab.bench.plant import Conditions, bicycle
 
 CONFIG = StanleyConfig(speed_m_s=0.7, gain_1_s=2.0, softening_m_s=0.1)
 COURSES = {course.name: course for course in five_courses()}

@@ -106,6 +106,12 @@ def test_a_voltage_that_never_changes_follows_no_wheel() -> None:
     assert abs(lines_through(stuck)[0].per_radian) < 1e-9
 
 
+def test_a_wheel_that_did_not_turn_tells_no_line() -> None:
+    stood = [Pass(one.direction, [(0.2, first, second) for _, first, second in one.readings]) for one in passes()]
+    for line in lines_through(stood):
+        assert (line.per_radian, line.misfit) == (0.0, math.inf)
+
+
 def test_numbers_for_the_drive_are_whole_and_tell_the_calibration() -> None:
     assert memory_numbers(KNOWN) == (2_510_000, 2_480_000, 72_000_000, -72_000_000)
     assert memory_words(memory_numbers(KNOWN)) == "zero 2.5100 and 2.4800 V, slope 72.000 and -72.000 deg/V"

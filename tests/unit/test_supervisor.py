@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, STEERING, drive, drives
+from msgspec.structs import replace
 from supervision_rig import COASTING, DRIVING, OFF, STEER_LEFT, STOPPING, UNWATCHED, Watch, bus
 
 from artemis.supervision import catalogue

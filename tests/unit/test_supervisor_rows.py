@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import count
 from math import radians
 from typing import Any
 
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, TRACTION, volts
+from msgspec.structs import replace
 from supervision_rig import DRIVING, OFF, STEER_LEFT, STEER_RIGHT, STOPPING, Watch, bus
 
 from artemis.supervision import catalogue

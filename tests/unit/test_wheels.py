@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import cos
 from typing import Any
 
 import pytest
 from core_builders import NAMES, PERIOD, TRACTION
+from msgspec.structs import replace
 from supervision_rig import CAR, DRIVING, OFF, STEER_LEFT, STOPPING, UNWATCHED, Road, points, road
 
 from artemis.values import DriveCommand, DriveState, SetPoints, Wish

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import radians
 
 import pytest
 from core_builders import TRACTION, volts
+from msgspec.structs import replace
 from supervision_rig import CAR, COASTING, DRIVING, OFF, STEER_LEFT, STEER_RIGHT, STOPPING, Road, road
 
 from artemis.values import DriveCommand, DriveState, Tracking, Wish

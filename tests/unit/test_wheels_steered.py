@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from math import radians
 from typing import Any
 
 import pytest
 from core_builders import PERIOD, ROBOT, STEERING, volts
+from msgspec.structs import replace
 from supervision_rig import DRIVING, REFERENCED, STEER_LEFT, STEER_RIGHT, STOPPING, Road, road
 
 from artemis.supervision.wheels import Wheels

@@ -19,9 +19,9 @@ effect; the speed leaves the steering time; and the steering's zero is estimated
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Annotated, ClassVar
 
+from msgspec.structs import replace
 from pydantic import Field
 
 from artemis.config import Config

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import ClassVar
+
+from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.devices.hid.port import HidPort, Hidraw

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, TypeAlias
+
+from msgspec.structs import replace
 
 from artemis.plugins.inputs.chain import centre_pedal, curve, push
 from artemis.plugins.inputs.joystick import (

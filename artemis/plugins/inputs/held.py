@@ -8,7 +8,8 @@ was released and the enable button is pressed anew.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from artemis.errors import HidError
 from artemis.plugins.inputs.controls import Controls

@@ -6,9 +6,9 @@ As a file it is one line of JSON for each tick.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import msgspec
+from msgspec.structs import replace
 
 from artemis.errors import ConfigError, DeviceLost, similar
 from artemis.values import OperatorInput, Request

@@ -1,0 +1,21 @@
+"""Sums that have the same bits on every Python: the built-in `sum` of floats compensates its rounding since 3.12."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+Number = TypeVar("Number", int, float)
+
+
+def total(values: Iterable[Number]) -> Number:
+    """All of them, added from left to right."""
+    result: Number = 0
+    for value in values:
+        result += value
+    return result
+
+
+def mean(values: Sequence[float]) -> float:
+    """Of at least one."""
+    return total(values) / len(values)

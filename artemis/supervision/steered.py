@@ -1,0 +1,81 @@
+"""What a steered wheel does, against its set-point and its own potentiometers."""
+
+from __future__ import annotations
+
+from math import degrees, nan
+
+from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
+from artemis.supervision.measures import Reading
+from artemis.values import DriveFeedback, DriveState, JobKind, JobResult
+from artemis.vehicle import Robot
+
+_NEVER = nan, nan
+
+
+class SteeredWheel:
+    """Remembers whether its drive knows the wheel's angle, and when its potentiometers changed last."""
+
+    def __init__(self, robot: Robot, side: str, blind: bool) -> None:
+        """`blind`: the calibration of the potentiometers means nothing."""
+        self._name, drive = robot.drive_at("steering", side)
+        self._output_current_ma = drive.motor.output_current_ma
+        self._calibration = robot.potentiometers(side)
+        self._disagreement_deg = robot.calibration.steering.disagreement_deg
+        self._blind = blind
+        self._changes: list[tuple[float, float]] = []
+        """What each potentiometer said when it changed last [V], and the wheel's angle then [rad]; once aligned."""
+
+    @property
+    def is_aligned(self) -> bool:
+        """Whether the drive was told where the wheel stands."""
+        return bool(self._changes)
+
+    def learn(self, result: JobResult) -> None:
+        """How a job of any drive ended."""
+        if result.drive != self._name:
+            return
+        if result.kind is JobKind.REFERENCE and result.ok:
+            self._changes = [_NEVER, _NEVER]
+        elif result.kind is JobKind.CONFIGURE:
+            self._changes = []
+
+    def read(self, drive: DriveFeedback, target: float, turns: bool) -> list[Reading]:
+        """Readings of this tick; `target`: its set-point [rad], which it `turns` to if it is switched on."""
+        readings: list[Reading] = []
+        error = abs(target - drive.position)
+        if error > 0.02 and turns and drive.state is DriveState.OPERATION_ENABLE:
+            readings.append(("STE-01", self._name, error, f"{degrees(error):.1f} degrees"))
+        load = abs(drive.current) * 1000.0 / self._output_current_ma
+        if load > 0.5:
+            readings.append(("STE-02", self._name, load, f"{drive.current:+.2f} A"))
+        if is_at_a_rail(drive.potentiometers):
+            readings.append(("STE-04", self._name, 1.0, "{:.2f} V and {:.2f} V".format(*drive.potentiometers)))
+            return readings
+        if not self._blind:
+            readings += self._potentiometers(drive)
+        if self._changes:
+            readings += self._frozen(drive)
+        return readings
+
+    def _potentiometers(self, drive: DriveFeedback) -> list[Reading]:
+        readings: list[Reading] = []
+        first, second = wheel_angles(drive.potentiometers, self._calibration)
+        apart = degrees(abs(first - second)) / self._disagreement_deg
+        if apart > 0.5:
+            words = f"{degrees(first):.1f} and {degrees(second):.1f} degrees"
+            readings.append(("STE-03", self._name, apart, words))
+        away = abs((first + second) / 2.0 - drive.position)
+        if away > 0.02 and self._changes:
+            readings.append(("STE-05", self._name, away, f"{degrees(away):.1f} degrees"))
+        return readings
+
+    def _frozen(self, drive: DriveFeedback) -> list[Reading]:
+        readings: list[Reading] = []
+        for number, volt in enumerate(drive.potentiometers):
+            seen, angle = self._changes[number]
+            if volt != seen:
+                self._changes[number] = volt, drive.position
+            elif (turned := abs(drive.position - angle)) > 0.05:
+                words = f"{volt:.2f} V over {degrees(turned):.0f} degrees"
+                readings.append(("STE-07", self._name, turned, words))
+        return readings

@@ -1,0 +1,181 @@
+"""What the frames on the wire say: the monitor's own reading of CiA 301 and the EPOS, shared with nobody.
+
+Sources: CiA 301 (7.2.4.3 SDO, 7.2.7 EMCY, 7.2.8 NMT and heartbeat, 7.3.3 identifiers); EPOS firmware specification,
+April 2010, 8.1.1 (statusword) and 14 (objects).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple, TypeVar
+
+from artemis_lab.campaign.witness import Heard
+
+SYNC = 0x080
+OPERATION_ENABLE, QUICK_STOP_ACTIVE = 0x0137, 0x0117
+STATE_BITS = 0x417F
+"""Of a statusword (table 1 of the specification)."""
+FAULT_BIT = 0x0008
+ENABLE, QUICK_STOP = 0x0F, 0x0B
+"""Controlwords that ask for operation and for a quick stop."""
+TARGET_VELOCITY, POSITION_SETTING, CONTROLWORD = 0x60FF, 0x2062, 0x6040
+WATCHED_HOST, VENDOR, VERSION, MODE_SHOWN, HISTORY = 0x1016, 0x1018, 0x2003, 0x6061, 0x1003
+LOST_HEARTBEAT = 0x8130
+"""EMCY code."""
+
+
+class SetPoint(NamedTuple):
+    """RxPDO 1: taken over at the next SYNC."""
+
+    time: float
+    controlword: int
+    target: int
+    """rpm, or counts."""
+
+
+class Status(NamedTuple):
+    """TxPDO 1."""
+
+    time: float
+    statusword: int
+    position: int
+    """Counts."""
+
+    @property
+    def enabled(self) -> bool:
+        """Operation Enable."""
+        return self.statusword & STATE_BITS == OPERATION_ENABLE
+
+    @property
+    def faulty(self) -> bool:
+        """Fault, or on the way there."""
+        return bool(self.statusword & FAULT_BIT)
+
+
+class Transfer(NamedTuple):
+    """A finished SDO transfer."""
+
+    time: float
+    write: bool
+    object: int
+    sub: int
+    value: int
+    """Unsigned."""
+
+
+class StopFrame(NamedTuple):
+    """RxPDO 2: a controlword that acts at once."""
+
+    time: float
+    controlword: int
+
+
+class ModeShown(NamedTuple):
+    """Last byte of TxPDO 2."""
+
+    time: float
+    mode: int
+
+
+class Emergency(NamedTuple):
+    """EMCY."""
+
+    time: float
+    code: int
+
+
+class Boot(NamedTuple):
+    """Boot-up message."""
+
+    time: float
+
+
+class Asked(NamedTuple):
+    """A request to write an object, whatever becomes of it."""
+
+    time: float
+    object: int
+    value: int
+    """Unsigned."""
+
+
+Event = SetPoint | Status | Transfer | StopFrame | ModeShown | Emergency | Boot | Asked
+Kind = TypeVar("Kind", bound=Event)
+
+
+class NodeTalk:
+    """Everything said by and to one drive, in the order of time."""
+
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+
+    def all(self, kind: type[Kind]) -> list[Kind]:
+        """The events of one kind."""
+        return [event for event in self.events if isinstance(event, kind)]
+
+
+class Wire:
+    """All talk, sorted by drive."""
+
+    def __init__(self, heard: Iterable[Heard], nodes: Iterable[int], host: int) -> None:
+        self.nodes = {node: NodeTalk() for node in nodes}
+        self.beats: list[float] = []
+        """When the host's heartbeat was heard [s]."""
+        self.syncs: list[float] = []
+        """When a SYNC was heard [s]."""
+        self._pending: dict[int, bytes] = {}
+        self._host = 0x700 + host
+        for frame in heard:
+            self._take(frame)
+
+    def _take(self, frame: Heard) -> None:
+        time, identifier, data = frame
+        if identifier in (self._host, SYNC):
+            (self.beats if identifier == self._host else self.syncs).append(time)
+            return
+        talk = self.nodes.get(identifier & 0x7F)
+        if talk is None:
+            return
+        service = identifier & 0x780
+        say = talk.events.append
+        if service == 0x200 and len(data) == 6:
+            say(SetPoint(time, _unsigned(data[:2]), _signed(data[2:])))
+        elif service == 0x180 and len(data) == 6:
+            say(Status(time, _unsigned(data[:2]), _signed(data[2:])))
+        elif service == 0x280 and data:
+            say(ModeShown(time, _signed(data[-1:])))
+        elif service == 0x300 and len(data) == 2:
+            say(StopFrame(time, _unsigned(data)))
+        elif service == 0x080 and len(data) >= 2:
+            say(Emergency(time, _unsigned(data[:2])))
+        elif service == 0x700 and data[:1] == b"\0":
+            say(Boot(time))
+        elif service == 0x600 and len(data) == 8:
+            self._pending[identifier & 0x7F] = data
+            if data[0] & 0xE2 == 0x22:
+                say(Asked(time, _unsigned(data[1:3]), _value(data)))
+        elif service == 0x580 and len(data) == 8:
+            self._answer(time, talk, self._pending.pop(identifier & 0x7F, None), data)
+
+    def _answer(self, time: float, talk: NodeTalk, request: bytes | None, answer: bytes) -> None:
+        """An expedited transfer that fits its request; an abort (first byte 0x80) tells nothing."""
+        if request is None or request[1:4] != answer[1:4]:
+            return
+        index, sub = _unsigned(request[1:3]), request[3]
+        if answer[0] == 0x60 and request[0] & 0xE2 == 0x22:
+            talk.events.append(Transfer(time, True, index, sub, _value(request)))
+        elif answer[0] & 0xE2 == 0x42 and request[0] == 0x40:
+            talk.events.append(Transfer(time, False, index, sub, _value(answer)))
+
+
+def _value(carrier: bytes) -> int:
+    """Up to 4 bytes, of which bits 2 and 3 of the first byte say how many are unused."""
+    return _unsigned(carrier[4 : 8 - (carrier[0] >> 2 & 3)])
+
+
+def _unsigned(data: bytes) -> int:
+    return int.from_bytes(data, "little")
+
+
+def _signed(data: bytes) -> int:
+    return int.from_bytes(data, "little", signed=True)

@@ -1,0 +1,294 @@
+"""A seed becomes a whole mission: what the robot shall do, what goes wrong and when, who helps, what is truly there."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from artemis.motion.path import check_drivable, path_from_csv
+from artemis.supervision.catalogue import ROWS
+from artemis.supervision.catalogue.row import Kind
+from artemis.supervision.policy import WATCHED
+from artemis.vehicle import Robot
+from artemis_lab.injections.stage import Lasting, Needs
+from artemis_lab.injections.table import INJECTIONS
+
+NOT_DRAWN = {
+    "SYS-05": "a signal ends the whole process; an operator's `end` is the same path",
+    "PLG-05": "a leak would outlive the run in the process that does many",
+}
+"""Injections that no scenario draws, each with the reason."""
+MISSION = "mission.yaml"
+BRING_UP = 5.0
+"""About how long it takes from the start to the first step [s]."""
+ENDING = ("INP", "RUN-12")
+"""Faults that have to end for the run to end: controls that never rest, a follower that never arrives."""
+SLOWEST = 0.05
+"""A path that is too fast is driven slower, down to this speed [m/s]."""
+GRACE = 5.0
+"""The robot waits so long for an operator who no longer acts [s]."""
+_PLUGIN = ("PLG-", "PTH-08", "PTH-09", "RUN-11", "RUN-12")
+_ROLES = {
+    Needs.DRIVE: ("traction", "steering"),
+    Needs.SOME_DRIVE: ("traction", "steering"),
+    Needs.TRACTION: ("traction",),
+    Needs.STEERING: ("steering",),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """One run, complete but for the robot file."""
+
+    seed: int
+    mission: dict[str, Any]
+    """As in a mission file."""
+    files: dict[str, str] = field(default_factory=dict)
+    """Tables that it names."""
+    killed_at: float | None = None
+    """Then the host dies as by SIGKILL: nothing of it reaches the bus any more [s]."""
+
+    @property
+    def faults(self) -> Sequence[dict[str, Any]]:
+        """What goes wrong, as in a mission file."""
+        given: Sequence[dict[str, Any]] = self.mission["simulation"]["faults"]
+        return given
+
+    @property
+    def operator(self) -> Sequence[dict[str, Any]]:
+        """What the operator does, as in a mission file."""
+        given: Sequence[dict[str, Any]] = self.mission["simulation"]["operator"]
+        return given
+
+    @property
+    def longest(self) -> float:
+        """A run that takes longer than this does not end [s]."""
+        acts = [entry["at_s"] for entry in (*self.faults, *self.operator)]
+        return max(acts, default=0.0) + GRACE + 75.0
+
+    def write(self, folder: Path, robot: bytes) -> Path:
+        """Lay the mission out in `folder`, with the robot file's content; its path."""
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "robot.yaml").write_bytes(robot)
+        for name, text in self.files.items():
+            (folder / name).write_text(text)
+        path = folder / MISSION
+        path.write_text(json.dumps(self.mission, indent=1) + "\n")  # JSON is YAML, too
+        return path
+
+
+def scenario(seed: int, robot: Robot) -> Scenario:
+    """The scenario of a seed for a robot: always the same, until something is added here or to the injections."""
+    dice = random.Random(seed)
+    draw = _follow if dice.uniform(0, 1) < 0.6 else _teleop
+    tick_hz = dice.choice((50, 50, 50, 50, 50, 50, 25, 40, 80, 100))
+    steps, files, inputs, length = draw(dice, robot)
+    faults = _faults(dice, robot, length, by_hand=bool(inputs))
+    operator = _operator(dice, [fault["at_s"] for fault in faults], length)
+    mission = {
+        "mission": f"seed-{seed}",
+        "robot": "robot.yaml",
+        "bus": "simulation",
+        "tick_hz": tick_hz,
+        "inputs": inputs,
+        "steps": steps,
+        "recovery": _recovery(dice),
+        "simulation": {
+            "seed": dice.randrange(1 << 32),
+            "true_robot": _true_robot(dice),
+            "operator": operator,
+            "faults": faults,
+        },
+    }
+    killed = round(dice.uniform(0.0, length + 1.0), 4) if dice.uniform(0, 1) < 0.05 else None
+    return Scenario(seed=seed, mission=mission, files=files, killed_at=killed)
+
+
+def _recovery(dice: random.Random) -> dict[str, dict[str, str]]:
+    """Some missions go on by themselves after whatever may recover by itself."""
+    if dice.uniform(0, 1) < 0.85:
+        return {}
+    automatic = (id for id, row in ROWS.items() if row.recovery.kind is Kind.AUTOMATIC)
+    return {id: {"resume": "continue"} for id in automatic if ROWS[id].found in WATCHED}
+
+
+def _true_robot(dice: random.Random) -> dict[str, float]:
+    """A machine that is not quite as its file says, but sound."""
+    return {
+        "steering_zero_left_deg": round(dice.uniform(-0.5, 0.5), 2),
+        "steering_zero_right_deg": round(dice.uniform(-0.5, 0.5), 2),
+        "wheel_scale_left": round(dice.uniform(0.99, 1.01), 4),
+        "wheel_scale_right": round(dice.uniform(0.99, 1.01), 4),
+        "potentiometer_noise_v": round(dice.uniform(0.0, 0.004), 4),
+        "slip": round(dice.uniform(0.0, 0.02), 3),
+        "start_steering_left_deg": round(dice.uniform(-20.0, 20.0), 1),
+        "start_steering_right_deg": round(dice.uniform(-20.0, 20.0), 1),
+        "heading_deg": round(dice.uniform(-180.0, 180.0), 1),
+    }
+
+
+# ---------------------------------------------------------------------------------------------- what the robot shall do
+
+Part = tuple[list[dict[str, Any]], dict[str, str], dict[str, Any], float]
+"""Steps, files, inputs, and about how long the run takes [s]."""
+
+
+def _follow(dice: random.Random, robot: Robot) -> Part:
+    shape = dice.choice((_straight, _straight, _straight, _arc, _arc, _slalom, _eight, _circle))
+    points, speed, laps, length = shape(dice)
+    table = "x,y\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in points)
+    path, speed = path_from_csv(table, "path.csv"), min(speed, robot.limits.speed_m_s)
+    while check_drivable(path, robot, speed) and speed > SLOWEST:
+        speed = round(0.75 * speed, 3)
+    follow: dict[str, Any] = {"path": "path.csv", "follower": {"plugin": "indiveri", "speed_m_s": speed}, "laps": laps}
+    steps: list[dict[str, Any]] = [{"calibrate": {"steering": "from_potentiometers"}}, {"follow": follow}]
+    if dice.uniform(0, 1) < 0.1:
+        steps.insert(1, {"wait": {"seconds": round(dice.uniform(0.1, 1.0), 2)}})
+    return steps, {"path.csv": table}, {}, BRING_UP + 3.0 + laps * length / speed
+
+
+Shape = tuple[list[tuple[float, float]], float, int, float]
+"""Points [m], speed [m/s], laps, and length of one lap [m]."""
+
+
+def _straight(dice: random.Random) -> Shape:
+    speed = round(dice.uniform(0.15, 0.65), 2)
+    length = max(0.5, speed * dice.uniform(2.0, 5.0))
+    return [(length * part / 20, 0.0) for part in range(21)], speed, 1, length
+
+
+def _arc(dice: random.Random) -> Shape:
+    speed = round(dice.uniform(0.15, 0.45), 2)
+    length, radius = max(0.5, speed * dice.uniform(2.0, 5.0)), dice.choice((-1, 1)) * dice.uniform(3.0, 6.0)
+    return _sampled(lambda way: 1.0 / radius, length), speed, 1, length
+
+
+def _circle(dice: random.Random) -> Shape:
+    radius, speed, laps = dice.uniform(0.7, 0.8), round(dice.uniform(0.5, 0.6), 2), dice.choice((1, 1, 1, 1, 2))
+    side, count = dice.choice((-1, 1)), 120
+    turns = [math.tau * part / count for part in range(count)]
+    points = [(radius * math.sin(turn), side * radius * (1.0 - math.cos(turn))) for turn in turns]
+    return [*points, points[0]], speed, laps, math.tau * radius
+
+
+def _slalom(dice: random.Random) -> Shape:
+    speed, wave, side = round(dice.uniform(0.15, 0.28), 2), dice.uniform(3.0, 4.0), dice.choice((-1, 1))
+    length, width = max(0.6, speed * dice.uniform(3.0, 5.0)), dice.uniform(0.03, 0.08)
+    strength = side * width * (math.tau / wave) ** 2
+    return _sampled(lambda way: strength * math.sin(math.tau * way / wave), length), speed, 1, length
+
+
+def _eight(dice: random.Random) -> Shape:
+    """The middle of a figure eight: a bend, and one to the other side."""
+    speed, side = round(dice.uniform(0.15, 0.28), 2), dice.choice((-1, 1))
+    length = max(1.0, speed * 5.0)
+    strength = side * dice.uniform(0.2, 0.4)
+    return _sampled(lambda way: strength * math.sin(math.tau * way / length), length), speed, 1, length
+
+
+def _sampled(curvature: Callable[[float], float], length: float) -> list[tuple[float, float]]:
+    """Points of a path that begins at the origin, ahead."""
+    x = y = heading = 0.0
+    step, points = 0.02, [(0.0, 0.0)]
+    for number in range(max(1, round(length / step))):
+        heading += curvature((number + 0.5) * step) * step
+        x, y = x + step * math.cos(heading), y + step * math.sin(heading)
+        points.append((x, y))
+    return points[::3]
+
+
+def _teleop(dice: random.Random, robot: Robot) -> Part:
+    """A person at a stick; rows: time, x to the right, y ahead, enable button."""
+    time = BRING_UP
+    rows: list[tuple[float, float, float, int]] = [(0.0, 0.0, 0.0, 0)]
+    y = dice.choice((-1, 1, 1, 1)) * dice.uniform(0.2, 1.0)
+    for _ in range(dice.randint(1, 4)):
+        time += dice.uniform(0.3, 1.5)
+        x = dice.uniform(-0.5, 0.5) if dice.uniform(0, 1) < 0.6 else 0.0
+        rows.append((time, x, y, 1 if dice.uniform(0, 1) < 0.9 else 0))
+        y = max(-1.0, min(1.0, y + dice.uniform(-0.9, 0.9)))
+    time += dice.uniform(0.5, 2.0)
+    rows.append((time, 0.0, 0.0, 0))
+    if dice.uniform(0, 1) < 0.3:  # the person drives on after a stop
+        rows += [(time + 5.0, 0.0, 0.5, 1), (time + 7.0, 0.0, 0.0, 0)]
+    rows.append((rows[-1][0] + 1.0, 0.0, 0.0, 0))
+    table = "time_s,x,y,enable\n" + "".join(f"{t:.3f},{x:.3f},{y:.3f},{on}\n" for t, x, y, on in rows)
+    stick: dict[str, Any] = {"plugin": "scripted", "file": "stick.csv"}
+    if dice.uniform(0, 1) < 0.4:
+        stick["max_speed_m_s"] = round(dice.uniform(0.3, 1.0) * robot.limits.speed_m_s, 2)
+    teleop = {"input": "stick", "until": {"seconds": round(rows[-1][0] - BRING_UP, 2)}}
+    return [{"teleop": teleop}], {"stick.csv": table}, {"stick": stick}, rows[-1][0]
+
+
+# ---------------------------------------------------------------------------------------------- what goes wrong
+
+
+def _faults(dice: random.Random, robot: Robot, length: float, *, by_hand: bool) -> list[dict[str, Any]]:
+    """In all phases of the run; more than one may be there at once."""
+    number = dice.choices((0, 1, 2, 3, 4), (12, 48, 22, 12, 6))[0]
+    fitting = [id for id in INJECTIONS if id not in NOT_DRAWN and _fits(id, by_hand)]
+    faults: list[dict[str, Any]] = []
+    for _ in range(number):
+        phase, last = dice.uniform(0, 1), faults[-1]["at_s"] if faults else 0.0
+        if faults and phase < 0.4:
+            at = last + dice.uniform(0.0, 0.6)
+        elif phase < 0.25:
+            at = dice.choice((0.0, dice.uniform(0.0, BRING_UP)))
+        elif phase < 0.35:
+            at = length + dice.uniform(-1.0, 2.0)  # at the end
+        else:
+            at = dice.uniform(BRING_UP, length)
+        faults.append(_fault(dice, robot, dice.choice(fitting), round(at, 4)))
+    return sorted(faults, key=lambda fault: fault["at_s"])
+
+
+def _fits(id: str, by_hand: bool) -> bool:
+    if id.startswith("INP"):
+        return by_hand
+    return not id.startswith(_PLUGIN) or not by_hand
+
+
+def _fault(dice: random.Random, robot: Robot, id: str, at: float) -> dict[str, Any]:
+    injection = INJECTIONS[id]
+    fault: dict[str, Any] = {"at_s": at, "inject": id}
+    if injection.needs in _ROLES:
+        roles = _ROLES[injection.needs]
+        fault["node"] = dice.choice([name for name, drive in robot.drives.items() if drive.role in roles])
+    keys = injection.parameters.model_fields
+    ends = id.startswith(ENDING) or dice.uniform(0, 1) < 0.5
+    if issubclass(injection.parameters, Lasting) and ends:
+        fault["duration_s"] = round(dice.choice((dice.uniform(0.02, 0.3), dice.uniform(0.3, 2.5))), 3)
+    if "count" in keys and dice.uniform(0, 1) < 0.3:
+        fault["count"] = dice.randint(1, 8)
+    if "seconds" in keys:
+        fault["seconds"] = round(dice.choice((dice.uniform(0.02, 0.2), dice.uniform(0.2, 1.5))), 3)
+    if id == "COM-25" and "duration_s" in fault:
+        fault["times"] = None
+    if "heard" in keys and dice.uniform(0, 1) < 0.25:
+        fault["heard"] = False
+    return fault
+
+
+# ---------------------------------------------------------------------------------------------- who helps
+
+
+def _operator(dice: random.Random, times: Sequence[float], length: float) -> list[dict[str, Any]]:
+    """Nobody, or somebody who acknowledges and arms when it suits, and may stop or end the run."""
+    acts: list[tuple[float, str]] = []
+    if dice.uniform(0, 1) < 0.55:
+        for time in (*times[:2], *([dice.uniform(0.0, length)] if dice.uniform(0, 1) < 0.2 else [])):
+            acknowledged = time + dice.uniform(0.3, 4.0)
+            armed = acknowledged + dice.uniform(0.1, 3.0)
+            acts += [(acknowledged, "acknowledge"), (armed, "arm")]
+            if dice.uniform(0, 1) < 0.4:  # patient people succeed
+                acts += [(armed + 2.5, "acknowledge"), (armed + 5.5, "arm")]
+    if dice.uniform(0, 1) < 0.12:
+        acts.append((dice.uniform(0.0, length), "quickstop"))
+    if dice.uniform(0, 1) < 0.08:
+        acts.append((dice.uniform(0.0, length), "end"))
+    return [{"at_s": round(time, 4), "do": what} for time, what in sorted(acts)]

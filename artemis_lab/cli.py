@@ -1,0 +1,62 @@
+"""Commands that `artemis` has where this package is installed. Heavy imports stay in the commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def add_commands(app: typer.Typer) -> None:
+    """Add them to `artemis`."""
+    app.command()(campaign)
+    app.add_typer(bench, name="bench")
+
+
+bench = typer.Typer(rich_markup_mode=None, no_args_is_help=True, help="Measure what is installed, side by side.")
+
+
+@bench.callback()
+def _group() -> None:
+    """Keeps `followers` a command of its own name while it is the only one."""
+
+
+@bench.command("followers")
+def bench_followers(
+    follower: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this one; repeat for more.")] = None,
+    course: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this one; repeat for more.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="For tables and figures.")] = Path(
+        "bench-followers"
+    ),
+    seed: Annotated[int, typer.Option(help="Of noise, slip and random courses.")] = 1,
+    robot: Annotated[Path | None, typer.Option(metavar="ROBOT", help="Robot file (YAML) instead of ARTEMIS.")] = None,
+    random: Annotated[int, typer.Option(metavar="N", help="Also so many random courses and starts.")] = 0,
+    frames: Annotated[bool, typer.Option("--frames/--no-frames", help="Also the whole stack, frame by frame.")] = True,
+    python_robotics: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Checkout of PythonRobotics, as outside reference.")
+    ] = None,
+) -> None:
+    """Run every installed follower on every course, with noise, delay and false calibration: tables and figures."""
+    from artemis_lab.commands.bench_followers import Choice, measure
+
+    choice = Choice(
+        followers=follower or [],
+        courses=course or [],
+        seed=seed,
+        robot=robot,
+        random=random,
+        frames=frames,
+        checkout=python_robotics,
+    )
+    measure(choice, output)
+
+
+def campaign(
+    file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (YAML).")],
+    seed: Annotated[int | None, typer.Option(help="Run only this seed, in sight, and keep its folder.")] = None,
+) -> None:
+    """Do many seeded runs with everything that may go wrong, and have each judged from outside."""
+    from artemis_lab.commands.campaign import run_all, run_one
+
+    raise typer.Exit(run_all(file) if seed is None else run_one(file, seed))

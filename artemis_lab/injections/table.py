@@ -1,0 +1,73 @@
+"""Every fault that can be made to happen in a simulated run, by its row in the fault table; and why others cannot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from artemis_lab.injections.bus import BUS_INJECTIONS
+from artemis_lab.injections.drives import DRIVE_INJECTIONS
+from artemis_lab.injections.host import HOST_INJECTIONS
+from artemis_lab.injections.motion import MOTION_INJECTIONS
+from artemis_lab.injections.stage import Injection, Stage, Undo
+
+INJECTIONS: dict[str, Injection] = dict(
+    sorted({**DRIVE_INJECTIONS, **BUS_INJECTIONS, **MOTION_INJECTIONS, **HOST_INJECTIONS}.items())
+)
+"""By row of the fault table."""
+
+_EPOS4 = "only an EPOS4 knows it"
+_FILE = "is found in a file, before a run"
+_NETWORK = "needs an input over the network"
+_LASER = "needs a laser scanner"
+_LOCALISATION = "needs a localisation"
+_PROCESS = "would end the simulated drives with it: they share the process"
+_DEVICE = "needs a device: `artemis.testing.fake_hid`"
+
+NOT_INJECTED: dict[str, str] = {
+    **dict.fromkeys(("DRV-09", "DRV-10", "DRV-17", "DRV-29"), _EPOS4),
+    "RUN-07": _LOCALISATION,
+    "RUN-08": "COM-26 makes it happen, where the robot moves",
+    "INP-02": _DEVICE,
+    "INP-13": "another input drives in another step, which begins at standstill",
+    "INP-14": _DEVICE,
+    "INP-15": _DEVICE,
+    "INP-16": "force feedback is not used",
+    **{f"NET-{number:02}": _NETWORK for number in range(1, 13)},
+    **{f"LAS-{number:02}": _LASER for number in range(1, 9)},
+    **{f"LOC-{number:02}": _LOCALISATION for number in range(1, 6)},
+    **{f"PTH-{number:02}": _FILE for number in range(1, 5)},
+    "PTH-05": "a path begins where the robot stands",
+    **{f"MIS-{number:02}": _FILE for number in range(1, 8)},
+    "PLG-01": "a plugin is made before a run",
+    "PLG-07": "a plugin is never given the bus",
+    "SYS-02": "nothing in a run reads the wall clock",
+    "SYS-06": _PROCESS,
+    "SYS-08": _PROCESS,
+    "SYS-11": "no common way to read a computer's temperature",
+    "DSK-01": "is looked for before a run",
+    "DSK-03": "in virtual time a recording waits for its disk, however slow",
+    "DSK-04": "is found when a journal is read",
+    "EST-02": "needs an input pair",
+    "OPR-03": "happens by itself when nobody acts",
+}
+"""Rows that no injection can make happen, each with the reason."""
+
+
+def inject(stage: Stage, id: str, node: str | None = None, **parameters: Any) -> Undo:  # noqa: ANN401 (of any row)
+    """Make the fault of row `id` happen now; what it returns ends it (where it can end).
+
+    Raises:
+        KeyError: no such injection.
+        ValidationError: wrong parameters.
+        ValueError: no such drive or input, or none where one is needed.
+    """
+    injection = INJECTIONS[id]
+    checked = injection.parameters.model_validate(parameters)
+    stage.bus.catch_up()
+    undo = injection.act(stage, node, checked)
+    duration = getattr(checked, "duration_s", None)
+    if undo is None:
+        return lambda: None
+    if duration is not None:
+        stage.loop.call_later(duration, undo)
+    return undo
