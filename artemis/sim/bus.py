@@ -12,7 +12,7 @@ import asyncio
 import math
 import random
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from heapq import heappop, heappush
 from typing import Protocol
 
@@ -23,7 +23,7 @@ from artemis.sim.wire import frame_bits
 RESOLUTION = 1e-3
 """The world is brought up to date where it lags more than this [s]: an EPOS regulates and samples at 1 kHz."""
 
-SYNC, FIRST_PDO, LAST_PDO, ERROR_CONTROL = 0x080, 0x180, 0x57F, 0x700
+SYNC, PROCESS_DATA, ERROR_CONTROL = 0x080, range(0x180, 0x580), 0x700
 """Identifiers of the predefined connection set (CiA 301, 7.3.3)."""
 
 HOST = -1
@@ -42,6 +42,10 @@ class Node(Protocol):
     @property
     def next_due(self) -> float:
         """Time of its next timer [s], infinite if none runs."""
+
+    @property
+    def hears(self) -> Container[int]:
+        """Identifiers that mean something to it now; other frames pass it by."""
 
     def receive(self, frame: Frame, now: float) -> None:
         """Take a frame off the wire."""
@@ -64,7 +68,7 @@ class Surroundings(Protocol):
 def is_urgent(frame: Frame) -> bool:
     """Whether a host wants to see `frame` before its next tick: NMT, EMCY, SDO, boot-up."""
     identifier = frame.id
-    if FIRST_PDO <= identifier <= LAST_PDO:
+    if identifier in PROCESS_DATA:
         return False
     return frame.data == b"\x00" if identifier >= ERROR_CONTROL else identifier != SYNC
 
@@ -118,9 +122,8 @@ class SimBus:
         """Bits that were on the wire, interframe spaces included."""
         self._world = world
         self._nodes = list(world.nodes)
-        everybody = [node.receive for node in self._nodes]
-        self._others = [everybody[:station] + everybody[station + 1 :] for station in range(len(everybody))]
-        self._others.append(everybody)  # station HOST: all nodes
+        self._others = [[other for other in self._nodes if other is not node] for node in self._nodes]
+        self._others.append(self._nodes)  # station HOST: all nodes
         self._loop = loop
         self._bit_time = 1.0 / bitrate
         self._patrol = patrol_s
@@ -130,10 +133,10 @@ class SimBus:
         self._bus_off = False
         self._world_time = -math.inf
         self._order = 0
-        self._from_host: deque[tuple[float, Frame, Frame | None]] = deque()
-        self._later: list[tuple[float, int, int, Frame, Frame | None]] = []
-        self._ready: list[tuple[int, int, int, Frame, Frame | None]] = []
-        self._on_wire: tuple[int, Frame, Frame | None] | None = None
+        self._from_host: deque[tuple[float, _Queued]] = deque()
+        self._later: list[tuple[float, _Queued]] = []
+        self._ready: list[_Queued] = []
+        self._on_wire: _Queued | None = None
         self._wire_free = self._now
         self._urgent_under_way = 0
         self._urgent_arrived = False
@@ -155,7 +158,7 @@ class SimBus:
     def bus_off(self, off: bool) -> None:
         self._advance(self._loop.time())  # what was sent in time is on the wire
         self._bus_off = off
-        self._urgent_under_way -= len([frame for _, frame, _ in self._from_host if is_urgent(frame)])
+        self._urgent_under_way -= len([frame for _, (_, _, _, frame, _) in self._from_host if is_urgent(frame)])
         self._from_host.clear()
 
     # ------------------------------------------------------------------------------------------ the host's side
@@ -166,11 +169,15 @@ class SimBus:
         Raises:
             DeviceLost: the host's controller is bus off.
         """
-        self._require_bus()
-        self._advance(self._loop.time())
+        if self._bus_off:
+            raise _bus_off()
+        now = self._loop.time()
+        if now > self._now:
+            self._advance(now)
         heard, late = (frame, 0.0) if self.disturb is None else self.disturb(frame, self._now)
-        self._from_host.append((self._now + late, frame, heard))
-        if is_urgent(frame):
+        self._order += 1
+        self._from_host.append((self._now + late, (_rank(frame), self._order, HOST, frame, heard)))
+        if frame.id not in PROCESS_DATA and is_urgent(frame):
             self._urgent_under_way += 1
             self._advance(self._now)
             self._schedule()
@@ -181,7 +188,8 @@ class SimBus:
         Raises:
             DeviceLost: the host's controller is bus off.
         """
-        self._require_bus()
+        if self._bus_off:
+            raise _bus_off()
         self._advance(self._loop.time())
         frames, self._inbox = self._inbox, []
         self._urgent_arrived = False
@@ -201,10 +209,6 @@ class SimBus:
         if self._handle is not None:
             self._handle.cancel()
             self._handle = None
-
-    def _require_bus(self) -> None:
-        if self._bus_off:
-            raise DeviceLost("CAN", "the simulated adapter is bus off; set bus_off to False to bring it back")
 
     def catch_up(self) -> None:
         """Let everything happen on the wire that is due by now: time passes here only when somebody looks."""
@@ -271,31 +275,29 @@ class SimBus:
         """Arbitration: the lowest identifier among the frames that are ready takes the wire. Returns its end."""
         later, ready, from_host = self._later, self._ready, self._from_host
         while later and later[0][0] <= now:
-            _, order, station, frame, heard = heappop(later)
-            heappush(ready, (_rank(frame), order, station, frame, heard))
-        if from_host and from_host[0][0] <= now and (not ready or _rank(from_host[0][1]) <= ready[0][0]):
-            _, frame, heard = from_host.popleft()
-            station = HOST
+            heappush(ready, heappop(later)[1])
+        # The host's stand in a queue of their own: of the same rank, its frame is first.
+        if from_host and from_host[0][0] <= now and (not ready or from_host[0][1][0] <= ready[0][0]):
+            self._on_wire = winner = from_host.popleft()[1]
         else:
-            _, _, station, frame, heard = heappop(ready)
-        bits = frame_bits(frame)
+            self._on_wire = winner = heappop(ready)
+        bits = frame_bits(winner[3])
         self.frames += 1
         self.bits += bits
-        self._on_wire = (station, frame, heard)
         self._wire_free = end = now + bits * self._bit_time
         return end
 
     def _end_frame(self, now: float) -> None:
         """Every other station hears the frame."""
         assert self._on_wire is not None
-        station, frame, heard = self._on_wire
+        _, _, station, frame, heard = self._on_wire
         self._on_wire = None
         if self._urgent_under_way and is_urgent(frame):
             self._urgent_under_way -= 1
         if heard is None:
             return
         identifier = heard.id
-        process_data = FIRST_PDO <= identifier <= LAST_PDO
+        process_data = identifier in PROCESS_DATA
         if station == HOST:
             if identifier < ERROR_CONTROL:  # a heartbeat moves nothing
                 self._catch_up(now)
@@ -303,8 +305,9 @@ class SimBus:
             self._inbox.append(Frame(identifier, heard.data, heard.rtr, now))
             if not process_data and is_urgent(heard):
                 self._urgent_arrived = True
-        for receive in self._others[station]:
-            receive(heard, now)
+        for node in self._others[station]:
+            if identifier in node.hears:
+                node.receive(heard, now)
         if station == HOST or not process_data:
             self._collect(now)
             return
@@ -330,34 +333,43 @@ class SimBus:
         self._world_time = now
         self._world.advance(now)
         for node in self._nodes:
-            node.advance(now)
+            if node.next_due <= now:
+                node.advance(now)
 
     def _collect(self, now: float) -> None:
         """Take over what the nodes want to send, and their next timer."""
         timers_due = math.inf
-        for node in self._nodes:
+        for station, node in enumerate(self._nodes):
             if node.outbox:
-                self._take_over(node, now)
+                self._take_over(station, node.outbox, now)
             due = node.next_due
             if due < timers_due:
                 timers_due = due
         self._timers_due = timers_due
 
-    def _take_over(self, node: Node, now: float) -> None:
-        station = self._nodes.index(node)
-        for ready, frame in node.outbox:
+    def _take_over(self, station: int, outbox: list[tuple[float, Frame]], now: float) -> None:
+        for ready, frame in outbox:
             heard, late = (frame, 0.0) if self.disturb is None else self.disturb(frame, ready)
-            if is_urgent(frame):
+            if frame.id not in PROCESS_DATA and is_urgent(frame):
                 self._urgent_under_way += 1
             self._order += 1
+            queued = _rank(frame), self._order, station, frame, heard
             if ready + late <= now:
-                heappush(self._ready, (_rank(frame), self._order, station, frame, heard))
+                heappush(self._ready, queued)
                 self._wire_free = max(self._wire_free, now)
             else:
-                heappush(self._later, (ready + late, self._order, station, frame, heard))
-        node.outbox.clear()
+                heappush(self._later, (ready + late, queued))
+        outbox.clear()
+
+
+_Queued = tuple[int, int, int, Frame, Frame | None]
+"""A frame that wants the wire: its rank, the how-manieth it is, its station, the frame, and what the others hear."""
 
 
 def _rank(frame: Frame) -> int:
     """Who wins the wire: the lower identifier, and data before a remote frame of the same (ISO 11898-1, 10.4.2.2)."""
     return frame.id << 1 | frame.rtr
+
+
+def _bus_off() -> DeviceLost:
+    return DeviceLost("CAN", "the simulated adapter is bus off; set bus_off to False to bring it back")

@@ -9,7 +9,7 @@ What its parts do: `dictionary` and `epos_objects` hold the objects, `epos_sdo` 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from typing import Annotated
 
 from pydantic import Field
@@ -84,6 +84,8 @@ class SimEpos:
         self._changes_due = math.inf
         self._alarms: list[int] = []
         self._handlers: dict[int, Handler] = {}
+        self.hears: Container[int] = self._handlers
+        """Identifiers that mean something to the node in its present state."""
         self._dictionary = Dictionary(
             objects(self.node_id, drive.hardware_version, self.settings.firmware, serial),
             power_off=lambda: self._power.power_off,
@@ -280,7 +282,7 @@ class SimEpos:
     def _route(self) -> None:
         """Which identifiers mean something in the present NMT state."""
         if self.nmt is None or self.nmt is Nmt.INITIALISING:
-            self._handlers = {}
+            self._handlers = self.hears = {}
             return
         handlers: dict[int, Handler] = {}
         if self.nmt is Nmt.OPERATIONAL:
@@ -292,7 +294,7 @@ class SimEpos:
         handlers.update((ERROR_CONTROL_ID + producer, self._take_heartbeat) for producer in self._control.consumers)
         handlers[ERROR_CONTROL_ID + self.node_id] = self._take_guard
         handlers[NMT_ID] = self._command_nmt
-        self._handlers = handlers
+        self._handlers = self.hears = handlers
 
     # ------------------------------------------------------------------------------------------ frames in
 

@@ -259,8 +259,8 @@ class Motion:
 
     def _set_velocity(self) -> None:
         values, axis = self._values, self.axis
-        axis.acceleration = values[_ACCELERATION]
-        axis.deceleration = values[_DECELERATION]
+        axis.acceleration = float(values[_ACCELERATION])
+        axis.deceleration = float(values[_DECELERATION])
         top = values[_TOP_VELOCITY]
         target = 0 if self._controlword & HALT else values[_TARGET_VELOCITY]
         axis.regulate(_RAMPING, float(max(-top, min(top, target))))

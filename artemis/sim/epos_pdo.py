@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from artemis.devices.can_bus import Frame
 from artemis.motion.totals import total
@@ -32,24 +32,15 @@ class ReceivePdo:
         cob_id = dictionary.number(0x1400 + number, 1)
         self.id = cob_id & 0x7FF
         self.synchronous = dictionary.number(0x1400 + number, 2) == SYNCHRONOUS
-        self._packer, keys = _packer(dictionary, 0x1600 + number)
+        packer, keys = _packer(dictionary, 0x1600 + number)
         self.valid = not cob_id & INVALID and bool(keys)
-        self._writers = [(at, dictionary.setter(key)) for at, key in enumerate(keys) if key != CONTROLWORD]
-        self._commands = [(at, dictionary.setter(key)) for at, key in enumerate(keys) if key == CONTROLWORD]
-
-    def values(self, data: bytes) -> tuple[int, ...] | None:
-        """The values of a frame in the order of the mapping; None when it is shorter than the mapping."""
-        return None if len(data) < self._packer.size else self._packer.unpack_from(data)
-
-    def write(self, values: tuple[int, ...]) -> None:
-        """Write everything but the controlword."""
-        for at, write in self._writers:
-            write(values[at])
-
-    def command(self, values: tuple[int, ...]) -> None:
-        """Write the controlword, last: what it starts is what came with it."""
-        for at, write in self._commands:
-            write(values[at])
+        self.length = packer.size
+        self.unpack = packer.unpack_from
+        """The values of a frame's data in the order of the mapping; there may be more data."""
+        self.writers = [(at, dictionary.setter(key)) for at, key in enumerate(keys) if key != CONTROLWORD]
+        """Where each object is in the mapping, and how it is written; but for the controlword."""
+        self.commands = [(at, dictionary.setter(key)) for at, key in enumerate(keys) if key == CONTROLWORD]
+        """The same of the controlword."""
 
 
 class TransmitPdo:
@@ -119,24 +110,19 @@ class ProcessData:
 
     def receive(self, pdo: ReceivePdo, data: bytes) -> bool:
         """Take a frame; False when it is shorter than its mapping."""
-        values = pdo.values(data)
-        if values is None:
+        if len(data) < pdo.length:
             return False
+        values = pdo.unpack(data)
         if pdo.synchronous:
             self._waiting[pdo] = values
         else:
-            pdo.write(values)
-            pdo.command(values)
+            _take_effect(((pdo, values),))
         return True
 
     def sync(self) -> None:
-        """What came for this SYNC takes effect: all set-points first, then the controlwords."""
-        waiting = self._waiting
-        for pdo, values in waiting.items():
-            pdo.write(values)
-        for pdo, values in waiting.items():
-            pdo.command(values)
-        waiting.clear()
+        """What came for this SYNC takes effect."""
+        _take_effect(self._waiting.items())
+        self._waiting.clear()
 
     def change_samples(self, now: float) -> tuple[list[Frame], float]:
         """Event-driven PDOs whose content changed, and when those that are inhibited may follow (inf: none waits)."""
@@ -227,6 +213,16 @@ class ProcessData:
             raise Abort(AbortCode.NOT_MAPPABLE)
         if mapped & 0xFF != 8 * SIZES[entry.type]:
             raise Abort(AbortCode.NOT_MAPPABLE)
+
+
+def _take_effect(received: Collection[tuple[ReceivePdo, tuple[int, ...]]]) -> None:
+    """Write all set-points first, then the controlwords: what these start is what came with them."""
+    for pdo, values in received:
+        for at, write in pdo.writers:
+            write(values[at])
+    for pdo, values in received:
+        for at, write in pdo.commands:
+            write(values[at])
 
 
 def _judge_identifier(cob_id: int) -> None:

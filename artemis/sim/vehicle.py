@@ -36,18 +36,18 @@ class Vehicle:
         chassis: Chassis,
         *,
         steering: tuple[float, float],
+        dice: random.Random,
         pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
         slip: float = 0.0,
-        dice: random.Random,
     ) -> None:
         """Stand at `pose`.
 
         Args:
             chassis: The vehicle's true measures.
             steering: Angles of the left and right front wheel [rad], left positive.
+            dice: Draws each driven wheel's loss in each step.
             pose: x, y [m] and heading [rad] of the rear axle's centre.
             slip: Share of its way that a driven wheel loses, on average.
-            dice: Draws each wheel's loss in each step.
         """
         self.x, self.y, self.heading = pose
         self.way = 0.0

@@ -68,23 +68,19 @@ class SteeredWheel:
         self._coupled = (-scale if drive.mirrored else scale) * math.tau / counts_per_turn
         self._radians_per_count = self._coupled
         self._half_play = 0.5 * backlash
-        self._rest = start
+        self.angle = start
+        """True angle of the wheel [rad], left positive."""
         self._zero_deg = zero_deg
         self._zero_v = calibration.zero_v
         self._slope_1, self._slope_2 = (a * b for a, b in zip(calibration.slope_deg_per_v, slopes, strict=True))
 
-    @property
-    def angle(self) -> float:
-        """True angle of the wheel [rad], left positive."""
-        middle = self._start + self._axis.position * self._radians_per_count
-        if not self._half_play:
-            return middle
-        return min(max(self._rest, middle - self._half_play), middle + self._half_play)
-
     def turn(self) -> float:
         """Let the motor take the wheel along once the play is taken up: the angle [rad]."""
-        self._rest = self.angle
-        return self._rest
+        angle = self._start + self._axis.position * self._radians_per_count
+        if self._half_play:
+            angle = min(max(self.angle, angle - self._half_play), angle + self._half_play)
+        self.angle = angle
+        return angle
 
     def feel(self, dice: random.Random, noise: float, now: float) -> None:
         """Turn the potentiometers' shafts along: `noise` is the standard deviation of each voltage [V]."""
@@ -108,13 +104,15 @@ class SteeredWheel:
     def slip_coupling(self, angle: float) -> None:
         """The wheel turns by `angle` [rad] and its motor does not."""
         self._start += angle
-        self._rest += angle
+        self.angle += angle
+        self.turn()
 
     def couple(self, coupled: bool) -> None:
         """The motor turns the wheel, or turns without it."""
         angle = self.turn()
         self._radians_per_count = self._coupled if coupled else 0.0
         self._start = angle - self._axis.position * self._radians_per_count
+        self.turn()
 
 
 class DrivenWheel:

@@ -108,6 +108,7 @@ class _Ear:
     def __init__(self, heard: list[Heard]) -> None:
         self.outbox: list[tuple[float, Frame]] = []
         self.next_due = inf
+        self.hears = range(0x800)
         self._heard = heard
 
     def receive(self, frame: Frame, now: float) -> None:

@@ -133,7 +133,7 @@ def timed_run(mission: FilePath) -> TimedRobot:
         loop = asyncio.get_running_loop()
         bus = TimedBus(World(loaded.robot, loaded.true_robot), loaded.robot.bitrate, loop)
         drives = Drives(loaded.robot, bus)
-        recorder = _recorder(mission.parent)
+        recorder = recorder_in(mission.parent)
         period = 1 / loaded.mission.tick_hz
         robot = TimedRobot(
             Core(plan, period),
@@ -162,7 +162,7 @@ def _timed(plan: Plan) -> tuple[Plan, list[TimedFollower]]:
     return plan, followers
 
 
-def _recorder(folder: FilePath) -> Recorder:
+def recorder_in(folder: FilePath) -> Recorder:
     provenance = Provenance(start=START, mission=b"{}", robot=b"{}", files={})
     journal = Journal(folder / "journal.jsonl")
     return Recorder(folder / "recording.mcap", provenance, threaded=False, journal=journal)

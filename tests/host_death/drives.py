@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass
 
 from artemis.devices.can_bus import CanBus, Frame
@@ -56,6 +56,10 @@ class WatchedDrive:
     @property
     def next_due(self) -> float:
         return self._node.next_due
+
+    @property
+    def hears(self) -> Container[int]:
+        return self._node.hears
 
     def receive(self, frame: Frame, now: float) -> None:
         self._node.receive(frame, now)

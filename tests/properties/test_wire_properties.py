@@ -78,6 +78,7 @@ class Echo:
         self.number, self.delay = number, delay
         self.outbox: list[tuple[float, Frame]] = []
         self.next_due = 1e-3 * number
+        self.hears = range(0x800)
 
     def receive(self, frame: Frame, now: float) -> None:
         if frame.id < 0x100:

@@ -23,6 +23,7 @@ class FakeNode:
         self.answers = answers or {}
         self.outbox: list[tuple[float, Frame]] = []
         self.next_due = math.inf
+        self.hears = range(0x800)
         self.alarm: Frame | None = None
         self.heard: list[tuple[float, Frame]] = []
         self.advanced: list[float] = []

@@ -27,12 +27,13 @@ def steered(name: str = "steer-left") -> tuple[SteeredWheel, Axis]:
 
 
 def shown(wheel: SteeredWheel, axis: Axis, now: float = 0.0) -> tuple[float, float]:
+    wheel.turn()
     wheel.feel(random.Random(1), 0.0, now)
     return axis.analog
 
 
 def degrees(wheel: SteeredWheel) -> float:
-    return math.degrees(wheel.angle)
+    return math.degrees(wheel.turn())
 
 
 def test_motor_turns_its_wheel_and_the_potentiometers() -> None:

@@ -1,0 +1,98 @@
+"""How many Python functions are called per tick. On virtual time that is the same in each run, on each machine.
+
+`python -m tests.bench.calls` counts and writes the numbers down, in `calls.json`, for the Python that runs it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from collections import Counter
+from pathlib import Path
+from types import FrameType
+
+import artemis
+from artemis import clock
+from artemis.devices.drive import Drives
+from artemis.mission.loading import load_mission
+from artemis.planning import plan_from
+from artemis.plugins.border import Border
+from artemis.robot import Core, Robot
+from artemis.sim.bus import SimBus
+from artemis.sim.world import World
+from artemis.values import Mode, Request, Tick
+
+from .composition import missions, recorder_in
+
+NUMBERS = Path(__file__).with_name("calls.json")
+PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
+BEFORE, TICKS = 100, 200
+"""Ticks along the path that are let by, and that are counted."""
+OURS = Path(artemis.__file__).parent
+ROOMS = {"sim": "simulation", "recording": "recording"}
+
+
+def room_of(file: Path) -> str:
+    """Where a function belongs."""
+    return ROOMS.get(file.relative_to(OURS).parts[0], "tick") if file.is_relative_to(OURS) else "libraries"
+
+
+def calls() -> dict[str, float]:
+    """Calls per tick of a recorded figure eight at 50 Hz, by where the function that is called belongs."""
+    files: Counter[str] = Counter()
+    ticks = 0
+
+    def count(frame: FrameType, event: str, _argument: object) -> None:
+        if event == "call":
+            files[frame.f_code.co_filename] += 1
+
+    with missions() as mission:
+        loaded = load_mission(mission)
+
+        async def main() -> None:
+            loop = asyncio.get_running_loop()
+            bus = SimBus(World(loaded.robot, loaded.true_robot), loaded.robot.bitrate, loop)
+            drives, recorder = Drives(loaded.robot, bus), recorder_in(mission.parent)
+            period = 1 / loaded.mission.tick_hz
+
+            def observe(tick: Tick) -> None:
+                nonlocal ticks
+                recorder.observe(tick, drives.wire.take_traffic(0.0))
+                ticks += tick.mode is Mode.FOLLOW
+                if ticks == BEFORE:
+                    sys.setprofile(count)
+                elif ticks == BEFORE + TICKS:
+                    sys.setprofile(None)
+                    robot.request(Request.END)
+
+            robot = Robot(Core(plan_from(loaded), period), drives, Border({}, loop.time), period, observe)
+            await robot.run()
+            recorder.close("done")
+            bus.close()
+
+        try:
+            clock.run(main(), simulated=True)
+        finally:
+            sys.setprofile(None)
+    rooms: Counter[str] = Counter()
+    for file, number in files.items():
+        rooms[room_of(Path(file))] += number
+    return {room: number / TICKS for room, number in sorted(rooms.items())}
+
+
+def kept() -> dict[str, dict[str, float]]:
+    """What was written down, by version of Python."""
+    numbers: dict[str, dict[str, float]] = json.loads(NUMBERS.read_text()) if NUMBERS.exists() else {}
+    return numbers
+
+
+def main() -> None:
+    found = calls()
+    NUMBERS.write_text(json.dumps({**kept(), PYTHON: found}, indent=2, sort_keys=True) + "\n")
+    for room, number in found.items():
+        print(f"{number:8.1f} {room}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,26 @@
+"""Nothing becomes slow unseen: what a tick calls is counted, not timed."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from artemis.build import kind_of_build
+from tests.bench.calls import PYTHON, calls, kept
+
+MARGIN = 1.03
+
+
+@pytest.mark.skipif(kind_of_build() == "compiled", reason="compiled functions are not counted")
+@pytest.mark.skipif(PYTHON not in kept(), reason="nobody has counted with this Python: python -m tests.bench.calls")
+def test_tick_calls_no_more_functions_than_it_did() -> None:
+    if sys.getprofile() is not None:
+        pytest.skip("somebody else counts calls")
+    before, now = kept()[PYTHON], calls()
+    assert now.keys() == before.keys()
+    more = {room: (before[room], number) for room, number in now.items() if number > MARGIN * before[room]}
+    assert not more, (
+        f"calls per tick, before and now: {more}. If it is worth it, `python -m tests.bench.calls` writes the new "
+        "numbers down, to be committed with the change"
+    )
