@@ -17,7 +17,6 @@ from typing import Any, get_args, get_origin, get_type_hints
 import msgspec
 import numpy as np
 from msgspec.structs import asdict
-from numpy.typing import NDArray
 
 from artemis import values
 from artemis.devices.can_bus import Frame
@@ -268,11 +267,6 @@ def pack_frames(frames: Sequence[tuple[bool, Frame]]) -> bytes:
     return b"".join(
         [pack(time, sent | rtr << 1, identifier, len(data), data) for sent, (identifier, data, rtr, time) in frames]
     )
-
-
-def frame_array(data: bytes) -> NDArray[np.void]:
-    """The packed frames as a structured array of dtype `FRAME_RECORD`, without copying."""
-    return np.frombuffer(data, FRAME_RECORD)
 
 
 def unpack_frames(data: bytes) -> list[tuple[bool, Frame]]:
