@@ -16,6 +16,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from artemis.build import kind_of_build
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
@@ -245,6 +246,7 @@ class Recorder:
             "start": provenance.start.isoformat(),
             "artemis": version("artemis-robot"),
             "python": platform.python_version(),
+            "build": kind_of_build(),
             "numpy": np.__version__,
             "platform": sys.platform,
         }

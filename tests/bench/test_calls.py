@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from artemis.build import kind_of_build
-from tests.bench.calls import PYTHON, calls, kept
+
+from .calls import PYTHON, calls, kept
 
 MARGIN = 1.03
 
