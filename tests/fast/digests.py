@@ -9,10 +9,12 @@ import subprocess
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from multiprocessing import get_context
 from pathlib import Path
 
+from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from artemis.app import run_mission
@@ -50,7 +52,8 @@ def digest(seed: int) -> str:
             ended = repr(error)
         (run,) = (Path(folder) / loaded.mission.record).iterdir()
         found = hashlib.sha256(ended.encode())
-        with (run / "recording.mcap").open("rb") as file:
+        # Where the disk fails the recording may end in the middle of a message.
+        with (run / "recording.mcap").open("rb") as file, suppress(McapError):
             for _, channel, message in make_reader(file).iter_messages(log_time_order=False):
                 found.update(channel.topic.encode() + message.log_time.to_bytes(8, "little") + message.data)
     return found.hexdigest()
