@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from artemis.build import kind_of_build
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
@@ -241,6 +242,7 @@ class Recorder:
         versions = {
             "start_ns": str(self._start),
             "start": provenance.start.isoformat(),
+            "build": kind_of_build(),
             "platform": sys.platform,
             **made_with(),
         }

@@ -1,0 +1,1 @@
+"""The compiled artemis (`make fast`) against the plain one: `python -m tests.fast` compares their recordings."""
