@@ -31,7 +31,7 @@ fast: $(FAST)/.ready
 	@$(FAST)/bin/artemis --version
 
 fast-equals-plain: $(READY) $(FAST)/.ready
-	@$(BIN)/python -m tests.fast --seeds $(or $(SEEDS),200)
+	@$(BIN)/python -m tests.same --seeds $(or $(SEEDS),200)
 
 bench: $(READY)
 	@$(BIN)/python -m tests.bench --write
