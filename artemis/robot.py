@@ -32,7 +32,7 @@ class Core:
     def __init__(self, plan: Plan, period: float) -> None:
         """`period` of the scheduled ticks [s]."""
         self._plan = plan
-        self._perception = Perception(plan.robot, period, plan.start)
+        self._perception = Perception(plan.robot, period, plan.start, localized=plan.localized)
         self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind)
         self._modes = Modes(plan)
         self._gate = Gate(plan.robot, period=period)

@@ -88,14 +88,15 @@ class Following(Struct, frozen=True, kw_only=True):
 class Follower(Protocol):
     """Drives the robot along a path, always forwards.
 
-    A path with reversals is given part by part. For one that is driven backwards the snapshot's odometry and set-points
-    are those of a robot whose other end is ahead, and the command is turned back; what was sensed stays as it is.
+    A path with reversals is given part by part. For one that is driven backwards the snapshot's pose, odometry and
+    set-points are those of a robot whose other end is ahead, and the command is turned back; what was sensed stays as
+    it is.
     """
 
     Config: ClassVar[type[Config]]
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
-        """Begin: `path` in the frame of the odometry, the robot standing at `snapshot`. Again at each reversal."""
+        """Begin: `path` in the frame of the snapshot's `pose`, the robot standing there. Again at each reversal."""
 
     def step(self, snapshot: Snapshot) -> Following:
         """Command for this tick. Called at every scheduled tick while the mode is `follow`."""

@@ -9,6 +9,7 @@ from math import nan
 import numpy as np
 
 from artemis.motion.path import Path
+from artemis.motion.poses import placed, seen_from
 from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
@@ -44,7 +45,11 @@ class Series:
     time: Array
     """Run time [s], shape (n,)."""
     estimated: Array
-    """Pose by odometry: x, y [m], heading [rad]; shape (n, 3), frame `odom`."""
+    """Where the robot believed to be: x, y [m], heading [rad]; shape (n, 3)."""
+    source: str
+    """Of these poses at the end: `odometry`, or a localizer's name."""
+    odometry: Array
+    """Pose by odometry alone; with a localizer laid onto its first pose."""
     true: Array
     """True pose, likewise."""
     distance: float
@@ -99,6 +104,8 @@ def read_series(recording: Recording) -> Series:
     return Series(
         time=time,
         estimated=table.columns(2, 5),
+        source=table.source,
+        odometry=table.columns(17, 20),
         true=true,
         distance=_distance(table.columns(11, 12)[:, 0], table.resets),
         speed=table.columns(12, 13)[:, 0],
@@ -140,15 +147,16 @@ class _Table:
     states: dict[str, list[str]]
     resets: list[int]
     finished: bool = False
+    source: str = ""
 
     def columns(self, first: int, end: int) -> Array:
         """Some columns, shape (ticks, end - first)."""
         return np.asarray(self.numbers, dtype=np.float64).reshape(-1, self.width)[:, first:end]
 
 
-_FIXED = 17
+_FIXED = 20
 """Columns before those of the drives: time, late, estimated pose (3), true pose (3), tracking (3), distance, speed,
-planned speed, feed-forward, commanded speed and steering."""
+planned speed, feed-forward, commanded speed and steering, pose by odometry (3)."""
 _NO_POSE = Pose(x=nan, y=nan, heading=nan)
 _NO_TRACKING = Tracking(arc_length=nan, cross_track=nan, length=nan)
 
@@ -156,9 +164,14 @@ _NO_TRACKING = Tracking(arc_length=nan, cross_track=nan, length=nan)
 def _read_table(recording: Recording) -> _Table:
     drives = recording.robot.drives
     table = _Table(_FIXED + 2 * len(drives), array("d"), [], [], [], {name: [] for name in drives}, [])
+    begin: tuple[Pose, Pose] | None = None
     for tick in recording.ticks():
         sensed, odometry, points = tick.snapshot.sensed, tick.snapshot.odometry, tick.set_points
-        estimated, true = odometry.pose, tick.true_pose or _NO_POSE
+        located, true = tick.snapshot.pose, tick.true_pose or _NO_POSE
+        estimated, by_wheels = located.pose, odometry.pose
+        if located.frame != "odom":
+            begin = begin or (estimated, by_wheels)
+            by_wheels = placed(begin[0], seen_from(begin[1], by_wheels))
         tracking = tick.wish.tracking or _NO_TRACKING
         table.numbers.extend((sensed.time, sensed.late, estimated.x, estimated.y, estimated.heading))
         table.numbers.extend((true.x, true.y, true.heading))
@@ -166,6 +179,7 @@ def _read_table(recording: Recording) -> _Table:
         table.numbers.extend((odometry.distance, odometry.speed))
         table.numbers.extend((_or_nan(tracking.planned_speed), _or_nan(tracking.feedforward)))
         table.numbers.extend((points.speed, points.steering))
+        table.numbers.extend((by_wheels.x, by_wheels.y, by_wheels.heading))
         heard = {drive.name: drive for drive in sensed.drives}
         for name, drive in drives.items():
             feedback = heard.get(name) or DriveFeedback(name=name)
@@ -175,10 +189,11 @@ def _read_table(recording: Recording) -> _Table:
             table.states[name].append(feedback.state.value)
         if tick.wish.reset_pose:
             table.resets.append(len(table.modes))
+            begin = None
         table.indices.append(sensed.index)
         table.modes.append(tick.mode)
         table.steps.append(tick.step)
-        table.finished = tick.wish.finished
+        table.finished, table.source = tick.wish.finished, located.source
     return table
 
 

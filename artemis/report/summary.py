@@ -38,6 +38,8 @@ class Summary:
     cross_track_rms: float | None
     cross_track_max: float | None
     """By the estimated pose."""
+    source: str
+    """Of that: `odometry`, or a localizer's name."""
     true_cross_track_rms: float | None
     true_cross_track_max: float | None
     """By the true pose."""
@@ -82,6 +84,7 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         max_steering=max(_largest(wheel.measured) for wheel in run.wheels.values() if wheel.role == "steering"),
         cross_track_rms=rms,
         cross_track_max=worst,
+        source=run.source,
         true_cross_track_rms=true_rms,
         true_cross_track_max=true_worst,
         position_error_end=float(known[-1]) if len(known) else None,
