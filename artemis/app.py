@@ -23,9 +23,9 @@ from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.schema import BusWords, Stop
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
-from artemis.planning import inputs_used, is_fast, is_simulated, made, plan_for, setup_for
+from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, made, plan_for, setup_for
 from artemis.plugins.border import Border, close
-from artemis.plugins.contracts import InputDevice
+from artemis.plugins.contracts import InputDevice, Localizer
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import Recorder
@@ -193,7 +193,8 @@ class _Run:
 
         inputs = self._inputs(wake)
         live = {name for name, device in inputs.items() if getattr(device, "live", False)}
-        border = Border(inputs, loop.time)
+        localizer = self._localizer(world, loop.time())
+        border = Border(inputs, loop.time, localizer)
         self._plan.steps = with_followers(self._plan.steps, border.watched)
         drives = Drives(self._loaded.robot, bus)
         true_pose = self._true_pose(world)
@@ -223,7 +224,7 @@ class _Run:
             await robot.run()
         finally:
             stop_listening()
-            for id, name, seen in close(inputs):
+            for id, name, seen in close(inputs if localizer is None else {**inputs, "localizer": localizer}):
                 text = f"{id} {name}: {seen}, when it was closed"
                 self._recorder.note(Entry(time=self._time, kind="warning", text=text, level=Level.WARNING))
             bus.close()
@@ -239,7 +240,7 @@ class _Run:
 
         seed = mission.simulation.seed
         true, resumed = self._loaded.true_robot, self._resumption
-        true = moved_to(true, resumed.true_pose or resumed.pose) if resumed else true
+        true = moved_to(true, self._world_origin(), resumed.true_pose or resumed.pose) if resumed else true
         world = World(robot, true, seed=seed, start=loop.time())
         bus = SimBus(self._witness(world), robot.bitrate, loop)
         return (bus if (injector := self._loaded.injector) is None else injector.failing_bus(bus, seed)), world
@@ -260,9 +261,26 @@ class _Run:
         """Tells where the simulated robot really is; nobody knows of a real one."""
         if world is None:
             return lambda tick: None
-        from artemis.sim.truth import Truth, origin_of
+        from artemis.sim.truth import Truth
 
-        return Truth(world, origin_of(self._loaded.true_robot) if self._resumption else Pose()).pose
+        origin = self._world_origin() if self._resumption else Pose()
+        return Truth(world, origin, fixed=self._plan.localized).pose
+
+    def _world_origin(self) -> Pose:
+        """Where a simulation's true poses count from: its map, or where the robot stands when a mission begins."""
+        from artemis.sim.truth import origin_of
+
+        return Pose() if self._plan.localized else origin_of(self._loaded.true_robot)
+
+    def _localizer(self, world: World | None, begun: float) -> Localizer | None:
+        if (use := localizer_used(self._loaded, self._simulated)) is None:
+            return None
+        plugin, config = plugin_from("artemis.localizers", use)
+        setup = setup_for(self._loaded, use.plugin)
+        if world is not None:
+            setup = replace(setup, true_pose=lambda: (world.time - begun, world.pose))
+        localizer: Localizer = made(plugin, config, setup)
+        return localizer
 
     def _report_disk(self, robot: Robot, tick: Tick) -> None:
         """What the disk refuses is a fault; a run without a journal and without anybody there is not gone on with."""
@@ -301,7 +319,7 @@ class _Run:
     def _show_paths(self) -> None:
         for step in self._plan.steps:
             if isinstance(step, FollowStep) and isinstance(step.route, Route):
-                self._recorder.show_path(0.0, step.route.poses(0.05))
+                self._recorder.show_path(0.0, step.route.poses(0.05), "map" if self._plan.localized else "odom")
 
 
 def _growth(grown: str) -> Fault:

@@ -131,7 +131,7 @@ class Robot:
             self._drives.receive()
         except DeviceLost as error:
             self._lose(error)
-        inputs = self._border.read(now - self._start)
+        inputs, fixes = self._border.read(now - self._start), self._border.fixes(now - self._start)
         self._faults += (catalogue.fault(*problem) for problem in self._border.take_problems())
         self._requests += (request for sample in inputs for request in sample.requests)
         self._index += 1
@@ -148,6 +148,7 @@ class Robot:
             requests=tuple(self._requests),
             results=tuple(self._results),
             faults=tuple(self._faults),
+            fixes=fixes,
         )
         for taken in (self._requests, self._results, self._faults):
             taken.clear()

@@ -242,7 +242,7 @@ def _joined(estimate: _Estimate, fix: _Estimate) -> _Estimate | None:
     spread = [p + r for p, r in zip(expected.covariance, fix.covariance, strict=True)]
     inverse = _rows(_inverse(*spread))
     weighed = [a * off[0] + b * off[1] + c * off[2] for a, b, c in inverse]
-    if weighed[0] * off[0] + weighed[1] * off[1] + weighed[2] * off[2] > GATE:
+    if not _dot(weighed, off) <= GATE:
         return None
     known, given = _rows(expected.covariance), _rows(fix.covariance)
     x, y, heading = (a * weighed[0] + b * weighed[1] + c * weighed[2] for a, b, c in known)
