@@ -78,7 +78,10 @@ class Localisation:
         self._moments: list[_Moment] = []
         self._distance = 0.0
         self._waiting: list[PoseFix] = []
-        self._used: list[tuple[PoseFix, _Belief]] = []
+        self._used: list[PoseFix] = []
+        """In the order of their times."""
+        self._beliefs: list[_Belief] = []
+        """What was concluded from each of them and all before it."""
         self._base: _Belief | None = None
         """What was concluded before the first of them."""
         self._shown: tuple[Pose, Pose] | None = None
@@ -99,7 +102,7 @@ class Localisation:
             return replace(belief, estimate=replace(belief.estimate, at=anew(belief.estimate.at)), rival=rival)
 
         self._moments = [anew(moment) for moment in self._moments]
-        self._used = [(fix, again(belief)) for fix, belief in self._used]
+        self._beliefs = [again(belief) for belief in self._beliefs]
         self._base = self._base and again(self._base)
         self._shown = self._shown and (placed(pose, seen_from(last, self._shown[0])), self._shown[1])
         self._distance = 0.0
@@ -108,9 +111,8 @@ class Localisation:
         """The robot may have rolled uncounted: only a fix from now on tells where it is."""
         if (belief := self._belief) is not None:
             self._unused += belief.refused
-        self._moments.clear()
-        self._used.clear()
-        self._waiting.clear()
+        for known in (self._moments, self._used, self._beliefs, self._waiting):
+            known.clear()
         self._base = self._shown = None
 
     def move(self, time: float, odometry: Odometry) -> None:
@@ -129,22 +131,20 @@ class Localisation:
     def take(self, fixes: Iterable[PoseFix], now: float) -> None:
         """Place what was found, each at its own time, at run time `now` [s]."""
         fixes, self._waiting = (*self._waiting, *fixes), []
-        first = len(self._used)
         for fix in fixes:
             if not self._moments or fix.time < self._moments[0].time or fix.time > now + self._period:
                 self._unused += 1
             elif fix.time > self._moments[-1].time:
                 self._waiting.append(fix)
             else:
-                place = bisect_right(self._used, fix.time, key=lambda used: used[0].time)
-                self._used.insert(place, (fix, None))  # type: ignore[arg-type]  # concluded below
-                first = min(first, place)
-        for index in range(first, len(self._used)):
-            fix = self._used[index][0]
-            before = self._used[index - 1][1] if index else self._base
-            self._used[index] = fix, _believed(before, fix, self._moment(fix.time))
-        while self._used and self._used[0][0].time < self._moments[0].time:
-            self._base = self._used.pop(0)[1]
+                place = bisect_right(self._used, fix.time, key=lambda used: used.time)
+                self._used.insert(place, fix)
+                del self._beliefs[place:]
+        for fix in self._used[len(self._beliefs) :]:
+            self._beliefs.append(_believed(self._belief, fix, self._moment(fix.time)))
+        while self._used and self._used[0].time < self._moments[0].time:
+            del self._used[0]
+            self._base = self._beliefs.pop(0)
         if fixes:
             self._source = max(fixes, key=lambda fix: fix.time).source
 
@@ -181,7 +181,7 @@ class Localisation:
 
     @property
     def _belief(self) -> _Belief | None:
-        return self._used[-1][1] if self._used else self._base
+        return self._beliefs[-1] if self._beliefs else self._base
 
     def _moment(self, time: float) -> _Moment:
         """Between two that are kept."""

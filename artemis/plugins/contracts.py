@@ -1,9 +1,9 @@
 """All that a plugin author reads: what artemis gives a plugin, and what it wants back.
 
 A plugin is a class, registered as an entry point in its group (`artemis.inputs`, `artemis.followers`,
-`artemis.localizers`). It has an inner pydantic model `Config` (a subclass of `artemis.config.Config`: the keys that a mission may write beside
-`plugin:`) and is made with `Plugin(config, setup)`. It runs inside the tick: it must return within 15 ms, never wait,
-and take the time only from what it is given.
+`artemis.localizers`). It has an inner pydantic model `Config` (a subclass of `artemis.config.Config`: the keys that a
+mission may write beside `plugin:`) and is made with `Plugin(config, setup)`. It runs inside the tick: it must return
+within 15 ms, never wait, and take the time only from what it is given.
 """
 
 from __future__ import annotations
@@ -82,8 +82,8 @@ class InputDevice(Protocol):
 class Localizer(Protocol):
     """Tells where the robot is on a map: a tracker beside the floor, a scanner on the robot, another program.
 
-    What it finds is told as a `PoseFix`, in the frame `map`, with the run time at which the robot was there; it may come
-    up to two seconds late. It states `live = True` and `pure = True` as an input does.
+    What it finds is told as a `PoseFix`, in the frame `map`, with the run time at which the robot was there; it may
+    come up to two seconds late. It states `live = True` and `pure = True` as an input does.
     """
 
     Config: ClassVar[type[Config]]

@@ -67,7 +67,10 @@ def _where_it_stopped(
     if simulated and not was_simulated:
         raise _refused(run, "it was not simulated, and this run is")
     if last.snapshot.pose.lost:
-        raise _refused(run, "wheels rolled while nobody counted: nobody knows where the robot is")
+        why = (
+            "wheels rolled while nobody counted" if last.snapshot.odometry.lost else "no localizer had seen it for long"
+        )
+        raise _refused(run, f"{why}: nobody knows where the robot is")
     if not simulated and (since := _driven_since(recording, root)) is not None:
         raise _refused(run, f"{since.name} has driven the robot since: only that run knows where it is")
     notes = [f"the recording is not whole: {recording.missing}"] if recording.missing else []

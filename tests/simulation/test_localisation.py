@@ -17,6 +17,8 @@ from artemis.mission.loading import load_mission
 from artemis.motion.localisation import CORRECTION, TURNING
 from artemis.motion.path import path_from_csv
 from artemis.motion.poses import placed, seen_from
+from artemis.planning import setup_for
+from artemis.plugins.localizers.simulated_tracker import SimulatedTracker, SimulatedTrackerConfig
 from artemis.recording.mcap_reader import Recording
 from artemis.values import Mode
 from artemis.yaml_file import load
@@ -126,9 +128,10 @@ def test_the_recording_holds_what_the_tracker_found_and_the_true_poses_on_its_ma
 
 def line(folder: Path, length: float = 8.0, **localizer: object) -> Path:
     """A robot that starts beside a straight path, under a tracker."""
+    following: dict[str, Any] = {"follow": {"path": "line.csv", "follower": {"speed_m_s": 0.5}}}
     return write_mission(
         folder,
-        [CALIBRATE, {"follow": {"path": "line.csv", "follower": {"speed_m_s": 0.5}}}],
+        [CALIBRATE, following],
         {"line.csv": straight(length)},
         simulation={
             "true_robot": {**DRIFTING, "y_m": 0.2},
@@ -163,8 +166,8 @@ def test_a_robot_that_was_never_seen_does_not_drive_off(tmp_path: Path) -> None:
 def test_what_a_tracker_recorded_is_followed(tmp_path: Path) -> None:
     """Here of a robot that stands: its map is turned by a right angle."""
     rows = "".join(f"{0.1 * row:.1f},1.0,-2.0,{math.pi / 2}\n" for row in range(300))
-    files = {"line.csv": "x,y\n1,-2\n1,-1\n1,0\n", "fixes.csv": "t,x,y,heading\n" + rows}
-    steps = [CALIBRATE, {"wait": {"seconds": 1.0}}]
+    files = {"fixes.csv": "t,x,y,heading\n" + rows}
+    steps: list[dict[str, Any]] = [CALIBRATE, {"wait": {"seconds": 1.0}}]
     seen = run(write_mission(tmp_path, steps, files, localizer={"plugin": "tracker", "file": "fixes.csv"}))
     pose = seen.ticks[-1].snapshot.pose
     assert (seen.status, pose.source) == (0, "tracker")
@@ -218,9 +221,6 @@ def test_a_misspelt_key_of_a_localizer_is_named(tmp_path: Path) -> None:
 
 
 def test_a_simulated_tracker_sees_no_real_robot(tmp_path: Path) -> None:
-    from artemis.planning import made, setup_for
-    from artemis.plugins.localizers.simulated_tracker import SimulatedTracker, SimulatedTrackerConfig
-
-    loaded = load_mission(line(tmp_path))
+    setup = setup_for(load_mission(line(tmp_path)), "simulated_tracker")
     with pytest.raises(ConfigError, match="simulated robots only"):
-        made(SimulatedTracker, SimulatedTrackerConfig(), setup_for(loaded, "simulated_tracker"))
+        SimulatedTracker(SimulatedTrackerConfig(), setup)
