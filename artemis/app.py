@@ -21,9 +21,9 @@ from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.schema import BusWords, Stop
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
-from artemis.planning import inputs_used, is_fast, is_simulated, made, plan_for, setup_for
+from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, made, plan_for, setup_for
 from artemis.plugins.border import Border, close
-from artemis.plugins.contracts import InputDevice
+from artemis.plugins.contracts import InputDevice, Localizer
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import Recorder
@@ -156,7 +156,8 @@ class _Run:
 
         inputs = self._inputs(wake)
         live = {name for name, device in inputs.items() if getattr(device, "live", False)}
-        border = Border(inputs, loop.time)
+        localizer = self._localizer(world, loop.time())
+        border = Border(inputs, loop.time, localizer)
         self.plan.steps = with_followers(self.plan.steps, border.watched)
         drives = Drives(self.loaded.robot, bus)
         true_pose = self._true_pose(world)
@@ -186,7 +187,7 @@ class _Run:
             await robot.run()
         finally:
             stop_listening()
-            for id, name, seen in close(inputs):
+            for id, name, seen in close(inputs if localizer is None else {**inputs, "localizer": localizer}):
                 text = f"{id} {name}: {seen}, when it was closed"
                 self.recorder.note(Entry(time=self.time, kind="warning", text=text, level=Level.WARNING))
             bus.close()
@@ -211,7 +212,7 @@ class _Run:
         from artemis.sim.world import World
 
         robot, true, resumed = self.loaded.robot, self.loaded.true_robot, self.resumption
-        true = moved_to(true, resumed.true_pose or resumed.pose) if resumed else true
+        true = moved_to(true, self._world_origin(), resumed.true_pose or resumed.pose) if resumed else true
         world = World(robot, true, seed=self.loaded.mission.simulation.seed, start=loop.time())
         return SimBus(self.witness(world), robot.bitrate, loop), world
 
@@ -229,9 +230,26 @@ class _Run:
         """Tells where the simulated robot really is; nobody knows of a real one."""
         if world is None:
             return lambda tick: None
-        from artemis.sim.truth import Truth, origin_of
+        from artemis.sim.truth import Truth
 
-        return Truth(world, origin_of(self.loaded.true_robot) if self.resumption else Pose()).pose
+        origin = self._world_origin() if self.resumption else Pose()
+        return Truth(world, origin, fixed=self.plan.localized).pose
+
+    def _world_origin(self) -> Pose:
+        """Where a simulation's true poses count from: its map, or where the robot stands when a mission begins."""
+        from artemis.sim.truth import origin_of
+
+        return Pose() if self.plan.localized else origin_of(self.loaded.true_robot)
+
+    def _localizer(self, world: World | None, begun: float) -> Localizer | None:
+        if (use := localizer_used(self.loaded, self.simulated)) is None:
+            return None
+        plugin, config = plugin_from("artemis.localizers", use)
+        setup = setup_for(self.loaded, use.plugin)
+        if world is not None:
+            setup = replace(setup, true_pose=lambda: (world.time - begun, world.pose))
+        localizer: Localizer = made(plugin, config, setup)
+        return localizer
 
     def _report_disk(self, robot: Robot, tick: Tick) -> None:
         """What the disk refuses is a fault; a run without a journal and without anybody there is not gone on with."""
@@ -243,7 +261,7 @@ class _Run:
     def _show_paths(self) -> None:
         for step in self.plan.steps:
             if isinstance(step, FollowStep) and isinstance(step.route, Route):
-                self.recorder.show_path(0.0, step.route.poses(0.05))
+                self.recorder.show_path(0.0, step.route.poses(0.05), "map" if self.plan.localized else "odom")
 
 
 def growth(grown: str, memory: int) -> Fault:

@@ -91,6 +91,7 @@ def core_from(loaded: LoadedMission, resumption: Resumption | None = None, simul
 def plan_for(loaded: LoadedMission, simulated: bool, resumption: Resumption | None) -> Plan:
     """The mission's plan, with followers that fail where it wants that, begun where an earlier run stopped."""
     plan = plan_from(loaded)
+    plan.localized = localizer_used(loaded, simulated) is not None
     if simulated and loaded.injector is not None:
         plan.steps = loaded.injector.failing_followers(plan.steps, loaded.mission.simulation.faults)
     if resumption is not None:
@@ -124,16 +125,23 @@ def inputs_used(loaded: LoadedMission, simulated: bool) -> dict[str, PluginUse]:
     return {**loaded.mission.inputs, **(loaded.mission.simulation.inputs if simulated else {})}
 
 
+def localizer_used(loaded: LoadedMission, simulated: bool) -> PluginUse | None:
+    """The mission's localizer; in simulation its stand-in, if there is one."""
+    return (loaded.mission.simulation.localizer if simulated else None) or loaded.mission.localizer
+
+
 def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
     """Whether a run of the mission takes place on virtual time, faster than real time."""
     if not is_simulated(loaded, simulate):
         return False
     if loaded.mission.simulation.pace is not None:
         return loaded.mission.simulation.pace == "fast"
-    from artemis.plugins.registry import INPUTS, load
+    from artemis.plugins.registry import INPUTS, LOCALIZERS, load
 
-    used = inputs_used(loaded, simulated=True).values()
-    return not any(getattr(load(INPUTS, use.plugin), "live", False) for use in used)
+    used = [load(INPUTS, use.plugin) for use in inputs_used(loaded, simulated=True).values()]
+    if (localizer := localizer_used(loaded, simulated=True)) is not None:
+        used.append(load(LOCALIZERS, localizer.plugin))
+    return not any(getattr(plugin, "live", False) for plugin in used)
 
 
 def is_simulated(loaded: LoadedMission, simulate: bool = False) -> bool:

@@ -32,7 +32,7 @@ class Core:
     def __init__(self, plan: Plan, period: float) -> None:
         """`period` of the scheduled ticks [s]."""
         self._plan = plan
-        self._perception = Perception(plan.robot, period, plan.start)
+        self._perception = Perception(plan.robot, period, plan.start, localized=plan.localized)
         self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind)
         self._modes = Modes(plan)
         self._gate = Gate(plan.robot, period=period)
@@ -131,7 +131,7 @@ class Robot:
             self._drives.receive()
         except DeviceLost as error:
             self._lose(error)
-        inputs = self._border.read(now - self._start)
+        inputs, fixes = self._border.read(now - self._start), self._border.fixes(now - self._start)
         self._faults += (catalogue.fault(*problem) for problem in self._border.take_problems())
         self._requests += (request for sample in inputs for request in sample.requests)
         self._index += 1
@@ -148,6 +148,7 @@ class Robot:
             requests=tuple(self._requests),
             results=tuple(self._results),
             faults=tuple(self._faults),
+            fixes=fixes,
         )
         for taken in (self._requests, self._results, self._faults):
             taken.clear()

@@ -178,6 +178,6 @@ def _numbers(found: Summary) -> list[tuple[str, str]]:
             text = f"{rms * 1000:5.1f} mm RMS, {worst * 1000:5.1f} mm at most, by the {name} pose"
             lines.append(("cross-track", text))
     if found.position_error_end is not None:
-        lines.append(("odometry", f"{found.position_error_end * 1000:5.1f} mm from the true position at the end"))
+        lines.append((found.source, f"{found.position_error_end * 1000:5.1f} mm from the true position at the end"))
     lines.append(("bus load", f"{found.bus_load_mean:.1%}, {found.bus_load_max:.1%} at most"))
     return [*lines, *(("fault", text) for text in found.faults)]

@@ -1,4 +1,4 @@
-"""What follows from the drives' feedback without judgement: odometry, standstill, and where the wheels are."""
+"""What follows from what is sensed, without judgement: pose, odometry, standstill, and where the wheels are."""
 
 from __future__ import annotations
 
@@ -8,8 +8,20 @@ from math import inf
 from msgspec.structs import replace
 
 from artemis.motion.ackermann import Ackermann
+from artemis.motion.localisation import Localisation
 from artemis.motion.odometry import Odometer
-from artemis.values import DriveFeedback, DriveState, JobKind, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import (
+    DriveFeedback,
+    DriveState,
+    JobKind,
+    LocatedPose,
+    Odometry,
+    Pose,
+    Sensed,
+    SetPoints,
+    Snapshot,
+    Verdict,
+)
 from artemis.vehicle import Robot
 
 STANDING_TIME, STANDING_WAY = 0.1, 0.001
@@ -25,10 +37,18 @@ def stale_age(tick: float) -> float:
 
 
 class Perception:
-    """Keeps the odometry from tick to tick. Deterministic: the same feedback gives the same snapshots."""
+    """Keeps pose and odometry from tick to tick. Deterministic: the same feedback gives the same snapshots."""
 
-    def __init__(self, robot: Robot, tick: float, start: Pose | None = None) -> None:
-        """`tick`: period of the scheduled ticks [s]; `dt` never passes two of them. `start`: where the robot is."""
+    def __init__(self, robot: Robot, tick: float, start: Pose | None = None, *, localized: bool = False) -> None:
+        """Begin.
+
+        Args:
+            robot: Its geometry counts.
+            tick: Period of the scheduled ticks [s]; `dt` never passes two of them.
+            start: Where the robot is by its odometry.
+            localized: A localizer tells where it is; until it does, the pose is lost.
+        """
+        self._localisation = Localisation(tick) if localized else None
         self._start = start or Pose()
         self._dt_max = 2 * tick
         self._stale = stale_age(tick)
@@ -44,6 +64,8 @@ class Perception:
     def reset(self) -> None:
         """Make the present place the one where the run starts: the origin, if nothing else is known."""
         self._odometer.reset(self._start)
+        if self._localisation is not None:
+            self._localisation.reset(self._start)
         self._lost = False
 
     def perceive(self, sensed: Sensed, verdict: Verdict, last: SetPoints) -> Snapshot:
@@ -51,7 +73,10 @@ class Perception:
         dt = 0.0
         if any(result.kind is JobKind.REFERENCE for result in sensed.results):
             self._odometer.forget_angles()
-        self._lost = self._lost or self._is_uncounted(sensed)
+        if self._is_uncounted(sensed):
+            self._lost = True
+            if self._localisation is not None:
+                self._localisation.forget()
         if not sensed.urgent:
             left, right, steer_left, steer_right = self._by_place(sensed)
             if self._rolled:
@@ -67,14 +92,27 @@ class Perception:
             if left.frames and right.frames:
                 self._stood = (left.position, right.position) if self._stands(sensed) else (inf, inf)
                 self._uncounted = False
+        unheard, standing = self._is_unheard(sensed), self._stands(sensed)
         return Snapshot(
             sensed=sensed,
             dt=dt,
-            odometry=replace(self._odometry, lost=True) if self._lost or self._is_unheard(sensed) else self._odometry,
-            standing=self._stands(sensed),
+            pose=self._located(sensed, dt, at_once=standing and last.speed == 0.0, unheard=unheard),
+            odometry=replace(self._odometry, lost=True) if self._lost or unheard else self._odometry,
+            standing=standing,
             set_points=last,
             verdict=verdict,
         )
+
+    def _located(self, sensed: Sensed, dt: float, *, at_once: bool, unheard: bool) -> LocatedPose:
+        """The pose; without a localizer that of the odometry. `at_once`: it may jump."""
+        localisation, odometry = self._localisation, self._odometry
+        if localisation is None:
+            return LocatedPose(pose=odometry.pose, lost=self._lost or unheard)
+        if not sensed.urgent:
+            ages = [drive.age for drive in self._by_place(sensed)[:2] if drive.age is not None]
+            localisation.move(sensed.time - min(max(ages, default=0.0), self._stale), odometry)
+        localisation.take(sensed.fixes, sensed.time)
+        return localisation.located(sensed.time, dt, at_once=at_once, unheard=unheard, odometry=odometry)
 
     def as_they_stand(self, sensed: Sensed, last: SetPoints) -> SetPoints:
         """`last`, but with the measured angles while a steering drive is off, and no speed while traction is."""

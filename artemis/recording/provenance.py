@@ -26,9 +26,9 @@ class Resumption:
     done: float
     """How much of it was done: way along its path [m], or time [s]."""
     pose: Pose
-    """The last estimate, in the frame `odom`."""
+    """Where it was then: the odometry of the run that goes on begins there."""
     true_pose: Pose | None = None
-    """Where the robot really was, in the frame `odom`, if the recording knows."""
+    """Where the robot really was, in the same frame, if the recording knows."""
     tracks: dict[str, Track] = field(default_factory=dict)
     """What had been recorded by driving, by name."""
 

@@ -28,7 +28,7 @@ class TickRecord(values.Tick, frozen=True, kw_only=True, gc=False):
     """A whole tick (topic `/tick`): what was sensed, all that was made of it, and where the robot really was."""
 
     true_pose: values.Pose | None = None
-    """In the frame `odom`; only where someone knows it (simulation, ground truth)."""
+    """In the frame of the snapshot's pose; only where someone knows it (simulation, ground truth)."""
 
 
 class Frames(msgspec.Struct, frozen=True):

@@ -58,7 +58,7 @@ class FollowMode:
         except ConfigError as error:
             self._fault = catalogue.fault("PTH-01", "", "; ".join(error.problems), Severity.CONTROLLED_STOP)
             return
-        rest = self._rest(route, step, snapshot.odometry.pose)
+        rest = self._rest(route, step, snapshot.pose.pose)
         self._drive = PartByPart(step.follower, rest, route.length - rest.length, self._plan.robot)
         self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
         self._begun, self._spent = step, 0.0
@@ -68,8 +68,8 @@ class FollowMode:
         step, drive = self._plan.current, self._drive
         if not isinstance(step, FollowStep):
             return _stand(snapshot, event=Event.DONE)
-        if snapshot.odometry.lost:
-            return _stand(snapshot, fault=catalogue.fault("RUN-08"))
+        if snapshot.pose.lost:
+            return _stand(snapshot, fault=_lost(snapshot, localized=self._plan.localized))
         if drive is None or self._fault is not None:
             return _stand(snapshot, fault=self._fault)
         following = drive.step(snapshot)
@@ -146,6 +146,14 @@ def _stand(
     """Stand with the wheels where they are."""
     command = DriveCommand(steering=snapshot.set_points.steering)
     return replace(ON, command=command, event=event, fault=fault, tracking=tracking, phase="standing")
+
+
+def _lost(snapshot: Snapshot, *, localized: bool) -> Fault:
+    """Nobody knows where the robot is: until the next fix (LOC-01), or without a localizer for good (RUN-08)."""
+    if not localized:
+        return catalogue.fault("RUN-08")
+    age = snapshot.pose.age
+    return catalogue.fault("LOC-01", "", "no fix yet" if age is None else f"the last fix is {age:.1f} s old")
 
 
 def _seen(tracking: Tracking) -> str:

@@ -148,6 +148,8 @@ class Plan:
     """NMT reset that a drive needs before it is brought up again: `communication` or `node`."""
     start: Pose = field(default_factory=Pose)
     """Where the odometry begins."""
+    localized: bool = False
+    """A localizer tells where the robot is."""
     index: int = 0
     done: float = 0.0
     """How much of the current step is done, here or in an earlier run: way along its path [m], or time [s]."""

@@ -32,9 +32,9 @@ class TeleopMode:
         sample = next((i for i in snapshot.sensed.inputs if i.source == step.input), OperatorInput(source=step.input))
         stand = DriveCommand(steering=snapshot.set_points.steering)
         self._plan.done = snapshot.time - self._since
-        if step.record and not snapshot.odometry.lost:
+        if step.record and not snapshot.pose.lost:
             track = self._plan.tracks.setdefault(step.record, Track())
-            track.see(snapshot.odometry.pose, pressed=Request.RECORD in sample.requests)
+            track.see(snapshot.pose.pose, pressed=Request.RECORD in sample.requests)
         over = step.seconds is not None and self._plan.done >= step.seconds
         self._ending = self._ending or over or Request.DONE in sample.requests
         if self._ending and snapshot.standing:

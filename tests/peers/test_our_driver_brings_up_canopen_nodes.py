@@ -23,6 +23,7 @@ from artemis.values import (
     Job,
     JobKind,
     JobResult,
+    LocatedPose,
     Mode,
     Nmt,
     Odometry,
@@ -68,6 +69,7 @@ class Bench:
         snapshot = Snapshot(
             sensed=Sensed(index=0, time=0.0),
             dt=PERIOD,
+            pose=LocatedPose(),
             odometry=Odometry(),
             standing=True,
             set_points=points,

@@ -31,6 +31,7 @@ from artemis.values import (
     Job,
     JobKind,
     JobResult,
+    LocatedPose,
     Nmt,
     Odometry,
     Sensed,
@@ -87,13 +88,16 @@ def snapshot(
     verdict: Verdict | None = None,
     set_points: SetPoints | None = None,
     odometry: Odometry | None = None,
+    pose: LocatedPose | None = None,
     **changes: Any,
 ) -> Snapshot:
-    """A snapshot of a healthy robot; `changes` are those of what was sensed."""
+    """A snapshot of a healthy robot, located by its odometry; `changes` are those of what was sensed."""
+    odometry = odometry or Odometry()
     return Snapshot(
         sensed=sensed(time, **changes),
         dt=PERIOD,
-        odometry=odometry or Odometry(),
+        pose=pose or LocatedPose(pose=odometry.pose, lost=odometry.lost),
+        odometry=odometry,
         standing=standing,
         set_points=set_points or SetPoints(),
         verdict=verdict or Verdict(),
