@@ -219,6 +219,8 @@ def _nones(kind: type) -> _Count:
     if len(plain) == 2 and not deep:
         return _no_none
     shallow = attrgetter(*plain)  # gives a tuple, as there are two at least
+    if not deep:
+        return lambda value: 1 if value is None else shallow(value).count(None)
     return lambda value: 1 if value is None else shallow(value).count(None) + sum([of(get(value)) for get, of in deep])
 
 
