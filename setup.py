@@ -22,7 +22,6 @@ artemis/plugins/border.py
 artemis/plugins/followers/progress.py
 artemis/recording/chronicle.py
 artemis/recording/mcap_file.py
-artemis/robot.py
 artemis/sim/axis.py
 artemis/sim/bus.py
 artemis/sim/dictionary.py

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 
 def kind_of_build() -> str:
     """Whether the modules that `setup.py` lists are "compiled", as `make fast` does it, or "plain" Python."""
-    spec = find_spec("artemis.robot")
+    spec = find_spec("artemis.sim.bus")
     return "plain" if spec is None or str(spec.origin).endswith(".py") else "compiled"
 
 

@@ -60,22 +60,23 @@ def rows() -> list[Row]:
     ]
 
 
-class _Listening(SimBus):
-    """Keeps the SDO frames both ways, with their times: sent, or arrived."""
+class _Listening:
+    """A simulated bus that keeps the SDO frames both ways, with their times: sent, or arrived."""
 
     def __init__(self, world: World, bitrate: int, loop: asyncio.AbstractEventLoop) -> None:
-        super().__init__(world, bitrate, loop)
         self.requests: list[tuple[float, Frame]] = []
         self.answers: list[Frame] = []
-        self._clock = loop.time
+        self._clock, self._bus = loop.time, SimBus(world, bitrate, loop)
+        self.error_frames = self._bus.error_frames
+        self.listen, self.close = self._bus.listen, self._bus.close
 
     def send(self, frame: Frame) -> None:
         if SDO_REQUESTS <= frame.id < AFTER_SDO:
             self.requests.append((self._clock(), frame))
-        super().send(frame)
+        self._bus.send(frame)
 
     def receive(self) -> list[Frame]:
-        frames = super().receive()
+        frames = self._bus.receive()
         self.answers += [frame for frame in frames if SDO_ANSWERS <= frame.id < SDO_REQUESTS]
         return frames
 

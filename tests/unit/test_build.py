@@ -22,14 +22,12 @@ def test_version_names_the_interpreter_and_the_build() -> None:
     assert told.output.endswith(f", {build.kind_of_build()}\n")
 
 
-@pytest.mark.parametrize(
-    ("file", "kind"), [("robot.py", "plain"), ("robot.cpython-311-x86_64-linux-gnu.so", "compiled")]
-)
+@pytest.mark.parametrize(("file", "kind"), [("bus.py", "plain"), ("bus.cpython-311-x86_64-linux-gnu.so", "compiled")])
 def test_build_is_known_by_the_file_of_a_module_that_would_be_compiled(
     file: str, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Spec:
-        origin = f"/somewhere/artemis/{file}"
+        origin = f"/somewhere/artemis/sim/{file}"
 
     def find(name: str) -> type[Spec]:
         assert f"{name.replace('.', '/')}.py" in MODULES
