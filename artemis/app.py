@@ -161,7 +161,7 @@ class _Run:
         self._interrupted: int | None = None
         self._listeners: list[Typed] = []
         self._hands = False  # somebody was heard at a device that needs a person
-        self._time = 0.0
+        self._time, self._failed = 0.0, False
 
     def go(self) -> Outcome:
         """Run to the end."""
@@ -169,13 +169,13 @@ class _Run:
         outcome = BROKEN
         try:
             clock.run(self._main(), simulated=self._virtual)
-            outcome = "failed" if self._plan.failed else DONE
+            outcome = "failed" if self._failed else DONE
         finally:
             self._recorder.close(outcome)
         kept = keep_paths(self.run, {name: track.as_csv() for name, track in self._plan.tracks.items()})
         kept += keep_calibration(self.run, {side: fit.record for side, fit in self._plan.steering.items()})
         return Outcome(
-            failed=self._plan.failed,
+            failed=self._failed,
             interrupted=self._interrupted,
             run=self.run,
             duration=self._time,
@@ -199,7 +199,7 @@ class _Run:
         true_pose = self._true_pose(world)
 
         def observe(tick: Tick) -> None:
-            self._time, now = tick.snapshot.time, loop.time()
+            self._time, self._failed, now = tick.snapshot.time, tick.failed, loop.time()
             traffic = drives.wire.take_traffic(now)
             self._recorder.observe(tick, traffic, true_pose(tick), now)
             self._report_disk(robot, tick)

@@ -368,6 +368,8 @@ class Wish(Struct, frozen=True, kw_only=True, gc=False):
     phase: str = ""
     tracking: Tracking | None = None
     reset_pose: bool = False  # make the present place the origin of the odometry
+    failed: bool = False
+    """What the run was to do will not be done, or it cannot end in order."""
     finished: bool = False  # the ordered end is complete; the run may stop ticking
 
 
@@ -381,4 +383,6 @@ class Tick(Struct, frozen=True, kw_only=True, gc=False):
     done: float = 0.0
     """How much of it is done: way along its path [m], or time [s]."""
     wish: Wish
+    failed: bool = False
+    """A fault or a stop ended the run before its last step, or a drive did not end in order."""
     set_points: SetPoints

@@ -38,8 +38,8 @@ class EndMode(RoutineMode):
             results, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives(role)))
             for result in results:
                 if not result.ok:
-                    plan.failed = True
-                    snapshot = yield replace(idle, fault=catalogue.fault("COM-34", result.drive, result.detail))
+                    fault = catalogue.fault("COM-34", result.drive, result.detail)
+                    snapshot = yield replace(idle, fault=fault, failed=True)
         yield replace(idle, exchange=False)  # the last heartbeat
         while True:
             yield replace(idle, exchange=False, heartbeat=False, finished=True, phase="ended")

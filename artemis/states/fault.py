@@ -88,7 +88,7 @@ class FaultMode(RoutineMode):
         late = snapshot.time > latest
         goes_on = verdict.recovers and not self.plan.held and (verdict.resumes or self.plan.armed)
         if late or is_second(self.plan, snapshot) or not (snapshot.sensed.attended or goes_on):
-            return (yield give_up(self.plan, replace(idle, phase="fault"), late=late))
+            return (yield give_up(replace(idle, phase="fault"), late=late))
         if verdict.final:
             phase = f"this run cannot go on, end it: {present.text}"
         elif verdict.recovers:

@@ -165,10 +165,9 @@ def restore_gains(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
     results, snapshot = yield from finish_jobs(replace(wish, phase="restoring gains"), _jobs(plan, known))
     for result in results:
         if not result.ok:
-            plan.failed = True
             kept = f"it may keep the gains on trial, {words_of(plan.tried[result.drive])}, while it has power"
             seen = f"{result.detail}; {kept}; the next start writes those of the robot file"
-            snapshot = yield replace(wish, fault=catalogue.fault(result.fault, result.drive, seen))
+            snapshot = yield replace(wish, fault=catalogue.fault(result.fault, result.drive, seen), failed=True)
     return snapshot
 
 

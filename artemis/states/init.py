@@ -68,7 +68,7 @@ class InitMode(RoutineMode):
         while (held := hands_on(snapshot.sensed.inputs)) or not (plan.armed or Request.ARM in snapshot.sensed.requests):
             late = snapshot.time > latest
             if late or not (plan.armed or snapshot.sensed.attended):
-                yield give_up(plan, replace(OFF, phase="nobody there to arm"), late=late)
+                yield give_up(replace(OFF, phase="nobody there to arm"), late=late)
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
         plan.armed = plan.held = False
         yield from align(plan, snapshot)

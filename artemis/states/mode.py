@@ -136,8 +136,6 @@ class Plan:
     """The wheels were aligned since the drives were last brought up."""
     placed: bool = False
     """The odometry has its origin: where the wheels were aligned first."""
-    failed: bool = False
-    """A fault or a stop ended the run before its last step."""
     held: bool = False
     """A person stopped the robot, or a fault that may not go on by itself: nothing but a person's arm lets it go on."""
     stop: Stop | None = None
@@ -315,10 +313,9 @@ PATIENCE = 600.0
 """After waiting so long for a person the run ends [s] (OPR-03)."""
 
 
-def give_up(plan: Plan, wish: Wish, *, late: bool) -> Wish:
+def give_up(wish: Wish, *, late: bool) -> Wish:
     """`wish`, and the end of the run as failed: nobody came in time (`late`), or nobody is there to come."""
-    plan.failed = True
-    return replace(wish, event=Event.END, fault=catalogue.fault("OPR-03") if late else None)
+    return replace(wish, event=Event.END, failed=True, fault=catalogue.fault("OPR-03") if late else None)
 
 
 ROLLING_TIME = 10.0

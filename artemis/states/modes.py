@@ -18,12 +18,17 @@ from artemis.values import Action, Event, Goal, Mode, Request, Severity, Snapsho
 
 
 class Modes:
-    """The present mode and the logic of each; all share the plan."""
+    """The present mode and the logic of each; all share the plan.
+
+    Attributes:
+        failed: A fault or a stop ended the run before its last step, or a drive did not end in order.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._machine = ModeMachine()
         self._ending = False
+        self.failed = False
         self._stopped_for = Severity.NONE
         self._logic: dict[Mode, ModeLogic] = {
             Mode.INIT: InitMode(plan),
@@ -57,7 +62,7 @@ class Modes:
         ):
             if event is not None and self._machine.fire(event):
                 if event is Event.END and (self._plan.current is not None or verdict.stops):
-                    self._plan.failed = True
+                    self.failed = True
                 self._stopped_for = verdict.severity if self.mode is Mode.QUICKSTOP else Severity.NONE
                 self._logic[self.mode].enter(snapshot)
                 break
@@ -70,6 +75,7 @@ class Modes:
     def step(self, snapshot: Snapshot) -> Wish:
         """What the present mode wants of this tick, unless nothing but power off is left."""
         wish, verdict = self._logic[self.mode].step(snapshot), snapshot.verdict
+        self.failed = self.failed or wish.failed
         if verdict.severity is Severity.OFF:
             off = replace(wish.command, action=Action.DISABLE)
             wish = replace(wish, command=off, traction=Goal.DISABLED, heartbeat=wish.heartbeat and not verdict.alarm)

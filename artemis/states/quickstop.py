@@ -91,7 +91,7 @@ class QuickstopMode(RoutineMode):
         """At rest, with what it waits for; ends the run where nobody will come."""
         alone = not snapshot.sensed.attended and not self._goes_on
         if alone or snapshot.time > latest:
-            return give_up(self.plan, replace(rest, phase="stopped"), late=not alone)
+            return give_up(replace(rest, phase="stopped"), late=not alone)
         wish = replace(rest, phase=_waits_for(snapshot) or "stopped: arm to go on")
         return self._lookout.watch(self.plan, wish, snapshot)
 

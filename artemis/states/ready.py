@@ -43,7 +43,7 @@ class ReadyMode:
                 if held := hands_on(sample for sample in snapshot.sensed.inputs if sample.source == name):
                     if snapshot.time - self._since - self._plan.done <= PATIENCE:
                         return replace(stand, phase=held)
-                    return give_up(self._plan, replace(stand, phase=held), late=True)
+                    return give_up(replace(stand, phase=held), late=True)
                 return replace(stand, event=Event.TELEOP)
             case WaitStep(seconds=seconds):
                 self._plan.done = snapshot.time - self._since

@@ -256,7 +256,7 @@ def has_event(wish: Wish) -> bool:
     return wish.event is not None
 
 
-def expires(player: Player, plan: Plan) -> None:
+def expires(player: Player) -> None:
     """Nobody comes for ten minutes: the run ends as failed."""
     assert player.tick().event is None
     player.time += 590.0
@@ -265,7 +265,7 @@ def expires(player: Player, plan: Plan) -> None:
     wish = player.tick()
     assert wish.event is Event.END
     assert fault_of(wish) == ("OPR-03", "")
-    assert plan.failed
+    assert wish.failed
 
 
 def fault_of(wish: Wish) -> tuple[str, str]:

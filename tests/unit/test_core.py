@@ -99,7 +99,7 @@ def test_run_without_steps_is_brought_up_and_ends_in_order() -> None:
     live.until(lambda tick: tick.wish.finished)
     modes = itertools.groupby(tick.mode for tick in live.ticks)
     assert [mode for mode, _ in modes] == [Mode.INIT, Mode.READY, Mode.END]
-    assert not live.plan.failed
+    assert not live.ticks[-1].failed
     assert {tick.set_points.speed for tick in live.ticks} == {0.0}
 
 
@@ -111,7 +111,7 @@ def test_steps_are_done_one_after_the_other() -> None:
     assert [mode for mode, _ in modes] == [Mode.INIT, Mode.READY, Mode.FOLLOW, Mode.READY, Mode.END]
     assert follower.starts == 1
     assert live.plan.current is None
-    assert not live.plan.failed
+    assert not live.ticks[-1].failed
 
 
 def test_same_things_sensed_give_the_same_ticks() -> None:
@@ -338,7 +338,7 @@ def test_run_that_nobody_attends_ends_after_a_fault_as_failed() -> None:
     live.tick(inputs=(STICK,), attended=False)
     live.drives.changes["traction-left"] = {}
     live.until(lambda tick: tick.wish.finished, attended=False)
-    assert live.plan.failed
+    assert live.ticks[-1].failed
 
 
 def test_drive_that_does_not_enable_is_a_fault_that_names_it() -> None:

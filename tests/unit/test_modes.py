@@ -120,9 +120,9 @@ def test_robot_is_stopped_from_a_controlled_stop_on(severity: Severity) -> None:
 
 @pytest.mark.parametrize(("steps", "failed"), [((CalibrateStep(),), True), ((), False)])
 def test_run_that_is_ended_before_its_last_step_has_failed(steps: tuple[Any, ...], failed: bool) -> None:
-    whole = plan(*steps)
-    modes_in(Mode.READY, whole).advance(snapshot(requests=ENDED), None)
-    assert whole.failed is failed
+    modes = modes_in(Mode.READY, plan(*steps))
+    modes.advance(snapshot(requests=ENDED), None)
+    assert modes.failed is failed
 
 
 def test_milder_stop_does_not_begin_a_stop_anew_and_a_more_severe_one_does_once(
@@ -150,11 +150,10 @@ def test_end_that_a_mode_asked_for_during_a_stop_comes_after_it() -> None:
 
 
 def test_run_that_ends_with_a_fault_has_failed_though_its_steps_are_done() -> None:
-    whole = plan()
-    modes = modes_in(Mode.READY, whole)
+    modes = modes_in(Mode.READY, plan())
     assert modes.advance(snapshot(verdict=DRIVE_FAULT), Event.END) is Mode.FAULT
     assert modes.advance(snapshot(verdict=DRIVE_FAULT), None) is Mode.END
-    assert whole.failed
+    assert modes.failed
 
 
 def test_power_is_off_where_nothing_else_is_left_and_the_alarm_ends_the_heartbeat() -> None:
@@ -271,7 +270,7 @@ def test_step_by_hand_whose_controls_nobody_releases_for_ten_minutes_ends_the_ru
     steps = plan(TeleopStep(input="stick", seconds=None), done=3.0)
     player = Player(ReadyMode(steps))
     player.world["inputs"] = (OperatorInput(source="stick", neutral=False),)
-    expires(player, steps)
+    expires(player)
 
 
 def test_calibrate_aligns_and_is_done() -> None:
