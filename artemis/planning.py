@@ -94,7 +94,7 @@ def plan_for(loaded: LoadedMission, simulated: bool, resumption: Resumption | No
     if simulated and loaded.injector is not None:
         plan.steps = loaded.injector.failing_followers(plan.steps, loaded.mission.simulation.faults)
     if resumption is not None:
-        plan.index, plan.done = resumption.step, resumption.done
+        plan.position = resumption.position
         plan.start, plan.placed = resumption.pose, True
         plan.tracks = deepcopy(resumption.tracks)
     return plan

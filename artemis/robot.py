@@ -51,9 +51,14 @@ class Core:
             self._perception.reset()
         points = self._limit(wish, snapshot)
         self._wish, self._points = wish, points
-        step, done = self._plan.index, self._plan.done
-        failed = self._modes.failed
-        return Tick(snapshot=snapshot, mode=mode, step=step, done=done, wish=wish, failed=failed, set_points=points)
+        return Tick(
+            snapshot=snapshot,
+            mode=mode,
+            position=self._plan.position,
+            wish=wish,
+            failed=self._modes.failed,
+            set_points=points,
+        )
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
         """The gate, from its last set-points on; wheels whose drives are off are where they are."""

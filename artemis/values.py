@@ -368,9 +368,21 @@ class Wish(Struct, frozen=True, kw_only=True, gc=False):
     phase: str = ""
     tracking: Tracking | None = None
     reset_pose: bool = False  # make the present place the origin of the odometry
+    done: float | None = None
+    """How much of the mission's current step is done: way along its path [m], or time [s]; None: as much as before."""
+    over: bool = False  # all of it is done
     failed: bool = False
     """What the run was to do will not be done, or it cannot end in order."""
     finished: bool = False  # the ordered end is complete; the run may stop ticking
+
+
+class Position(Struct, frozen=True, kw_only=True, gc=False):
+    """How far a mission is done."""
+
+    step: int = 0
+    """Which of its steps is done now, counted from 0; after the last: their number."""
+    done: float = 0.0
+    """How much of it is done, here or in an earlier run: way along its path [m], or time [s]."""
 
 
 class Tick(Struct, frozen=True, kw_only=True, gc=False):
@@ -378,10 +390,8 @@ class Tick(Struct, frozen=True, kw_only=True, gc=False):
 
     snapshot: Snapshot
     mode: Mode
-    step: int = 0
-    """Which step of the mission is done now, counted from 0; after the last: their number."""
-    done: float = 0.0
-    """How much of it is done: way along its path [m], or time [s]."""
+    position: Position = Position()
+    """Where the mission is after it."""
     wish: Wish
     failed: bool = False
     """A fault or a stop ended the run before its last step, or a drive did not end in order."""

@@ -177,7 +177,7 @@ def _read_table(recording: Recording) -> _Table:
             table.resets.append(len(table.modes))
         table.indices.append(sensed.index)
         table.modes.append(tick.mode)
-        table.steps.append(tick.step)
+        table.steps.append(tick.position.step)
         table.finished = tick.wish.finished
     return table
 

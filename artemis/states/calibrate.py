@@ -27,11 +27,9 @@ class CalibrateMode(RoutineMode):
             case _:
                 snapshot = yield from align(plan, snapshot)
         if plan.blind or (type(plan.current) is not CalibrateStep and plan.current is plan.steps[-1]):
-            plan.advance()
-            yield replace(OFF, event=Event.END, phase="calibrated")
+            yield replace(OFF, event=Event.END, over=True, phase="calibrated")
         snapshot = yield from enable(ON, snapshot)
-        plan.advance()
         stand = replace(ON, command=DriveCommand(steering=snapshot.set_points.steering))
-        yield replace(stand, event=Event.DONE, phase="aligned")
+        yield replace(stand, event=Event.DONE, over=True, phase="aligned")
         while True:
             yield stand

@@ -31,6 +31,7 @@ from artemis.values import (
     Nmt,
     OperatorInput,
     Pose,
+    Position,
     Snapshot,
     Wish,
 )
@@ -146,9 +147,8 @@ class Plan:
     """NMT reset that a drive needs before it is brought up again: `communication` or `node`."""
     start: Pose = field(default_factory=Pose)
     """Where the odometry begins."""
-    index: int = 0
-    done: float = 0.0
-    """How much of the current step is done, here or in an earlier run: way along its path [m], or time [s]."""
+    position: Position = field(default_factory=Position)
+    """How far the steps are done."""
     tracks: dict[str, Track] = field(default_factory=dict)
     """What was recorded, by name."""
     found: Mapping[str, float] | None = None
@@ -166,7 +166,7 @@ class Plan:
     @property
     def current(self) -> Step | None:
         """The step to do now; None after the last."""
-        return self.steps[self.index] if self.index < len(self.steps) else None
+        return self.steps[self.position.step] if self.position.step < len(self.steps) else None
 
     @property
     def top_speed(self) -> float:
@@ -185,10 +185,6 @@ class Plan:
         """Nobody knows what the potentiometers say: traction stays off."""
         return self.found is not None
 
-    def advance(self) -> None:
-        """The current step is done."""
-        self.index, self.done = self.index + 1, 0.0
-
     def drives(self, role: str | None = None) -> list[str]:
         """Names of all drives, or of those with `role`."""
         return [name for name, drive in self.robot.drives.items() if role in (None, drive.role)]
@@ -205,6 +201,13 @@ class Plan:
     def job(self, kind: JobKind, drive: str, *values: int) -> tuple[Job, ...]:
         """A new job for one drive, with numbers to write; alone in its tuple."""
         return (Job(id=next(self._ids), kind=kind, drive=drive, values=values),)
+
+
+def advance(position: Position, wish: Wish) -> Position:
+    """Where the mission is after a tick in which the mode wished this."""
+    if wish.over:
+        return Position(step=position.step + 1)
+    return position if wish.done is None else Position(step=position.step, done=wish.done)
 
 
 # ---------------------------------------------------------------------------------------------- routines

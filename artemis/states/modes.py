@@ -10,7 +10,7 @@ from artemis.states.fault import FaultMode
 from artemis.states.follow import FollowMode
 from artemis.states.init import InitMode
 from artemis.states.machine import ModeMachine
-from artemis.states.mode import ModeLogic, Plan
+from artemis.states.mode import ModeLogic, Plan, advance
 from artemis.states.quickstop import QuickstopMode
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
@@ -76,6 +76,7 @@ class Modes:
         """What the present mode wants of this tick, unless nothing but power off is left."""
         wish, verdict = self._logic[self.mode].step(snapshot), snapshot.verdict
         self.failed = self.failed or wish.failed
+        self._plan.position = advance(self._plan.position, wish)
         if verdict.severity is Severity.OFF:
             off = replace(wish.command, action=Action.DISABLE)
             wish = replace(wish, command=off, traction=Goal.DISABLED, heartbeat=wish.heartbeat and not verdict.alarm)

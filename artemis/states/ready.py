@@ -22,17 +22,17 @@ class ReadyMode:
     """Starts the next step of the plan, or the ordered end after the last."""
 
     def __init__(self, plan: Plan) -> None:
-        self._plan = plan
+        self.plan = plan
         self._since = 0.0
 
     def enter(self, snapshot: Snapshot) -> None:
         """A step has ended, or the bring-up; a wait that was interrupted goes on."""
-        self._since = snapshot.time - self._plan.done
+        self._since = snapshot.time - self.plan.position.done
 
     def step(self, snapshot: Snapshot) -> Wish:
         """Stand, and ask for the mode of the plan's current step."""
-        stand = replace(at_rest(self._plan), command=DriveCommand(steering=snapshot.set_points.steering))
-        match self._plan.current:
+        stand = replace(at_rest(self.plan), command=DriveCommand(steering=snapshot.set_points.steering))
+        match self.plan.current:
             case None:
                 return replace(stand, event=Event.END)
             case CalibrateStep():
@@ -41,13 +41,12 @@ class ReadyMode:
                 return replace(stand, event=Event.FOLLOW)
             case TeleopStep(input=name):
                 if held := hands_on(sample for sample in snapshot.sensed.inputs if sample.source == name):
-                    if snapshot.time - self._since - self._plan.done <= PATIENCE:
+                    if snapshot.time - self._since - self.plan.position.done <= PATIENCE:
                         return replace(stand, phase=held)
                     return give_up(replace(stand, phase=held), late=True)
                 return replace(stand, event=Event.TELEOP)
             case WaitStep(seconds=seconds):
-                self._plan.done = snapshot.time - self._since
-                if self._plan.done >= seconds:
-                    self._plan.advance()
+                done = snapshot.time - self._since
+                if over := done >= seconds:
                     self._since = snapshot.time
-                return replace(stand, phase="waiting")
+                return replace(stand, done=done, over=over, phase="waiting")

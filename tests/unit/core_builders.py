@@ -19,7 +19,7 @@ from artemis.motion.ackermann import Ackermann
 from artemis.motion.path import Path, path_from_points
 from artemis.motion.route import Part, Route
 from artemis.plugins.contracts import Following
-from artemis.states.mode import ModeLogic, Plan, Step
+from artemis.states.mode import ModeLogic, Plan, Step, advance
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
@@ -33,6 +33,7 @@ from artemis.values import (
     JobResult,
     Nmt,
     Odometry,
+    Position,
     Sensed,
     SetPoints,
     Snapshot,
@@ -112,8 +113,8 @@ def verdict(id: str, device: str = "") -> Verdict:
     return judged(id, device=device)
 
 
-def plan(*steps: Step, **state: Any) -> Plan:
-    return Plan(robot=ROBOT, steps=steps, **state)
+def plan(*steps: Step, done: float = 0.0, **state: Any) -> Plan:
+    return Plan(robot=ROBOT, steps=steps, position=Position(done=done), **state)
 
 
 class ObedientDrives:
@@ -219,6 +220,8 @@ class Player:
         if not self._entered:
             self.enter(seen)
         self._wish = self.mode.step(seen)
+        if plan := getattr(self.mode, "plan", None):
+            plan.position = advance(plan.position, self._wish)
         self._points = points_from(self._wish, self._points)
         self._results = tuple(map(self._perform, self._wish.jobs))
         self.wishes.append(self._wish)

@@ -112,13 +112,13 @@ def test_path_is_not_begun_from_far_away_however_often_it_is_tried(start: Follow
 def test_path_is_not_gone_on_with_when_the_place_of_the_robot_is_not_known() -> None:
     player, follower, steps = follow()
     assert player.tick().fault is None
-    done = steps.done
+    done = steps.position.done
     for _ in range(3):
         wish = player.tick(odometry=Odometry(lost=True), set_points=SetPoints(steering=0.2))
         assert fault_of(wish) == ("RUN-08", "")
         assert wish.command == DriveCommand(speed=0.0, steering=0.2)
         player.enter()
-    assert (follower.steps, steps.done) == (1, done)
+    assert (follower.steps, steps.position.done) == (1, done)
 
 
 def test_path_is_begun_from_nearby() -> None:
@@ -190,7 +190,7 @@ def driven(player: Player, *ways: tuple[float, float]) -> list[bool]:
     """Ticks with these arc lengths and ways of the robot; whether each ended with the fault of an overrun path."""
     found = []
     for arc_length, distance in ways:
-        player.mode._plan.current.follower.answer = lambda arc=arc_length: following(arc_length=arc)  # type: ignore[attr-defined]
+        player.mode.plan.current.follower.answer = lambda arc=arc_length: following(arc_length=arc)  # type: ignore[attr-defined]
         wish = player.tick(odometry=Odometry(distance=distance))
         found.append(wish.fault is not None and wish.fault.id == "PTH-08")
         assert (wish.command.speed == 0.0) is found[-1]
@@ -318,19 +318,19 @@ def test_the_next_path_is_begun_at_its_start() -> None:
 def test_progress_is_kept_in_the_plan_and_begins_anew_with_the_next_step() -> None:
     player, follower, steps = follow(lambda: following(arc_length=0.75))
     player.tick()
-    assert steps.done == 0.75
+    assert steps.position.done == 0.75
     follower.answer = lambda: following(arc_length=0.8, finished=True)
     player.tick()
-    assert (steps.index, steps.done) == (1, 0.0)
+    assert (steps.position.step, steps.position.done) == (1, 0.0)
 
 
 def test_a_robot_just_before_the_start_of_its_path_has_driven_nothing() -> None:
     player, _, steps = follow(lambda: following(arc_length=-0.02))
     player.tick()
-    assert steps.done == 0.0
+    assert steps.position.done == 0.0
 
 
 def test_a_path_that_is_too_far_away_to_begin_counts_as_no_progress() -> None:
     player, _, steps = follow(lambda: following(arc_length=0.75, cross_track=1.5))
     player.tick()
-    assert steps.done == 0.0
+    assert steps.position.done == 0.0

@@ -29,7 +29,7 @@ from core_builders import (
 from msgspec.structs import replace
 
 from artemis.states.calibrate import CalibrateMode
-from artemis.states.mode import ON, CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep, finish_jobs
+from artemis.states.mode import ON, CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep, advance, finish_jobs
 from artemis.states.modes import Modes
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
@@ -240,7 +240,7 @@ def test_ready_walks_the_plan_to_its_end() -> None:
     for _, event in STEPS:
         assert player.tick().event is event
         assert player.tick().event is event, "until the step is done"
-        steps.advance()
+        steps.position = advance(steps.position, Wish(over=True))
     assert player.until(has_event).event is Event.END
     assert steps.current is None
 
@@ -372,6 +372,6 @@ def test_two_teleop_steps_end_one_by_one() -> None:
     player = Player(TeleopMode(steps))
     player.world["inputs"] = (stick(),)
     player.tick(inputs=(stick(requests=(Request.DONE,)),))
-    assert steps.index == 1
+    assert steps.position.step == 1
     player.enter()
     assert player.tick().event is None
