@@ -12,6 +12,8 @@ from math import inf
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
+from msgspec import structs
+
 from artemis import clock
 from artemis.devices.can_bus import CanBus, FrameBus, Traffic
 from artemis.devices.drive import Drives
@@ -33,7 +35,7 @@ from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.recording.resume import BROKEN, DONE, where_it_stopped
 from artemis.recording.run_folder import RunFolder, create_run_folder, keep_calibration, keep_paths
 from artemis.robot import Core, Robot
-from artemis.states.mode import FollowStep, with_followers
+from artemis.states.plan import FollowStep, with_followers
 from artemis.supervision import catalogue
 from artemis.values import Fault, Pose, Request, Severity, Tick
 
@@ -172,15 +174,15 @@ class _Run:
             outcome = "failed" if self._failed else DONE
         finally:
             self._recorder.close(outcome)
-        kept = keep_paths(self.run, {name: track.as_csv() for name, track in self._plan.tracks.items()})
-        kept += keep_calibration(self.run, {side: fit.record for side, fit in self._plan.steering.items()})
+        kept = keep_paths(self.run, {name: track.as_csv() for name, track in self._results.tracks.items()})
+        kept += keep_calibration(self.run, {side: fit.record for side, fit in self._results.steering.items()})
         return Outcome(
             failed=self._failed,
             interrupted=self._interrupted,
             run=self.run,
             duration=self._time,
             elapsed=clock.stopwatch() - begun,
-            steering=self._plan.steering,
+            steering=self._results.steering,
             troubles=(*(trouble.detail for trouble in self._recorder.troubles()), *kept),
         )
 
@@ -194,7 +196,7 @@ class _Run:
         inputs = self._inputs(wake)
         live = {name for name, device in inputs.items() if getattr(device, "live", False)}
         border = Border(inputs, loop.time)
-        self._plan.steps = with_followers(self._plan.steps, border.watched)
+        steps = with_followers(self._plan.steps, border.watched)
         drives = Drives(self._loaded.robot, bus)
         true_pose = self._true_pose(world)
 
@@ -210,7 +212,8 @@ class _Run:
 
         host = HostWatch()
         period = 1 / self._loaded.mission.tick_hz
-        core = Core(self._plan, period)
+        core = Core(structs.replace(self._plan, steps=steps), period)
+        self._results = core.results
         robot = Robot(core, drives, border, period, observe, self._attended)
         if world is not None and (injector := self._loaded.injector) is not None:
             run = Simulated(

@@ -12,8 +12,9 @@ from artemis.motion.route import Route
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Following
 from artemis.states.gains import Shaking
-from artemis.states.mode import ON, FollowStep, Plan
+from artemis.states.mode import ON
 from artemis.states.parts import PartByPart
+from artemis.states.plan import FollowStep, Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, Event, Fault, Goal, Pose, Severity, Snapshot, Tracking, Wish
 
@@ -32,8 +33,8 @@ AT_END, OVERRUN = 0.01, 0.2
 class FollowMode:
     """Asks the follower at each tick. A step that was interrupted goes on where it stopped."""
 
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
+    def __init__(self, shared: Shared) -> None:
+        self.shared = shared
         self._begun: FollowStep | None = None
         self._drive: PartByPart | None = None
         self._fault: Fault | None = None
@@ -46,8 +47,8 @@ class FollowMode:
 
     def enter(self, snapshot: Snapshot) -> None:
         """Begin what is left of the path, unless the follower is on its way already."""
-        step = self.plan.current
-        self._shaking = Shaking(self.plan, snapshot) if self.plan.tried else None
+        step = self.shared.current
+        self._shaking = Shaking(self.shared.plan, tried, snapshot) if (tried := self.shared.results.tried) else None
         self._fault, self._last, self._armed, self._over = None, None, False, None
         if not isinstance(step, FollowStep):
             return
@@ -60,13 +61,13 @@ class FollowMode:
             self._fault = catalogue.fault("PTH-01", "", "; ".join(error.problems), Severity.CONTROLLED_STOP)
             return
         rest = self._rest(route, step, snapshot.odometry.pose)
-        self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.plan.robot)
+        self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.shared.plan.robot)
         self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
         self._begun, self._spent = step, 0.0
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
-        step, drive = self.plan.current, self._drive
+        step, drive = self.shared.current, self._drive
         if not isinstance(step, FollowStep):
             return _stand(snapshot, event=Event.DONE)
         if snapshot.odometry.lost:
@@ -100,15 +101,15 @@ class FollowMode:
         """
         if isinstance(step.route, Route):
             return step.route
-        track = self.plan.tracks.get(step.route, Track())
-        route = track.route(self.plan.robot, step.speed, step.close_within, step.round_corners, step.allow_slowdown)
+        robot, track = self.shared.plan.robot, self.shared.results.tracks.get(step.route, Track())
+        route = track.route(robot, step.speed, step.close_within, step.round_corners, step.allow_slowdown)
         return route.directed(from_end=step.from_end, backward=step.backward).with_laps(step.laps)
 
     def _rest(self, route: Route, step: FollowStep, pose: Pose) -> Route:
         """What is left of it: where an open route goes on is said by what is done, for it may pass a place twice."""
-        if step.nearest and (route.closed or not self.plan.position.done):
-            return route.begun_at(route.nearest(pose.x, pose.y), self.plan.position.done)
-        return route.rest(self.plan.position.done)
+        if step.nearest and (route.closed or not self.shared.position.done):
+            return route.begun_at(route.nearest(pose.x, pose.y), self.shared.position.done)
+        return route.rest(self.shared.position.done)
 
     def _off_path(self, tracking: Tracking, distance: float, limit: float) -> Fault | None:
         """Too far away to begin (PTH-05), or lost on the way (PTH-06); `distance`: way of the robot [m]."""

@@ -47,32 +47,34 @@ class InitMode(RoutineMode):
 
     def routine(self, snapshot: Snapshot) -> Routine:
         """Listen, secure, configure, prove, wait for arm, align."""
-        plan = self.plan
-        silent = replace(SILENT, heartbeat=plan.connected)  # drives of ours still watch: secured, they no longer do
-        plan.connected = plan.aligned = False
+        shared, plan, bring_up = self.shared, self.plan, self.bring_up
+        silent = replace(SILENT, heartbeat=bring_up.connected)  # drives of ours still watch: secured, they no longer do
+        bring_up.connected = bring_up.aligned = False
         snapshot = yield from listen(silent, snapshot, snapshot.time + LISTEN)
-        results, snapshot = yield from secure(plan, silent, snapshot)
+        results, snapshot = yield from secure(shared, silent, snapshot)
         if all(result.ok for result in results):
             wish = replace(silent, phase=JobKind.CONFIGURE.value)
-            jobs = plan.jobs(JobKind.CONFIGURE, plan.drives())
-            jobs += plan.jobs(JobKind.READ_CALIBRATION, plan.drives("steering"))
+            jobs = bring_up.jobs(JobKind.CONFIGURE, plan.drives())
+            jobs += bring_up.jobs(JobKind.READ_CALIBRATION, plan.drives("steering"))
             results, snapshot = yield from finish_jobs(wish, jobs)
         failed = [result for result in results if not result.ok]
         if len(failed) == len(results) and all(result.fault == NO_ANSWER for result in failed):
             return (yield from fail(SILENT, catalogue.fault("COM-32")))
-        if fault := failure(failed) or contradiction(plan, results):
+        if fault := failure(failed) or contradiction(shared, results):
             return (yield from fail(SILENT, fault))
-        plan.connected = True
+        bring_up.connected = True
         snapshot = yield from self._prove_watchdog(snapshot)
         latest = snapshot.time + PATIENCE
-        while (held := hands_on(snapshot.sensed.inputs)) or not (plan.armed or Request.ARM in snapshot.sensed.requests):
+        while (held := hands_on(snapshot.sensed.inputs)) or not (
+            bring_up.armed or Request.ARM in snapshot.sensed.requests
+        ):
             late = snapshot.time > latest
-            if late or not (plan.armed or snapshot.sensed.attended):
+            if late or not (bring_up.armed or snapshot.sensed.attended):
                 yield give_up(replace(OFF, phase="nobody there to arm"), late=late)
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
-        plan.armed = plan.held = False
-        yield from align(plan, snapshot)
-        first, plan.aligned, plan.placed = not plan.placed, not plan.blind, True
+        bring_up.armed = bring_up.held = False
+        yield from align(shared, snapshot)
+        first, bring_up.aligned, bring_up.placed = not bring_up.placed, not plan.blind, True
         stand = at_rest(plan)
         yield replace(stand, event=Event.ALIGNED, reset_pose=first, phase="as found" if plan.blind else "aligned")
         while True:
@@ -98,7 +100,7 @@ class InitMode(RoutineMode):
         snapshot = yield from self._until(is_lost, WITHHOLDING, "COM-30", problem, snapshot, earliest)
         unheard = [name for name in self.plan.drives() if name not in missed]
         if unheard:  # an EMCY is sent once and may be lost; the drive remembers
-            told, snapshot = yield from finish_jobs(WITHHOLDING, self.plan.jobs(JobKind.READ_HISTORY, unheard))
+            told, snapshot = yield from finish_jobs(WITHHOLDING, self.bring_up.jobs(JobKind.READ_HISTORY, unheard))
             for result in told:
                 if LOST_HEARTBEAT not in result.values[:1]:
                     seen = (

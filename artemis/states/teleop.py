@@ -5,7 +5,8 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from artemis.motion.track import Track
-from artemis.states.mode import ON, Plan, TeleopStep
+from artemis.states.mode import ON
+from artemis.states.plan import Shared, TeleopStep
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, Event, OperatorInput, Request, Snapshot, Wish
 
@@ -16,17 +17,17 @@ STALE = 0.15
 class TeleopMode:
     """Drives as the input of the present step says, while its enable button is held."""
 
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
+    def __init__(self, shared: Shared) -> None:
+        self.shared = shared
         self._since, self._ending, self._released = 0.0, False, True
 
     def enter(self, snapshot: Snapshot) -> None:
         """The controls were neutral when the step began, or went on after it was interrupted."""
-        self._since, self._ending, self._released = snapshot.time - self.plan.position.done, False, True
+        self._since, self._ending, self._released = snapshot.time - self.shared.position.done, False, True
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The operator's wish; standing still when the enable button is up; done when asked and at rest."""
-        step = self.plan.current
+        step = self.shared.current
         if not isinstance(step, TeleopStep):
             return replace(ON, event=Event.DONE)
         done = snapshot.time - self._since
@@ -37,7 +38,7 @@ class TeleopMode:
         sample = next((i for i in snapshot.sensed.inputs if i.source == step.input), OperatorInput(source=step.input))
         stand = DriveCommand(steering=snapshot.set_points.steering)
         if step.record and not snapshot.odometry.lost:
-            track = self.plan.tracks.setdefault(step.record, Track())
+            track = self.shared.results.tracks.setdefault(step.record, Track())
             track.see(snapshot.odometry.pose, pressed=Request.RECORD in sample.requests)
         over = step.seconds is not None and done >= step.seconds
         self._ending = self._ending or over or Request.DONE in sample.requests

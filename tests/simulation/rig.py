@@ -50,7 +50,7 @@ from artemis.robot import Core, Robot
 from artemis.sim.bus import Disturb
 from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.world import TrueRobot, World
-from artemis.states.mode import FollowStep, Plan
+from artemis.states.plan import Plan, Results, with_followers
 from artemis.values import Fault, Mode, Pose, Request, Tick
 from artemis.vehicle import Robot as RobotFile
 
@@ -135,6 +135,7 @@ class Run:
     world: WatchedWorld
     bus: WatchedBus
     plan: Plan
+    results: Results
     outcome: app.Outcome | None = None
     acts: dict[str, float] = field(default_factory=dict)
     """When the test's own acts took place, by their names."""
@@ -142,6 +143,11 @@ class Run:
     @property
     def ticks(self) -> list[Tick]:
         return [seen.tick for seen in self.seen]
+
+    @property
+    def is_done(self) -> bool:
+        """Every step."""
+        return self.ticks[-1].position.step == len(self.plan.steps)
 
     @property
     def status(self) -> int | None:
@@ -306,7 +312,13 @@ class Rig:
         assert self.world is not None
         assert self._plan is not None
         return Run(
-            mission=self.mission, seen=self._seen, world=self.world, bus=self.bus, plan=self._plan, acts=self._done
+            mission=self.mission,
+            seen=self._seen,
+            world=self.world,
+            bus=self.bus,
+            plan=self._plan,
+            results=self._results,
+            acts=self._done,
         )
 
     def _substitutes(self) -> Iterator[tuple[str, Callable[..., Any]]]:
@@ -345,15 +357,14 @@ class Rig:
     ) -> Robot:
         if self._input is not None:
             border.inputs = dict.fromkeys(border.inputs, self._input)
+        self._results = core.results
         self.robot = Robot(core, drives, border, period, observe, attended)
         return self.robot
 
     def _make_plan(self, loaded: LoadedMission) -> Plan:
         self._plan = plan = _PLAN_FROM(loaded)
-        if self._follower is not None:
-            plan.steps = tuple(
-                replace(step, follower=self._follower) if isinstance(step, FollowStep) else step for step in plan.steps
-            )
+        if (follower := self._follower) is not None:
+            self._plan = plan = replace(plan, steps=with_followers(plan.steps, lambda _: follower))
         return plan
 
     def _watch(self, tick: Tick, traffic: Traffic) -> None:

@@ -19,7 +19,8 @@ from artemis.motion.ackermann import Ackermann
 from artemis.motion.path import Path, path_from_points
 from artemis.motion.route import Part, Route
 from artemis.plugins.contracts import Following
-from artemis.states.mode import ModeLogic, Plan, Step, advance
+from artemis.states.mode import ModeLogic
+from artemis.states.plan import Plan, Shared, Step, advance
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
@@ -113,8 +114,12 @@ def verdict(id: str, device: str = "") -> Verdict:
     return judged(id, device=device)
 
 
-def plan(*steps: Step, done: float = 0.0, **state: Any) -> Plan:
-    return Plan(robot=ROBOT, steps=steps, position=Position(done=done), **state)
+def shared(*steps: Step, done: float = 0.0, **state: Any) -> Shared:
+    """What modes share in a run with these steps, of whose first so much is done; `state` is that of the bring-up."""
+    made = Shared(Plan(robot=ROBOT, steps=steps, begin=Position(done=done)))
+    for name, value in state.items():
+        setattr(made.bring_up, name, value)
+    return made
 
 
 class ObedientDrives:
@@ -220,8 +225,8 @@ class Player:
         if not self._entered:
             self.enter(seen)
         self._wish = self.mode.step(seen)
-        if plan := getattr(self.mode, "plan", None):
-            plan.position = advance(plan.position, self._wish)
+        if shared := getattr(self.mode, "shared", None):
+            shared.position = advance(shared.position, self._wish)
         self._points = points_from(self._wish, self._points)
         self._results = tuple(map(self._perform, self._wish.jobs))
         self.wishes.append(self._wish)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from core_builders import PERIOD, Player, plan
+from core_builders import PERIOD, Player, shared
 
-from artemis.states.mode import Plan, Step, TeleopStep, WaitStep
+from artemis.states.plan import Shared, Step, TeleopStep, WaitStep
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import OperatorInput
@@ -13,15 +13,15 @@ from artemis.values import OperatorInput
 STICK = (OperatorInput(source="stick", enabled=True, neutral=False, speed=0.3, age=0.01),)
 
 
-def player(step: Step, done: float = 0.0) -> tuple[Player, Plan]:
-    steps = plan(step, WaitStep(seconds=1.0), done=done)
+def player(step: Step, done: float = 0.0) -> tuple[Player, Shared]:
+    steps = shared(step, WaitStep(seconds=1.0), done=done)
     mode = TeleopMode(steps) if isinstance(step, TeleopStep) else ReadyMode(steps)
     played = Player(mode)
     played.world["inputs"] = STICK
     return played, steps
 
 
-def ticks_until_done(played: Player, steps: Plan) -> int:
+def ticks_until_done(played: Player, steps: Shared) -> int:
     """How many ticks the step still takes."""
     for number in range(1000):
         if steps.position.step:

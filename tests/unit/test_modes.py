@@ -21,16 +21,17 @@ from core_builders import (
     has_event,
     has_fault,
     judged,
-    plan,
     powered,
+    shared,
     snapshot,
     verdict,
 )
 from msgspec.structs import replace
 
 from artemis.states.calibrate import CalibrateMode
-from artemis.states.mode import ON, CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep, advance, finish_jobs
+from artemis.states.mode import ON, finish_jobs
 from artemis.states.modes import Modes
+from artemis.states.plan import BringUp, CalibrateStep, FollowStep, Shared, Step, TeleopStep, WaitStep, advance
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import (
@@ -66,8 +67,8 @@ WAYS: dict[Mode, list[Event]] = {
 }
 
 
-def modes_in(mode: Mode, steps: Plan | None = None) -> Modes:
-    modes = Modes(steps or plan(CalibrateStep(), connected=True, aligned=True))
+def modes_in(mode: Mode, steps: Shared | None = None) -> Modes:
+    modes = Modes(steps or shared(CalibrateStep(), connected=True, aligned=True))
     for event in WAYS[mode]:
         modes.advance(snapshot(), event)
     assert modes.mode is mode
@@ -120,7 +121,7 @@ def test_robot_is_stopped_from_a_controlled_stop_on(severity: Severity) -> None:
 
 @pytest.mark.parametrize(("steps", "failed"), [((CalibrateStep(),), True), ((), False)])
 def test_run_that_is_ended_before_its_last_step_has_failed(steps: tuple[Any, ...], failed: bool) -> None:
-    modes = modes_in(Mode.READY, plan(*steps))
+    modes = modes_in(Mode.READY, shared(*steps))
     modes.advance(snapshot(requests=ENDED), None)
     assert modes.failed is failed
 
@@ -150,7 +151,7 @@ def test_end_that_a_mode_asked_for_during_a_stop_comes_after_it() -> None:
 
 
 def test_run_that_ends_with_a_fault_has_failed_though_its_steps_are_done() -> None:
-    modes = modes_in(Mode.READY, plan())
+    modes = modes_in(Mode.READY, shared())
     assert modes.advance(snapshot(verdict=DRIVE_FAULT), Event.END) is Mode.FAULT
     assert modes.advance(snapshot(verdict=DRIVE_FAULT), None) is Mode.END
     assert modes.failed
@@ -176,20 +177,20 @@ def test_power_is_off_where_nothing_else_is_left_and_the_alarm_ends_the_heartbea
 def test_fault_that_may_not_go_on_by_itself_waits_for_an_arm_whatever_recovers_later(
     says: dict[str, Any], armed: bool, held: bool
 ) -> None:
-    steps = plan(CalibrateStep(), connected=True, aligned=True)
+    steps = shared(CalibrateStep(), connected=True, aligned=True)
     modes = modes_in(Mode.READY, steps)
-    steps.armed = armed
+    steps.bring_up.armed = armed
     modes.advance(snapshot(verdict=judged("DRV-25", **says)), None)
-    assert steps.held is held
+    assert steps.bring_up.held is held
     modes.advance(snapshot(verdict=judged("SYS-01", recovers=True, resumes=True)), None)
     modes.advance(snapshot(), None)
-    assert steps.held is held, "until a person arms"
+    assert steps.bring_up.held is held, "until a person arms"
 
 
 def test_what_does_not_stop_the_robot_needs_no_arm() -> None:
-    steps = plan(CalibrateStep(), connected=True, aligned=True, armed=False)
+    steps = shared(CalibrateStep(), connected=True, aligned=True, armed=False)
     modes_in(Mode.READY, steps).advance(snapshot(verdict=judged("COM-13")), None)
-    assert not steps.held
+    assert not steps.bring_up.held
 
 
 def test_mode_that_is_entered_again_begins_anew() -> None:
@@ -206,7 +207,7 @@ def test_mode_that_is_entered_again_begins_anew() -> None:
 
 
 def test_jobs_are_wished_once_and_waited_for_until_the_last_has_ended() -> None:
-    jobs = plan().jobs(JobKind.SECURE, NAMES[:2])
+    jobs = BringUp().jobs(JobKind.SECURE, NAMES[:2])
     waiting = finish_jobs(ON, jobs)
     assert next(waiting).jobs == jobs
     ended = [JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True) for job in jobs]
@@ -231,11 +232,11 @@ STEPS: list[tuple[Step, Event]] = [
 
 @pytest.mark.parametrize(("step", "event"), STEPS)
 def test_ready_asks_for_the_mode_of_the_step(step: Any, event: Event) -> None:
-    assert Player(ReadyMode(plan(step))).tick().event is event
+    assert Player(ReadyMode(shared(step))).tick().event is event
 
 
 def test_ready_walks_the_plan_to_its_end() -> None:
-    steps = plan(*(step for step, _ in STEPS), WaitStep(seconds=0.1))
+    steps = shared(*(step for step, _ in STEPS), WaitStep(seconds=0.1))
     player = Player(ReadyMode(steps))
     for _, event in STEPS:
         assert player.tick().event is event
@@ -246,20 +247,20 @@ def test_ready_walks_the_plan_to_its_end() -> None:
 
 
 def test_ready_waits_as_long_as_the_step_says() -> None:
-    steps = plan(WaitStep(seconds=1.0), WaitStep(seconds=0.5))
+    steps = shared(WaitStep(seconds=1.0), WaitStep(seconds=0.5))
     player = Player(ReadyMode(steps))
     player.until(has_event)
     assert player.time == pytest.approx(1.5, abs=0.1)
 
 
 def test_ready_stands_enabled_with_the_wheels_where_they_are() -> None:
-    wish = Player(ReadyMode(plan(WaitStep(seconds=1.0)))).tick(set_points=SetPoints(steering=0.3))
+    wish = Player(ReadyMode(shared(WaitStep(seconds=1.0)))).tick(set_points=SetPoints(steering=0.3))
     assert powered(wish)
     assert wish.command == DriveCommand(speed=0.0, steering=0.3)
 
 
 def test_teleop_begins_only_with_the_controls_released() -> None:
-    player = Player(ReadyMode(plan(TeleopStep(input="stick", seconds=None))))
+    player = Player(ReadyMode(shared(TeleopStep(input="stick", seconds=None))))
     for _ in range(5):
         assert player.tick(inputs=(OperatorInput(source="stick", neutral=False),)).event is None
     others = (OperatorInput(source="stick"), OperatorInput(source="other", neutral=False))
@@ -267,14 +268,14 @@ def test_teleop_begins_only_with_the_controls_released() -> None:
 
 
 def test_step_by_hand_whose_controls_nobody_releases_for_ten_minutes_ends_the_run() -> None:
-    steps = plan(TeleopStep(input="stick", seconds=None), done=3.0)
+    steps = shared(TeleopStep(input="stick", seconds=None), done=3.0)
     player = Player(ReadyMode(steps))
     player.world["inputs"] = (OperatorInput(source="stick", neutral=False),)
     expires(player)
 
 
 def test_calibrate_aligns_and_is_done() -> None:
-    steps = plan(CalibrateStep())
+    steps = shared(CalibrateStep())
     robot = ObedientDrives(DriveState.OPERATION_ENABLE)
     player = Player(CalibrateMode(steps), robot.react)
     assert player.until(has_event).event is Event.DONE
@@ -286,13 +287,13 @@ def test_calibrate_aligns_and_is_done() -> None:
 
 def test_calibrate_holds_the_wheels_where_it_finds_them_until_it_knows_how_they_stand() -> None:
     robot = ObedientDrives(DriveState.OPERATION_ENABLE)
-    player = Player(CalibrateMode(plan(CalibrateStep())), robot.react)
+    player = Player(CalibrateMode(shared(CalibrateStep())), robot.react)
     found = SetPoints(steering=0.1)
     assert player.tick(set_points=found).command == DriveCommand(speed=0.0, steering=0.1)
 
 
 def test_calibrate_that_fails_is_a_fault_and_not_done() -> None:
-    steps = plan(CalibrateStep())
+    steps = shared(CalibrateStep())
     robot = ObedientDrives(DriveState.OPERATION_ENABLE)
     robot.changes["steer-left"] = {"potentiometers": (0.0, 0.0)}
     player = Player(CalibrateMode(steps), robot.react)
@@ -308,8 +309,8 @@ def stick(**changes: Any) -> OperatorInput:
     return replace(held, **changes)
 
 
-def teleop(seconds: float | None = None) -> tuple[Player, Plan]:
-    steps = plan(TeleopStep(input="stick", seconds=seconds))
+def teleop(seconds: float | None = None) -> tuple[Player, Shared]:
+    steps = shared(TeleopStep(input="stick", seconds=seconds))
     player = Player(TeleopMode(steps))
     player.world["inputs"] = (replace(stick(), source="other", speed=9.0), stick())
     return player, steps
@@ -368,7 +369,7 @@ def test_teleop_ends_when_its_time_is_over() -> None:
 
 
 def test_two_teleop_steps_end_one_by_one() -> None:
-    steps = plan(*(TeleopStep(input="stick", seconds=None) for _ in range(2)))
+    steps = shared(*(TeleopStep(input="stick", seconds=None) for _ in range(2)))
     player = Player(TeleopMode(steps))
     player.world["inputs"] = (stick(),)
     player.tick(inputs=(stick(requests=(Request.DONE,)),))
