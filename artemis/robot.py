@@ -48,17 +48,18 @@ class Core:
         """One tick, from what is sensed to what is to be done."""
         verdict = self._supervisor.judge(sensed, self._wish, self._modes.mode, self._points)
         snapshot = self._perception.perceive(sensed, verdict, self._points)
-        mode = self._modes.advance(snapshot, self._wish.event)
+        cause = self._modes.advance(snapshot, self._wish.event)
         wish = self._modes.step(snapshot)
         if not is_sane(wish.command):
-            wish = replace(wish, fault=catalogue.fault("RUN-11", mode.value, repr(wish.command)))
+            wish = replace(wish, fault=catalogue.fault("RUN-11", self._modes.mode.value, repr(wish.command)))
         if wish.reset_pose:
             self._perception.reset()
         points = self._limit(wish, snapshot)
         self._wish, self._points = wish, points
         return Tick(
             snapshot=snapshot,
-            mode=mode,
+            mode=self._modes.mode,
+            cause=cause,
             position=self._shared.position,
             wish=wish,
             failed=self._modes.failed,

@@ -294,6 +294,11 @@ class Verdict(Struct, frozen=True, kw_only=True, gc=False):
     """The robot does not stop, whatever is done: only the hardware emergency stop is left."""
 
     @property
+    def stopping(self) -> tuple[Fault, ...]:
+        """The faults for which the robot has to come to rest."""
+        return tuple(fault for fault in self.faults if fault.severity >= Severity.CONTROLLED_STOP)
+
+    @property
     def stops(self) -> bool:
         """The robot has to come to rest."""
         return self.severity >= Severity.CONTROLLED_STOP
@@ -336,6 +341,16 @@ class Event(Enum):
     REARMED = "re-armed"
     ACKNOWLEDGED = "acknowledged"
     END = "end"
+
+
+class Cause(Struct, frozen=True, kw_only=True, gc=False):
+    """Why a mode began, or began anew."""
+
+    event: Event
+    request: Request | None = None
+    """What somebody asked for, where that is the reason."""
+    faults: tuple[Fault, ...] = ()
+    """Those that led there; at the end of a run that no request ended: those that still stop the robot."""
 
 
 class Tracking(Struct, frozen=True, kw_only=True, gc=False):
@@ -390,6 +405,8 @@ class Tick(Struct, frozen=True, kw_only=True, gc=False):
 
     snapshot: Snapshot
     mode: Mode
+    cause: Cause | None = None
+    """Why the mode began in this tick, or began anew; None: it lasts."""
     position: Position = Position()
     """Where the mission is after it."""
     wish: Wish

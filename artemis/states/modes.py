@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from msgspec.structs import replace
 
 from artemis.states.calibrate import CalibrateMode
@@ -15,7 +17,7 @@ from artemis.states.plan import Shared, advance
 from artemis.states.quickstop import QuickstopMode
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
-from artemis.values import Action, Event, Goal, Mode, Request, Severity, Snapshot, Verdict, Wish
+from artemis.values import Action, Cause, Event, Goal, Mode, Request, Severity, Snapshot, Verdict, Wish
 
 
 class Modes:
@@ -28,7 +30,7 @@ class Modes:
     def __init__(self, shared: Shared) -> None:
         self._shared = shared
         self._machine = ModeMachine()
-        self._ending = False
+        self._end_requested = self._end_wished = False
         self.failed = False
         self._stopped_for = Severity.NONE
         self._logic: dict[Mode, ModeLogic] = {
@@ -47,27 +49,40 @@ class Modes:
         """The present mode."""
         return self._machine.mode
 
-    def advance(self, snapshot: Snapshot, wished: Event | None) -> Mode:
-        """Change the mode by the most urgent event that the present one expects; `wished`: what the mode asked for."""
+    def advance(self, snapshot: Snapshot, wished: Event | None) -> Cause | None:
+        """Change the mode by the most urgent event that the present one expects; `wished`: what the mode asked for.
+
+        Returns why a mode begins, also where the present one begins anew; None: it lasts.
+        """
         verdict, requests = snapshot.verdict, snapshot.sensed.requests
-        stop_at = Severity.QUICK_STOP if self.mode is Mode.QUICKSTOP else Severity.CONTROLLED_STOP
-        self._ending = self._ending or Request.END in requests or wished is Event.END
+        self._end_requested = self._end_requested or Request.END in requests
+        self._end_wished = self._end_wished or wished is Event.END
         if Request.QUICKSTOP in requests or (verdict.stops and not self._may_go_on(verdict)):
             self._shared.bring_up.held = True
-        for event in (
-            Event.FAULT if verdict.to_fault else None,
-            Event.STOP if Request.QUICKSTOP in requests else None,
-            Event.STOP if verdict.severity >= stop_at and verdict.severity > self._stopped_for else None,
-            Event.END if self._ending else None,
-            wished,
-        ):
-            if event is not None and self._machine.fire(event):
-                if event is Event.END and (self._shared.current is not None or verdict.stops):
+        for cause in self._causes(verdict, requests, wished):
+            if self._machine.fire(cause.event):
+                if cause.event is Event.END and (self._shared.current is not None or verdict.stops):
                     self.failed = True
                 self._stopped_for = verdict.severity if self.mode is Mode.QUICKSTOP else Severity.NONE
                 self._logic[self.mode].enter(snapshot)
-                break
-        return self.mode
+                return cause
+        return None
+
+    def _causes(self, verdict: Verdict, requests: tuple[Request, ...], wished: Event | None) -> Iterator[Cause]:
+        """What may change the mode, the most urgent first."""
+        stop_at = Severity.QUICK_STOP if self.mode is Mode.QUICKSTOP else Severity.CONTROLLED_STOP
+        if verdict.to_fault:
+            yield Cause(event=Event.FAULT, faults=tuple(fault for fault in verdict.stopping if fault.to_fault))
+        if Request.QUICKSTOP in requests:
+            yield Cause(event=Event.STOP, request=Request.QUICKSTOP)
+        if verdict.severity >= stop_at and verdict.severity > self._stopped_for:
+            yield Cause(event=Event.STOP, faults=verdict.stopping)
+        if self._end_requested:
+            yield Cause(event=Event.END, request=Request.END)
+        if self._end_wished:
+            yield Cause(event=Event.END, faults=verdict.stopping)
+        if wished is not None:
+            yield Cause(event=wished)
 
     def _may_go_on(self, verdict: Verdict) -> bool:
         """Whether what stops the robot may let it go on by itself: as the mission says, or with an arm not yet used."""

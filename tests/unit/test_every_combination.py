@@ -92,7 +92,8 @@ def assert_defined(before: Mode, event: Event | None, request: Request | None, s
             inputs=(OperatorInput(source="stick", age=0.0),),
         )
         logic = modes_in(before)
-        after = logic.advance(seen, event)
+        logic.advance(seen, event)
+        after = logic.mode
         assert after is before or any(TRANSITIONS.get((before, happened)) is after for happened in Event), (
             f"{before} -> {after} is not in the table"
         )
@@ -164,8 +165,8 @@ def reaction(mode: Mode, verdict: Verdict) -> tuple[Mode, int]:
     """Where a verdict leads, and how strict the driven wheels are held then."""
     logic = modes_in(mode)
     seen = snapshot(1.0, verdict=verdict, inputs=(OperatorInput(source="stick", age=0.0),))
-    after = logic.advance(seen, None)
-    return after, STRICTNESS[logic.step(seen).traction]
+    logic.advance(seen, None)
+    return logic.mode, STRICTNESS[logic.step(seen).traction]
 
 
 @pytest.mark.parametrize("mode", [mode for mode in Mode if mode is not Mode.END])

@@ -36,6 +36,7 @@ from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import (
     Action,
+    Cause,
     DriveCommand,
     DriveState,
     Event,
@@ -75,6 +76,11 @@ def modes_in(mode: Mode, steps: Shared | None = None) -> Modes:
     return modes
 
 
+def mode_after(modes: Modes, seen: Snapshot, wished: Event | None) -> Mode:
+    modes.advance(seen, wished)
+    return modes.mode
+
+
 @pytest.mark.parametrize("mode", Mode)
 def test_every_mode_has_logic_that_bears_silent_drives(mode: Mode) -> None:
     silent = tuple(drive(name, state=DriveState.UNKNOWN, age=None, nmt=None, heartbeat_age=None) for name in NAMES)
@@ -85,7 +91,9 @@ def test_every_mode_has_logic_that_bears_silent_drives(mode: Mode) -> None:
 
 STOP, DRIVE_FAULT = verdict("INP-03"), verdict("DRV-25")
 SEVERE = Verdict(severity=Severity.QUICK_STOP, faults=STOP.faults)
+DRIVE = DRIVE_FAULT.faults
 ENDED = (Request.END,)
+ASKED_STOP = Cause(event=Event.STOP, request=Request.QUICKSTOP)
 
 
 @pytest.mark.parametrize(
@@ -108,15 +116,41 @@ ENDED = (Request.END,)
     ],
 )
 def test_most_urgent_event_wins(present: Mode, seen: dict[str, Any], wished: Event | None, following: Mode) -> None:
-    assert modes_in(present).advance(snapshot(**seen), wished) is following
+    modes = modes_in(present)
+    modes.advance(snapshot(**seen), wished)
+    assert modes.mode is following
+
+
+@pytest.mark.parametrize(
+    ("present", "seen", "wished", "cause"),
+    [
+        (Mode.FOLLOW, {}, None, None),
+        (Mode.FOLLOW, {}, Event.DONE, Cause(event=Event.DONE)),
+        (Mode.FOLLOW, {}, Event.REARMED, None),
+        (Mode.FOLLOW, {"verdict": STOP}, Event.DONE, Cause(event=Event.STOP, faults=STOP.faults)),
+        (Mode.FOLLOW, {"requests": (Request.QUICKSTOP,), "verdict": STOP}, None, ASKED_STOP),
+        (Mode.QUICKSTOP, {"requests": (Request.QUICKSTOP,)}, None, ASKED_STOP),
+        (Mode.FOLLOW, {"verdict": judged("COM-13", "INP-03", "DRV-25")}, None, Cause(event=Event.FAULT, faults=DRIVE)),
+        (Mode.FAULT, {"verdict": DRIVE_FAULT}, None, None),
+        (Mode.FAULT, {"verdict": DRIVE_FAULT}, Event.END, Cause(event=Event.END, faults=DRIVE)),
+        (Mode.FAULT, {"verdict": DRIVE_FAULT, "requests": ENDED}, None, Cause(event=Event.END, request=Request.END)),
+        (Mode.READY, {"requests": ENDED}, Event.END, Cause(event=Event.END, request=Request.END)),
+        (Mode.READY, {}, Event.END, Cause(event=Event.END)),
+    ],
+)
+def test_cause_of_a_mode_is_what_changed_it(
+    present: Mode, seen: dict[str, Any], wished: Event | None, cause: Cause | None
+) -> None:
+    assert modes_in(present).advance(snapshot(**seen), wished) == cause
 
 
 @pytest.mark.parametrize("severity", Severity)
 def test_robot_is_stopped_from_a_controlled_stop_on(severity: Severity) -> None:
     fault = Fault(id="X", severity=severity, text="x", to_fault=False)
     seen = snapshot(verdict=Verdict(severity=severity, faults=(fault,)))
-    stopped = modes_in(Mode.TELEOP).advance(seen, None) is Mode.QUICKSTOP
-    assert stopped is (severity >= Severity.CONTROLLED_STOP)
+    modes = modes_in(Mode.TELEOP)
+    modes.advance(seen, None)
+    assert (modes.mode is Mode.QUICKSTOP) is (severity >= Severity.CONTROLLED_STOP)
 
 
 @pytest.mark.parametrize(("steps", "failed"), [((CalibrateStep(),), True), ((), False)])
@@ -139,21 +173,22 @@ def test_milder_stop_does_not_begin_a_stop_anew_and_a_more_severe_one_does_once(
 
 def test_end_that_was_asked_for_during_a_stop_comes_after_it() -> None:
     modes = modes_in(Mode.FOLLOW)
-    assert modes.advance(snapshot(requests=(Request.END, Request.QUICKSTOP)), None) is Mode.QUICKSTOP
-    assert modes.advance(snapshot(), None) is Mode.END
+    assert mode_after(modes, snapshot(requests=(Request.END, Request.QUICKSTOP)), None) is Mode.QUICKSTOP
+    assert modes.advance(snapshot(), None) == Cause(event=Event.END, request=Request.END)
+    assert modes.mode is Mode.END
 
 
 def test_end_that_a_mode_asked_for_during_a_stop_comes_after_it() -> None:
     for found, stopped in ((SEVERE, Mode.QUICKSTOP), (DRIVE_FAULT, Mode.FAULT)):
         modes = modes_in(Mode.QUICKSTOP)
-        assert modes.advance(snapshot(verdict=found), Event.END) is stopped
-        assert modes.advance(snapshot(verdict=found), None) is Mode.END
+        assert mode_after(modes, snapshot(verdict=found), Event.END) is stopped
+        assert mode_after(modes, snapshot(verdict=found), None) is Mode.END
 
 
 def test_run_that_ends_with_a_fault_has_failed_though_its_steps_are_done() -> None:
     modes = modes_in(Mode.READY, shared())
-    assert modes.advance(snapshot(verdict=DRIVE_FAULT), Event.END) is Mode.FAULT
-    assert modes.advance(snapshot(verdict=DRIVE_FAULT), None) is Mode.END
+    assert mode_after(modes, snapshot(verdict=DRIVE_FAULT), Event.END) is Mode.FAULT
+    assert mode_after(modes, snapshot(verdict=DRIVE_FAULT), None) is Mode.END
     assert modes.failed
 
 
