@@ -49,16 +49,16 @@ class Core:
         verdict = self._supervisor.judge(sensed, self._wish, self._modes.mode, self._points)
         snapshot = self._perception.perceive(sensed, verdict, self._points)
         cause = self._modes.advance(snapshot, self._wish.event)
-        wish = self._modes.step(snapshot)
+        mode, wish = self._modes.mode, self._modes.step(snapshot)
         if not is_sane(wish.command):
-            wish = replace(wish, fault=catalogue.fault("RUN-11", self._modes.mode.value, repr(wish.command)))
+            wish = replace(wish, fault=catalogue.fault("RUN-11", mode.value, repr(wish.command)))
         if wish.reset_pose:
             self._perception.reset()
         points = self._limit(wish, snapshot)
         self._wish, self._points = wish, points
         return Tick(
             snapshot=snapshot,
-            mode=self._modes.mode,
+            mode=mode,
             cause=cause,
             position=self._shared.position,
             wish=wish,

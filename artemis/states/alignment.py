@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
 from artemis.motion.totals import mean
-from artemis.states.mode import OFF, ON, STEERING_ON, Routine, fail, finish_jobs, is_second
+from artemis.states.mode import OFF, ON, STEERING_ON, Failed, Routine, finish_jobs, is_second
 from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import POWERED, DriveCommand, DriveFeedback, DriveState, Fault, Goal, Job, JobKind, Snapshot, Wish
@@ -47,10 +47,10 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
     names = shared.plan.drives("steering")
     if shared.plan.found and shared.bring_up.taken:
         seen = "the wheels may have been turned since their angles were measured from outside: begin anew"
-        return (yield from fail(OFF, catalogue.fault("CAL-01", "", seen)))
+        raise Failed(OFF, catalogue.fault("CAL-01", "", seen))
     fault = next((f for name in names for f in _implausible(shared.plan, name, volts[name])), None)
     if fault is not None:
-        return (yield from fail(OFF, fault))
+        raise Failed(OFF, fault)
     angles = [_angle_at_rest(shared.plan, name, volts[name]) for name in names]
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
@@ -65,7 +65,7 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
     for name, correction in corrections.items():
         if abs(correction) > LARGEST_CORRECTION:
             seen = f"by {math.degrees(correction):.1f} degrees"
-            return (yield from fail(STEERING_ON, catalogue.fault("STE-05", name, seen)))
+            raise Failed(STEERING_ON, catalogue.fault("STE-05", name, seen))
     positions = {drive.name: drive.position for drive in snapshot.sensed.drives}
     angles = [positions[name] + correction for name, correction in corrections.items()]
     snapshot = yield from do(STEERING_ON, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
@@ -78,7 +78,7 @@ def do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
     results, snapshot = yield from finish_jobs(replace(wish, phase=jobs[0].kind.value), jobs)
     for result in results:
         if not result.ok:
-            return (yield from fail(wish, catalogue.fault(result.fault, result.drive, result.detail)))
+            raise Failed(wish, catalogue.fault(result.fault, result.drive, result.detail))
         if result.kind is JobKind.CLEAR_TARGET and result.values:
             snapshot = yield replace(wish, fault=catalogue.fault("COM-06", result.drive, f"{result.values[0]} units"))
     return snapshot
@@ -160,7 +160,7 @@ def steer(
         if snapshot.time > latest:
             name = away[0].name if away else ""
             seen = f"{math.degrees(_way_to_go(plan, away[0], snapshot)):.1f} degrees away" if away else "keeps turning"
-            return (yield from fail(STEERING_ON, catalogue.fault("STE-01", name, seen)))
+            raise Failed(STEERING_ON, catalogue.fault("STE-01", name, seen))
 
 
 def _way_to_go(plan: Plan, drive: DriveFeedback, snapshot: Snapshot) -> float:

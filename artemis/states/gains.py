@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from artemis.motion.ackermann import Ackermann
 from artemis.states.alignment import do, enable
-from artemis.states.mode import OFF, STEERING_ON, Routine, fail, finish_jobs
+from artemis.states.mode import OFF, STEERING_ON, Failed, Routine, finish_jobs
 from artemis.states.plan import BringUp, CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import POWERED, DriveCommand, Fault, Job, JobKind, Snapshot, Wish
@@ -100,7 +100,7 @@ def _switch_off(wish: Wish, names: Container[str], snapshot: Snapshot) -> Routin
     latest = snapshot.time + OFF_TIME
     while on := [drive.name for drive in snapshot.sensed.drives if drive.name in names and drive.state in POWERED]:
         if snapshot.time > latest:
-            return (yield from fail(OFF, catalogue.fault("COM-03", on[0], "stays on")))
+            raise Failed(OFF, catalogue.fault("COM-03", on[0], "stays on"))
         snapshot = yield replace(wish, phase="switching off")
     return snapshot
 
@@ -122,7 +122,7 @@ def _hold(
         for name, error in _errors(plan, snapshot):
             if (often := swings[name].count(snapshot.time, error)) > MOST_SWINGS:
                 seen = f"swings: {often} turns by a degree or more in {SWING_TIME:g} s; less P or I, or more D"
-                return (yield from fail(STEERING_ON, catalogue.fault("CAL-01", name, seen)))
+                raise Failed(STEERING_ON, catalogue.fault("CAL-01", name, seen))
     return snapshot
 
 

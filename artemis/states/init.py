@@ -12,10 +12,10 @@ from artemis.states.mode import (
     LISTEN,
     OFF,
     PATIENCE,
+    Failed,
     Routine,
     RoutineMode,
     at_rest,
-    fail,
     failure,
     finish_jobs,
     give_up,
@@ -59,9 +59,9 @@ class InitMode(RoutineMode):
             results, snapshot = yield from finish_jobs(wish, jobs)
         failed = [result for result in results if not result.ok]
         if len(failed) == len(results) and all(result.fault == NO_ANSWER for result in failed):
-            return (yield from fail(SILENT, catalogue.fault("COM-32")))
+            raise Failed(SILENT, catalogue.fault("COM-32"))
         if fault := failure(failed) or contradiction(shared, results):
-            return (yield from fail(SILENT, fault))
+            raise Failed(SILENT, fault)
         bring_up.connected = True
         snapshot = yield from self._prove_watchdog(snapshot)
         latest = snapshot.time + PATIENCE
@@ -88,7 +88,7 @@ class InitMode(RoutineMode):
         snapshot = yield from self._until(_off, WAKING, "COM-08", "no process data after configuration", snapshot)
         for _ in range(HEARTBEATS):
             last_beat = snapshot.time
-            snapshot = yield from _sound((yield WAKING))
+            snapshot = _sound((yield WAKING))
         missed: set[str] = set()
 
         def is_lost(drive: DriveFeedback) -> bool:
@@ -106,7 +106,7 @@ class InitMode(RoutineMode):
                     seen = (
                         f"in fault for another reason: {', '.join(map(hex, result.values)) or result.detail or 'none'}"
                     )
-                    return (yield from fail(SILENT, catalogue.fault("COM-30", result.drive, seen)))
+                    raise Failed(SILENT, catalogue.fault("COM-30", result.drive, seen))
         return (yield from self._until(_off, RESETTING, "COM-08", "fault reset refused", snapshot))
 
     def _until(
@@ -126,21 +126,25 @@ class InitMode(RoutineMode):
         while True:
             snapshot = yield wish
             if snapshot.time < earliest:
-                yield from _sound(snapshot)
+                _sound(snapshot)
             waiting = [drive for drive in snapshot.sensed.drives if not done(drive)]
             if not waiting:
                 return snapshot
             if snapshot.time > latest:
                 seen = f"{problem}; state {waiting[0].state.value}"
                 id = "COM-01" if waiting[0].state is DriveState.FAULT else id
-                return (yield from fail(SILENT, catalogue.fault(id, waiting[0].name, seen)))
+                raise Failed(SILENT, catalogue.fault(id, waiting[0].name, seen))
 
 
-def _sound(snapshot: Snapshot) -> Routine:
-    """The snapshot; a drive that is in fault in it is COM-01."""
+def _sound(snapshot: Snapshot) -> Snapshot:
+    """The snapshot.
+
+    Raises:
+        Failed: a drive is in fault in it (COM-01).
+    """
     for drive in snapshot.sensed.drives:
         if drive.state in FAULT_STATES:
-            return (yield from fail(SILENT, catalogue.fault("COM-01", drive.name, "before it could miss us")))
+            raise Failed(SILENT, catalogue.fault("COM-01", drive.name, "before it could miss us"))
     return snapshot
 
 

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from artemis.motion.potentiometers import memory_numbers, memory_words
 from artemis.states.alignment import switch_off
-from artemis.states.mode import OFF, Routine, fail, failure, finish_jobs
+from artemis.states.mode import OFF, Failed, Routine, failure, finish_jobs
 from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import POWERED, Fault, JobKind, JobResult, Snapshot
@@ -21,23 +21,23 @@ def keep(shared: Shared, wanted: Mapping[str, tuple[int, ...]], snapshot: Snapsh
     """Switch all drives off; write numbers into some, one after the other: each is read back, then kept for ever."""
     snapshot = yield from switch_off(shared, OFF, snapshot)
     if on := [drive.name for drive in snapshot.sensed.drives if drive.state in POWERED]:
-        return (yield from fail(OFF, catalogue.fault("COM-03", on[0], "stays on")))
+        raise Failed(OFF, catalogue.fault("COM-03", on[0], "stays on"))
     before, snapshot = yield from finish_jobs(
         replace(OFF, phase="reading what the drives keep"), shared.bring_up.jobs(JobKind.READ_CALIBRATION, wanted)
     )
     if fault := failure(before):
-        return (yield from fail(OFF, fault))
+        raise Failed(OFF, fault)
     done: list[str] = []
     job_for = shared.bring_up.job
     for name, numbers in wanted.items():
         if max(map(abs, numbers)) >= LARGEST:
             fault = catalogue.fault("CAL-01", name, f"too large for the drive's memory: {memory_words(numbers)}")
-            return (yield from fail(OFF, fault))
+            raise Failed(OFF, fault)
         for job in job_for(JobKind.WRITE_CALIBRATION, name, *numbers), job_for(JobKind.STORE, name):
             results, snapshot = yield from finish_jobs(replace(OFF, phase=f"{job[0].kind.value} {name}"), job)
             if not results[0].ok:
                 told = _told(results[0], before, done)
-                return (yield from fail(OFF, catalogue.fault("CAL-01", name, told)))
+                raise Failed(OFF, catalogue.fault("CAL-01", name, told))
         shared.results.kept[name] = numbers
         done.append(name)
     return snapshot

@@ -31,6 +31,9 @@ from artemis.values import (
 class ModeLogic(Protocol):
     """One mode: pure logic, asked at every tick while it lasts."""
 
+    shared: Shared
+    """What it shares with the others."""
+
     def enter(self, snapshot: Snapshot) -> None:
         """The mode begins with `snapshot`, which `step` will see too."""
 
@@ -42,6 +45,14 @@ class ModeLogic(Protocol):
 
 Routine = Generator[Wish, Snapshot, Snapshot]
 """A motion that takes many ticks: yields a wish, receives the next snapshot; returns the last one it saw."""
+
+
+class Failed(Exception):
+    """A routine cannot go on: its mode reports the fault, and stands by with the wish until the mode changes."""
+
+    def __init__(self, wish: Wish, fault: Fault) -> None:
+        super().__init__(fault.text)
+        self.wish, self.fault = wish, fault
 
 
 class RoutineMode:
@@ -58,7 +69,7 @@ class RoutineMode:
 
     def enter(self, snapshot: Snapshot) -> None:
         """Begin anew."""
-        self._routine = self.routine(snapshot)
+        self._routine = self._run(snapshot)
         self._begun = False
 
     def step(self, snapshot: Snapshot) -> Wish:
@@ -71,6 +82,16 @@ class RoutineMode:
             return routine.send(snapshot)
         self._begun = True
         return next(routine)
+
+    def _run(self, snapshot: Snapshot) -> Routine:
+        """The routine; one that fails reports its fault once, and stands by."""
+        try:
+            return (yield from self.routine(snapshot))
+        except Failed as failed:
+            wish, fault = failed.wish, failed.fault
+        yield replace(wish, fault=fault)
+        while True:
+            yield wish
 
 
 Finished = Generator[Wish, Snapshot, tuple[tuple[JobResult, ...], Snapshot]]
@@ -85,13 +106,6 @@ def finish_jobs(wish: Wish, jobs: tuple[Job, ...]) -> Finished:
         if all(job.id in results for job in jobs):
             return tuple(results[job.id] for job in jobs), snapshot
         snapshot = yield wish
-
-
-def fail(wish: Wish, fault: Fault) -> Routine:
-    """Report a fault, and stand by with `wish` until the mode changes."""
-    yield replace(wish, fault=fault)
-    while True:
-        yield wish
 
 
 def failure(results: Iterable[JobResult]) -> Fault | None:

@@ -101,11 +101,11 @@ class Plan(Struct, frozen=True, kw_only=True):
     found: Mapping[str, float] | None = None
     """The potentiometers are new and say nothing: angles of the wheels as they are found [rad], by side if known."""
     begin: Position = Position()
-    """Where the run begins in it; the next three are those of a run that is gone on with."""
+    """Where the run begins in it; other than the first step only where an earlier run is gone on with."""
     start: Pose | None = None
-    """Where the odometry begins; None: where the wheels are aligned first."""
+    """Where the odometry begins, likewise; None: where the wheels are aligned first."""
     tracks: Mapping[str, Track] = {}
-    """What was recorded, by name."""
+    """What the earlier run has recorded, by name."""
 
     @property
     def stop_time(self) -> float:
@@ -173,7 +173,7 @@ class Results:
 
 
 class Shared:
-    """What the modes of a run share."""
+    """What the modes of a run share. `Modes` alone moves the position, as their wishes say."""
 
     def __init__(self, plan: Plan) -> None:
         """As a run of the plan begins."""

@@ -10,10 +10,10 @@ from artemis.states.mode import (
     ON,
     PATIENCE,
     STOPPING,
+    Failed,
     Routine,
     RoutineMode,
     come_to_rest,
-    fail,
     failure,
     finish_jobs,
     give_up,
@@ -51,7 +51,7 @@ class QuickstopMode(RoutineMode):
         if not bring_up.connected:
             results, snapshot = yield from secure(shared, STOPPING, snapshot)
             if fault := failure(results):
-                return (yield from fail(STOPPING, fault))
+                raise Failed(STOPPING, fault)
         hold = bring_up.connected and _asks_to_hold(snapshot)
         latest = snapshot.time + plan.stop_time
         while hold and not snapshot.standing:
@@ -70,7 +70,7 @@ class QuickstopMode(RoutineMode):
         if not hold:
             results, snapshot = yield from finish_jobs(OFF, bring_up.jobs(JobKind.CLEAR_TARGET, plan.drives()))
             if fault := failure(results):
-                return (yield from fail(OFF, fault))
+                raise Failed(OFF, fault)
         snapshot = yield from enable(ON, snapshot)
         yield replace(_ramp(snapshot), event=Event.REARMED, phase="armed again")
         while True:

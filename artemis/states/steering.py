@@ -13,7 +13,7 @@ from artemis.motion.steering_fit import Line, Pass, SteeringFit, fitted, lines_t
 from artemis.motion.totals import mean, total
 from artemis.states.alignment import READINGS, do, enable, steer
 from artemis.states.keeping import keep
-from artemis.states.mode import OFF, PATIENCE, STEERING_ON, Routine, fail
+from artemis.states.mode import OFF, PATIENCE, STEERING_ON, Failed, Routine
 from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import POWERED, DriveCommand, DriveFeedback, Fault, JobKind, Request, Severity, Snapshot, Wish
@@ -110,7 +110,7 @@ def _release(plan: Plan, snapshot: Snapshot) -> Routine:
     latest = snapshot.time + RELEASE_TIME
     while on := [name for name in plan.drives("traction") if _drive(snapshot, name).state in POWERED]:
         if snapshot.time > latest:
-            return (yield from fail(STEERING_ON, catalogue.fault("COM-03", on[0], "stays on")))
+            raise Failed(STEERING_ON, catalogue.fault("COM-03", on[0], "stays on"))
         snapshot = yield _hold(snapshot, "switching traction off")
     return (yield from enable(STEERING_ON, snapshot))
 
@@ -127,7 +127,7 @@ def _ask(question: str, snapshot: Snapshot) -> Routine:
     """Wait until a person accepts; who does not, ends the run."""
     begun = snapshot.time
     while not _accepts(snapshot, begun):
-        yield from _somebody(snapshot, begun, question)
+        _check_somebody(snapshot, begun, question)
         snapshot = yield _hold(snapshot, question)
     return snapshot
 
@@ -137,10 +137,14 @@ def _accepts(snapshot: Snapshot, begun: float) -> bool:
     return Request.ACCEPT in snapshot.sensed.requests and snapshot.time >= begun + READ_TIME
 
 
-def _somebody(snapshot: Snapshot, begun: float, question: str) -> Generator[Wish, Snapshot, None]:
-    """Nothing, while somebody may answer."""
+def _check_somebody(snapshot: Snapshot, begun: float, question: str) -> None:
+    """See that somebody may answer.
+
+    Raises:
+        Failed: nobody is there, or nobody came.
+    """
     if not snapshot.sensed.attended or snapshot.time > begun + PATIENCE:
-        yield from fail(STEERING_ON, _refused("", f"nobody answers: {question}"))
+        raise Failed(STEERING_ON, _refused("", f"nobody answers: {question}"))
 
 
 def _ask_straight(
@@ -154,7 +158,7 @@ def _ask_straight(
     begun = snapshot.time
     while not _accepts(snapshot, begun):
         question = f"{side} wheel at {degrees(angle):+.1f} deg: turn it until it stands straight, then accept"
-        yield from _somebody(snapshot, begun, question)
+        _check_somebody(snapshot, begun, question)
         if jog := total(JOGS.get(request, 0.0) for request in snapshot.sensed.requests):
             here, direction = _drive(snapshot, name).position, copysign(1.0, jog)
             angle = min(max(angle + jog, here - AHEAD, low), here + AHEAD, high)
@@ -187,7 +191,7 @@ def _measure(
     turn = min(TURN, min(high - straight, straight - low) - WINDOW - LEAD)
     if turn < LEAST_TURN:
         seen = f"at its limit: {degrees(turn):.1f} degrees are left to turn it by, {degrees(LEAST_TURN):.0f} are needed"
-        yield from fail(STEERING_ON, _refused(name, seen))
+        raise Failed(STEERING_ON, _refused(name, seen))
     passes: list[Pass] = []
     for offset in (0.0, turn, -turn, 0.0):
         for direction in (1.0, -1.0):
@@ -196,7 +200,7 @@ def _measure(
     lines = lines_through(passes)
     for fault in _judged(plan, side, lines, passes):
         if fault.severity >= Severity.CONTROLLED_STOP:
-            yield from fail(STEERING_ON, fault)
+            raise Failed(STEERING_ON, fault)
         snapshot = yield replace(_hold(snapshot, fault.text), fault=fault)
     return lines, snapshot
 

@@ -225,8 +225,8 @@ class Player:
         if not self._entered:
             self.enter(seen)
         self._wish = self.mode.step(seen)
-        if shared := getattr(self.mode, "shared", None):
-            shared.position = advance(shared.position, self._wish)
+        shared = self.mode.shared
+        shared.position = advance(shared.position, self._wish)
         self._points = points_from(self._wish, self._points)
         self._results = tuple(map(self._perform, self._wish.jobs))
         self.wishes.append(self._wish)

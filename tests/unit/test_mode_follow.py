@@ -190,7 +190,8 @@ def driven(player: Player, *ways: tuple[float, float]) -> list[bool]:
     """Ticks with these arc lengths and ways of the robot; whether each ended with the fault of an overrun path."""
     found = []
     for arc_length, distance in ways:
-        player.mode.shared.current.follower.answer = lambda arc=arc_length: following(arc_length=arc)  # type: ignore[attr-defined]
+        step: Any = player.mode.shared.current
+        step.follower.answer = lambda arc=arc_length: following(arc_length=arc)
         wish = player.tick(odometry=Odometry(distance=distance))
         found.append(wish.fault is not None and wish.fault.id == "PTH-08")
         assert (wish.command.speed == 0.0) is found[-1]
