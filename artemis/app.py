@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
+
+from msgspec import structs
 
 from artemis import clock
 from artemis.attendance import Attendance, Operator
@@ -31,7 +33,7 @@ from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.recording.resume import BROKEN, DONE, where_it_stopped
 from artemis.recording.run_folder import RunFolder, create_run_folder, keep_calibration, keep_paths
 from artemis.robot import Core, Robot
-from artemis.states.mode import FollowStep, Plan, with_followers
+from artemis.states.plan import FollowStep, Plan, Results, with_followers
 from artemis.supervision import catalogue
 from artemis.values import Fault, Pose, Severity, Tick
 
@@ -124,6 +126,8 @@ class _Run:
     witness: Callable[[World], Surroundings]
     time: float = 0.0
     """Run time [s]."""
+    failed: bool = False
+    results: Results = field(default_factory=Results)
 
     def go(self, loop: type[asyncio.AbstractEventLoop]) -> Outcome:
         """Run to the end, in the time of such a loop."""
@@ -132,18 +136,18 @@ class _Run:
         try:
             with asyncio.Runner(loop_factory=loop) as runner:
                 runner.run(self._main())
-            outcome = "failed" if self.plan.failed else DONE
+            outcome = "failed" if self.failed else DONE
         finally:
             self.recorder.close(outcome)
-        kept = keep_paths(self.folder, {name: track.as_csv() for name, track in self.plan.tracks.items()})
-        kept += keep_calibration(self.folder, {side: fit.record for side, fit in self.plan.steering.items()})
+        kept = keep_paths(self.folder, {name: track.as_csv() for name, track in self.results.tracks.items()})
+        kept += keep_calibration(self.folder, {side: fit.record for side, fit in self.results.steering.items()})
         return Outcome(
-            failed=self.plan.failed,
+            failed=self.failed,
             interrupted=self.attendance.interrupted,
             run=self.folder,
             duration=self.time,
             elapsed=clock.stopwatch() - begun,
-            steering=self.plan.steering,
+            steering=self.results.steering,
             troubles=(*(trouble.detail for trouble in self.recorder.troubles()), *kept),
         )
 
@@ -158,13 +162,13 @@ class _Run:
         live = {name for name, device in inputs.items() if getattr(device, "live", False)}
         localizer = self._localizer(world, loop.time())
         border = Border(inputs, loop.time, localizer)
-        self.plan.steps = with_followers(self.plan.steps, border.watched)
+        steps = with_followers(self.plan.steps, border.watched)
         drives = Drives(self.loaded.robot, bus)
         true_pose = self._true_pose(world)
         host = HostWatch()
 
         def observe(tick: Tick) -> None:
-            self.time, now = tick.snapshot.time, loop.time()
+            self.time, self.failed, now = tick.snapshot.time, tick.failed, loop.time()
             traffic = drives.wire.take_traffic(now)
             self.recorder.observe(tick, traffic, true_pose(tick), now)
             self._report_disk(robot, tick)
@@ -175,7 +179,9 @@ class _Run:
             self.watch(tick, traffic)
 
         period = 1 / self.loaded.mission.tick_hz
-        robot = self.parts.robot(Core(self.plan, period), drives, border, period, observe, self.attendance.there)
+        core = Core(structs.replace(self.plan, steps=steps), period)
+        self.results = core.results
+        robot = self.parts.robot(core, drives, border, period, observe, self.attendance.there)
         if world is not None and (injector := self.loaded.injector) is not None:
             run = Simulated(
                 robot=self.loaded.robot, world=world, bus=bus, disk=self.disk, inputs=inputs, request=robot.request

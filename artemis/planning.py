@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import deepcopy
 from math import radians
 from typing import Any
+
+from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
@@ -18,7 +19,7 @@ from artemis.plugins.contracts import Setup
 from artemis.recording.provenance import Resumption
 from artemis.robot import Core
 from artemis.states.gains import GainsStep, TurnStep
-from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
+from artemis.states.plan import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
 from artemis.states.steering import SteeringStep
 from artemis.vehicle import Robot
 
@@ -90,15 +91,13 @@ def core_from(loaded: LoadedMission, resumption: Resumption | None = None, simul
 
 def plan_for(loaded: LoadedMission, simulated: bool, resumption: Resumption | None) -> Plan:
     """The mission's plan, with followers that fail where it wants that, begun where an earlier run stopped."""
-    plan = plan_from(loaded)
-    plan.localized = localizer_used(loaded, simulated) is not None
+    plan = replace(plan_from(loaded), localized=localizer_used(loaded, simulated) is not None)
     if simulated and loaded.injector is not None:
-        plan.steps = loaded.injector.failing_followers(plan.steps, loaded.mission.simulation.faults)
-    if resumption is not None:
-        plan.index, plan.done = resumption.step, resumption.done
-        plan.start, plan.placed = resumption.pose, True
-        plan.tracks = deepcopy(resumption.tracks)
-    return plan
+        steps = loaded.injector.failing_followers(plan.steps, loaded.mission.simulation.faults)
+        plan = replace(plan, steps=steps)
+    if resumption is None:
+        return plan
+    return replace(plan, begin=resumption.position, start=resumption.pose, tracks=resumption.tracks)
 
 
 def made(plugin: Callable[[Config, Setup], Any], config: Config, setup: Setup) -> Any:  # noqa: ANN401 (of any group)

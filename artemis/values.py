@@ -306,6 +306,11 @@ class Verdict(Struct, frozen=True, kw_only=True, gc=False):
     """The robot does not stop, whatever is done: only the hardware emergency stop is left."""
 
     @property
+    def stopping(self) -> tuple[Fault, ...]:
+        """The faults for which the robot has to come to rest."""
+        return tuple(fault for fault in self.faults if fault.severity >= Severity.CONTROLLED_STOP)
+
+    @property
     def stops(self) -> bool:
         """The robot has to come to rest."""
         return self.severity >= Severity.CONTROLLED_STOP
@@ -351,6 +356,16 @@ class Event(Enum):
     END = "end"
 
 
+class Cause(Struct, frozen=True, kw_only=True, gc=False):
+    """Why a mode began, or began anew."""
+
+    event: Event
+    request: Request | None = None
+    """What somebody asked for, where that is the reason."""
+    faults: tuple[Fault, ...] = ()
+    """Those that led there; at the end of a run that no request ended: those that still stop the robot."""
+
+
 class Tracking(Struct, frozen=True, kw_only=True, gc=False):
     """How a path is being followed."""
 
@@ -381,7 +396,21 @@ class Wish(Struct, frozen=True, kw_only=True, gc=False):
     phase: str = ""
     tracking: Tracking | None = None
     reset_pose: bool = False  # make the present place the origin of the odometry
+    done: float | None = None
+    """How much of the mission's current step is done: way along its path [m], or time [s]; None: as much as before."""
+    over: bool = False  # all of it is done
+    failed: bool = False
+    """What the run was to do will not be done, or it cannot end in order."""
     finished: bool = False  # the ordered end is complete; the run may stop ticking
+
+
+class Position(Struct, frozen=True, kw_only=True, gc=False):
+    """How far a mission is done."""
+
+    step: int = 0
+    """Which of its steps is done now, counted from 0; after the last: their number."""
+    done: float = 0.0
+    """How much of it is done, here or in an earlier run: way along its path [m], or time [s]."""
 
 
 class Tick(Struct, frozen=True, kw_only=True, gc=False):
@@ -389,9 +418,11 @@ class Tick(Struct, frozen=True, kw_only=True, gc=False):
 
     snapshot: Snapshot
     mode: Mode
-    step: int = 0
-    """Which step of the mission is done now, counted from 0; after the last: their number."""
-    done: float = 0.0
-    """How much of it is done: way along its path [m], or time [s]."""
+    cause: Cause | None = None
+    """Why the mode began in this tick, or began anew; None: it lasts."""
+    position: Position = Position()
+    """Where the mission is after it."""
     wish: Wish
+    failed: bool = False
+    """A fault or a stop ended the run before its last step, or a drive did not end in order."""
     set_points: SetPoints

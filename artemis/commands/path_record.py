@@ -220,7 +220,7 @@ class _Chosen:
             if choice.begin is None and choice.end is None:
                 return tick.mode is Mode.TELEOP
             return (choice.begin is None or time >= choice.begin) and (choice.end is None or time <= choice.end)
-        source = self._inputs.get(tick.step)
+        source = self._inputs.get(tick.position.step)
         if tick.mode is not Mode.TELEOP or source is None:
             return False
         samples = (sample for sample in tick.snapshot.sensed.inputs if sample.source == source)

@@ -106,9 +106,10 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
             _print("last run", f"ended without shutdown at {until:.2f} s; to go on with it: {command}")
         return None
     found, notes = resumption_from(loaded, source, resume, simulate)
-    action = loaded.mission.steps[found.step].action
-    done, what = f"{found.done:.2f} {'m' if isinstance(action, Follow) else 's'}", type(action).__name__.lower()
-    _print("resuming", f"{found.run}: step {found.step + 1} ({what}), {done} of it done")
+    at = found.position
+    action = loaded.mission.steps[at.step].action
+    done, what = f"{at.done:.2f} {'m' if isinstance(action, Follow) else 's'}", type(action).__name__.lower()
+    _print("resuming", f"{found.run}: step {at.step + 1} ({what}), {done} of it done")
     pose = found.pose
     _print("", f"where it stopped: x {pose.x:.2f} m, y {pose.y:.2f} m, heading {degrees(pose.heading):.0f} deg")
     _print("", "the robot must not have been moved since: the odometry goes on from there")

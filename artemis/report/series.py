@@ -185,7 +185,7 @@ class _Reader:
         tracking = tick.wish.tracking if tick.mode is Mode.FOLLOW else None
         if tracking is not None and not isfinite(tracking.arc_length):
             tracking = None
-        true_arc_length, true_cross_track = self._true_places.find(tick.step, tracking, true)
+        true_arc_length, true_cross_track = self._true_places.find(tick.position.step, tracking, true)
         followed = _NOT_FOLLOWING if tracking is None else _followed(tracking, points)
         arc_length, cross_track, planned_speed, feedforward, feedback = followed
         self._error.add(cross_track)

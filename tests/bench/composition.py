@@ -29,7 +29,7 @@ from artemis.recording.provenance import Provenance
 from artemis.robot import Core, Robot
 from artemis.sim.bus import SimBus
 from artemis.sim.world import World
-from artemis.states.mode import FollowStep, Plan
+from artemis.states.plan import FollowStep, Plan
 from artemis.values import Mode, Snapshot, Tick
 
 MISSIONS = FilePath(__file__).parents[2] / "missions"
@@ -176,8 +176,8 @@ def _timed(plan: Plan) -> tuple[Plan, list[TimedFollower]]:
         followers.append(TimedFollower(step.follower))
         return replace(step, follower=followers[-1])
 
-    plan.steps = tuple(wrapped(step) if isinstance(step, FollowStep) else step for step in plan.steps)
-    return plan, followers
+    steps = tuple(wrapped(step) if isinstance(step, FollowStep) else step for step in plan.steps)
+    return replace(plan, steps=steps), followers
 
 
 def recorder_in(folder: FilePath) -> Recorder:

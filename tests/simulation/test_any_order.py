@@ -17,7 +17,7 @@ from artemis.config import Config
 from artemis.devices.drive import Drives
 from artemis.plugins.border import Border
 from artemis.robot import Core, Robot
-from artemis.states.mode import Plan, TeleopStep
+from artemis.states.plan import Plan, TeleopStep
 from artemis.supervision.catalogue import ROWS
 from artemis.values import Mode, OperatorInput, Request, Severity, Tick
 from artemis.vehicle import Robot as RobotFile

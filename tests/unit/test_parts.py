@@ -6,15 +6,15 @@ import math
 from itertools import pairwise
 
 import pytest
-from core_builders import PERIOD, ROBOT, Player, StubFollower, fault_of, following, plan
+from core_builders import PERIOD, ROBOT, Player, StubFollower, fault_of, following, shared
 from msgspec.structs import replace
 from reversing_car import Car, drive, follower, straight, three_point_turn
 
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
 from artemis.states.follow import FollowMode
-from artemis.states.mode import FollowStep
 from artemis.states.parts import STEERED, PartByPart, flipped, flipped_command
+from artemis.states.plan import FollowStep
 from artemis.values import Action, DriveCommand, Event, Fault, LocatedPose, Odometry, Pose, SetPoints, Snapshot
 
 FOLLOWERS = ("frenet", "indiveri", "pure_pursuit", "stanley")
@@ -196,7 +196,7 @@ def test_mode_follow_goes_on_in_the_part_where_an_earlier_run_stopped() -> None:
     taker, route = Taker(), three_point_turn()
     done = route.begins[1] + 0.4
     pose = route.parts[1].path.at(0.4)
-    steps = plan(FollowStep(route=route, follower=taker, nearest=True), done=done)
+    steps = shared(FollowStep(route=route, follower=taker, nearest=True), done=done)
     player = Player(FollowMode(steps))
     heading = route.parts[1].heading_at(0.4)
     wish = player.tick(odometry=Odometry(pose=Pose(x=pose.x, y=pose.y, heading=heading), steering=0.05))
@@ -210,7 +210,7 @@ def test_mode_follow_goes_on_in_the_part_where_an_earlier_run_stopped() -> None:
 
 def test_mode_follow_is_done_after_the_last_part() -> None:
     taker = Taker()
-    steps = plan(FollowStep(route=three_point_turn(), follower=taker))
+    steps = shared(FollowStep(route=three_point_turn(), follower=taker))
     player = Player(FollowMode(steps))
     for _ in range(2):
         player.tick()
@@ -224,7 +224,7 @@ def test_mode_follow_is_done_after_the_last_part() -> None:
 
 def test_mode_follow_that_was_stopped_goes_on_in_the_same_part() -> None:
     taker = Taker()
-    player = Player(FollowMode(plan(FollowStep(route=three_point_turn(), follower=taker))))
+    player = Player(FollowMode(shared(FollowStep(route=three_point_turn(), follower=taker))))
     player.tick()
     taker.finished = True
     player.tick()
@@ -237,7 +237,7 @@ def test_mode_follow_that_was_stopped_goes_on_in_the_same_part() -> None:
 
 def test_a_follower_that_drives_on_beyond_a_reversal_is_a_fault() -> None:
     taker, route = Taker(), three_point_turn()
-    player = Player(FollowMode(plan(FollowStep(route=route, follower=taker))))
+    player = Player(FollowMode(shared(FollowStep(route=route, follower=taker))))
     player.tick()
     taker.arc_length = route.parts[0].path.length
     assert player.tick(odometry=Odometry(distance=1.0)).fault is None
