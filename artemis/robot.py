@@ -17,7 +17,7 @@ from artemis.motion.pace import Pace
 from artemis.motion.perception import Perception
 from artemis.plugins.border import Border
 from artemis.states.modes import Modes
-from artemis.states.plan import Plan, Results, Shared
+from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
 from artemis.supervision.supervisor import Supervisor
 from artemis.values import Fault, Job, JobResult, Pose, Request, Sensed, SetPoints, Snapshot, Tick, Wish
@@ -32,17 +32,13 @@ class Core:
     def __init__(self, plan: Plan, period: float) -> None:
         """`period` of the scheduled ticks [s]."""
         self._shared = Shared(plan)
+        self.results = self._shared.results
         self._perception = Perception(plan.robot, period, plan.start or Pose(), localized=plan.localized)
         self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind)
         self._modes = Modes(self._shared)
         self._gate = Gate(plan.robot, period=period)
         self._wish, self._points = Wish(supervised=False), SetPoints()
         self._pace = Pace()
-
-    @property
-    def results(self) -> Results:
-        """What the run leaves behind."""
-        return self._shared.results
 
     def decide(self, sensed: Sensed) -> Tick:
         """One tick, from what is sensed to what is to be done."""
@@ -56,14 +52,9 @@ class Core:
             self._perception.reset()
         points = self._limit(wish, snapshot)
         self._wish, self._points = wish, points
+        position, failed = self._shared.position, self._modes.failed
         return Tick(
-            snapshot=snapshot,
-            mode=mode,
-            cause=cause,
-            position=self._shared.position,
-            wish=wish,
-            failed=self._modes.failed,
-            set_points=points,
+            snapshot=snapshot, mode=mode, cause=cause, position=position, wish=wish, failed=failed, set_points=points
         )
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:

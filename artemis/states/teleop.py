@@ -47,8 +47,8 @@ class TeleopMode:
         if self._ending:
             return replace(ON, command=stand, phase="stopping")
         if sample.age is None or sample.age > STALE:
-            id = "INP-01" if sample.age is None else "INP-03"
-            return replace(ON, command=stand, fault=catalogue.fault(id, step.input))
+            unheard = catalogue.fault("INP-01" if sample.age is None else "INP-03", step.input)
+            return replace(ON, command=stand, fault=unheard)
         if not sample.enabled:
             self._released = snapshot.standing  # a press that comes sooner does not count (INP-09)
             return replace(ON, command=stand, phase="hold the enable button to drive")
