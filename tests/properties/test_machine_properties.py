@@ -60,6 +60,4 @@ class Modes(RuleBasedStateMachine):
 
 
 TestModes = Modes.TestCase
-TestModes.settings = settings(
-    max_examples=max(60, settings().max_examples // 2), stateful_step_count=40, deadline=None
-)
+TestModes.settings = settings(max_examples=max(60, settings().max_examples // 2), stateful_step_count=40, deadline=None)
