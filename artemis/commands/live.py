@@ -13,10 +13,11 @@ from types import TracebackType
 from typing import Self
 
 from artemis.devices.can_bus import Traffic, most_bits
+from artemis.drive_states import DriveState
 from artemis.recording.chronicle import values_of
 from artemis.report.fault_words import DID, next_step
 from artemis.supervision.catalogue import ROWS
-from artemis.values import DriveState, Fault, JobKind, Mode, OperatorInput, Severity, Snapshot, Tick, Verdict
+from artemis.values import Fault, JobKind, Mode, OperatorInput, Severity, Snapshot, Tick, Verdict
 
 REFRESH = 0.1
 """Seconds on the wall between two refreshes of the changing line."""

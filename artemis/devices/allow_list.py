@@ -11,7 +11,8 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import HEARTBEAT, NMT, RXPDO, SDO_REQUEST, SYNC, NmtCommand
 from artemis.devices.epos_objects import CONTROLWORD, TARGET_VELOCITY, Units
 from artemis.devices.epos_state import Command
-from artemis.values import Mode, Nmt
+from artemis.drive_states import Nmt
+from artemis.values import Mode
 from artemis.vehicle import Robot
 
 DRIVING = frozenset({Mode.TELEOP, Mode.FOLLOW})

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import Nmt
 from artemis.errors import ProtocolError
-from artemis.values import Nmt
 
 NMT = 0x000
 SYNC = 0x080

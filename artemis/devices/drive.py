@@ -11,8 +11,9 @@ from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs, fault_of
 from artemis.devices.epos_state import Command, controlword
 from artemis.devices.wire_end import WireEnd
+from artemis.drive_states import Nmt
 from artemis.errors import DeviceError, DeviceLost, ProtocolError
-from artemis.values import DriveFeedback, Job, JobResult, Nmt, SetPoints, Tick
+from artemis.values import DriveFeedback, Job, JobResult, SetPoints, Tick
 from artemis.vehicle import Robot
 
 

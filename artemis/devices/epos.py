@@ -11,7 +11,8 @@ from artemis.devices.epos_objects import RECEIVED, SENT, UNREADABLE, Units, wrap
 from artemis.devices.epos_state import Command, state_from_statusword
 from artemis.devices.sdo import SdoClient
 from artemis.devices.tally import Tally
-from artemis.values import DriveFeedback, DriveState, Nmt
+from artemis.drive_states import DriveState, Nmt
+from artemis.values import DriveFeedback
 from artemis.vehicle import Robot
 
 

@@ -34,9 +34,10 @@ from artemis.devices.epos_objects import (
     settings,
 )
 from artemis.devices.epos_state import Command, state_from_statusword
+from artemis.drive_states import POWERED, DriveState
 from artemis.errors import DeviceError, DeviceLost, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
 from artemis.motion.ackermann import Ackermann
-from artemis.values import POWERED, RESETS, DriveState, Job, JobKind
+from artemis.values import RESETS, Job, JobKind
 from artemis.vehicle import OPERATING_MODES
 
 RESET_TIME = 1.0

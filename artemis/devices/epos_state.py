@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from artemis.values import DriveState, Goal
+from artemis.drive_states import DriveState, Goal
 
 MASK = 0x417F
 """Statusword bits 14, 8 and 6..0: those that tell the state (table 1 of the specification)."""

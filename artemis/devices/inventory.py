@@ -11,8 +11,8 @@ from artemis.devices.drive import Drives
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.epos_objects import SERIAL_NUMBER, U32, VENDOR, Object
+from artemis.drive_states import Nmt
 from artemis.errors import DeviceError, DeviceLost
-from artemis.values import Nmt
 from artemis.vehicle import Robot
 
 LISTEN = 0.5

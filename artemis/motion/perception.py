@@ -8,12 +8,12 @@ from operator import itemgetter
 
 from msgspec.structs import replace
 
+from artemis.drive_states import DriveState
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.localisation import Localisation
 from artemis.motion.odometry import Odometer
 from artemis.values import (
     DriveFeedback,
-    DriveState,
     JobKind,
     LocatedPose,
     Odometry,

@@ -15,10 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from artemis.drive_states import DriveState
 from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
 from artemis.report.series import Interval, Series
-from artemis.values import DriveState, Mode
+from artemis.values import Mode
 
 INK = "#0a0b0c"
 """Text and axes. The page replaces it by its own text colour, so that figures fit a light and a dark page."""

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from artemis.config import Config
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState, Nmt
 from artemis.sim.axis import Axis
 from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos_error_control import ErrorControl
@@ -27,7 +28,6 @@ from artemis.sim.epos_parameters import ParameterMemory, judge_motor_and_sensor
 from artemis.sim.epos_pdo import ON_REQUEST, ProcessData, ReceivePdo, TransmitPdo
 from artemis.sim.epos_power import PowerStage
 from artemis.sim.epos_sdo import SdoServer
-from artemis.values import DriveState, Nmt
 from artemis.vehicle import Drive
 
 NMT_ID = 0x000
@@ -81,8 +81,7 @@ class SimEpos:
         self._now = 0.0
         self.next_due = math.inf
         """Time at which `advance` has something to do [s]; in the past: at once; inf: nothing is planned."""
-        self._boot_end = math.inf
-        self._changes_due = math.inf
+        self._boot_end = self._changes_due = math.inf
         self._alarms: list[int] = []
         self._handlers: dict[int, Handler] = {}
         self.hears: Container[int] = self._handlers
@@ -92,8 +91,8 @@ class SimEpos:
             power_off=lambda: self._power.power_off,
         )
         self._errors = ErrorMemory(self._dictionary)
-        clip = self.settings.position_limits_clip
-        self._motion = Motion(self._dictionary, axis, clip_position=clip, gains=drive.gains)
+        clips = self.settings.position_limits_clip
+        self._motion = Motion(self._dictionary, axis, clip_position=clips, gains=drive.gains)
         self._power = PowerStage(
             self._motion,
             self._errors,
@@ -106,15 +105,8 @@ class SimEpos:
             self._dictionary, pre_operational=lambda: self.nmt is Nmt.PRE_OPERATIONAL, changed=self._route
         )
         self._control = ErrorControl(self._dictionary, clock=lambda: self._now, changed=self._route)
-        self.failures = EposFailures(
-            self._dictionary,
-            self._motion,
-            self._power,
-            self._control,
-            self._pdos,
-            outbox=self.outbox,
-            send_through=self._send_through,
-        )
+        parts = self._dictionary, self._motion, self._power, self._control, self._pdos
+        self.failures = EposFailures(*parts, outbox=self.outbox, send_through=self._send_through)
         """What it can be made to do wrong."""
         self._describe()
         self._parameters = ParameterMemory(self._dictionary, self._pdos, self.node_id)
@@ -314,11 +306,10 @@ class SimEpos:
     def _take_sync(self, frame: Frame, now: float) -> None:
         if frame.rtr:
             return
-        pdos, post = self._pdos, self._post
-        pdos.sync()
-        for pdo in pdos.on_sync:
-            post((now, pdo.sample()))
-        if pdos.on_change:
+        self._pdos.sync()
+        for pdo in self._pdos.on_sync:
+            self._post((now, pdo.sample()))
+        if self._pdos.on_change:
             self._settle()
 
     def _receive_handler(self, pdo: ReceivePdo) -> Handler:

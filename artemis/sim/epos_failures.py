@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from enum import Enum
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState
 from artemis.sim.dictionary import SIGNED, SIZES, Dictionary, Refusal
 from artemis.sim.epos_error_control import ErrorControl
 from artemis.sim.epos_motion import Motion
 from artemis.sim.epos_pdo import ProcessData
 from artemis.sim.epos_power import PowerStage
-from artemis.values import DriveState
 
 Sending = tuple[float, Frame]
 """A frame and the time at which it is ready [s]."""

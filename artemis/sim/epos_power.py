@@ -9,9 +9,9 @@ import math
 from collections.abc import Callable
 from enum import Enum
 
+from artemis.drive_states import DriveState
 from artemis.sim.epos_errors import ERRORS, GENERIC, ErrorMemory, Reaction
 from artemis.sim.epos_motion import Motion
-from artemis.values import DriveState
 
 CYCLE = 0.001
 """The device works its states off once per millisecond: a disabled fault reaction lasts that long [s]."""

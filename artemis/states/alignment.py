@@ -7,12 +7,13 @@ from collections.abc import Generator
 
 from msgspec.structs import replace
 
+from artemis.drive_states import POWERED, DriveState, Goal
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
 from artemis.motion.totals import mean
 from artemis.states.mode import OFF, ON, STEERING_ON, Failed, Routine, finish_jobs, is_second
 from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
-from artemis.values import POWERED, DriveCommand, DriveFeedback, DriveState, Fault, Goal, Job, JobKind, Snapshot, Wish
+from artemis.values import DriveCommand, DriveFeedback, Fault, Job, JobKind, Snapshot, Wish
 from artemis.vehicle import OPERATING_MODES
 
 READINGS = 100

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from artemis.drive_states import DriveState, Goal
 from artemis.states.gains import restore_gains
 from artemis.states.mode import STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs, is_second, listen
 from artemis.supervision import catalogue
-from artemis.values import DriveState, Goal, JobKind, Snapshot, Wish
+from artemis.values import JobKind, Snapshot, Wish
 
 OFF_TIME = 0.5
 """Longest time for the drives to report that they are off [s]."""

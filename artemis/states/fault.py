@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from artemis.drive_states import Goal
 from artemis.states.alignment import Lookout, switch_off
 from artemis.states.mode import (
     OFF,
@@ -19,7 +20,7 @@ from artemis.states.mode import (
     secure,
 )
 from artemis.supervision import catalogue
-from artemis.values import RESETS, Event, Goal, JobKind, Request, Snapshot, Wish
+from artemis.values import RESETS, Event, JobKind, Request, Snapshot, Wish
 
 IDLE = Wish(traction=Goal.DISABLED, steering=Goal.DISABLED, supervised=False)
 

@@ -7,6 +7,7 @@ from math import inf
 
 from msgspec.structs import replace
 
+from artemis.drive_states import Goal
 from artemis.errors import ConfigError
 from artemis.motion.route import Route
 from artemis.motion.track import Track
@@ -16,7 +17,7 @@ from artemis.states.mode import ON
 from artemis.states.parts import PartByPart
 from artemis.states.plan import FollowStep, Shared
 from artemis.supervision import catalogue
-from artemis.values import DriveCommand, Event, Fault, Goal, Pose, Severity, Snapshot, Tracking, Wish
+from artemis.values import DriveCommand, Event, Fault, Pose, Severity, Snapshot, Tracking, Wish
 
 START_DISTANCE, START_ANGLE = 1.0, math.radians(60)
 """A path is not begun from further away or more askew than this [m, rad] (PTH-05)."""

@@ -8,12 +8,13 @@ from math import radians
 
 from msgspec.structs import replace
 
+from artemis.drive_states import POWERED
 from artemis.motion.ackermann import Ackermann
 from artemis.states.alignment import do, enable
 from artemis.states.mode import OFF, STEERING_ON, Failed, Routine, finish_jobs
 from artemis.states.plan import BringUp, CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
-from artemis.values import POWERED, DriveCommand, Fault, Job, JobKind, Snapshot, Wish
+from artemis.values import DriveCommand, Fault, Job, JobKind, Snapshot, Wish
 
 OFF_TIME = 0.5
 """Longest time for the drives to switch off [s]."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
+from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.states.alignment import align
 from artemis.states.keeping import contradiction
 from artemis.states.mode import (
@@ -26,7 +27,7 @@ from artemis.states.mode import (
 from artemis.supervision import catalogue
 from artemis.supervision.measures import FAULT_STATES
 from artemis.supervision.supervisor import LOST_HEARTBEAT
-from artemis.values import DriveFeedback, DriveState, Event, Goal, JobKind, Nmt, Request, Snapshot, Wish
+from artemis.values import DriveFeedback, Event, JobKind, Request, Snapshot, Wish
 
 ANSWER_TIME = 1.5
 """Longest time for a state to be reached that needs no motion [s]."""

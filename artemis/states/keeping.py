@@ -6,12 +6,13 @@ from collections.abc import Iterable, Mapping
 
 from msgspec.structs import replace
 
+from artemis.drive_states import POWERED
 from artemis.motion.potentiometers import memory_numbers, memory_words
 from artemis.states.alignment import switch_off
 from artemis.states.mode import OFF, Failed, Routine, failure, finish_jobs
 from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
-from artemis.values import POWERED, Fault, JobKind, JobResult, Snapshot
+from artemis.values import Fault, JobKind, JobResult, Snapshot
 
 LARGEST = 2**31
 """What a drive keeps is smaller, without sign: 32 bit."""

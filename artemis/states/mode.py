@@ -7,6 +7,7 @@ from typing import Protocol
 
 from msgspec.structs import replace
 
+from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.perception import STANDING_TIME
 from artemis.states.plan import Plan, Shared, Stop
 from artemis.supervision import catalogue
@@ -14,14 +15,11 @@ from artemis.values import (
     RESETS,
     Action,
     DriveCommand,
-    DriveState,
     Event,
     Fault,
-    Goal,
     Job,
     JobKind,
     JobResult,
-    Nmt,
     OperatorInput,
     Snapshot,
     Wish,

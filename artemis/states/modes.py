@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from msgspec.structs import replace
 
+from artemis.drive_states import Goal
 from artemis.states.calibrate import CalibrateMode
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
@@ -17,7 +18,7 @@ from artemis.states.plan import Shared, advance
 from artemis.states.quickstop import QuickstopMode
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
-from artemis.values import Action, Cause, Event, Goal, Mode, Request, Severity, Snapshot, Verdict, Wish
+from artemis.values import Action, Cause, Event, Mode, Request, Severity, Snapshot, Verdict, Wish
 
 
 class Modes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from artemis.drive_states import DriveState
 from artemis.states.alignment import Lookout, enable, switch_off
 from artemis.states.mode import (
     OFF,
@@ -20,7 +21,7 @@ from artemis.states.mode import (
     hands_on,
     secure,
 )
-from artemis.values import DriveCommand, DriveState, Event, JobKind, Request, Severity, Snapshot, Wish
+from artemis.values import DriveCommand, Event, JobKind, Request, Severity, Snapshot, Wish
 
 
 class QuickstopMode(RoutineMode):

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections import deque
 from math import inf
 
+from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.perception import stale_age
 from artemis.motion.totals import total
-from artemis.values import DriveFeedback, DriveState, Goal, Nmt, OperatorInput, Sensed, Wish
+from artemis.values import DriveFeedback, OperatorInput, Sensed, Wish
 from artemis.vehicle import OPERATING_MODES, Robot
 
 Reading = tuple[str, str, float, str]

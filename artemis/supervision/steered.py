@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from math import degrees, nan
 
+from artemis.drive_states import DriveState
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
 from artemis.supervision.measures import Reading
-from artemis.values import DriveFeedback, DriveState, JobKind, JobResult
+from artemis.values import DriveFeedback, JobKind, JobResult
 from artemis.vehicle import Robot
 
 _NEVER = nan, nan

@@ -7,11 +7,12 @@ from collections import deque
 from math import degrees
 from operator import itemgetter
 
+from artemis.drive_states import POWERED, DriveState, Goal
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.perception import stale_age
 from artemis.supervision.measures import Reading
 from artemis.supervision.steered import SteeredWheel
-from artemis.values import POWERED, Action, DriveFeedback, DriveState, Goal, Sensed, SetPoints, Wish
+from artemis.values import Action, DriveFeedback, Sensed, SetPoints, Wish
 from artemis.vehicle import Robot
 
 SPEED_TIME, SLIP_TIME = 0.04, 0.2

@@ -8,9 +8,9 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, create_model, model_validator
 
 from artemis.config import Config
+from artemis.drive_states import DriveState, Nmt
 from artemis.sim.epos_failures import Speech
 from artemis.sim.epos_objects import objects
-from artemis.values import DriveState, Nmt
 from artemis_lab.injections.stage import Count, Injection, Lasting, Needs, Nothing, Positive, Stage, Undo, together
 
 EMERGENCY = 0x080

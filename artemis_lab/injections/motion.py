@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from artemis.config import Config
+from artemis.drive_states import DriveState
 from artemis.sim.wheels import PotentiometerFailure, SteeredWheel
-from artemis.values import DriveState
 from artemis_lab.injections.fault_bus import RX_PDO_1, Direction, Rule
 from artemis_lab.injections.stage import Count, Injection, Lasting, Needs, Nothing, Positive, Stage, Undo, together
 

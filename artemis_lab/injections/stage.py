@@ -11,9 +11,10 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from artemis.config import Config
+from artemis.drive_states import Nmt
 from artemis.sim.epos import SimEpos
 from artemis.sim.world import World
-from artemis.values import Nmt, Request
+from artemis.values import Request
 from artemis.vehicle import Robot
 from artemis_lab.injections.bad_plugins import BadFollower, BadInput, FollowerBehaviour
 from artemis_lab.injections.failing_disk import FailingDisk

@@ -17,8 +17,8 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import SYNC_FRAME, PdoLayout, heartbeat_frame
 from artemis.devices.drive import Drives
 from artemis.devices.epos_objects import RECEIVED, SENT
+from artemis.drive_states import Nmt
 from artemis.mission.loading import load_mission
-from artemis.values import Nmt
 from artemis.vehicle import Robot
 
 from .composition import FIGURE_EIGHT, TimedRobot, missions, timed_run

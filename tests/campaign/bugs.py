@@ -19,11 +19,12 @@ from msgspec.structs import replace
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import heartbeat_frame
 from artemis.devices.epos_state import Command
+from artemis.drive_states import Goal, Nmt
 from artemis.states.alignment import enable
 from artemis.states.init import RESETTING, WAKING
 from artemis.states.mode import ON
 from artemis.supervision.catalogue import EMERGENCIES
-from artemis.values import Action, Event, Goal, Mode, Nmt, Request
+from artemis.values import Action, Event, Mode, Request
 
 Change = Callable[[Any], Any]
 """Given what is there, what stands in its place."""

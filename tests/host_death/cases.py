@@ -20,10 +20,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from artemis import clock
+from artemis.drive_states import DriveState
 from artemis.mission.loading import load_model
 from artemis.sim.server import serve
 from artemis.sim.world import World
-from artemis.values import DriveState
 from artemis.vehicle import Robot
 
 from .drives import Trip, WatchedBus, WatchedDrive, WatchedWorld

@@ -7,9 +7,9 @@ from collections.abc import Callable, Container
 from dataclasses import dataclass
 
 from artemis.devices.can_bus import CanBus, Frame
+from artemis.drive_states import DriveState
 from artemis.sim.epos import SimEpos
 from artemis.sim.world import World
-from artemis.values import DriveState
 
 EMCY, HEARTBEAT = 0x080, 0x700
 HEARTBEAT_LOST = b"\x30\x81"

@@ -16,9 +16,9 @@ from canopen.profiles.p402 import BaseNode402
 from canopen.sdo.exceptions import SdoAbortedError
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState, Nmt
 from artemis.sim.axis import Axis
 from artemis.sim.epos import SimEpos
-from artemis.values import DriveState, Nmt
 from artemis.vehicle import Robot
 
 STEP = 0.001

@@ -13,20 +13,18 @@ from msgspec.structs import replace
 
 from artemis.clock import run
 from artemis.devices.drive import Drives
+from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.mission.loading import load_mission
 from artemis.plugins.border import Border
 from artemis.robot import Core, Robot
 from artemis.states.mode import ON, STOPPING
 from artemis.states.plan import Plan
 from artemis.values import (
-    DriveState,
-    Goal,
     Job,
     JobKind,
     JobResult,
     LocatedPose,
     Mode,
-    Nmt,
     Odometry,
     Sensed,
     SetPoints,

@@ -25,8 +25,8 @@ from artemis.devices.canopen import (
     Segmented,
     Upload,
 )
+from artemis.drive_states import Nmt
 from artemis.errors import ProtocolError
-from artemis.values import Nmt
 
 indices = st.integers(0, 0xFFFF)
 bytes_8 = st.integers(0, 0xFF)

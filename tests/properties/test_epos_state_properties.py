@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from artemis.devices.epos_state import controlword
-from artemis.values import DriveState, Goal
+from artemis.drive_states import DriveState, Goal
 
 S = DriveState
 SWITCH_OFF = {S.READY: S.SWITCH_ON_DISABLED, S.SWITCHED_ON: S.SWITCH_ON_DISABLED}  # 7, 10

@@ -13,9 +13,10 @@ from rig import BRAKING, CALIBRATE, DRIVES, TELEOP, TICK, TRACTION, Rig, Run, Se
 from rig import stick as table
 from watched import standing, target_velocity
 
+from artemis.drive_states import DriveState
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Found
-from artemis.values import DriveState, Fault, Mode, Severity
+from artemis.values import Fault, Mode, Severity
 
 SPEED, LIMITED = 0.4, 0.3
 """The robot drives so fast when it happens, and may while a row limits it [m/s]."""

@@ -15,11 +15,12 @@ import yaml
 
 from artemis.clock import run, until
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState, Nmt
 from artemis.errors import DeviceBusy, DeviceLost
 from artemis.sim.bus import SimBus
 from artemis.sim.epos import SimEpos
 from artemis.sim.world import TrueRobot, World
-from artemis.values import DriveState, Nmt, Request
+from artemis.values import Request
 from artemis.vehicle import Robot
 from artemis_lab.injections.fault_bus import FaultBus
 from artemis_lab.injections.stage import Stage, Undo

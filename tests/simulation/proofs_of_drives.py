@@ -6,7 +6,7 @@ import pytest
 from injection_rig import HEARTBEAT, LEFT, RIGHT, SDO_ANSWER, STEER, Host, proves
 
 from artemis.devices.epos_state import state_from_statusword
-from artemis.values import DriveState, Nmt
+from artemis.drive_states import DriveState, Nmt
 
 
 @proves("DRV-30")

@@ -7,7 +7,7 @@ import math
 import pytest
 from injection_rig import LEFT, RIGHT, ROBOT, RPM_PER_M_S, STEER, Host, proves
 
-from artemis.values import DriveState
+from artemis.drive_states import DriveState
 
 
 @proves("RUN-01")

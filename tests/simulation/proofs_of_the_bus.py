@@ -7,8 +7,8 @@ import itertools
 import pytest
 from injection_rig import FAULT_STATES, HEARTBEAT, LEFT, RIGHT, ROBOT, RPM_PER_M_S, STEER, Host, proves
 
+from artemis.drive_states import DriveState, Nmt
 from artemis.errors import DeviceBusy, DeviceLost
-from artemis.values import DriveState, Nmt
 
 
 @proves("COM-12", "STE-01")

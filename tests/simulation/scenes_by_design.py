@@ -13,7 +13,8 @@ from rig import BRAKING, EMERGENCY, HEARTBEAT, SET_POINTS, STOP_FRAMES, TELEOP, 
 from rig import stick as table
 from watched import TRACTION, standing
 
-from artemis.values import DriveState, JobKind, Mode
+from artemis.drive_states import DriveState
+from artemis.values import JobKind, Mode
 
 LEFT, RIGHT = TRACTION
 AT = SETTINGS["driving"].at

@@ -9,7 +9,8 @@ from every_row import Effect, Scene, in_phase, once
 from rig import Run, Seen
 from watched import STEERING, TRACTION, Truth
 
-from artemis.values import Goal, Severity
+from artemis.drive_states import Goal
+from artemis.values import Severity
 
 LEFT, RIGHT = TRACTION
 STEER_LEFT, STEER_RIGHT = STEERING

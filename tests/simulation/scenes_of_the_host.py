@@ -9,7 +9,7 @@ from rig import TICK
 from scenes_of_the_bus import BOOT
 from watched import TRACTION
 
-from artemis.values import DriveState
+from artemis.drive_states import DriveState
 
 STICK, FOLLOWER = "stick", "follower"
 AT = SETTINGS["driving"].at

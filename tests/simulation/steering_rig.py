@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 from rig import Rig, Run, Seen, write_mission
 
+from artemis.drive_states import DriveState
 from artemis.sim.epos import SimEpos
 from artemis.sim.world import TrueRobot
-from artemis.values import DriveState, Mode
+from artemis.values import Mode
 from artemis.vehicle import Robot
 
 LEFT, RIGHT = "steer-left", "steer-right"

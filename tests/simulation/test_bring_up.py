@@ -27,10 +27,11 @@ from rig import (
 )
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState
 from artemis.mission.loading import load_mission
 from artemis.sim.epos import SimSettings
 from artemis.sim.world import TrueRobot
-from artemis.values import DriveState, Mode
+from artemis.values import Mode
 
 ENABLE = 0x000F
 CONSUMER = 0x1016

@@ -24,9 +24,10 @@ from steering_rig import (
     memory,
 )
 
+from artemis.drive_states import DriveState, Nmt
 from artemis.motion.potentiometers import memory_numbers
 from artemis.sim.world import TrueRobot
-from artemis.values import DriveState, Mode, Nmt
+from artemis.values import Mode
 
 
 @pytest.fixture(autouse=True)

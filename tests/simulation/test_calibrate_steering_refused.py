@@ -23,8 +23,9 @@ from steering_rig import (
     reading,
 )
 
+from artemis.drive_states import DriveState
 from artemis.sim.wheels import PotentiometerFailure
-from artemis.values import DriveState, Mode
+from artemis.values import Mode
 
 
 @pytest.fixture(autouse=True)

@@ -24,7 +24,8 @@ from rig import (
 )
 
 from artemis.devices.can_bus import Frame
-from artemis.values import DriveState, Mode, Request
+from artemis.drive_states import DriveState
+from artemis.values import Mode, Request
 
 SPEED, LEFT = 0.6, "traction-left"
 STEPS, FILES = [CALIBRATE, follow(SPEED)], {"line.csv": straight(4.0)}

@@ -22,9 +22,10 @@ from rig import (
     write_mission,
 )
 
+from artemis.drive_states import DriveState
 from artemis.sim.epos_errors import ERRORS, Reaction
 from artemis.supervision import catalogue
-from artemis.values import DriveState, JobKind, Mode, Severity
+from artemis.values import JobKind, Mode, Severity
 
 QUICK_STOP = 0x0B
 ONE_OF_EACH = [0x2310, 0x8150, 0x8611]

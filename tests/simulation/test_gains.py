@@ -12,13 +12,14 @@ import pytest
 from rig import CALIBRATE, STICK, Rig, Run, Seen, follow, stick, write_mission
 
 from artemis.commands.gains_trial import Findings, GainsWatch, Trial, findings
+from artemis.drive_states import DriveState
 from artemis.mission.schema import NewGains
 from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import read_traces
 from artemis.sim.epos import SimEpos
 from artemis.sim.epos_failures import Speech
 from artemis.sim.regulators import Loop, Regulators, regulators_for
-from artemis.values import DriveState, JobKind, Mode, Request
+from artemis.values import JobKind, Mode, Request
 
 LEFT, DRIVEN = "steer-left", "traction-left"
 OBJECTS = ((0x60F6, 1), (0x60F6, 2), (0x60F9, 1), (0x60F9, 2), (0x60FB, 1), (0x60FB, 2), (0x60FB, 3))

@@ -28,10 +28,11 @@ from rig import (
 )
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState, Nmt
 from artemis.mission.loading import load_mission
 from artemis.sim.epos import SimSettings
 from artemis.sim.world import TrueRobot
-from artemis.values import DriveState, JobKind, Mode, Nmt, Request
+from artemis.values import JobKind, Mode, Request
 
 OFF, QUICK_STOP, ENABLE = 0x00, 0x0B, 0x0F
 CONSUMER, SOFTWARE = 0x1016, 0x2003

@@ -17,7 +17,7 @@ from steering_rig import (
     memory,
 )
 
-from artemis.values import DriveState
+from artemis.drive_states import DriveState
 
 
 @pytest.fixture(autouse=True)

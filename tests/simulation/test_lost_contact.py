@@ -24,8 +24,9 @@ from rig import (
 )
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState
 from artemis.sim.bus import Disturb
-from artemis.values import DriveState, Mode
+from artemis.values import Mode
 
 SPEED = 0.4
 WATCH = 0.2

@@ -14,6 +14,7 @@ from rig import CALIBRATE, MISSIONS, STICK, TELEOP, Run, follow, run, stick, wri
 
 from artemis.clock import run as run_loop
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState
 from artemis.errors import ConfigError
 from artemis.mission import injector, load_mission, mission_schema
 from artemis.mission.injector import FaultInjector, Simulated
@@ -24,7 +25,6 @@ from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry, read_journal
 from artemis.sim.bus import SimBus
 from artemis.sim.world import World
-from artemis.values import DriveState
 from artemis_lab.injections import missions
 from artemis_lab.injections.bad_plugins import BadInput
 from artemis_lab.injections.stage import Needs

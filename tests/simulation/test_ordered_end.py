@@ -23,7 +23,8 @@ from rig import (
     write_mission,
 )
 
-from artemis.values import DriveState, Mode, Nmt, Request
+from artemis.drive_states import DriveState, Nmt
+from artemis.values import Mode, Request
 
 CONSUMER = 0x1016
 WAIT = {"wait": {"seconds": 1.0}}

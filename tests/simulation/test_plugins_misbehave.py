@@ -15,12 +15,13 @@ from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, TICK, Rig, Run, follow, standing, stick, straight, write_mission
 
 from artemis.config import Config
+from artemis.drive_states import DriveState
 from artemis.errors import DeviceLost
 from artemis.motion.path import Path as DrivenPath
 from artemis.plugins.contracts import Following
 from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
-from artemis.values import DriveCommand, DriveState, Mode, OperatorInput, Severity, Snapshot, Tracking
+from artemis.values import DriveCommand, Mode, OperatorInput, Severity, Snapshot, Tracking
 
 SPEED = 0.4
 DECELERATION = 1.0

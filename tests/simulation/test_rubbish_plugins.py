@@ -12,9 +12,10 @@ from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, Rig, Run, driven, follow, standing, stick, straight, write_mission
 
 from artemis.config import Config
+from artemis.drive_states import DriveState
 from artemis.motion.path import Path as DrivenPath
 from artemis.plugins.contracts import Following
-from artemis.values import DriveCommand, DriveState, Mode, OperatorInput, Request, Snapshot, Tracking
+from artemis.values import DriveCommand, Mode, OperatorInput, Request, Snapshot, Tracking
 
 LENGTH = 3.0
 FILES = {"line.csv": straight(LENGTH), "stick.csv": stick((0.0, 0.0, 0.0, 0), (1.0, 0.0, 0.0, 0))}

@@ -25,7 +25,8 @@ from rig import (
     write_mission,
 )
 
-from artemis.values import DriveState, Mode, Request
+from artemis.drive_states import DriveState
+from artemis.values import Mode, Request
 
 SPEED = 0.4
 LENGTH = 2.0

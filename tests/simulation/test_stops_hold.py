@@ -31,9 +31,10 @@ from rig import (
 from artemis.config import Config
 from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
+from artemis.drive_states import DriveState
 from artemis.errors import DeviceLost
 from artemis.mission.loading import load_mission
-from artemis.values import DriveState, Mode, OperatorInput, Request
+from artemis.values import Mode, OperatorInput, Request
 
 OFF, QUICK_STOP, ENABLE = 0x00, 0x0B, 0x0F
 LENGTH = 3.0

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.epos_objects import Units
+from artemis.drive_states import DriveState
 from artemis.sim.bus import Disturb, SimBus
 from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.world import TrueRobot, World
-from artemis.values import DriveState, Pose
+from artemis.values import Pose
 from artemis.vehicle import Robot as RobotFile
 
 TRACTION, STEERING = ("traction-left", "traction-right"), ("steer-left", "steer-right")

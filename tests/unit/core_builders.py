@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.errors import DeviceLost
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.path import Path, path_from_points
@@ -26,14 +27,11 @@ from artemis.values import (
     Action,
     DriveCommand,
     DriveFeedback,
-    DriveState,
     Event,
-    Goal,
     Job,
     JobKind,
     JobResult,
     LocatedPose,
-    Nmt,
     Odometry,
     Position,
     Sensed,

@@ -11,6 +11,7 @@ import pytest
 from core_builders import NAMES, PERIOD, ROBOT, STEERING, drive, volts
 from msgspec.structs import replace
 
+from artemis.drive_states import Goal
 from artemis.motion.ackermann import Ackermann
 from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import Kind
@@ -21,7 +22,6 @@ from artemis.values import (
     Action,
     BusHealth,
     DriveCommand,
-    Goal,
     JobKind,
     JobResult,
     Mode,

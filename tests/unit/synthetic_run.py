@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.path import path_from_csv
 from artemis.recording.journal import Journal
 from artemis.recording.mcap_writer import Recorder
@@ -18,15 +19,12 @@ from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.values import (
     DriveCommand,
     DriveFeedback,
-    DriveState,
     Fault,
-    Goal,
     Job,
     JobKind,
     JobResult,
     LocatedPose,
     Mode,
-    Nmt,
     Odometry,
     OperatorInput,
     Pose,

@@ -23,8 +23,8 @@ from artemis.devices.canopen import (
     Segmented,
     Upload,
 )
+from artemis.drive_states import Nmt
 from artemis.errors import ProtocolError
-from artemis.values import Nmt
 
 REQUESTS: list[tuple[str, Request]] = [
     ("40 41 60 00 00 00 00 00", Upload(index=0x6041, subindex=0)),

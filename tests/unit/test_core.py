@@ -24,14 +24,13 @@ from core_builders import (
 )
 from msgspec.structs import replace
 
+from artemis.drive_states import DriveState, Goal
 from artemis.robot import LIMITED_SPEED, Core
 from artemis.states.plan import FollowStep, Plan, Step, TeleopStep, WaitStep
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
     DriveCommand,
-    DriveState,
-    Goal,
     JobResult,
     Mode,
     OperatorInput,

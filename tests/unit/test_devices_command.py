@@ -15,11 +15,11 @@ from artemis.devices.can_bus import Frame, detected_adapters
 from artemis.devices.hid.identity import Identity
 from artemis.devices.hid.port import HidInfo
 from artemis.devices.inventory import Node, ask_nodes
+from artemis.drive_states import Nmt
 from artemis.errors import ConfigError, DeviceLost
 from artemis.sim.bus import SimBus
 from artemis.sim.world import World
 from artemis.testing.fake_hid import FakeHid
-from artemis.values import Nmt
 from artemis.vehicle import Robot
 from artemis.yaml_file import load
 

@@ -10,9 +10,10 @@ from artemis.clock import run
 from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
 from artemis.devices.epos_objects import UNREADABLE
+from artemis.drive_states import DriveState, Goal
 from artemis.errors import DeviceLost
 from artemis.states.mode import OFF, ON, STOPPING
-from artemis.values import DriveState, Goal, Job, JobKind, JobResult, Mode, SetPoints, Tick, Wish
+from artemis.values import Job, JobKind, JobResult, Mode, SetPoints, Tick, Wish
 
 ENABLED, QUICK_STOP_ACTIVE, DISABLED = 0x0337, 0x0317, 0x0340
 SYNC, HEARTBEAT = Frame(0x080), Frame(0x77F, b"\x05")

@@ -15,8 +15,8 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_objects import UNREADABLE
 from artemis.devices.epos_state import Command
+from artemis.drive_states import DriveState, Nmt
 from artemis.errors import ProtocolError
-from artemis.values import DriveState, Nmt
 
 COUNTS_PER_METRE = 4700.0
 """47 counts per centimetre."""

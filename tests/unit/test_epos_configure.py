@@ -6,9 +6,9 @@ import pytest
 from core_builders import ROBOT
 from epos_jobs_rig import LEFT, STEER_LEFT, STEER_RIGHT, WATCH, Rig, bring_up, changed, has, on
 
+from artemis.drive_states import Nmt
 from artemis.errors import DeviceError
 from artemis.sim.dictionary import key_of
-from artemis.values import Nmt
 
 
 def test_configured_traction_drive_has_the_values_of_the_robot_file() -> None:

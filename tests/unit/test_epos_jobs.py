@@ -11,10 +11,11 @@ from epos_jobs_rig import LEFT, PER_DEGREE, STEER_LEFT, STEER_RIGHT, WATCH, Rig,
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.epos_objects import Units
+from artemis.drive_states import DriveState, Nmt
 from artemis.errors import DeviceError, DeviceRestarted, DeviceTimeout, NotKept
 from artemis.sim.dictionary import Abort, AbortCode, key_of
 from artemis.sim.epos import SimSettings
-from artemis.values import DriveState, Job, JobKind, Nmt
+from artemis.values import Job, JobKind
 
 # ---------------------------------------------------------------------------------------------- secure
 

@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 from artemis.devices.epos_state import COMMANDS, Command, controlword, state_from_statusword
-from artemis.values import DriveState, Goal
+from artemis.drive_states import DriveState, Goal
 
 STATUSWORDS = {
     "start": "x0xx xxx0 x000 0000",

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from artemis.devices.drive import Drives
 from artemis.devices.epos_state import controlword
+from artemis.drive_states import DriveState, Goal
 from artemis.motion.limits import Gate, is_sane
 from artemis.states.machine import TRANSITIONS, ModeMachine
 from artemis.states.modes import Modes
@@ -22,10 +23,8 @@ from artemis.supervision.policy import WATCHED
 from artemis.supervision.supervisor import Supervisor
 from artemis.values import (
     Action,
-    DriveState,
     Event,
     Fault,
-    Goal,
     Mode,
     OperatorInput,
     Request,

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from supervision_rig import DRIVING, OFF
 
+from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.supervision.measures import DriveMeasures, Rate, Reading
-from artemis.values import DriveFeedback, DriveState, Goal, Nmt, Wish
+from artemis.values import DriveFeedback, Wish
 
 SICK = "steer-left"
 FAULTS = [DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED, DriveState.FAULT_REACTION_ENABLED]

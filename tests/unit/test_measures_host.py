@@ -11,8 +11,9 @@ from core_builders import NAMES, PERIOD, ROBOT, drive, drives, sensed
 from msgspec.structs import replace
 from supervision_rig import DRIVING, OFF
 
+from artemis.drive_states import DriveState
 from artemis.supervision.measures import DriveMeasures, HostMeasures, Reading
-from artemis.values import BusHealth, DriveState, OperatorInput, Wish
+from artemis.values import BusHealth, OperatorInput, Wish
 
 SICK = "steer-left"
 

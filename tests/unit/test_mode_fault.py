@@ -25,11 +25,12 @@ from core_builders import (
     verdict,
 )
 
+from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.states.alignment import LOOK_TIME
 from artemis.states.fault import FaultMode
 from artemis.states.plan import CalibrateStep, Shared
 from artemis.supervision import catalogue
-from artemis.values import Action, DriveState, Event, Goal, JobKind, JobResult, Nmt, Request, Verdict
+from artemis.values import Action, Event, JobKind, JobResult, Request, Verdict
 
 
 def in_fault(**state: Any) -> tuple[Player, Shared]:

@@ -28,20 +28,10 @@ from core_builders import (
 )
 from msgspec.structs import replace
 
+from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.states.init import InitMode
 from artemis.states.plan import CalibrateStep
-from artemis.values import (
-    DriveCommand,
-    DriveState,
-    Event,
-    Goal,
-    JobKind,
-    Nmt,
-    OperatorInput,
-    Request,
-    SetPoints,
-    Wish,
-)
+from artemis.values import DriveCommand, Event, JobKind, OperatorInput, Request, SetPoints, Wish
 
 
 class BringUp:

@@ -28,6 +28,7 @@ from core_builders import (
 )
 from msgspec.structs import replace
 
+from artemis.drive_states import DriveState, Goal
 from artemis.states.calibrate import CalibrateMode
 from artemis.states.mode import ON, finish_jobs
 from artemis.states.modes import Modes
@@ -38,10 +39,8 @@ from artemis.values import (
     Action,
     Cause,
     DriveCommand,
-    DriveState,
     Event,
     Fault,
-    Goal,
     JobKind,
     JobResult,
     Mode,

@@ -25,6 +25,7 @@ from core_builders import (
     verdict,
 )
 
+from artemis.drive_states import DriveState, Goal
 from artemis.motion.perception import STANDING_TIME
 from artemis.states.alignment import OFF_TIME
 from artemis.states.end import EndMode
@@ -36,9 +37,7 @@ from artemis.supervision import catalogue
 from artemis.values import (
     Action,
     DriveCommand,
-    DriveState,
     Event,
-    Goal,
     JobKind,
     JobResult,
     OperatorInput,

@@ -10,17 +10,9 @@ import pytest
 from core_builders import NAMES, PERIOD, ROBOT, STEERING, TRACTION, drive, drives, sensed
 from msgspec.structs import replace
 
+from artemis.drive_states import DriveState
 from artemis.motion.perception import Perception
-from artemis.values import (
-    DriveState,
-    JobKind,
-    JobResult,
-    Pose,
-    Sensed,
-    SetPoints,
-    Snapshot,
-    Verdict,
-)
+from artemis.values import JobKind, JobResult, Pose, Sensed, SetPoints, Snapshot, Verdict
 from artemis.vehicle import Robot
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState, Nmt
 from artemis.recording.schemas import (
     CHANNELS,
     json_schema,
@@ -17,7 +18,7 @@ from artemis.recording.schemas import (
     tick_record,
     unpack_frames,
 )
-from artemis.values import DriveFeedback, DriveState, Fault, Nmt, OperatorInput, Request, Sensed, Severity
+from artemis.values import DriveFeedback, Fault, OperatorInput, Request, Sensed, Severity
 
 floats = st.floats(allow_nan=False)  # nan is equal to nothing: it has its own test
 ages = st.none() | floats

@@ -6,9 +6,9 @@ import pytest
 from sim_epos_rig import Aborted, Rig
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState, Nmt
 from artemis.sim.dictionary import Abort
 from artemis.sim.epos_failures import Speech, kind_of
-from artemis.values import DriveState, Nmt
 
 START = 0x01
 HOST = 127

@@ -5,9 +5,9 @@ import struct
 import pytest
 from sim_epos_rig import STEERING, TRACTION, Rig
 
+from artemis.drive_states import DriveState
 from artemis.sim.axis import Failure
 from artemis.sim.epos import SimSettings
-from artemis.values import DriveState
 
 ENABLE, HALT, QUICK_STOP = 0x000F, 0x010F, 0x000B
 START_NOW, START_LATER, RELATIVE = 0x003F, 0x001F, 0x005F

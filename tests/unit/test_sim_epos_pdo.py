@@ -5,7 +5,7 @@ import struct
 import pytest
 from sim_epos_rig import STEERING, Rig
 
-from artemis.values import DriveState
+from artemis.drive_states import DriveState
 
 START, STOP, PRE_OPERATIONAL = 0x01, 0x02, 0x80
 STATUSWORD, POSITION, CONTROLWORD, TARGET = 0x60410010, 0x60640020, 0x60400010, 0x60FF0020

@@ -11,11 +11,11 @@ import yaml
 
 from artemis.clock import SimulatedLoop, run
 from artemis.devices.can_bus import Frame
+from artemis.drive_states import DriveState
 from artemis.errors import DeviceBusy, DeviceLost
 from artemis.sim.server import BURST, LONGEST_GAP, PERIOD, serve
 from artemis.sim.wire import frame_bits
 from artemis.sim.world import World
-from artemis.values import DriveState
 from artemis.vehicle import Robot
 
 ROBOT_FILE = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"

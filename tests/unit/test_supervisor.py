@@ -11,10 +11,11 @@ from core_builders import NAMES, PERIOD, ROBOT, STEERING, drive, drives
 from msgspec.structs import replace
 from supervision_rig import COASTING, DRIVING, OFF, STEER_LEFT, STOPPING, UNWATCHED, Watch, bus
 
+from artemis.drive_states import DriveState, Nmt
 from artemis.supervision import catalogue
 from artemis.supervision.policy import Policy
 from artemis.supervision.supervisor import Supervisor
-from artemis.values import DriveState, Fault, Mode, Nmt, Request, Severity, Verdict
+from artemis.values import Fault, Mode, Request, Severity, Verdict
 
 SICK, OTHER = STEERING
 WARN, LIMIT, S2, S1, S0 = list(Severity)[1:]

@@ -15,9 +15,10 @@ from core_builders import NAMES, PERIOD, ROBOT, TRACTION, volts
 from msgspec.structs import replace
 from supervision_rig import DRIVING, OFF, STEER_LEFT, STEER_RIGHT, STOPPING, Watch, bus
 
+from artemis.drive_states import DriveState, Nmt
 from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import Found
-from artemis.values import DriveCommand, DriveState, Nmt, OperatorInput, Severity, Tracking, Wish
+from artemis.values import DriveCommand, OperatorInput, Severity, Tracking, Wish
 
 LEFT, RIGHT = TRACTION
 WARN, LIMIT, S2, S1, S0 = list(Severity)[1:]

@@ -10,7 +10,8 @@ from core_builders import NAMES, PERIOD, TRACTION
 from msgspec.structs import replace
 from supervision_rig import CAR, DRIVING, OFF, STEER_LEFT, STOPPING, UNWATCHED, Road, points, road
 
-from artemis.values import DriveCommand, DriveState, SetPoints, Wish
+from artemis.drive_states import DriveState
+from artemis.values import DriveCommand, SetPoints, Wish
 
 LEFT, RIGHT = TRACTION
 RAMP = 1.5

@@ -6,7 +6,8 @@ import pytest
 from core_builders import PERIOD, TRACTION
 from supervision_rig import COASTING, STOPPING, road
 
-from artemis.values import DriveState, Wish
+from artemis.drive_states import DriveState
+from artemis.values import Wish
 
 LEFT, RIGHT = TRACTION
 RAMP = 1.5

@@ -9,7 +9,8 @@ from core_builders import TRACTION, volts
 from msgspec.structs import replace
 from supervision_rig import CAR, COASTING, DRIVING, OFF, STEER_LEFT, STEER_RIGHT, STOPPING, Road, road
 
-from artemis.values import DriveCommand, DriveState, Tracking, Wish
+from artemis.drive_states import DriveState
+from artemis.values import DriveCommand, Tracking, Wish
 
 LEFT, RIGHT = TRACTION
 RAMP, COAST = 1.5, 0.2

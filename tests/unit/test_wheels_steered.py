@@ -11,8 +11,9 @@ from core_builders import PERIOD, ROBOT, STEERING, volts
 from msgspec.structs import replace
 from supervision_rig import DRIVING, REFERENCED, STEER_LEFT, STEER_RIGHT, STOPPING, Road, road
 
+from artemis.drive_states import DriveState, Goal
 from artemis.supervision.wheels import Wheels
-from artemis.values import DriveCommand, DriveState, Goal, JobKind, JobResult, Tracking
+from artemis.values import DriveCommand, JobKind, JobResult, Tracking
 
 # ---------------------------------------------------------------------------------------------- steering
 
