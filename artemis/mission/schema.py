@@ -367,6 +367,8 @@ class Mission(Config):
     bus: Bus
     tick_hz: Annotated[int, Field(ge=25, le=200)] = 50
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
+    observers: dict[str, PluginUse] = Field(default_factory=dict)
+    """What else sees the run, by names of the mission's own."""
     steps: Annotated[
         tuple[Step, ...], Field(strict=False, json_schema_extra={"minItems": 1}), AfterValidator(_check_steps)
     ]

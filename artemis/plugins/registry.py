@@ -9,11 +9,12 @@ from typing import Any
 
 from artemis.config import Config
 from artemis.errors import PluginError, similar
-from artemis.plugins.contracts import CONTRACT, Follower, InputDevice
+from artemis.plugins.contracts import CONTRACT, Follower, InputDevice, Observer
 
 INPUTS = "artemis.inputs"
 FOLLOWERS = "artemis.followers"
-CONTRACTS: dict[str, type[Any]] = {INPUTS: InputDevice, FOLLOWERS: Follower}
+OBSERVERS = "artemis.observers"
+CONTRACTS: dict[str, type[Any]] = {INPUTS: InputDevice, FOLLOWERS: Follower, OBSERVERS: Observer}
 """Entry-point groups, and what the classes in them must be able to do."""
 
 
