@@ -175,7 +175,8 @@ class _Run:
         def observe(tick: Tick) -> None:
             self.time, now = tick.snapshot.time, loop.time()
             traffic = drives.wire.take_traffic(now)
-            for observer in (self.recorder, *self.observers):
+            self.recorder.see(tick, traffic, now)
+            for observer in self.observers:
                 observer.see(tick, traffic, now)
             self._report(robot, tick.snapshot.sensed.attended)
             if not self.virtual and (grown := host.look(self.time)) is not None:

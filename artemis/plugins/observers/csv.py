@@ -32,7 +32,7 @@ _SIGNALS: dict[Signal, Callable[[Tick], object]] = {
 class CsvConfig(Config):
     """Keys that a mission may write beside `plugin: csv`."""
 
-    signals: Annotated[tuple[Signal, ...], Field(strict=False, min_length=1)] = tuple(_SIGNALS)
+    signals: Annotated[tuple[Signal, ...], Field(strict=False)] = tuple(_SIGNALS)
     """Columns after the run time `time_s`."""
     every_s: Annotated[float, Field(ge=0)] = 0.0
     """Run time between two rows; 0: each tick."""
