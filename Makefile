@@ -5,11 +5,12 @@ VENV := .venv
 EXTRAS := dev
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+FAST := build/fast
 
 # Where it is set, every worker and every `artemis` that the tests start would compile everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all check bench bench-followers host-death campaign coverage core-coverage mutation fuzz picture thesis clean
+.PHONY: demo test test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture thesis clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
@@ -26,8 +27,17 @@ check: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
+fast: $(FAST)/.ready
+	@$(FAST)/bin/artemis --version
+
+fast-equals-plain: $(READY) $(FAST)/.ready
+	@$(BIN)/python -m tests.same --seeds $(or $(SEEDS),200)
+
 bench: $(READY)
-	@$(BIN)/python -m tests.bench
+	@$(BIN)/python -m tests.bench --write
+
+bench-fast: $(FAST)/.ready
+	@PYTHONSAFEPATH=1 $(FAST)/bin/python -m tests.bench --write
 
 bench-followers: $(READY)
 	@$(BIN)/artemis bench followers --output build/bench-followers $(if $(PYTHON_ROBOTICS),--python-robotics $(PYTHON_ROBOTICS))
@@ -76,4 +86,17 @@ $(READY): pyproject.toml
 	echo "setting up $(VENV) with $$("$$python" --version) (once, about a minute)"; \
 	"$$python" -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
+	@touch $@
+
+# The compiled artemis has an environment of its own: what runs in $(VENV) is always the sources as they are. Behind its
+# artemis it finds the packages of $(VENV), and this folder for the tests.
+$(FAST)/.ready: $(READY) setup.py $(shell find artemis artemis_lab -name '*.py' -o -name '*.yaml' -o -name '*.txt')
+	@echo "compiling into $(FAST) (a minute or two)"
+	@rm -rf $(FAST) build/wheel build/lib build/lib.* build/temp.* build/bdist.* && mkdir -p build
+	@ARTEMIS_COMPILE=1 $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps \
+		--wheel-dir build/wheel .
+	@$(BIN)/python -m venv --without-pip $(FAST)
+	@$(BIN)/python -m pip --python $(FAST) install --quiet --disable-pip-version-check --no-deps build/wheel/*.whl
+	@$(BIN)/python -c "import os, sysconfig; print(sysconfig.get_path('purelib'), os.getcwd(), sep='\n')" \
+		> $$($(FAST)/bin/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")/behind.pth
 	@touch $@

@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
+
+from msgspec import structs
 
 from artemis import clock
 from artemis.attendance import Attendance, Operator
@@ -22,9 +24,9 @@ from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.schema import BusWords, Stop
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
-from artemis.planning import inputs_used, is_fast, is_simulated, made, plan_for, setup_for
+from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, made, plan_for, setup_for
 from artemis.plugins.border import GARBAGE, Border, Problem, close
-from artemis.plugins.contracts import InputDevice, Observer
+from artemis.plugins.contracts import InputDevice, Localizer, Observer
 from artemis.plugins.observing import Observation
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Entry, Journal, Level
@@ -33,7 +35,7 @@ from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.recording.resume import BROKEN, DONE, where_it_stopped
 from artemis.recording.run_folder import RunFolder, create_run_folder, keep_calibration, keep_paths
 from artemis.robot import Core, Robot
-from artemis.states.mode import FollowStep, Plan, with_followers
+from artemis.states.plan import FollowStep, Plan, Results, with_followers
 from artemis.supervision import catalogue
 from artemis.values import Fault, Pose, Severity, Tick
 
@@ -128,6 +130,8 @@ class _Run:
     witness: Callable[[World], Surroundings]
     time: float = 0.0
     """Run time [s]."""
+    failed: bool = False
+    results: Results = field(default_factory=Results)
 
     def go(self, loop: type[asyncio.AbstractEventLoop]) -> Outcome:
         """Run to the end, in the time of such a loop."""
@@ -144,16 +148,16 @@ class _Run:
                 ends.callback(self._close, self.observers[-1])
             runner = ends.enter_context(asyncio.Runner(loop_factory=loop))
             runner.run(self._main())
-            outcome = "failed" if self.plan.failed else DONE
-        kept = keep_paths(self.folder, {name: track.as_csv() for name, track in self.plan.tracks.items()})
-        kept += keep_calibration(self.folder, {side: fit.record for side, fit in self.plan.steering.items()})
+            outcome = "failed" if self.failed else DONE
+        kept = keep_paths(self.folder, {name: track.as_csv() for name, track in self.results.tracks.items()})
+        kept += keep_calibration(self.folder, {side: fit.record for side, fit in self.results.steering.items()})
         return Outcome(
-            failed=self.plan.failed,
+            failed=self.failed,
             interrupted=self.attendance.interrupted,
             run=self.folder,
             duration=self.time,
             elapsed=clock.stopwatch() - begun,
-            steering=self.plan.steering,
+            steering=self.results.steering,
             troubles=(*(trouble.detail for trouble in self.recorder.troubles()), *kept),
         )
 
@@ -166,14 +170,15 @@ class _Run:
 
         inputs = self._inputs(wake)
         live = {name for name, device in inputs.items() if getattr(device, "live", False)}
-        border = Border(inputs, loop.time)
-        self.plan.steps = with_followers(self.plan.steps, border.watched)
+        localizer = self._localizer(world, loop.time())
+        border = Border(inputs, loop.time, localizer)
+        steps = with_followers(self.plan.steps, border.watched)
         drives = Drives(self.loaded.robot, bus)
         self.recorder.true_pose = self._true_pose(world)
         host = HostWatch()
 
         def observe(tick: Tick) -> None:
-            self.time, now = tick.snapshot.time, loop.time()
+            self.time, self.failed, now = tick.snapshot.time, tick.failed, loop.time()
             traffic = drives.wire.take_traffic(now)
             self.recorder.see(tick, traffic, now)
             for observer in self.observers:
@@ -186,7 +191,9 @@ class _Run:
             self.watch(tick, traffic)
 
         period = 1 / self.loaded.mission.tick_hz
-        robot = self.parts.robot(Core(self.plan, period), drives, border, period, observe, self.attendance.there)
+        core = Core(structs.replace(self.plan, steps=steps), period)
+        self.results = core.results
+        robot = self.parts.robot(core, drives, border, period, observe, self.attendance.there)
         if world is not None and (injector := self.loaded.injector) is not None:
             run = Simulated(
                 robot=self.loaded.robot, world=world, bus=bus, disk=self.disk, inputs=inputs, request=robot.request
@@ -198,7 +205,7 @@ class _Run:
             await robot.run()
         finally:
             stop_listening()
-            self._note(close(inputs))
+            self._note(close(inputs if localizer is None else {**inputs, "localizer": localizer}))
             bus.close()
 
     def _close(self, observer: Observation) -> None:
@@ -231,7 +238,7 @@ class _Run:
         from artemis.sim.world import World
 
         robot, true, resumed = self.loaded.robot, self.loaded.true_robot, self.resumption
-        true = moved_to(true, resumed.true_pose or resumed.pose) if resumed else true
+        true = moved_to(true, self._world_origin(), resumed.true_pose or resumed.pose) if resumed else true
         world = World(robot, true, seed=self.loaded.mission.simulation.seed, start=loop.time())
         return SimBus(self.witness(world), robot.bitrate, loop), world
 
@@ -249,9 +256,26 @@ class _Run:
         """Tells where the simulated robot really is; nobody knows of a real one."""
         if world is None:
             return lambda tick: None
-        from artemis.sim.truth import Truth, origin_of
+        from artemis.sim.truth import Truth
 
-        return Truth(world, origin_of(self.loaded.true_robot) if self.resumption else Pose()).pose
+        origin = self._world_origin() if self.resumption else Pose()
+        return Truth(world, origin, fixed=self.plan.localized).pose
+
+    def _world_origin(self) -> Pose:
+        """Where a simulation's true poses count from: its map, or where the robot stands when a mission begins."""
+        from artemis.sim.truth import origin_of
+
+        return Pose() if self.plan.localized else origin_of(self.loaded.true_robot)
+
+    def _localizer(self, world: World | None, begun: float) -> Localizer | None:
+        if (use := localizer_used(self.loaded, self.simulated)) is None:
+            return None
+        plugin, config = plugin_from("artemis.localizers", use)
+        setup = setup_for(self.loaded, use.plugin)
+        if world is not None:
+            setup = replace(setup, true_pose=lambda: (world.time - begun, world.pose))
+        localizer: Localizer = made(plugin, config, setup)
+        return localizer
 
     def _report(self, robot: Robot, attended: bool) -> None:
         """What goes wrong with observers is a warning; nobody there and no journal: the run is not gone on with."""
@@ -266,7 +290,7 @@ class _Run:
     def _show_paths(self) -> None:
         for step in self.plan.steps:
             if isinstance(step, FollowStep) and isinstance(step.route, Route):
-                self.recorder.show_path(0.0, step.route.poses(0.05))
+                self.recorder.show_path(0.0, step.route.poses(0.05), "map" if self.plan.localized else "odom")
 
 
 def growth(grown: str, memory: int) -> Fault:

@@ -21,7 +21,6 @@ COMMANDS = "artemis.commands"
 
 app = typer.Typer(
     name="artemis",
-    help="Drive robots with maxon EPOS motor controllers: missions, simulated drives, recordings.",
     rich_markup_mode=None,
     add_completion=False,
     no_args_is_help=True,
@@ -39,6 +38,23 @@ app.add_typer(calibrate, name="calibrate")
 
 MissionFile = Annotated[Path, typer.Argument(metavar="MISSION", help="Mission file (YAML).")]
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.mcap.")]
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from artemis.build import described
+
+        typer.echo(described())
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    _version: Annotated[
+        bool, typer.Option("--version", help="Say which artemis this is.", callback=_tell_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Drive robots with maxon EPOS motor controllers: missions, simulated drives, recordings."""
 
 
 @app.command()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import deepcopy
 from math import radians
 from typing import Any
+
+from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
@@ -18,7 +19,7 @@ from artemis.plugins.contracts import Setup
 from artemis.recording.provenance import Resumption
 from artemis.robot import Core
 from artemis.states.gains import GainsStep, TurnStep
-from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
+from artemis.states.plan import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
 from artemis.states.steering import SteeringStep
 from artemis.vehicle import Robot
 
@@ -90,14 +91,13 @@ def core_from(loaded: LoadedMission, resumption: Resumption | None = None, simul
 
 def plan_for(loaded: LoadedMission, simulated: bool, resumption: Resumption | None) -> Plan:
     """The mission's plan, with followers that fail where it wants that, begun where an earlier run stopped."""
-    plan = plan_from(loaded)
+    plan = replace(plan_from(loaded), localized=localizer_used(loaded, simulated) is not None)
     if simulated and loaded.injector is not None:
-        plan.steps = loaded.injector.failing_followers(plan.steps, loaded.mission.simulation.faults)
-    if resumption is not None:
-        plan.index, plan.done = resumption.step, resumption.done
-        plan.start, plan.placed = resumption.pose, True
-        plan.tracks = deepcopy(resumption.tracks)
-    return plan
+        steps = loaded.injector.failing_followers(plan.steps, loaded.mission.simulation.faults)
+        plan = replace(plan, steps=steps)
+    if resumption is None:
+        return plan
+    return replace(plan, begin=resumption.position, start=resumption.pose, tracks=resumption.tracks)
 
 
 def made(plugin: Callable[[Config, Setup], Any], config: Config, setup: Setup) -> Any:  # noqa: ANN401 (of any group)
@@ -124,16 +124,23 @@ def inputs_used(loaded: LoadedMission, simulated: bool) -> dict[str, PluginUse]:
     return {**loaded.mission.inputs, **(loaded.mission.simulation.inputs if simulated else {})}
 
 
+def localizer_used(loaded: LoadedMission, simulated: bool) -> PluginUse | None:
+    """The mission's localizer; in simulation its stand-in, if there is one."""
+    return (loaded.mission.simulation.localizer if simulated else None) or loaded.mission.localizer
+
+
 def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
     """Whether a run of the mission takes place on virtual time, faster than real time."""
     if not is_simulated(loaded, simulate):
         return False
     if loaded.mission.simulation.pace is not None:
         return loaded.mission.simulation.pace == "fast"
-    from artemis.plugins.registry import INPUTS, load
+    from artemis.plugins.registry import INPUTS, LOCALIZERS, load
 
-    used = inputs_used(loaded, simulated=True).values()
-    return not any(getattr(load(INPUTS, use.plugin), "live", False) for use in used)
+    used = [load(INPUTS, use.plugin) for use in inputs_used(loaded, simulated=True).values()]
+    if (localizer := localizer_used(loaded, simulated=True)) is not None:
+        used.append(load(LOCALIZERS, localizer.plugin))
+    return not any(getattr(plugin, "live", False) for plugin in used)
 
 
 def is_simulated(loaded: LoadedMission, simulate: bool = False) -> bool:

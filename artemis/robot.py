@@ -16,11 +16,11 @@ from artemis.motion.limits import Gate, is_sane
 from artemis.motion.pace import Pace
 from artemis.motion.perception import Perception
 from artemis.plugins.border import Border
-from artemis.states.mode import Plan
 from artemis.states.modes import Modes
+from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
 from artemis.supervision.supervisor import Supervisor
-from artemis.values import Fault, Job, JobResult, Request, Sensed, SetPoints, Snapshot, Tick, Wish
+from artemis.values import Fault, Job, JobResult, Pose, Request, Sensed, SetPoints, Snapshot, Tick, Wish
 
 LIMITED_SPEED = 0.3
 """Ceiling of the speed while a verdict says LIMIT [m/s]."""
@@ -31,10 +31,11 @@ class Core:
 
     def __init__(self, plan: Plan, period: float) -> None:
         """`period` of the scheduled ticks [s]."""
-        self._plan = plan
-        self._perception = Perception(plan.robot, period, plan.start)
+        self._shared = Shared(plan)
+        self.results = self._shared.results
+        self._perception = Perception(plan.robot, period, plan.start or Pose(), localized=plan.localized)
         self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind)
-        self._modes = Modes(plan)
+        self._modes = Modes(self._shared)
         self._gate = Gate(plan.robot, period=period)
         self._wish, self._points = Wish(supervised=False), SetPoints()
         self._pace = Pace()
@@ -43,21 +44,23 @@ class Core:
         """One tick, from what is sensed to what is to be done."""
         verdict = self._supervisor.judge(sensed, self._wish, self._modes.mode, self._points)
         snapshot = self._perception.perceive(sensed, verdict, self._points)
-        mode = self._modes.advance(snapshot, self._wish.event)
-        wish = self._modes.step(snapshot)
+        cause = self._modes.advance(snapshot, self._wish.event)
+        mode, wish = self._modes.mode, self._modes.step(snapshot)
         if not is_sane(wish.command):
             wish = replace(wish, fault=catalogue.fault("RUN-11", mode.value, repr(wish.command)))
         if wish.reset_pose:
             self._perception.reset()
         points = self._limit(wish, snapshot)
         self._wish, self._points = wish, points
-        step, done = self._plan.index, self._plan.done
-        return Tick(snapshot=snapshot, mode=mode, step=step, done=done, wish=wish, set_points=points)
+        position, failed = self._shared.position, self._modes.failed
+        return Tick(
+            snapshot=snapshot, mode=mode, cause=cause, position=position, wish=wish, failed=failed, set_points=points
+        )
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
         """The gate, from its last set-points on; wheels whose drives are off are where they are."""
         verdict, sensed = snapshot.verdict, snapshot.sensed
-        ceiling = min(self._plan.top_speed, LIMITED_SPEED if verdict.limits else inf)
+        ceiling = min(self._shared.top_speed, LIMITED_SPEED if verdict.limits else inf)
         last = self._perception.as_they_stand(sensed, self._points)
         points = self._gate.limit(wish.command, last, self._pace.since_sent(snapshot), ceiling, verdict.stops)
         return self._perception.as_they_stand(sensed, points)
@@ -131,7 +134,7 @@ class Robot:
             self._drives.receive()
         except DeviceLost as error:
             self._lose(error)
-        inputs = self._border.read(now - self._start)
+        inputs, fixes = self._border.read(now - self._start), self._border.fixes(now - self._start)
         self._faults += (catalogue.fault(*problem) for problem in self._border.take_problems())
         self._requests += (request for sample in inputs for request in sample.requests)
         self._index += 1
@@ -148,6 +151,7 @@ class Robot:
             requests=tuple(self._requests),
             results=tuple(self._results),
             faults=tuple(self._faults),
+            fixes=fixes,
         )
         for taken in (self._requests, self._results, self._faults):
             taken.clear()

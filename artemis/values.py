@@ -1,6 +1,6 @@
 """Frozen values that cross layers. Plain SI inside: m, s, rad, m/s, A, V; left and counter-clockwise positive.
 
-One tick in the order of its values: `Sensed` (all that the edge knows) -> `Snapshot` (with odometry) -> `Verdict`
+One tick in the order of its values: `Sensed` (all that the edge knows) -> `Snapshot` (with the pose) -> `Verdict`
 -> `Wish` of the mode -> `SetPoints` after the gate -> `Tick` (the record of it all).
 """
 
@@ -66,22 +66,18 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, gc=False):
     mode: int = 0  # modes of operation display (object 0x6061)
     potentiometers: tuple[float, float] = (0.0, 0.0)
     """Both analog inputs [V]; zero for a traction drive."""
-    age: float | None = None
-    """Age of the older of the feedback PDOs [s]."""
+    age: float | None = None  # of the older of the feedback PDOs [s]
     nmt: Nmt | None = None
     heartbeat_age: float | None = None
     emergencies: tuple[int, ...] = ()
     """EMCY error codes that arrived since the last tick, oldest first."""
     boots: int = 0  # boot-up frames since the last tick
     frames: int = 0  # TxPDO 1 since the last tick: one per SYNC
-    malformed: int = 0
-    """Frames since the last tick that cannot be what they claim, and were dropped."""
+    malformed: int = 0  # frames since the last tick that cannot be what they claim, and were dropped
     disordered: int = 0
     """Frames since the last tick that were older on the bus than one before them, and were dropped."""
-    jumps: int = 0
-    """Positions in a row that no motion explains; each was dropped."""
-    stray: int = 0
-    """SDO answers since the last tick that nobody waited for, and were dropped."""
+    jumps: int = 0  # positions in a row that no motion explains; each was dropped
+    stray: int = 0  # SDO answers since the last tick that nobody waited for, and were dropped
 
 
 class Request(Enum):
@@ -102,17 +98,12 @@ class OperatorInput(Struct, frozen=True, kw_only=True, gc=False):
     """The newest valid sample of one input device. Axes are levels; requests happen once."""
 
     source: str
-    speed: float = 0.0
-    """Wished speed of the virtual front wheel [m/s], forward positive."""
-    steering: float = 0.0
-    """Wished angle of the virtual front wheel [rad], left positive."""
-    enabled: bool = False
-    """The enable button (deadman) is held."""
-    neutral: bool = True
-    """Every axis rests and the enable button is released."""
+    speed: float = 0.0  # wished, of the virtual front wheel [m/s], forward positive
+    steering: float = 0.0  # wished angle of the virtual front wheel [rad], left positive
+    enabled: bool = False  # the enable button (deadman) is held
+    neutral: bool = True  # every axis rests and the enable button is released
     requests: tuple[Request, ...] = ()
-    age: float | None = None
-    """Seconds since the sample arrived; None: never."""
+    age: float | None = None  # seconds since the sample arrived; None: never
     raw: tuple[float, ...] = ()  # what the device reports of its axes, in its own units
     axes: tuple[float, ...] = ()  # calibrated: each in [-1, 1]
     centred: tuple[float, ...] = ()  # after the deadzone
@@ -166,10 +157,8 @@ class JobResult(Struct, frozen=True, kw_only=True, gc=False):
 class BusHealth(Struct, frozen=True, kw_only=True, gc=False):
     """What the host's end of the bus went through since the last tick."""
 
-    foreign: tuple[int, ...] = ()
-    """Identifiers that only we may send, heard from somebody else."""
-    refused: int = 0
-    """Most frames in a row that the adapter did not take."""
+    foreign: tuple[int, ...] = ()  # identifiers that only we may send, heard from somebody else
+    refused: int = 0  # most frames in a row that the adapter did not take
     error_frames: int = 0
     blocked: tuple[str, ...] = ()
     """Frames of ours that the allow-list held back, each with its reason and where it came from."""
@@ -194,6 +183,7 @@ class Sensed(Struct, frozen=True, kw_only=True, gc=False):
     results: tuple[JobResult, ...] = ()
     faults: tuple[Fault, ...] = ()
     """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
+    fixes: tuple[PoseFix, ...] = ()  # what a localizer found since the last tick
 
 
 class Pose(Struct, frozen=True, kw_only=True, gc=False):
@@ -204,8 +194,30 @@ class Pose(Struct, frozen=True, kw_only=True, gc=False):
     heading: float = 0.0
 
 
+class PoseFix(Struct, frozen=True, kw_only=True, gc=False):
+    """Where a localizer found the robot, in the frame `map`; told at that time or later."""
+
+    time: float  # run time at which the robot was there [s]
+    pose: Pose
+    covariance: tuple[float, ...]  # as of `LocatedPose`: six numbers
+    source: str  # the localizer's name
+
+
+class LocatedPose(Struct, frozen=True, kw_only=True, gc=False):
+    """Where the robot is, by all that is known: the newest fixes of a localizer carried on by the odometry, or this."""
+
+    pose: Pose = Pose()
+    frame: str = "odom"  # `map` once a localizer found the robot
+    source: str = "odometry"  # or the localizer's name
+    age: float | None = None  # of the newest fix that was believed [s]; None: there is none
+    covariance: tuple[float, ...] = ()
+    """Of x, y, heading in `frame`: xx, xy, x heading, yy, y heading, heading heading [m², m rad, rad²]; (): unknown."""
+    lost: bool = False  # the pose means nothing
+    unused: int = 0  # fixes so far that came too late, from the future, or were not believed
+
+
 class Odometry(Struct, frozen=True, kw_only=True, gc=False):
-    """Pose and motion estimated from the wheels, in the frame `odom` (origin: where the run was armed)."""
+    """Motion estimated from the wheels, and their pose in the frame `odom` (origin: where the run was armed)."""
 
     pose: Pose = Pose()
     speed: float = 0.0  # of the virtual front wheel [m/s]
@@ -213,7 +225,7 @@ class Odometry(Struct, frozen=True, kw_only=True, gc=False):
     distance: float = 0.0  # way of the rear axle centre [m], forward positive
     slip: float = 0.0
     """Disagreement of the driven wheels in the last step [m/s]: how far each is from the rigid-body fit."""
-    lost: bool = False  # driven wheels may have rolled while nobody counted: the pose means nothing
+    lost: bool = False  # driven wheels may have rolled while nobody counted: this pose means nothing
 
 
 class Action(Enum):
@@ -294,6 +306,11 @@ class Verdict(Struct, frozen=True, kw_only=True, gc=False):
     """The robot does not stop, whatever is done: only the hardware emergency stop is left."""
 
     @property
+    def stopping(self) -> tuple[Fault, ...]:
+        """The faults for which the robot has to come to rest."""
+        return tuple(fault for fault in self.faults if fault.severity >= Severity.CONTROLLED_STOP)
+
+    @property
     def stops(self) -> bool:
         """The robot has to come to rest."""
         return self.severity >= Severity.CONTROLLED_STOP
@@ -310,6 +327,7 @@ class Snapshot(Struct, frozen=True, kw_only=True, gc=False):
     sensed: Sensed
     dt: float
     """Seconds since the last scheduled tick; 0 in the first, clamped after a pause."""
+    pose: LocatedPose  # where the robot is: what paths and distances are measured by
     odometry: Odometry
     standing: bool
     """No driven wheel moved noticeably over the last 100 ms."""
@@ -336,6 +354,16 @@ class Event(Enum):
     REARMED = "re-armed"
     ACKNOWLEDGED = "acknowledged"
     END = "end"
+
+
+class Cause(Struct, frozen=True, kw_only=True, gc=False):
+    """Why a mode began, or began anew."""
+
+    event: Event
+    request: Request | None = None
+    """What somebody asked for, where that is the reason."""
+    faults: tuple[Fault, ...] = ()
+    """Those that led there; at the end of a run that no request ended: those that still stop the robot."""
 
 
 class Tracking(Struct, frozen=True, kw_only=True, gc=False):
@@ -368,7 +396,21 @@ class Wish(Struct, frozen=True, kw_only=True, gc=False):
     phase: str = ""
     tracking: Tracking | None = None
     reset_pose: bool = False  # make the present place the origin of the odometry
+    done: float | None = None
+    """How much of the mission's current step is done: way along its path [m], or time [s]; None: as much as before."""
+    over: bool = False  # all of it is done
+    failed: bool = False
+    """What the run was to do will not be done, or it cannot end in order."""
     finished: bool = False  # the ordered end is complete; the run may stop ticking
+
+
+class Position(Struct, frozen=True, kw_only=True, gc=False):
+    """How far a mission is done."""
+
+    step: int = 0
+    """Which of its steps is done now, counted from 0; after the last: their number."""
+    done: float = 0.0
+    """How much of it is done, here or in an earlier run: way along its path [m], or time [s]."""
 
 
 class Tick(Struct, frozen=True, kw_only=True, gc=False):
@@ -376,9 +418,11 @@ class Tick(Struct, frozen=True, kw_only=True, gc=False):
 
     snapshot: Snapshot
     mode: Mode
-    step: int = 0
-    """Which step of the mission is done now, counted from 0; after the last: their number."""
-    done: float = 0.0
-    """How much of it is done: way along its path [m], or time [s]."""
+    cause: Cause | None = None
+    """Why the mode began in this tick, or began anew; None: it lasts."""
+    position: Position = Position()
+    """Where the mission is after it."""
     wish: Wish
+    failed: bool = False
+    """A fault or a stop ended the run before its last step, or a drive did not end in order."""
     set_points: SetPoints

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded  # scipy has no types
+from scipy.linalg import cholesky_banded, solve_banded  # scipy has no types
 
 from artemis.motion.spline import Array
 from artemis.motion.trajectory import Trajectory
@@ -126,8 +126,3 @@ def factor(covariance: Array) -> Array:
 def whitened(root: Array, columns: Array) -> Array:
     """`columns` (3 n, k) times the inverse of the factor `root`."""
     return np.asarray(solve_banded((BAND - 1, 0), root, columns))
-
-
-def inverse_times(root: Array, columns: Array) -> Array:
-    """`columns` times the inverse of the covariance."""
-    return np.asarray(cho_solve_banded((root, True), columns))

@@ -71,6 +71,8 @@ class Choice:
 class Driven:
     """What was driven without a gap, tick by tick."""
 
+    frame: str
+    """Of the poses."""
     poses: list[Pose] = field(default_factory=list)
     speeds: list[float] = field(default_factory=list)
     """Of the virtual front wheel [m/s], forward positive."""
@@ -87,6 +89,7 @@ class Made:
     """When it was driven, and in which direction."""
     off: float
     """Largest distance of what was driven from the path [m]."""
+    frame: str
 
     def words(self, robot: Robot) -> list[str]:
         """What to know of it."""
@@ -173,18 +176,18 @@ def _stretches(recording: Recording, choice: Choice) -> list[Driven]:
     chosen = _Chosen(recording, choice)
     stretches: list[Driven] = []
     for tick in recording.ticks():
-        placed, odometry = tick.wish.reset_pose, tick.snapshot.odometry
+        placed, located = tick.wish.reset_pose, tick.snapshot.pose
         wanted = chosen.takes(tick)
         if placed or chosen.begins_anew:
             stretches.clear()
-        if not wanted or placed or odometry.lost:
+        if not wanted or placed or located.lost:
             continue
-        pose = odometry.pose
-        last = stretches[-1].poses[-1] if stretches else None
+        pose = located.pose
+        last = stretches[-1].poses[-1] if stretches and stretches[-1].frame == located.frame else None
         if last is None or math.hypot(pose.x - last.x, pose.y - last.y) > LEAP:
-            stretches.append(Driven())
+            stretches.append(Driven(frame=located.frame))
         stretches[-1].poses.append(pose)
-        stretches[-1].speeds.append(odometry.speed)
+        stretches[-1].speeds.append(tick.snapshot.odometry.speed)
         stretches[-1].times.append(tick.snapshot.time)
     return stretches
 
@@ -217,7 +220,7 @@ class _Chosen:
             if choice.begin is None and choice.end is None:
                 return tick.mode is Mode.TELEOP
             return (choice.begin is None or time >= choice.begin) and (choice.end is None or time <= choice.end)
-        source = self._inputs.get(tick.step)
+        source = self._inputs.get(tick.position.step)
         if tick.mode is not Mode.TELEOP or source is None:
             return False
         samples = (sample for sample in tick.snapshot.sensed.inputs if sample.source == source)
@@ -262,7 +265,10 @@ def _made(driven: Driven, legs: Sequence[Leg], drawing: Drawing, source: str) ->
     directions = ", ".join("backwards" if leg.backward else "forwards" for leg in legs)
     end = driven.times[legs[-1].kept[counts[-1] - 1]]
     return Made(
-        rows=rows, way=f"{directions}, {driven.times[legs[0].kept[0]]:.2f} s to {end:.2f} s of the run", off=off
+        rows=rows,
+        way=f"{directions}, {driven.times[legs[0].kept[0]]:.2f} s to {end:.2f} s of the run",
+        off=off,
+        frame=driven.frame,
     )
 
 
@@ -270,8 +276,9 @@ def _header(recording: Recording, choice: Choice, drawing: Drawing, made: Made) 
     path = recording.path.resolve()
     run = path.parent.name if path.name == "recording.mcap" else path.name
     length = f"{made.rows.route.length:.3f} m{', closed' if made.rows.route.closed else ''}"
+    frame = "odometry" if made.frame == "odom" else made.frame
     lines = [
-        f"Path of the centre of the rear axle in the frame of the odometry of the run {run}",
+        f"Path of the centre of the rear axle in the frame of the {frame} of the run {run}",
         f"of {recording.start:%Y-%m-%d %H:%M:%S} UTC, {choice.words()}, {made.way}.",
         f"Length {length}; a point every {drawing.spacing:g} m; smoothing {drawing.smoothing:g} m;",
         f"read again, the curve is at most {1000 * made.off:.1f} mm from what was driven.",

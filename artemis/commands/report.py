@@ -118,12 +118,13 @@ def _export(run: Series, folder: Path) -> list[Path]:
     """Write the trajectories as TUM; the files."""
     written = []
     for name, what, trajectory in (
-        ("estimated.tum", "by the odometry", estimated_trajectory(run)),
+        ("estimated.tum", f"by the {run.source}", estimated_trajectory(run)),
         ("true.tum", "as simulated", true_trajectory(run)),
     ):
         if trajectory is None:
             continue
-        head = f"# {folder.resolve().name}: centre of the rear axle {what}; frame odom, run time [s]\n"
+        frame = "odom" if run.source == "odometry" else "map"
+        head = f"# {folder.resolve().name}: centre of the rear axle {what}; frame {frame}, run time [s]\n"
         file = folder / name
         try:
             file.write_text(f"{head}# timestamp tx ty tz qx qy qz qw\n{as_tum(trajectory)}", encoding="utf-8")

@@ -108,9 +108,10 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
             _print("last run", f"ended without shutdown at {until:.2f} s; to go on with it: {command}")
         return None
     found, notes = resumption_from(loaded, source, resume, simulate)
-    action = loaded.mission.steps[found.step].action
-    done, what = f"{found.done:.2f} {'m' if isinstance(action, Follow) else 's'}", type(action).__name__.lower()
-    _print("resuming", f"{found.run}: step {found.step + 1} ({what}), {done} of it done")
+    at = found.position
+    action = loaded.mission.steps[at.step].action
+    done, what = f"{at.done:.2f} {'m' if isinstance(action, Follow) else 's'}", type(action).__name__.lower()
+    _print("resuming", f"{found.run}: step {at.step + 1} ({what}), {done} of it done")
     pose = found.pose
     _print("", f"where it stopped: x {pose.x:.2f} m, y {pose.y:.2f} m, heading {degrees(pose.heading):.0f} deg")
     _print("", "the robot must not have been moved since: the odometry goes on from there")
@@ -180,6 +181,6 @@ def _numbers(found: Summary) -> list[tuple[str, str]]:
             text = f"{rms * 1000:5.1f} mm RMS, {worst * 1000:5.1f} mm at most, by the {name} pose"
             lines.append(("cross-track", text))
     if found.position_error_end is not None:
-        lines.append(("odometry", f"{found.position_error_end * 1000:5.1f} mm from the true position at the end"))
+        lines.append((found.source, f"{found.position_error_end * 1000:5.1f} mm from the true position at the end"))
     lines.append(("bus load", f"{found.bus_load_mean:.1%}, {found.bus_load_max:.1%} at most"))
     return [*lines, *(("fault", text) for text in found.faults)]

@@ -48,13 +48,6 @@ def nmt_frame(command: NmtCommand, node_id: int = 0) -> Frame:
     return Frame(NMT, bytes((command, node_id)))
 
 
-def nmt_from_data(data: bytes) -> tuple[NmtCommand, int]:
-    """Command and node id (0: all) of a frame on identifier 0."""
-    if len(data) != 2 or data[0] not in _NMT_COMMANDS:
-        raise ProtocolError(f"not an NMT command: [{data.hex(' ')}]")
-    return NmtCommand(data[0]), data[1]
-
-
 def heartbeat_frame(node_id: int, state: Nmt) -> Frame:
     """Heartbeat of a node (or of the host); the state INITIALISING makes it a boot-up frame."""
     return Frame(HEARTBEAT + node_id, bytes((state.value,)))
@@ -137,27 +130,6 @@ class ObjectType(Enum):
             raise ProtocolError(f"{self.name} of {len(data)} bytes instead of {self.size}: [{data.hex(' ')}]")
         value: int = self._layout.unpack(data)[0]
         return value
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MappedObject:
-    """One object in a PDO mapping, objects 0x1600 to 0x1603 and 0x1A00 to 0x1A03 (CiA 301 7.5.2)."""
-
-    index: int
-    subindex: int
-    bits: int
-
-    @property
-    def entry(self) -> int:
-        """The mapping entry: 16 bits index, 8 bits sub-index, 8 bits length, as in 0x60410010."""
-        return self.index << 16 | self.subindex << 8 | self.bits
-
-
-def mapped_from_entry(entry: int) -> MappedObject:
-    """Take a mapping entry apart."""
-    if not 0 <= entry <= 0xFFFFFFFF:
-        raise ProtocolError(f"mapping entry {entry:#x} does not fit 32 bits")
-    return MappedObject(index=entry >> 16, subindex=entry >> 8 & 0xFF, bits=entry & 0xFF)
 
 
 class PdoLayout:

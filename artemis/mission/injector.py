@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from artemis.recording.disk import Disk
     from artemis.recording.journal import Entry
     from artemis.sim.world import World
-    from artemis.states.mode import Step
+    from artemis.states.plan import Step
     from artemis.values import Request
     from artemis.vehicle import Robot
 

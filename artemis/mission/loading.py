@@ -67,8 +67,7 @@ class LoadedMission:
 def load_mission(path: FilePath) -> LoadedMission:
     """Read a mission and all that it names.
 
-    A plugin's option names a file if it is called `file` or ends in `_file`; that may be an earlier run, of which it
-    gets what the inputs gave (`artemis.plugins.inputs.recorded`).
+    A plugin's option `file`, or one that ends in `_file`, names a file; or an earlier run: then what its inputs gave.
 
     Raises:
         ConfigError: everything that is wrong in the mission, robot and path files, in the order of their lines.
@@ -96,9 +95,7 @@ def load_model(path: FilePath, model: type[Model]) -> Model:
 def plugin_from(group: str, use: PluginUse) -> tuple[Any, Config]:
     """The class of a plugin, and its options as the class's own `Config`.
 
-    Raises:
-        PluginError: no such plugin, or a broken one.
-        ValidationError: the options are wrong.
+    Raises PluginError: no such plugin, or a broken one. ValidationError: the options are wrong.
     """
     from artemis.plugins.registry import load
 
@@ -227,6 +224,9 @@ class _Loading:
             self._plugin("artemis.inputs", "simulation", "inputs", name)
             if name not in inputs:
                 self._complain(("simulation", "inputs", name), f"no such input{nearest(name, inputs, 'inputs')}")
+        for at in ((), ("simulation",)):
+            if "localizer" in self._names(*at):
+                self._plugin("artemis.localizers", *at, "localizer")
         return inputs
 
     def _check_inputs(self, robot: Robot) -> None:

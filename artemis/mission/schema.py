@@ -353,6 +353,8 @@ class Simulation(Config):
     """How the simulated machine differs from the robot file, unknown to the software."""
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
     """Stand-ins for inputs of the mission, by the same names."""
+    localizer: PluginUse | None = None
+    """Stand-in for the mission's localizer, or the only one."""
     operator: Annotated[tuple[Operation, ...], Field(strict=False)] = ()
     faults: Annotated[tuple[InjectedFault, ...], Field(strict=False)] = ()
     """What goes wrong, and when."""
@@ -369,6 +371,8 @@ class Mission(Config):
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
     observers: dict[str, PluginUse] = Field(default_factory=dict)
     """What else sees the run, by names of the mission's own."""
+    localizer: PluginUse | None = None
+    """Tells where the robot is; None: its odometry does. Paths then lie in the frame of the localizer's map."""
     steps: Annotated[
         tuple[Step, ...], Field(strict=False, json_schema_extra={"minItems": 1}), AfterValidator(_check_steps)
     ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from artemis.motion.limits import stopping_distance
 from artemis.vehicle import Robot
 
 DETECT_AND_REACT = 0.12
@@ -26,3 +25,8 @@ def check_speed(speed: float, robot: Robot, stop_distance: float) -> Iterator[st
             f"{limits.quick_stop_deceleration_m_s2:g} m/s² of braking need {math.ceil(needed * 1000) / 1000:g} m, "
             f"supervision.stop_distance_m is {stop_distance:g}"
         )
+
+
+def stopping_distance(speed: float, detect_and_react: float, deceleration: float) -> float:
+    """Way [m] from `speed` [m/s] to standstill: v t + v²/(2 a), t [s] until braking begins, a > 0 [m/s²]."""
+    return abs(speed) * detect_and_react + speed * speed / (2.0 * deceleration)

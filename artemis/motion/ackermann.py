@@ -34,10 +34,6 @@ class Ackermann:
 
     # ------------------------------------------------------------------------------------------ angles
 
-    def curvature_from_steering(self, steering: float) -> float:
-        """Curvature of the rear axle's path [1/m], left positive (thesis eq. 3.1)."""
-        return tan(steering) / self.wheelbase
-
     def steering_from_curvature(self, curvature: float) -> float:
         """Angle of the virtual wheel for a curvature of the rear axle's path [1/m]."""
         return atan(curvature * self.wheelbase)
@@ -97,11 +93,6 @@ class Ackermann:
         """
         left, right = self.speed_ratios(steering)
         return speed * left - self.scrub_radius * rate_left, speed * right + self.scrub_radius * rate_right
-
-    def wheel_accelerations(self, acceleration: float, steering: float) -> tuple[float, float]:
-        """Accelerations (left, right) [m/s²] with which both driven wheels reach a speed together (thesis eq. 3.15)."""
-        left, right = self.speed_ratios(steering)
-        return acceleration * left, acceleration * right
 
     def twist_from_wheels(
         self, speed_left: float, speed_right: float, steering: float, rate_left: float = 0.0, rate_right: float = 0.0

@@ -105,11 +105,6 @@ def is_sane(command: DriveCommand) -> bool:
     return command.action is not Action.RUN or (isfinite(command.speed) and isfinite(command.steering))
 
 
-def stopping_distance(speed: float, detect_and_react: float, deceleration: float) -> float:
-    """Way [m] from `speed` [m/s] to standstill: v t + v²/(2 a), t [s] until braking begins, a > 0 [m/s²]."""
-    return abs(speed) * detect_and_react + speed * speed / (2.0 * deceleration)
-
-
 def _clamp(value: float, low: float, high: float) -> float:
     return min(max(value, low), high)
 

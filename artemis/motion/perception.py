@@ -1,15 +1,28 @@
-"""What follows from the drives' feedback without judgement: odometry, standstill, and where the wheels are."""
+"""What follows from what is sensed, without judgement: pose, odometry, standstill, and where the wheels are."""
 
 from __future__ import annotations
 
 from collections import deque
 from math import inf
+from operator import itemgetter
 
 from msgspec.structs import replace
 
 from artemis.motion.ackermann import Ackermann
+from artemis.motion.localisation import Localisation
 from artemis.motion.odometry import Odometer
-from artemis.values import DriveFeedback, DriveState, JobKind, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import (
+    DriveFeedback,
+    DriveState,
+    JobKind,
+    LocatedPose,
+    Odometry,
+    Pose,
+    Sensed,
+    SetPoints,
+    Snapshot,
+    Verdict,
+)
 from artemis.vehicle import Robot
 
 STANDING_TIME, STANDING_WAY = 0.1, 0.001
@@ -25,17 +38,26 @@ def stale_age(tick: float) -> float:
 
 
 class Perception:
-    """Keeps the odometry from tick to tick. Deterministic: the same feedback gives the same snapshots."""
+    """Keeps pose and odometry from tick to tick. Deterministic: the same feedback gives the same snapshots."""
 
-    def __init__(self, robot: Robot, tick: float, start: Pose | None = None) -> None:
-        """`tick`: period of the scheduled ticks [s]; `dt` never passes two of them. `start`: where the robot is."""
+    def __init__(self, robot: Robot, tick: float, start: Pose | None = None, *, localized: bool = False) -> None:
+        """Begin.
+
+        Args:
+            robot: Its geometry counts.
+            tick: Period of the scheduled ticks [s]; `dt` never passes two of them.
+            start: Where the robot is by its odometry.
+            localized: A localizer tells where it is; until it does, the pose is lost.
+        """
+        self._localisation = Localisation(tick) if localized else None
         self._start = start or Pose()
         self._dt_max = 2 * tick
         self._stale = stale_age(tick)
         self._odometer, self._odometry = Odometer(robot.geometry), Odometry(pose=self._start)
         self.reset()
         self._ackermann = Ackermann(robot.geometry)
-        self._places = robot.places
+        self._by_place = itemgetter(*robot.places)
+        """Traction left, right, steering left, right."""
         self._rolled: deque[tuple[float, float, float]] = deque()
         self._stood = 0.0, 0.0
         """What both driven wheels had rolled [m] when they were last heard together; infinite: they were rolling."""
@@ -44,16 +66,21 @@ class Perception:
     def reset(self) -> None:
         """Make the present place the one where the run starts: the origin, if nothing else is known."""
         self._odometer.reset(self._start)
+        if self._localisation is not None:
+            self._localisation.reset(self._start)
         self._lost = False
 
     def perceive(self, sensed: Sensed, verdict: Verdict, last: SetPoints) -> Snapshot:
         """The snapshot of this tick. An urgent tick has dt = 0: its feedback is the last scheduled one's."""
         dt = 0.0
-        if any(result.kind is JobKind.REFERENCE for result in sensed.results):
+        left, right, steer_left, steer_right = self._by_place(sensed.drives)
+        if sensed.results and any(result.kind is JobKind.REFERENCE for result in sensed.results):
             self._odometer.forget_angles()
-        self._lost = self._lost or self._is_uncounted(sensed)
+        if self._is_uncounted(sensed, left, right):
+            self._lost = True
+            if self._localisation is not None:
+                self._localisation.forget()
         if not sensed.urgent:
-            left, right, steer_left, steer_right = self._by_place(sensed)
             if self._rolled:
                 before, last_left, last_right = self._rolled[-1]
                 dt = min(sensed.time - before, self._dt_max)
@@ -64,21 +91,35 @@ class Perception:
             self._rolled.append((sensed.time, left.position, right.position))
             while len(self._rolled) > 2 and self._rolled[1][0] <= sensed.time - STANDING_TIME:
                 self._rolled.popleft()
-            if left.frames and right.frames:
-                self._stood = (left.position, right.position) if self._stands(sensed) else (inf, inf)
-                self._uncounted = False
+        standing = self._stands(left, right)
+        if left.frames and right.frames and not sensed.urgent:
+            self._stood = (left.position, right.position) if standing else (inf, inf)
+            self._uncounted = False
+        unheard = inf in self._stood and (_is_older(left, UNHEARD_TIME) or _is_older(right, UNHEARD_TIME))
         return Snapshot(
             sensed=sensed,
             dt=dt,
-            odometry=replace(self._odometry, lost=True) if self._lost or self._is_unheard(sensed) else self._odometry,
-            standing=self._stands(sensed),
+            pose=self._located(sensed, dt, at_once=standing and last.speed == 0.0, unheard=unheard),
+            odometry=replace(self._odometry, lost=True) if self._lost or unheard else self._odometry,
+            standing=standing,
             set_points=last,
             verdict=verdict,
         )
 
+    def _located(self, sensed: Sensed, dt: float, *, at_once: bool, unheard: bool) -> LocatedPose:
+        """The pose; without a localizer that of the odometry. `at_once`: it may jump."""
+        localisation, odometry = self._localisation, self._odometry
+        if localisation is None:
+            return LocatedPose(pose=odometry.pose, lost=self._lost or unheard)
+        if not sensed.urgent:
+            ages = [drive.age for drive in self._by_place(sensed.drives)[:2] if drive.age is not None]
+            localisation.move(sensed.time - min(max(ages, default=0.0), self._stale), odometry)
+        localisation.take(sensed.fixes, sensed.time)
+        return localisation.located(sensed.time, dt, at_once=at_once, unheard=unheard, odometry=odometry)
+
     def as_they_stand(self, sensed: Sensed, last: SetPoints) -> SetPoints:
         """`last`, but with the measured angles while a steering drive is off, and no speed while traction is."""
-        left, right, steer_left, steer_right = self._by_place(sensed)
+        left, right, steer_left, steer_right = self._by_place(sensed.drives)
         on = DriveState.OPERATION_ENABLE
         if steer_left.state is not on or steer_right.state is not on:
             angle_left = last.steering_left if steer_left.state is on else steer_left.position
@@ -89,34 +130,31 @@ class Perception:
             last = replace(last, speed=0.0, speed_left=0.0, speed_right=0.0)
         return last
 
-    def _by_place(self, sensed: Sensed) -> tuple[DriveFeedback, DriveFeedback, DriveFeedback, DriveFeedback]:
-        """Traction left, right, steering left, right."""
-        drives, (a, b, c, d) = sensed.drives, self._places
-        return drives[a], drives[b], drives[c], drives[d]
-
-    def _is_unheard(self, sensed: Sensed) -> bool:
-        """Whether a driven wheel rolled when it was heard last, some time ago; it may still tell how far."""
-        ages = (drive.age for drive in self._by_place(sensed)[:2])
-        return inf in self._stood and any(age is None or age > UNHEARD_TIME for age in ages)
-
-    def _is_uncounted(self, sensed: Sensed) -> bool:
+    def _is_uncounted(self, sensed: Sensed, left: DriveFeedback, right: DriveFeedback) -> bool:
         """Whether a driven wheel may have rolled uncounted, or its position jumped.
 
         Its count begins anew when its drive starts, and is taken up again when that is configured. From when it was
         heard before until then nobody counts, unless the robot stood and stands where it did.
         """
-        driven = self._by_place(sensed)[:2]
-        configured = {result.drive for result in sensed.results if result.kind is JobKind.CONFIGURE}
-        self._uncounted = self._uncounted or any(drive.boots or drive.name in configured for drive in driven)
-        ways = zip(driven, self._stood, strict=True)
-        rolled = any(abs(drive.position - way) > UNCOUNTED_WAY for drive, way in ways)
-        return (self._uncounted and rolled) or any(drive.jumps > 1 for drive in driven)
+        if left.boots or right.boots or sensed.results:
+            configured = {result.drive for result in sensed.results if result.kind is JobKind.CONFIGURE}
+            began = any(drive.boots or drive.name in configured for drive in (left, right))
+            self._uncounted = self._uncounted or began
+        if left.jumps > 1 or right.jumps > 1:
+            return True
+        at_left, at_right = self._stood
+        rolled = abs(left.position - at_left) > UNCOUNTED_WAY or abs(right.position - at_right) > UNCOUNTED_WAY
+        return self._uncounted and rolled
 
-    def _stands(self, sensed: Sensed) -> bool:
+    def _stands(self, left: DriveFeedback, right: DriveFeedback) -> bool:
         if not self._rolled:
             return False
         first, last = self._rolled[0], self._rolled[-1]
-        ages = [drive.age for drive in self._by_place(sensed)[:2]]
-        if last[0] - first[0] < 0.9 * STANDING_TIME or any(age is None or age > self._stale for age in ages):
+        if last[0] - first[0] < 0.9 * STANDING_TIME or _is_older(left, self._stale) or _is_older(right, self._stale):
             return False
         return abs(last[1] - first[1]) <= STANDING_WAY and abs(last[2] - first[2]) <= STANDING_WAY
+
+
+def _is_older(drive: DriveFeedback, age: float) -> bool:
+    """Whether a drive was not heard for longer than `age` [s]."""
+    return drive.age is None or drive.age > age

@@ -25,29 +25,29 @@ JUMP, TURN = 0.2, math.radians(15)
 
 
 class PoseFilter:
-    """Estimates from one odometry to the next.
+    """Estimates from one measured pose to the next.
 
     Attributes:
         pose: of the rear axle's centre.
         steering_zero: what to add to a measured steering angle [rad], left positive.
     """
 
-    def __init__(self, wheelbase: float, odometry: Odometry) -> None:
-        self.pose, self.steering_zero = odometry.pose, 0.0
+    def __init__(self, wheelbase: float, pose: Pose, odometry: Odometry) -> None:
+        self.pose, self.steering_zero = pose, 0.0
         self._wheelbase, self._last = wheelbase, odometry
         self._position = POSITION_NOISE**2
         self._heading, self._both, self._zero = HEADING_NOISE**2, 0.0, ZERO_SPREAD**2
 
-    def update(self, odometry: Odometry) -> None:
-        """Take in what was measured, once in each tick."""
+    def update(self, pose: Pose, odometry: Odometry) -> None:
+        """Take in the measured pose and the motion, once in each tick."""
         last, self._last = self._last, odometry
         way = odometry.distance - last.distance
         angle = (odometry.steering + last.steering) / 2 + self.steering_zero
         moved = move(self.pose, way, way * math.tan(angle) / self._wheelbase)
-        off_x, off_y = odometry.pose.x - moved.x, odometry.pose.y - moved.y
-        off = difference(odometry.pose.heading, moved.heading)
+        off_x, off_y = pose.x - moved.x, pose.y - moved.y
+        off = difference(pose.heading, moved.heading)
         if math.hypot(off_x, off_y) > JUMP or abs(off) > TURN:
-            self.pose = odometry.pose
+            self.pose = pose
             return
         self._predict(abs(way), way / (self._wheelbase * math.cos(angle) ** 2))
         gain = self._position / (self._position + POSITION_NOISE**2)

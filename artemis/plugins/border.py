@@ -7,7 +7,7 @@ program. An answer goes on as plain values: numbers are floats, whatever the plu
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import isfinite
+from math import isfinite, sqrt
 from typing import ClassVar, TypeGuard
 
 import numpy as np
@@ -15,9 +15,10 @@ from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.errors import DeviceLost
+from artemis.motion.angles import wrap
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Follower, Following, InputDevice
-from artemis.values import Action, DriveCommand, OperatorInput, Request, Snapshot, Tracking
+from artemis.plugins.contracts import Follower, Following, InputDevice, Localizer
+from artemis.values import Action, DriveCommand, OperatorInput, Pose, PoseFix, Request, Snapshot, Tracking
 
 LATE = 0.015
 """A plugin has this long for an answer [s]."""
@@ -28,6 +29,13 @@ BAD_SAMPLES, BAD_TIME = 5, 1.0
 LOST, OUT_OF_RANGE = "INP-01", "INP-06"
 RAISED, LATE_INPUT, GARBAGE, LATE_FOLLOWER = "PLG-02", "PLG-03", "PLG-06", "PTH-09"
 
+LOCALIZER = "localizer"
+"""Its name in faults."""
+FARTHEST, SUREST, VAGUEST = 1e6, 1e-12, 1e6
+"""A fix is not farther away [m]; its variances [m², rad²] are not smaller and not larger."""
+DEPENDENT = 1e-6
+"""Nor do its x, y and heading depend on each other so much: determinant of the correlations."""
+
 NUMBER, FLAG = (int, float, np.integer, np.floating), (bool, np.bool_)
 PLUGIN_ERRORS = (Exception, SystemExit)
 """What a plugin may raise and is only its own fault. Ctrl-C while it runs is somebody's wish."""
@@ -37,11 +45,13 @@ Problem = tuple[str, str, str]
 
 
 class Border:
-    """Asks the inputs of a run, and measures how long each plugin takes."""
+    """Asks the inputs and the localizer of a run, and measures how long each plugin takes."""
 
-    def __init__(self, inputs: Mapping[str, InputDevice], clock: Callable[[], float]) -> None:
+    def __init__(
+        self, inputs: Mapping[str, InputDevice], clock: Callable[[], float], localizer: Localizer | None = None
+    ) -> None:
         """`clock` measures the plugins [s]."""
-        self.inputs, self._clock = inputs, clock
+        self.inputs, self._clock, self._localizer = inputs, clock, localizer
         self._last: dict[str, tuple[float, OperatorInput]] = {}
         self._late: dict[tuple[str, str], int] = {}
         self._bad: dict[str, list[float]] = {}
@@ -50,6 +60,24 @@ class Border:
     def read(self, now: float) -> tuple[OperatorInput, ...]:
         """The newest sample of each input at run time `now` [s]; those that gave none, or garbage, are missing."""
         return tuple(sample for name in self.inputs if (sample := self._ask(name, now)) is not None)
+
+    def fixes(self, now: float) -> tuple[PoseFix, ...]:
+        """What the localizer found since the last call, at run time `now` [s]; nothing if it gave garbage."""
+        if self._localizer is None:
+            return ()
+        begun = self._clock()
+        try:
+            found = self._localizer.fixes(now)
+        except DeviceLost:  # how old the newest fix is tells
+            return ()
+        except PLUGIN_ERRORS as error:
+            self._problems.append((RAISED, LOCALIZER, told(error)))
+            return ()
+        self._judge_time(LATE_INPUT, LOCALIZER, self._clock() - begun)
+        if (fixes := plain_fixes(found)) is None:
+            self._problems.append((GARBAGE, LOCALIZER, told(found)))
+            return ()
+        return fixes
 
     def take_problems(self) -> list[Problem]:
         """What plugins did wrong since the last call."""
@@ -95,7 +123,7 @@ class Border:
             self._problems.append((id, name, f"{took * 1000:.0f} ms, {late} times in a row"))
 
 
-def close(inputs: Mapping[str, InputDevice]) -> list[Problem]:
+def close(inputs: Mapping[str, InputDevice | Localizer]) -> list[Problem]:
     """Give every device back, whatever the others do; what they did wrong."""
     problems = []
     for name, device in inputs.items():
@@ -170,6 +198,36 @@ def _plain(sample: OperatorInput) -> OperatorInput:
         shaped=tuple(map(float, sample.shaped)),
         buttons=tuple(map(bool, sample.buttons)),
     )
+
+
+def plain_fixes(answer: object) -> tuple[PoseFix, ...] | None:
+    """A localizer's answer of plain values; None: one of them is no whole fix, or cannot be true."""
+    if not isinstance(answer, tuple | list):
+        return None
+    fixes = [_plain_fix(fix) for fix in answer]
+    return None if None in fixes else tuple(fix for fix in fixes if fix is not None)
+
+
+def _plain_fix(fix: object) -> PoseFix | None:
+    if not isinstance(fix, PoseFix) or not isinstance(fix.pose, Pose) or not isinstance(fix.source, str):
+        return None
+    numbers = (fix.time, fix.pose.x, fix.pose.y, fix.pose.heading)
+    if not _holds(numbers, NUMBER) or not _holds(fix.covariance, NUMBER) or len(fix.covariance) != 6:
+        return None
+    try:
+        time, x, y, heading = map(float, numbers)
+        xx, xy, xh, yy, yh, hh = map(float, fix.covariance)
+    except OverflowError:  # a whole number too large for a float
+        return None
+    if not (isfinite(time) and isfinite(heading) and abs(x) <= FARTHEST and abs(y) <= FARTHEST):
+        return None
+    if not all(SUREST <= variance <= VAGUEST for variance in (xx, yy, hh)):
+        return None
+    a, b, c = xy / sqrt(xx * yy), xh / sqrt(xx * hh), yh / sqrt(yy * hh)
+    if not (a * a < 1.0 and 1.0 - a * a - b * b - c * c + 2.0 * a * b * c > DEPENDENT):
+        return None
+    pose = Pose(x=x, y=y, heading=wrap(heading))
+    return PoseFix(time=time, pose=pose, covariance=(xx, xy, xh, yy, yh, hh), source=str(fix.source))
 
 
 def plain_following(answer: object) -> Following | None:

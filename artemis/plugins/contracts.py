@@ -1,9 +1,10 @@
 """All that a plugin author reads: what artemis gives a plugin, and what it wants back.
 
 A plugin is a class, registered as an entry point in its group (`artemis.inputs`, `artemis.followers`,
-`artemis.observers`). It has an inner pydantic model `Config` (a subclass of `artemis.config.Config`: the keys that a
-mission may write beside `plugin:`) and is made with `Plugin(config, setup)`. Inputs and followers run inside the tick:
-they must return within 15 ms, never wait, and take the time only from what they are given.
+`artemis.localizers`, `artemis.observers`). It has an inner pydantic model `Config` (a subclass of
+`artemis.config.Config`: the keys that a mission may write beside `plugin:`) and is made with `Plugin(config, setup)`.
+All but observers run inside the tick: they must return within 15 ms, never wait, and take the time only from what they
+are given.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from msgspec import Struct
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.motion.path import Path
-from artemis.values import DriveCommand, OperatorInput, Snapshot, Tick, Tracking
+from artemis.values import DriveCommand, OperatorInput, Pose, PoseFix, Snapshot, Tick, Tracking
 from artemis.vehicle import Robot
 
 if TYPE_CHECKING:
@@ -47,6 +48,9 @@ class Setup:
     typed: Callable[[Callable[[bytes], None]], bool] = lambda listener: False
     """Has `listener` called with whatever is typed at the terminal of the run, and with nothing once that is closed.
     False: nobody is at a terminal."""
+    true_pose: Callable[[], tuple[float, Pose]] | None = None
+    """Run time [s] and where a simulated robot truly is then, in the world's frame: for a localizer that simulates one.
+    None: nobody knows."""
 
     def top_speed(self, key: str, wanted: float | None) -> float:
         """The speed of the virtual front wheel [m/s] that a key of the plugin wants; None: the robot's limit.
@@ -81,6 +85,26 @@ class InputDevice(Protocol):
         """Give the device back; harmless when repeated."""
 
 
+class Localizer(Protocol):
+    """Tells where the robot is on a map: a tracker beside the floor, a scanner on the robot, another program.
+
+    What it finds is told as a `PoseFix`, in the frame `map`, with the run time at which the robot was there; it may
+    come up to two seconds late. It states `live = True` and `pure = True` as an input does.
+    """
+
+    Config: ClassVar[type[Config]]
+
+    def fixes(self, now: float) -> tuple[PoseFix, ...]:
+        """What it found since the last call, at run time `now` [s]. Never waits.
+
+        Raises:
+            DeviceLost: the device is gone; asked again at the next tick. Until then the odometry carries the pose on.
+        """
+
+    def close(self) -> None:
+        """Give the device back; harmless when repeated."""
+
+
 class Following(Struct, frozen=True, kw_only=True):
     """A follower's answer to one snapshot."""
 
@@ -93,14 +117,15 @@ class Following(Struct, frozen=True, kw_only=True):
 class Follower(Protocol):
     """Drives the robot along a path, always forwards.
 
-    A path with reversals is given part by part. For one that is driven backwards the snapshot's odometry and set-points
-    are those of a robot whose other end is ahead, and the command is turned back; what was sensed stays as it is.
+    A path with reversals is given part by part. For one that is driven backwards the snapshot's pose, odometry and
+    set-points are those of a robot whose other end is ahead, and the command is turned back; what was sensed stays as
+    it is.
     """
 
     Config: ClassVar[type[Config]]
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
-        """Begin: `path` in the frame of the odometry, the robot standing at `snapshot`. Again at each reversal."""
+        """Begin: `path` in the frame of the snapshot's `pose`, the robot standing there. Again at each reversal."""
 
     def step(self, snapshot: Snapshot) -> Following:
         """Command for this tick. Called at every scheduled tick while the mode is `follow`."""

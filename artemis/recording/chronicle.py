@@ -14,6 +14,7 @@ from artemis.supervision.catalogue import EMERGENCIES, ROWS, emergency
 from artemis.supervision.catalogue.row import SHORT
 from artemis.supervision.supervisor import ALL_RECOVERIES
 from artemis.values import (
+    Cause,
     DriveFeedback,
     Event,
     Fault,
@@ -46,7 +47,6 @@ class Chronicle:
         self._verdict = Verdict()
         self._recent: deque[tuple[float, Sequence[tuple[bool, Frame]]]] = deque()
         self._origin = 0.0
-        self._end_requested = False
         self._recovered: Counter[str] = Counter()
         self._recoveries = 0
         self._forgotten_by = "person"
@@ -119,7 +119,6 @@ class Chronicle:
 
     def _requests(self, sensed: Sensed, mode: Mode) -> Iterator[Entry]:
         """Who asked for what, in which mode; what it leads to, other entries tell."""
-        self._end_requested = self._end_requested or Request.END in sensed.requests
         by_input = [(request, sample.source) for sample in sensed.inputs for request in sample.requests]
         by_operator = Counter(sensed.requests) - Counter(request for request, _ in by_input)
         for request, source in [*((request, "") for request in by_operator.elements()), *by_input]:
@@ -171,34 +170,27 @@ class Chronicle:
         """The mode, with what changed it; into a stop by a verdict also the frames that led there."""
         time, verdict = tick.snapshot.time, tick.snapshot.verdict
         before = previous.mode.value if previous else None
-        cause, words = self._cause(previous, tick)
+        cause, words = self._told(tick.cause) if previous and tick.cause else ({"event": "start"}, "")
         level = {Mode.FAULT: Level.ERROR, Mode.QUICKSTOP: Level.WARNING}.get(tick.mode, Level.INFO)
         text = f"{before} -> {tick.mode.value}" if before else tick.mode.value
         text += f": {words}" if words else ""
         data = {"from": before, "to": tick.mode.value, "cause": cause}
         yield Entry(time=time, kind="mode", text=text, level=level, data=data)
         if tick.mode in _STOPPED and "faults" in cause:
-            yield self._frames(time, _stopping(verdict))
+            yield self._frames(time, verdict.stopping)
 
-    def _cause(self, previous: Tick | None, tick: Tick) -> tuple[dict[str, Any], str]:
-        """What `Modes.advance` changed the mode for, in its order of urgency: data, and words."""
-        verdict, requests = tick.snapshot.verdict, tick.snapshot.sensed.requests
-        if previous is None:
-            return {"event": "start"}, ""
-        if tick.mode is Mode.QUICKSTOP and Request.QUICKSTOP in requests:
-            return {"request": Request.QUICKSTOP.value}, Request.QUICKSTOP.value
-        if tick.mode in _STOPPED:
-            faults = [fault for fault in _stopping(verdict) if fault.to_fault or not verdict.to_fault]
-            return {"faults": _listed(faults)}, ", ".join(map(named, faults))
-        if tick.mode is Mode.END and self._end_requested:
-            return {"request": Request.END.value}, Request.END.value
-        event = previous.wish.event
-        if event is Event.ACKNOWLEDGED:
-            words = event.value if self._forgotten_by == "person" else "recovered by itself"
-            return {"event": event.value, "by": self._forgotten_by}, words
-        left = _stopping(verdict) if event is Event.END else []  # nobody came to acknowledge these
-        words = ", ".join([*([event.value] if event else []), *map(named, left)])
-        return {"event": event.value if event else None, **({"faults": _listed(left)} if left else {})}, words
+    def _told(self, cause: Cause) -> tuple[dict[str, Any], str]:
+        """Why a mode began: data, and words."""
+        if cause.request is not None:
+            return {"request": cause.request.value}, cause.request.value
+        if cause.event is Event.ACKNOWLEDGED:
+            words = cause.event.value if self._forgotten_by == "person" else "recovered by itself"
+            return {"event": cause.event.value, "by": self._forgotten_by}, words
+        faults, words = {"faults": _listed(cause.faults)}, [named(fault) for fault in cause.faults]
+        if cause.event in (Event.FAULT, Event.STOP):
+            return faults, ", ".join(words)
+        data = {"event": cause.event.value, **(faults if cause.faults else {})}
+        return data, ", ".join([cause.event.value, *words])
 
     # -------------------------------------------------------------------------------------------------- the drives
 
@@ -292,7 +284,7 @@ def _fault(time: float, fault: Fault, sensed: Sensed) -> Entry:
 
 def _acknowledged(time: float, forgotten: Sequence[Fault], verdict: Verdict) -> Entry:
     """A person acknowledged: what was forgotten, and what is still there."""
-    left = _stopping(verdict)
+    left = verdict.stopping
     kind = "acknowledged" if forgotten else "refused"
     text = ", ".join(map(named, forgotten)) if forgotten else "acknowledge"
     text += f"; still there: {', '.join(map(named, left))}" if left else ""
@@ -359,10 +351,6 @@ def _by_key(verdict: Verdict) -> dict[_Key, Fault]:
 
 def _reaction(verdict: Verdict) -> tuple[object, ...]:
     return verdict.severity, verdict.to_fault, verdict.final, verdict.recovers, verdict.resumes, verdict.alarm
-
-
-def _stopping(verdict: Verdict) -> list[Fault]:
-    return [fault for fault in verdict.faults if fault.severity >= Severity.CONTROLLED_STOP]
 
 
 def _listed(faults: Sequence[Fault]) -> list[dict[str, str]]:

@@ -13,9 +13,11 @@ from typing import Any
 
 import msgspec
 
+from artemis.build import kind_of_build
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Traffic
 from artemis.errors import RecordingError
+from artemis.motion.poses import placed, seen_from
 from artemis.plugins.border import Problem
 from artemis.plugins.observing import Beside
 from artemis.recording import schemas
@@ -25,7 +27,7 @@ from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_file import McapFile
 from artemis.recording.provenance import Provenance, made_with
 from artemis.recording.schemas import encode, pack_frames, spatial_pose, tick_record
-from artemis.values import Pose, Tick
+from artemis.values import Pose, Snapshot, Tick
 
 CHUNK_SIZE = 256 * 1024
 """Bytes (before compression) that are written at once; a killed run loses less than this."""
@@ -108,7 +110,7 @@ class Recorder:
         Args:
             tick: its values.
             frames: every frame of the tick in the order on the bus, each with "sent by us"; kept, not copied.
-            true_pose: where the robot really is, in the frame `odom`; None where nobody knows.
+            true_pose: where the robot really is, in the frame of its pose; None where nobody knows.
             now: the time of the tick [s] by the clock of the frames.
         """
         entries = self._chronicle.observe(tick, frames, now)
@@ -124,9 +126,9 @@ class Recorder:
         """Record something that no tick shows."""
         self._beside.order(self._write_entry, entry)
 
-    def show_path(self, time: float, poses: Sequence[Pose]) -> None:
-        """Record a path as it lies in the frame `odom`, for viewers, at run time `time` [s]."""
-        self._beside.order(self._keep, self._write_path, time, tuple(poses))
+    def show_path(self, time: float, poses: Sequence[Pose], frame: str = "odom") -> None:
+        """Record a path as it lies in a frame, for viewers, at run time `time` [s]."""
+        self._beside.order(self._keep, self._write_path, time, tuple(poses), frame)
 
     @property
     def dropped(self) -> int:
@@ -220,6 +222,7 @@ class Recorder:
         versions = {
             "start_ns": str(self._start),
             "start": provenance.start.isoformat(),
+            "build": kind_of_build(),
             "platform": sys.platform,
             **made_with(),
         }
@@ -252,22 +255,31 @@ class Recorder:
             add(channels["/frames"], at, encode(schemas.Frames(index, pack_frames(frames))), index)
         if (slot := int(sensed.time / POSE_PERIOD + 1e-6)) != self._pose_slot:
             self._pose_slot = slot
-            self._write_poses(at, tick.snapshot.odometry.pose, true_pose)
+            self._write_poses(at, tick.snapshot, true_pose)
         if sensed.time >= self._next_flush:
             self._next_flush = sensed.time + self._flush_period
             self._writer.flush()
 
-    def _write_poses(self, at: int, estimated: Pose, true_pose: Pose | None) -> None:
-        pose = spatial_pose(estimated)
-        transform = schemas.FrameTransform(_timestamp(at), "odom", "base_link", pose.position, pose.orientation)
-        self._add("/pose/estimated", at, schemas.PoseInFrame(_timestamp(at), "odom", pose))
-        self._add("/tf", at, schemas.FrameTransforms([transform]))
+    def _write_poses(self, at: int, snapshot: Snapshot, true_pose: Pose | None) -> None:
+        """Where the robot is and the frames of that: `base_link` in `odom`, and this in `map` once there is one."""
+        located, odom, time = snapshot.pose, snapshot.odometry.pose, _timestamp(at)
+        frames = [("odom", "base_link", odom)]
+        if located.frame != "odom":
+            map_from_odom = placed(located.pose, seen_from(odom, Pose()))
+            frames.insert(0, (located.frame, "odom", map_from_odom))
+        transforms = [
+            schemas.FrameTransform(time, parent, child, there.position, there.orientation)
+            for parent, child, pose in frames
+            for there in [spatial_pose(pose)]
+        ]
+        self._add("/pose/estimated", at, schemas.PoseInFrame(time, located.frame, spatial_pose(located.pose)))
+        self._add("/tf", at, schemas.FrameTransforms(transforms))
         if true_pose is not None:
-            self._add("/pose/true", at, schemas.PoseInFrame(_timestamp(at), "odom", spatial_pose(true_pose)))
+            self._add("/pose/true", at, schemas.PoseInFrame(time, located.frame, spatial_pose(true_pose)))
 
-    def _write_path(self, time: float, poses: Sequence[Pose]) -> None:
+    def _write_path(self, time: float, poses: Sequence[Pose], frame: str) -> None:
         at = self._start + round(time * 1e9)
-        self._add("/path", at, schemas.PosesInFrame(_timestamp(at), "odom", [spatial_pose(pose) for pose in poses]))
+        self._add("/path", at, schemas.PosesInFrame(_timestamp(at), frame, [spatial_pose(pose) for pose in poses]))
 
     def _write_log(self, entry: Entry) -> None:
         at = self._start + round(entry.time * 1e9)

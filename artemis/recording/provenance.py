@@ -12,7 +12,7 @@ import msgspec
 
 from artemis.motion.track import Track
 from artemis.recording.journal import Entry, Level
-from artemis.values import Pose
+from artemis.values import Pose, Position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,14 +21,12 @@ class Resumption:
 
     run: str
     """Name of the earlier run's folder."""
-    step: int
-    """The step of the mission that was not finished, counted from 0."""
-    done: float
-    """How much of it was done: way along its path [m], or time [s]."""
+    position: Position
+    """How far the mission was done."""
     pose: Pose
-    """The last estimate, in the frame `odom`."""
+    """Where it was then: the odometry of the run that goes on begins there."""
     true_pose: Pose | None = None
-    """Where the robot really was, in the frame `odom`, if the recording knows."""
+    """Where the robot really was, in the same frame, if the recording knows."""
     tracks: dict[str, Track] = field(default_factory=dict)
     """What had been recorded by driving, by name."""
 
@@ -72,7 +70,7 @@ def first_entries(
     entries = [Entry(time=0.0, kind="start", text=f"mission {mission}: {robot}", data=facts)]
     if (resumed := provenance.resumption) is not None:
         pose = [resumed.pose.x, resumed.pose.y, resumed.pose.heading]
-        data = {"run": resumed.run, "step": resumed.step, "done": resumed.done, "pose": pose}
+        data = {"run": resumed.run, "step": resumed.position.step, "done": resumed.position.done, "pose": pose}
         entries.append(Entry(time=0.0, kind="resume", text=f"goes on with {resumed.run}", data=data))
     if warning:
         entries.append(Entry(time=0.0, kind="warning", text=warning, level=Level.WARNING))

@@ -60,14 +60,17 @@ def _where_it_stopped(
     entries = recording.journal.entries if recording.journal else ()
     if last is None:
         raise _refused(run, recording.missing or "it holds no tick")
-    if last.step >= steps or DONE in (recording.outcome, entries[-1].text if _ended(entries) else ""):
+    if last.position.step >= steps or DONE in (recording.outcome, entries[-1].text if _ended(entries) else ""):
         raise ConfigError(f"{run}: this run is done, there is nothing to resume; leave --resume away to drive it again")
     if was_simulated and not simulated:
         raise _refused(run, "it was simulated, and this run is not; only with --simulate it can go on")
     if simulated and not was_simulated:
         raise _refused(run, "it was not simulated, and this run is")
-    if last.snapshot.odometry.lost:
-        raise _refused(run, "wheels rolled while nobody counted: nobody knows where the robot is")
+    if last.snapshot.pose.lost:
+        why = (
+            "wheels rolled while nobody counted" if last.snapshot.odometry.lost else "no localizer had seen it for long"
+        )
+        raise _refused(run, f"{why}: nobody knows where the robot is")
     if not simulated and (since := _driven_since(recording, root)) is not None:
         raise _refused(run, f"{since.name} has driven the robot since: only that run knows where it is")
     notes = [f"the recording is not whole: {recording.missing}"] if recording.missing else []
@@ -75,14 +78,13 @@ def _where_it_stopped(
         notes += _doubts(run, recording, last, entries)
     pose, true_pose = Pose(), None
     if before or recording.places_robot():
-        pose, true_pose = last.snapshot.odometry.pose, last.true_pose
+        pose, true_pose = last.snapshot.pose.pose, last.true_pose
     resumption = Resumption(
         run=recording.path.resolve().parent.name,
-        step=last.step,
-        done=last.done,
+        position=last.position,
         pose=pose,
         true_pose=true_pose,
-        tracks=_tracks(run, recording, last.step),
+        tracks=_tracks(run, recording, last.position.step),
     )
     return resumption, notes
 
@@ -170,16 +172,16 @@ def _tracks(run: Path, recording: Recording, step: int) -> dict[str, Track]:
     tracks = deepcopy(before.tracks) if before else {}
     if not records:
         return tracks
-    current, index = before.step if before else 0, -1
+    current, index = before.position.step if before else 0, -1
     for tick in recording.ticks():
         teleop = records.get(current) if tick.mode is Mode.TELEOP else None
-        if teleop is not None and not tick.snapshot.odometry.lost:
+        if teleop is not None and not tick.snapshot.pose.lost:
             if tick.snapshot.sensed.index != index + 1:
                 raise _refused(run, f"ticks are missing while the path {teleop['record']} was recorded")
             samples = (sample for sample in tick.snapshot.sensed.inputs if sample.source == teleop["input"])
             pressed = any(Request.RECORD in sample.requests for sample in samples)
-            tracks.setdefault(teleop["record"], Track()).see(tick.snapshot.odometry.pose, pressed=pressed)
-        current, index = tick.step, tick.snapshot.sensed.index
+            tracks.setdefault(teleop["record"], Track()).see(tick.snapshot.pose.pose, pressed=pressed)
+        current, index = tick.position.step, tick.snapshot.sensed.index
     missing = [done["record"] for number, done in records.items() if number < step and done["record"] not in tracks]
     if missing:
         raise _refused(run, f"nothing is left of the path {missing[0]}, which was recorded by driving")

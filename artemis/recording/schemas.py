@@ -17,7 +17,6 @@ from typing import Any, get_args, get_origin, get_type_hints
 import msgspec
 import numpy as np
 from msgspec.structs import asdict
-from numpy.typing import NDArray
 
 from artemis import values
 from artemis.devices.can_bus import Frame
@@ -29,7 +28,7 @@ class TickRecord(values.Tick, frozen=True, kw_only=True, gc=False):
     """A whole tick (topic `/tick`): what was sensed, all that was made of it, and where the robot really was."""
 
     true_pose: values.Pose | None = None
-    """In the frame `odom`; only where someone knows it (simulation, ground truth)."""
+    """In the frame of the snapshot's pose; only where someone knows it (simulation, ground truth)."""
 
 
 class Frames(msgspec.Struct, frozen=True):
@@ -220,6 +219,8 @@ def _nones(kind: type) -> _Count:
     if len(plain) == 2 and not deep:
         return _no_none
     shallow = attrgetter(*plain)  # gives a tuple, as there are two at least
+    if not deep:
+        return lambda value: 1 if value is None else shallow(value).count(None)
     return lambda value: 1 if value is None else shallow(value).count(None) + sum([of(get(value)) for get, of in deep])
 
 
@@ -268,11 +269,6 @@ def pack_frames(frames: Sequence[tuple[bool, Frame]]) -> bytes:
     return b"".join(
         [pack(time, sent | rtr << 1, identifier, len(data), data) for sent, (identifier, data, rtr, time) in frames]
     )
-
-
-def frame_array(data: bytes) -> NDArray[np.void]:
-    """The packed frames as a structured array of dtype `FRAME_RECORD`, without copying."""
-    return np.frombuffer(data, FRAME_RECORD)
 
 
 def unpack_frames(data: bytes) -> list[tuple[bool, Frame]]:

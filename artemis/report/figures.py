@@ -126,7 +126,9 @@ def path_figure(run: Series) -> Figure:
     for number, path in enumerate(run.paths):
         axes.plot(path.x, path.y, color=PATH, linewidth=5.0, alpha=0.45, label="path" if number == 0 else None)
     _trajectory(axes, run.true, TRUE, "driven (true)")
-    _trajectory(axes, run.estimated, ESTIMATED, "driven (odometry)")
+    if run.source != "odometry":
+        _trajectory(axes, run.odometry, LEFT, "by odometry alone")
+    _trajectory(axes, run.estimated, ESTIMATED, f"driven ({run.source})")
     known = run.estimated[np.isfinite(run.estimated[:, 0])]
     if len(known):
         x, y, heading = known[0]
@@ -147,7 +149,7 @@ def cross_track_figure(run: Series) -> Figure:
     figure, (over_time, over_arc) = stacked(run, 2, 2.1, sharex=False)
     for error, arc_length, color, label in (
         (run.true_cross_track, run.true_arc_length, TRUE, "true"),
-        (run.cross_track, run.arc_length, ESTIMATED, "by odometry"),
+        (run.cross_track, run.arc_length, ESTIMATED, f"by {run.source}"),
     ):
         if np.isfinite(error).any():
             over_time.plot(*thinned(run.time, 1000 * error), color=color, label=label)
@@ -222,7 +224,7 @@ def bus_figure(run: Series) -> Figure:
 
 
 FIGURES: tuple[tuple[str, str, Callable[[Series], Figure]], ...] = (
-    ("Path and trajectory", "Centre of the rear axle, seen from above, in the frame of the odometry.", path_figure),
+    ("Path and trajectory", "Centre of the rear axle, seen from above, in the frame of its pose.", path_figure),
     ("Cross-track error", "Distance of the rear axle from the path, left positive.", cross_track_figure),
     ("Plan and feedback", "Speed and angle of the virtual front wheel, as the follower plans them.", plan_figure),
     ("Wheel speeds", "Rolling speed of the driven wheels: set-point and measured.", speed_figure),

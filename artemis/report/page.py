@@ -130,7 +130,7 @@ def _cards(facts: Summary) -> list[tuple[str, str]]:
         ("highest speed", f"{facts.max_speed:.2f} m/s"),
     ]
     if facts.cross_track_rms is not None:
-        cards.append(("cross-track RMS, odometry", _millimetres(facts.cross_track_rms)))
+        cards.append((f"cross-track RMS, {facts.source}", _millimetres(facts.cross_track_rms)))
     if facts.true_cross_track_rms is not None:
         cards.append(("cross-track RMS, true", _millimetres(facts.true_cross_track_rms)))
     return cards
@@ -146,9 +146,9 @@ def _rows(facts: Summary) -> list[tuple[str, str]]:
         ("real-time factor", f"{facts.real_time_factor:.1f}" if facts.real_time_factor else ""),
         ("ticks, latest", f"{facts.ticks}, {1000 * facts.max_late:.1f} ms"),
         ("distance", f"{facts.distance:.2f} m"),
-        ("cross-track error by odometry: RMS, largest", _pair(facts.cross_track_rms, facts.cross_track_max)),
+        (f"cross-track error by {facts.source}: RMS, largest", _pair(facts.cross_track_rms, facts.cross_track_max)),
         ("cross-track error, true: RMS, largest", _pair(facts.true_cross_track_rms, facts.true_cross_track_max)),
-        ("error of the odometry at the end", _known(facts.position_error_end)),
+        (f"error of {facts.source} at the end", _known(facts.position_error_end)),
         ("highest speed: robot, a wheel", f"{facts.max_speed:.3f} m/s, {facts.max_wheel_speed:.3f} m/s"),
         ("largest steering angle of a wheel", f"{degrees(facts.max_steering):.1f}°"),
         ("frames", str(facts.frames)),

@@ -80,7 +80,7 @@ def read_traces(recording: Recording, drives: Sequence[str], steps: Sequence[int
             continue
         for drive in tick.snapshot.sensed.drives:
             if before is not None and drive.name in recent and drive.age is not None:
-                told, step = _set_point(before, recording.robot, drive.name), before.step
+                told, step = _set_point(before, recording.robot, drive.name), before.position.step
                 row = before.snapshot.time, told, drive.position, drive.current
                 if step in steps and before.mode in _TRIED:
                     rest = recent[drive.name] if recording.robot.drives[drive.name].role == "traction" else ()

@@ -10,6 +10,7 @@ from operator import attrgetter
 import numpy as np
 
 from artemis.motion.path import Path
+from artemis.motion.poses import placed, seen_from
 from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
@@ -49,7 +50,11 @@ class Series:
     time: Array
     """Run time [s], shape (n,)."""
     estimated: Array
-    """Pose by odometry: x, y [m], heading [rad]; shape (n, 3), frame `odom`."""
+    """Where the robot believed to be: x, y [m], heading [rad]; shape (n, 3)."""
+    source: str
+    """Of these poses at the end: `odometry`, or a localizer's name."""
+    odometry: Array
+    """Pose by odometry alone; with a localizer laid onto its first pose."""
     true: Array
     """True pose, likewise."""
     distance: float
@@ -117,6 +122,7 @@ def read_series(recording: Recording, *, every_tick: bool = False) -> Series:
 _COLUMNS = (
     "time",
     *("x", "y", "heading"),
+    *("odometry_x", "odometry_y", "odometry_heading"),
     *("true_x", "true_y", "true_heading"),
     *("arc_length", "cross_track", "true_arc_length", "true_cross_track"),
     *("speed", "planned_speed", "feedforward", "feedback", "late"),
@@ -161,19 +167,25 @@ class _Reader:
         self._driven: float | None = None
         """By the odometry, before this tick [m]; None: unknown, or counted anew."""
         self._placed_after = -inf
-        self._finished = False
+        self._finished, self._source = False, ""
+        self._located: tuple[Pose, Pose] | None = None
+        """The first pose in a map, and that of the odometry then."""
 
     def see(self, tick: TickRecord) -> None:
         """The next tick."""
         snapshot, points = tick.snapshot, tick.set_points
         sensed, odometry, time = snapshot.sensed, snapshot.odometry, snapshot.sensed.time
-        estimated, true = odometry.pose, tick.true_pose
+        located, by_wheels, true = snapshot.pose, odometry.pose, tick.true_pose
+        estimated = located.pose
+        if located.frame != "odom":
+            self._located = self._located or (estimated, by_wheels)
+            by_wheels = placed(self._located[0], seen_from(self._located[1], by_wheels))
         if true is not None and not isfinite(true.x):
             true = None
         tracking = tick.wish.tracking if tick.mode is Mode.FOLLOW else None
         if tracking is not None and not isfinite(tracking.arc_length):
             tracking = None
-        true_arc_length, true_cross_track = self._true_places.find(tick.step, tracking, true)
+        true_arc_length, true_cross_track = self._true_places.find(tick.position.step, tracking, true)
         followed = _NOT_FOLLOWING if tracking is None else _followed(tracking, points)
         arc_length, cross_track, planned_speed, feedforward, feedback = followed
         self._error.add(cross_track)
@@ -181,7 +193,8 @@ class _Reader:
         if true is not None:
             self._error_end = hypot(estimated.x - true.x, estimated.y - true.y)
         at = true or _NO_POSE
-        row = [time, estimated.x, estimated.y, estimated.heading, at.x, at.y, at.heading]
+        row = [time, estimated.x, estimated.y, estimated.heading, by_wheels.x, by_wheels.y, by_wheels.heading]
+        row += (at.x, at.y, at.heading)
         row += (arc_length, cross_track, true_arc_length, true_cross_track)
         row += (odometry.speed, planned_speed, feedforward, feedback, sensed.late)
         heard = {drive.name: drive for drive in sensed.drives}
@@ -194,10 +207,10 @@ class _Reader:
             self._way += abs(odometry.distance - self._driven)
         self._driven = odometry.distance
         if tick.wish.reset_pose:
-            self._driven, self._placed_after = None, time
+            self._driven, self._placed_after, self._located = None, time, None
         self._modes.see(time, tick.mode)
         self.bus.tick(time)
-        self.index, self._finished = sensed.index, tick.wish.finished
+        self.index, self._finished, self._source = sensed.index, tick.wish.finished, located.source
         self._ticks += 1
 
     def series(self) -> Series:
@@ -209,6 +222,8 @@ class _Reader:
         return Series(
             time=columns["time"],
             estimated=table[:, _AT["x"] : _AT["heading"] + 1],
+            source=self._source,
+            odometry=table[:, _AT["odometry_x"] : _AT["odometry_heading"] + 1],
             true=table[:, _AT["true_x"] : _AT["true_heading"] + 1],
             distance=self._way,
             speed=columns["speed"],

@@ -38,6 +38,8 @@ class Summary:
     cross_track_rms: float | None
     cross_track_max: float | None
     """By the estimated pose."""
+    source: str
+    """Of that: `odometry`, or a localizer's name."""
     true_cross_track_rms: float | None
     true_cross_track_max: float | None
     """By the true pose."""
@@ -77,6 +79,7 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         max_steering=max(_largest(wheel.measured) for wheel in run.wheels.values() if wheel.role == "steering"),
         cross_track_rms=run.error.rms,
         cross_track_max=run.error.max,
+        source=run.source,
         true_cross_track_rms=run.true_error.rms,
         true_cross_track_max=run.true_error.max,
         position_error_end=run.error_end,

@@ -1,4 +1,4 @@
-"""Where a recorded run was: by its odometry, and truly, which only a simulation knows."""
+"""Where a recorded run was: by its own pose, and truly, which only a simulation knows."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from artemis.report.series import Series
 
 
 def estimated_trajectory(run: Series) -> Trajectory:
-    """The centre of the rear axle by the odometry, frame `odom`, run time, since the odometry got its origin.
+    """The centre of the rear axle by the located pose, in its frame, run time, since the odometry got its origin.
 
     Raises:
         ConfigError: the run ended before.

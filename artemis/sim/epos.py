@@ -20,7 +20,7 @@ from artemis.sim.axis import Axis
 from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos_error_control import ErrorControl
 from artemis.sim.epos_errors import LIFE_GUARD, OVER_VOLTAGE, PDO_LENGTH, UNDER_VOLTAGE, ErrorMemory
-from artemis.sim.epos_failures import EposFailures, Outbox, Sending, Speech
+from artemis.sim.epos_failures import EposFailures, Post, Sending, Speech
 from artemis.sim.epos_motion import Motion
 from artemis.sim.epos_objects import millivolts, objects
 from artemis.sim.epos_parameters import ParameterMemory, judge_motor_and_sensor
@@ -73,6 +73,7 @@ class SimEpos:
         self.settings = SimSettings() if settings is None else settings
         self.outbox: list[Sending] = []
         """Frames to be sent, each with the time at which it is ready; the owner empties it."""
+        self._post: Post = self.outbox.append
         self.nmt: Nmt | None = None
         """None: no power."""
         serial = self.node_id if drive.serial_number is None else drive.serial_number
@@ -106,7 +107,13 @@ class SimEpos:
         )
         self._control = ErrorControl(self._dictionary, clock=lambda: self._now, changed=self._route)
         self.failures = EposFailures(
-            self._dictionary, self._motion, self._power, self._control, self._pdos, outbox=self._replace_outbox
+            self._dictionary,
+            self._motion,
+            self._power,
+            self._control,
+            self._pdos,
+            outbox=self.outbox,
+            send_through=self._send_through,
         )
         """What it can be made to do wrong."""
         self._describe()
@@ -174,7 +181,7 @@ class SimEpos:
 
     def say(self, identifier: int, data: bytes, now: float) -> None:
         """Failure: send a frame that nothing asked for, at once."""
-        self.outbox.append((now, Frame(identifier, data)))
+        self._post((now, Frame(identifier, data)))
         self._wake(now)
 
     def read(self, index: int, sub: int = 0) -> int | bytes:
@@ -301,16 +308,16 @@ class SimEpos:
     def _take_sdo(self, frame: Frame, now: float) -> None:
         answer = None if frame.rtr else self._sdo.answer(frame.data)
         if answer is not None:
-            self.outbox.append((now + self.settings.answer_time_s, Frame(SDO_ANSWER_ID + self.node_id, answer)))
+            self._post((now + self.settings.answer_time_s, Frame(SDO_ANSWER_ID + self.node_id, answer)))
         self._settle()
 
     def _take_sync(self, frame: Frame, now: float) -> None:
         if frame.rtr:
             return
-        pdos, outbox = self._pdos, self.outbox
+        pdos, post = self._pdos, self._post
         pdos.sync()
         for pdo in pdos.on_sync:
-            outbox.append((now, pdo.sample()))
+            post((now, pdo.sample()))
         if pdos.on_change:
             self._settle()
 
@@ -329,7 +336,7 @@ class SimEpos:
     def _transmit_handler(self, pdo: TransmitPdo) -> Handler:
         def take(frame: Frame, now: float) -> None:
             if frame.rtr and (pdo.rtr_allowed or pdo.type == ON_REQUEST):
-                self.outbox.append((now, pdo.sample()))
+                self._post((now, pdo.sample()))
 
         return take
 
@@ -379,22 +386,23 @@ class SimEpos:
         self._changes_due = math.inf
         if self.nmt is Nmt.OPERATIONAL and self._pdos.on_change:
             frames, self._changes_due = self._pdos.change_samples(self._now)
-            self.outbox += [(self._now, frame) for frame in frames]
+            for frame in frames:
+                self._post((self._now, frame))
 
     def _send_emergency(self, code: int) -> None:
         if self.nmt in (Nmt.PRE_OPERATIONAL, Nmt.OPERATIONAL):
             self._send(EMCY_ID + self.node_id, code.to_bytes(2, "little") + bytes((self._errors.register,)) + bytes(5))
 
     def _send(self, identifier: int, data: bytes) -> None:
-        self.outbox.append((self._now, Frame(identifier, data)))
+        self._post((self._now, Frame(identifier, data)))
 
     def _settle(self) -> None:
         """After something that may have moved timers or mapped values."""
         self._send_changes()
         self._wake(min(self._power.due, self._control.due, self._changes_due))
 
-    def _replace_outbox(self, replaced: Callable[[list[Sending]], Outbox]) -> None:
-        self.outbox = replaced(self.outbox)
+    def _send_through(self, post: Post) -> None:
+        self._post = post
 
     def _wake(self, due: float) -> None:
         if due < self.next_due and self.nmt is not None:

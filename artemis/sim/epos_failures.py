@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -16,6 +16,8 @@ from artemis.values import DriveState
 
 Sending = tuple[float, Frame]
 """A frame and the time at which it is ready [s]."""
+Post = Callable[[Sending], None]
+"""Takes what a drive sends."""
 
 
 class Speech(Enum):
@@ -48,38 +50,6 @@ class Impediment:
     """So many more frames; None: all."""
 
 
-class Outbox(list[Sending]):
-    """Frames to be sent, less those that never are."""
-
-    def __init__(self, waiting: Iterable[Sending]) -> None:
-        super().__init__(waiting)
-        self.impediments: dict[Speech, Impediment] = {}
-
-    def append(self, item: Sending) -> None:
-        """Put in what becomes of a frame."""
-        kind = kind_of(item[1])
-        impediment = self.impediments.get(kind)
-        if impediment is None:
-            super().append(item)
-            return
-        if impediment.left is not None:
-            impediment.left -= 1
-            if impediment.left <= 0:
-                del self.impediments[kind]
-        ready, frame = item
-        for _ in range(impediment.copies):
-            super().append((ready + impediment.late, frame))
-
-    def extend(self, items: Iterable[Sending]) -> None:
-        """Put in what becomes of each frame."""
-        for item in items:
-            self.append(item)
-
-    def __iadd__(self, items: Iterable[Sending]) -> Outbox:  # type: ignore[override, misc]  # as narrow as `append`
-        self.extend(items)
-        return self
-
-
 Undo = Callable[[], None]
 """Ends a failure."""
 
@@ -94,31 +64,28 @@ class EposFailures:
         power: PowerStage,
         control: ErrorControl,
         pdos: ProcessData,
-        outbox: Callable[[Callable[[list[Sending]], Outbox]], None],
+        outbox: list[Sending],
+        send_through: Callable[[Post], None],
     ) -> None:
-        """`outbox` replaces the drive's outbox by what a function makes of it."""
+        """`send_through` has the drive hand its frames to a function, which puts into `outbox` what becomes of them."""
         self._dictionary = dictionary
         self._motion = motion
         self._power = power
         self._control = control
         self._pdos = pdos
-        self._replace_outbox = outbox
+        self._outbox = outbox
+        self._send_through = send_through
+        self._impediments: dict[Speech, Impediment] = {}
 
     def impede(self, kind: Speech, *, copies: int = 0, late: float = 0.0, count: int | None = None) -> Undo:
         """The next `count` frames of a kind (None: all) are sent `late` [s], `copies` times; 0: not at all."""
+        self._impediments[kind] = Impediment(copies=copies, late=late, left=count)
+        self._send_through(self._post)
 
-        def impeded(outbox: list[Sending]) -> Outbox:
-            found = outbox if isinstance(outbox, Outbox) else Outbox(outbox)
-            found.impediments[kind] = Impediment(copies=copies, late=late, left=count)
-            return found
+        def free() -> None:
+            self._impediments.pop(kind, None)
 
-        def freed(outbox: list[Sending]) -> Outbox:
-            found = outbox if isinstance(outbox, Outbox) else Outbox(outbox)
-            found.impediments.pop(kind, None)
-            return found
-
-        self._replace_outbox(impeded)
-        return lambda: self._replace_outbox(freed)
+        return free
 
     def misreport(self, index: int, sub: int, shown: Callable[[int], int]) -> Undo:
         """An object reads as what `shown` makes of its true value, over SDO and in PDOs, cut to the object's size.
@@ -183,3 +150,18 @@ class EposFailures:
         """The drive no longer watches anybody, whatever object 0x1016 says."""
         self._control.watch(False)
         return lambda: self._control.watch(True)
+
+    def _post(self, item: Sending) -> None:
+        """Put into the outbox what becomes of a frame."""
+        ready, frame = item
+        kind = kind_of(frame)
+        impediment = self._impediments.get(kind)
+        if impediment is None:
+            self._outbox.append(item)
+            return
+        if impediment.left is not None:
+            impediment.left -= 1
+            if impediment.left <= 0:
+                del self._impediments[kind]
+        for _ in range(impediment.copies):
+            self._outbox.append((ready + impediment.late, frame))

@@ -10,15 +10,15 @@ from artemis.values import Pose, Tick
 
 
 class Truth:
-    """The true pose in the frame `odom`: its origin is the true pose where the odometry was reset."""
+    """The true pose in the frame `odom`, whose origin is the true pose where the odometry was reset; or a fixed one."""
 
-    def __init__(self, world: World, origin: Pose) -> None:
-        """`origin`: until the odometry is reset; a run that goes on with another does not do that."""
-        self._world, self._origin = world, origin
+    def __init__(self, world: World, origin: Pose, *, fixed: bool = False) -> None:
+        """`origin`: until the odometry is reset, which a run does not that goes on with another; `fixed`: for good."""
+        self._world, self._origin, self._fixed = world, origin, fixed
 
     def pose(self, tick: Tick) -> Pose:
         """At the end of a tick."""
-        if tick.wish.reset_pose:
+        if tick.wish.reset_pose and not self._fixed:
             self._origin = self._world.pose
         return seen_from(self._origin, self._world.pose)
 
@@ -28,7 +28,7 @@ def origin_of(true: TrueRobot) -> Pose:
     return Pose(x=true.x_m, y=true.y_m, heading=radians(true.heading_deg))
 
 
-def moved_to(true: TrueRobot, pose: Pose) -> TrueRobot:
-    """The same machine at `pose`, seen from where its mission begins."""
-    there = placed(origin_of(true), pose)
+def moved_to(true: TrueRobot, origin: Pose, pose: Pose) -> TrueRobot:
+    """The same machine at `pose`, seen from `origin` in the world."""
+    there = placed(origin, pose)
     return true.model_copy(update={"x_m": there.x, "y_m": there.y, "heading_deg": degrees(there.heading)})

@@ -9,7 +9,8 @@ from msgspec.structs import replace
 
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
 from artemis.motion.totals import mean
-from artemis.states.mode import OFF, ON, STEERING_ON, Plan, Routine, fail, finish_jobs, is_second
+from artemis.states.mode import OFF, ON, STEERING_ON, Failed, Routine, finish_jobs, is_second
+from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import POWERED, DriveCommand, DriveFeedback, DriveState, Fault, Goal, Job, JobKind, Snapshot, Wish
 from artemis.vehicle import OPERATING_MODES
@@ -36,39 +37,39 @@ Readings = dict[str, tuple[float, float]]
 """Mean voltages of both potentiometers [V], by steering drive."""
 
 
-def align(plan: Plan, snapshot: Snapshot) -> Routine:
+def align(shared: Shared, snapshot: Snapshot) -> Routine:
     """At rest: read the potentiometers, tell the drives their angle, sweep for the fine angle; then enable traction.
 
     Traction stays off while the wheels turn: before they are aligned, nothing can drive the robot. Wheels with new
     potentiometers are taken as they are found, and stay there; traction stays off.
     """
-    volts, snapshot = yield from _read_potentiometers(plan, snapshot)
-    names = plan.drives("steering")
-    if plan.found and plan.taken:
+    volts, snapshot = yield from _read_potentiometers(shared.plan, snapshot)
+    names = shared.plan.drives("steering")
+    if shared.plan.found and shared.bring_up.taken:
         seen = "the wheels may have been turned since their angles were measured from outside: begin anew"
-        return (yield from fail(OFF, catalogue.fault("CAL-01", "", seen)))
-    fault = next((f for name in names for f in _implausible(plan, name, volts[name])), None)
+        raise Failed(OFF, catalogue.fault("CAL-01", "", seen))
+    fault = next((f for name in names for f in _implausible(shared.plan, name, volts[name])), None)
     if fault is not None:
-        return (yield from fail(OFF, fault))
-    angles = [_angle_at_rest(plan, name, volts[name]) for name in names]
-    snapshot = yield from do(OFF, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
-    snapshot = yield from do(OFF, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()), snapshot)
-    plan.taken = plan.blind
+        raise Failed(OFF, fault)
+    angles = [_angle_at_rest(shared.plan, name, volts[name]) for name in names]
+    snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
+    snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
+    shared.bring_up.taken = shared.plan.blind
     snapshot = yield from enable(STEERING_ON, snapshot)
-    if plan.blind:
+    if shared.plan.blind:
         return snapshot
     errors: dict[str, list[float]] = {name: [] for name in names}
     for target in (SWEEP, -SWEEP, 0.0):
-        snapshot = yield from steer(plan, target, snapshot, errors)
+        snapshot = yield from steer(shared.plan, target, snapshot, errors)
     corrections = {name: mean(found) for name, found in errors.items()}
     for name, correction in corrections.items():
         if abs(correction) > LARGEST_CORRECTION:
             seen = f"by {math.degrees(correction):.1f} degrees"
-            return (yield from fail(STEERING_ON, catalogue.fault("STE-05", name, seen)))
+            raise Failed(STEERING_ON, catalogue.fault("STE-05", name, seen))
     positions = {drive.name: drive.position for drive in snapshot.sensed.drives}
     angles = [positions[name] + correction for name, correction in corrections.items()]
-    snapshot = yield from do(STEERING_ON, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
-    snapshot = yield from steer(plan, 0.0, snapshot, {})
+    snapshot = yield from do(STEERING_ON, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
+    snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
     return (yield from enable(ON, snapshot))
 
 
@@ -77,7 +78,7 @@ def do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
     results, snapshot = yield from finish_jobs(replace(wish, phase=jobs[0].kind.value), jobs)
     for result in results:
         if not result.ok:
-            return (yield from fail(wish, catalogue.fault(result.fault, result.drive, result.detail)))
+            raise Failed(wish, catalogue.fault(result.fault, result.drive, result.detail))
         if result.kind is JobKind.CLEAR_TARGET and result.values:
             snapshot = yield replace(wish, fault=catalogue.fault("COM-06", result.drive, f"{result.values[0]} units"))
     return snapshot
@@ -91,7 +92,7 @@ def enable(wish: Wish, snapshot: Snapshot) -> Routine:
     return snapshot
 
 
-def switch_off(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
+def switch_off(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
     """Yield `wish`, which switches off, until no drive is on. A deaf one is switched off by SDO, or by our silence."""
     begun, heartbeat = snapshot.time, wish.heartbeat
     halted: set[str] = set()
@@ -101,7 +102,7 @@ def switch_off(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
         if not on:
             break
         heartbeat = heartbeat and all(r.ok for r in snapshot.sensed.results if r.kind is JobKind.HALT)
-        jobs = plan.jobs(JobKind.HALT, [name for name in on if passed >= OFF_TIME and name not in halted])
+        jobs = shared.bring_up.jobs(JobKind.HALT, [name for name in on if passed >= OFF_TIME and name not in halted])
         halted.update(job.drive for job in jobs)
         snapshot = yield replace(wish, jobs=jobs, heartbeat=heartbeat, phase="switching off")
     return snapshot
@@ -114,9 +115,9 @@ class Lookout:
         self._under_way: set[int] = set()
         self._next = 0.0
 
-    def watch(self, plan: Plan, wish: Wish, snapshot: Snapshot) -> Wish:
+    def watch(self, shared: Shared, wish: Wish, snapshot: Snapshot) -> Wish:
         """`wish`, with what keeps them off; its phase names one that a stranger had switched on."""
-        if plan.connected or is_second(plan, snapshot):
+        if shared.bring_up.connected or is_second(shared, snapshot):
             return wish
         found = [result for result in snapshot.sensed.results if result.id in self._under_way]
         self._under_way.difference_update(result.id for result in found)
@@ -124,7 +125,7 @@ class Lookout:
             wish = replace(wish, phase=f"stopped what somebody else switched on: {', '.join(strangers)}")
         if self._under_way or snapshot.time < self._next:
             return wish
-        jobs = plan.jobs(JobKind.KEEP_OFF, plan.drives())
+        jobs = shared.bring_up.jobs(JobKind.KEEP_OFF, shared.plan.drives())
         self._under_way, self._next = {job.id for job in jobs}, snapshot.time + LOOK_TIME
         return replace(wish, jobs=(*wish.jobs, *jobs))
 
@@ -159,7 +160,7 @@ def steer(
         if snapshot.time > latest:
             name = away[0].name if away else ""
             seen = f"{math.degrees(_way_to_go(plan, away[0], snapshot)):.1f} degrees away" if away else "keeps turning"
-            return (yield from fail(STEERING_ON, catalogue.fault("STE-01", name, seen)))
+            raise Failed(STEERING_ON, catalogue.fault("STE-01", name, seen))
 
 
 def _way_to_go(plan: Plan, drive: DriveFeedback, snapshot: Snapshot) -> float:

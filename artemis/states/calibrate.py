@@ -6,7 +6,8 @@ from msgspec.structs import replace
 
 from artemis.states.alignment import align, enable
 from artemis.states.gains import GainsStep, TurnStep, try_gains, turn
-from artemis.states.mode import OFF, ON, CalibrateStep, Routine, RoutineMode
+from artemis.states.mode import OFF, ON, Routine, RoutineMode
+from artemis.states.plan import CalibrateStep
 from artemis.states.steering import SteeringStep, calibrate_steering
 from artemis.values import DriveCommand, Event, Snapshot
 
@@ -16,22 +17,20 @@ class CalibrateMode(RoutineMode):
 
     def routine(self, snapshot: Snapshot) -> Routine:
         """As the step says, then done; the run is over where the wheels could not be aligned, or nothing is to come."""
-        plan = self.plan
-        match plan.current:
+        shared, plan = self.shared, self.plan
+        match shared.current:
             case SteeringStep() as step:
-                snapshot = yield from calibrate_steering(plan, step, snapshot)
+                snapshot = yield from calibrate_steering(shared, step, snapshot)
             case GainsStep() as step:
-                snapshot = yield from try_gains(plan, step, snapshot)
+                snapshot = yield from try_gains(shared, step, snapshot)
             case TurnStep() as step:
                 snapshot = yield from turn(plan, step, snapshot)
             case _:
-                snapshot = yield from align(plan, snapshot)
-        if plan.blind or (type(plan.current) is not CalibrateStep and plan.current is plan.steps[-1]):
-            plan.advance()
-            yield replace(OFF, event=Event.END, phase="calibrated")
+                snapshot = yield from align(shared, snapshot)
+        if plan.blind or (type(shared.current) is not CalibrateStep and shared.current is plan.steps[-1]):
+            yield replace(OFF, event=Event.END, over=True, phase="calibrated")
         snapshot = yield from enable(ON, snapshot)
-        plan.advance()
         stand = replace(ON, command=DriveCommand(steering=snapshot.set_points.steering))
-        yield replace(stand, event=Event.DONE, phase="aligned")
+        yield replace(stand, event=Event.DONE, over=True, phase="aligned")
         while True:
             yield stand

@@ -20,26 +20,26 @@ class EndMode(RoutineMode):
 
     def routine(self, snapshot: Snapshot) -> Routine:
         """From whatever state the run is in to drives that rest and a process that may exit."""
-        plan = self.plan
-        if plan.connected:
-            snapshot = yield from come_to_rest(plan, replace(STOPPING, supervised=False), snapshot)
+        shared, plan, bring_up = self.shared, self.plan, self.bring_up
+        if bring_up.connected:
+            snapshot = yield from come_to_rest(shared, replace(STOPPING, supervised=False), snapshot)
             latest = snapshot.time + OFF_TIME
             while snapshot.time < latest:
                 snapshot = yield IDLE
                 if all(drive.state in _OFF_STATES for drive in snapshot.sensed.drives):
                     break
-        idle = replace(IDLE, exchange=plan.connected, heartbeat=plan.connected)
+        idle = replace(IDLE, exchange=bring_up.connected, heartbeat=bring_up.connected)
         snapshot = yield from listen(idle, snapshot)
-        if not is_second(plan, snapshot):
-            snapshot = yield from restore_gains(plan, idle, snapshot)
+        if not is_second(shared, snapshot):
+            snapshot = yield from restore_gains(shared, idle, snapshot)
         for role in ("traction", "steering"):
-            if is_second(plan, snapshot):
+            if is_second(shared, snapshot):
                 break
-            results, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.DISARM, plan.drives(role)))
+            results, snapshot = yield from finish_jobs(idle, bring_up.jobs(JobKind.DISARM, plan.drives(role)))
             for result in results:
                 if not result.ok:
-                    plan.failed = True
-                    snapshot = yield replace(idle, fault=catalogue.fault("COM-34", result.drive, result.detail))
+                    fault = catalogue.fault("COM-34", result.drive, result.detail)
+                    snapshot = yield replace(idle, fault=fault, failed=True)
         yield replace(idle, exchange=False)  # the last heartbeat
         while True:
             yield replace(idle, exchange=False, heartbeat=False, finished=True, phase="ended")

@@ -42,7 +42,7 @@ class FaultMode(RoutineMode):
         self._acknowledged = self._acknowledged or Request.ACKNOWLEDGE in snapshot.sensed.requests
         if snapshot.verdict.stops:
             self._resumes = snapshot.verdict.resumes
-        wish, resets = super().step(snapshot), self.plan.resets
+        wish, resets = super().step(snapshot), self.bring_up.resets
         for fault in snapshot.verdict.faults:  # acknowledged ones are forgotten, what their drive needs is not
             needs = catalogue.ROWS[fault.id].recovery.reset, resets.get(fault.device, "")
             resets[fault.device] = max(needs, key=RESETS.__getitem__)
@@ -56,29 +56,29 @@ class FaultMode(RoutineMode):
             wish = replace(wish, fault=failure(ended))
         self._insecure.difference_update(result.drive for result in ended)
         self._insecure.update(failed)
-        if not self._insecure or is_second(self.plan, snapshot):
+        if not self._insecure or is_second(self.shared, snapshot):
             return wish
         phase = f"not secured: {', '.join(sorted(self._insecure))}; {wish.phase}"
-        return replace(wish, jobs=(*wish.jobs, *self.plan.jobs(JobKind.SECURE, failed)), phase=phase)
+        return replace(wish, jobs=(*wish.jobs, *self.bring_up.jobs(JobKind.SECURE, failed)), phase=phase)
 
     def routine(self, snapshot: Snapshot) -> Routine:
         """Come to rest, off, histories, acknowledgment."""
-        plan = self.plan
-        exchange = plan.connected
+        shared, plan, bring_up = self.shared, self.plan, self.bring_up
+        exchange = bring_up.connected
         stopping = replace(STOPPING, exchange=exchange, heartbeat=exchange, supervised=exchange)
         if exchange:
-            snapshot = yield from come_to_rest(plan, stopping, snapshot)
+            snapshot = yield from come_to_rest(shared, stopping, snapshot)
         else:
-            _, snapshot = yield from secure(plan, stopping, snapshot)
+            _, snapshot = yield from secure(shared, stopping, snapshot)
         idle = replace(IDLE, exchange=exchange, heartbeat=exchange, phase="reading error histories")
         if exchange:
-            snapshot = yield from switch_off(plan, OFF, snapshot)
-            _, snapshot = yield from finish_jobs(idle, plan.jobs(JobKind.READ_HISTORY, plan.drives()))
+            snapshot = yield from switch_off(shared, OFF, snapshot)
+            _, snapshot = yield from finish_jobs(idle, bring_up.jobs(JobKind.READ_HISTORY, plan.drives()))
         latest = snapshot.time + PATIENCE
         while snapshot.verdict.stops:
             snapshot = yield from self._wait(idle, snapshot, latest)
-        by_person = self._acknowledged or plan.held
-        plan.armed = not by_person and (plan.armed or self._resumes)
+        by_person = self._acknowledged or bring_up.held
+        bring_up.armed = not by_person and (bring_up.armed or self._resumes)
         while True:
             yield replace(idle, event=Event.ACKNOWLEDGED, phase="acknowledged" if self._acknowledged else "recovered")
 
@@ -86,9 +86,9 @@ class FaultMode(RoutineMode):
         """One tick more, with the reason why."""
         verdict, present = snapshot.verdict, snapshot.verdict.faults[0]
         late = snapshot.time > latest
-        goes_on = verdict.recovers and not self.plan.held and (verdict.resumes or self.plan.armed)
-        if late or is_second(self.plan, snapshot) or not (snapshot.sensed.attended or goes_on):
-            return (yield give_up(self.plan, replace(idle, phase="fault"), late=late))
+        goes_on = verdict.recovers and not self.bring_up.held and (verdict.resumes or self.bring_up.armed)
+        if late or is_second(self.shared, snapshot) or not (snapshot.sensed.attended or goes_on):
+            return (yield give_up(replace(idle, phase="fault"), late=late))
         if verdict.final:
             phase = f"this run cannot go on, end it: {present.text}"
         elif verdict.recovers:
@@ -98,4 +98,4 @@ class FaultMode(RoutineMode):
             phase = f"cannot acknowledge yet: {present.text}"
         else:
             phase = "acknowledge to bring the drives up again"
-        return (yield self._lookout.watch(self.plan, replace(idle, phase=phase), snapshot))
+        return (yield self._lookout.watch(self.shared, replace(idle, phase=phase), snapshot))

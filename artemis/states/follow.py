@@ -10,9 +10,11 @@ from msgspec.structs import replace
 from artemis.errors import ConfigError
 from artemis.motion.route import Route
 from artemis.motion.track import Track
+from artemis.plugins.contracts import Following
 from artemis.states.gains import Shaking
-from artemis.states.mode import ON, FollowStep, Plan
+from artemis.states.mode import ON
 from artemis.states.parts import PartByPart
+from artemis.states.plan import FollowStep, Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, Event, Fault, Goal, Pose, Severity, Snapshot, Tracking, Wish
 
@@ -31,8 +33,8 @@ AT_END, OVERRUN = 0.01, 0.2
 class FollowMode:
     """Asks the follower at each tick. A step that was interrupted goes on where it stopped."""
 
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
+    def __init__(self, shared: Shared) -> None:
+        self.shared = shared
         self._begun: FollowStep | None = None
         self._drive: PartByPart | None = None
         self._fault: Fault | None = None
@@ -45,8 +47,8 @@ class FollowMode:
 
     def enter(self, snapshot: Snapshot) -> None:
         """Begin what is left of the path, unless the follower is on its way already."""
-        step = self._plan.current
-        self._shaking = Shaking(self._plan, snapshot) if self._plan.tried else None
+        step = self.shared.current
+        self._shaking = Shaking(self.shared.plan, tried, snapshot) if (tried := self.shared.results.tried) else None
         self._fault, self._last, self._armed, self._over = None, None, False, None
         if not isinstance(step, FollowStep):
             return
@@ -58,18 +60,18 @@ class FollowMode:
         except ConfigError as error:
             self._fault = catalogue.fault("PTH-01", "", "; ".join(error.problems), Severity.CONTROLLED_STOP)
             return
-        rest = self._rest(route, step, snapshot.odometry.pose)
-        self._drive = PartByPart(step.follower, rest, route.length - rest.length, self._plan.robot)
+        rest = self._rest(route, step, snapshot.pose.pose)
+        self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.shared.plan.robot)
         self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
         self._begun, self._spent = step, 0.0
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
-        step, drive = self._plan.current, self._drive
+        step, drive = self.shared.current, self._drive
         if not isinstance(step, FollowStep):
             return _stand(snapshot, event=Event.DONE)
-        if snapshot.odometry.lost:
-            return _stand(snapshot, fault=catalogue.fault("RUN-08"))
+        if snapshot.pose.lost:
+            return _stand(snapshot, fault=_lost(snapshot, localized=self.shared.plan.localized))
         if drive is None or self._fault is not None:
             return _stand(snapshot, fault=self._fault)
         following = drive.step(snapshot)
@@ -78,23 +80,18 @@ class FollowMode:
         tracking = following.tracking
         if fault := self._off_path(tracking, snapshot.odometry.distance, step.max_cross_track):
             return _stand(snapshot, fault=fault, tracking=tracking)
-        self._plan.done = max(tracking.arc_length, 0.0)
+        return replace(self._on_path(drive, following, snapshot), tracking=tracking, done=max(tracking.arc_length, 0.0))
+
+    def _on_path(self, drive: PartByPart, following: Following, snapshot: Snapshot) -> Wish:
+        """As the follower says, unless it is at the end, or something is wrong."""
         if following.finished:  # whatever the follower still commands
-            if snapshot.standing:
-                self._plan.advance()
-            return _stand(snapshot, event=Event.DONE if snapshot.standing else None, tracking=tracking)
+            return replace(_stand(snapshot, event=Event.DONE), over=True) if snapshot.standing else _stand(snapshot)
         if self._shaking and (fault := self._shaking.look(snapshot)):
-            return _stand(snapshot, fault=fault, tracking=tracking)
+            return _stand(snapshot, fault=fault)
         self._spent += snapshot.dt
-        if fault := self._overrun(tracking, drive.end, snapshot.odometry.distance):
-            return _stand(snapshot, fault=fault, tracking=tracking)
-        return Wish(
-            command=following.command,
-            traction=Goal.ENABLED,
-            steering=Goal.ENABLED,
-            tracking=tracking,
-            phase="following",
-        )
+        if fault := self._overrun(following.tracking, drive.end, snapshot.odometry.distance):
+            return _stand(snapshot, fault=fault)
+        return Wish(command=following.command, traction=Goal.ENABLED, steering=Goal.ENABLED, phase="following")
 
     def _route(self, step: FollowStep) -> Route:
         """The step's route; one that was recorded in this run is made now.
@@ -104,15 +101,15 @@ class FollowMode:
         """
         if isinstance(step.route, Route):
             return step.route
-        track = self._plan.tracks.get(step.route, Track())
-        route = track.route(self._plan.robot, step.speed, step.close_within, step.round_corners, step.allow_slowdown)
+        robot, track = self.shared.plan.robot, self.shared.results.tracks.get(step.route, Track())
+        route = track.route(robot, step.speed, step.close_within, step.round_corners, step.allow_slowdown)
         return route.directed(from_end=step.from_end, backward=step.backward).with_laps(step.laps)
 
     def _rest(self, route: Route, step: FollowStep, pose: Pose) -> Route:
         """What is left of it: where an open route goes on is said by what is done, for it may pass a place twice."""
-        if step.nearest and (route.closed or not self._plan.done):
-            return route.begun_at(route.nearest(pose.x, pose.y), self._plan.done)
-        return route.rest(self._plan.done)
+        if step.nearest and (route.closed or not self.shared.position.done):
+            return route.begun_at(route.nearest(pose.x, pose.y), self.shared.position.done)
+        return route.rest(self.shared.position.done)
 
     def _off_path(self, tracking: Tracking, distance: float, limit: float) -> Fault | None:
         """Too far away to begin (PTH-05), or lost on the way (PTH-06); `distance`: way of the robot [m]."""
@@ -146,6 +143,14 @@ def _stand(
     """Stand with the wheels where they are."""
     command = DriveCommand(steering=snapshot.set_points.steering)
     return replace(ON, command=command, event=event, fault=fault, tracking=tracking, phase="standing")
+
+
+def _lost(snapshot: Snapshot, *, localized: bool) -> Fault:
+    """Nobody knows where the robot is: until the next fix (LOC-01), or without a localizer for good (RUN-08)."""
+    if not localized:
+        return catalogue.fault("RUN-08")
+    age = snapshot.pose.age
+    return catalogue.fault("LOC-01", "", "no fix yet" if age is None else f"the last fix is {age:.1f} s old")
 
 
 def _seen(tracking: Tracking) -> str:

@@ -10,7 +10,8 @@ from msgspec.structs import replace
 
 from artemis.motion.ackermann import Ackermann
 from artemis.states.alignment import do, enable
-from artemis.states.mode import OFF, STEERING_ON, CalibrateStep, Plan, Routine, fail, finish_jobs
+from artemis.states.mode import OFF, STEERING_ON, Failed, Routine, finish_jobs
+from artemis.states.plan import BringUp, CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import POWERED, DriveCommand, Fault, Job, JobKind, Snapshot, Wish
 
@@ -40,22 +41,22 @@ class TurnStep(CalibrateStep, frozen=True, kw_only=True):
     """Of the wheel on that side [rad], left positive."""
 
 
-def try_gains(plan: Plan, step: GainsStep, snapshot: Snapshot) -> Routine:
+def try_gains(shared: Shared, step: GainsStep, snapshot: Snapshot) -> Routine:
     """Write the gains into drives that are off, and read them back; then straighten the wheels, traction still off.
 
     A wheel that turns also rolls about its kingpin: where traction is on, that is for a mode that drives.
     """
     off = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
-    snapshot = yield from _switch_off(off, plan.drives(), snapshot)
+    snapshot = yield from _switch_off(off, shared.plan.drives(), snapshot)
     for name, numbers in step.gains.items():
         snapshot = yield replace(off, phase=f"gains of {name}: {words_of(numbers)}")
-    plan.tried.update(step.gains)
-    snapshot = yield from do(off, _jobs(plan, step.gains), snapshot)
-    snapshot = yield from do(off, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()), snapshot)
+    shared.results.tried.update(step.gains)
+    snapshot = yield from do(off, _jobs(shared.bring_up, step.gains), snapshot)
+    snapshot = yield from do(off, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
     snapshot = yield from enable(STEERING_ON, snapshot)
-    swings, straight = _swings(plan), False
+    swings, straight = _swings(shared.plan), False
     while not straight:
-        snapshot = yield from _hold(plan, 0.0, REST, "straightening", swings, snapshot)
+        snapshot = yield from _hold(shared.plan, 0.0, REST, "straightening", swings, snapshot)
         straight = snapshot.set_points.steering == 0.0
     return snapshot
 
@@ -99,7 +100,7 @@ def _switch_off(wish: Wish, names: Container[str], snapshot: Snapshot) -> Routin
     latest = snapshot.time + OFF_TIME
     while on := [drive.name for drive in snapshot.sensed.drives if drive.name in names and drive.state in POWERED]:
         if snapshot.time > latest:
-            return (yield from fail(OFF, catalogue.fault("COM-03", on[0], "stays on")))
+            raise Failed(OFF, catalogue.fault("COM-03", on[0], "stays on"))
         snapshot = yield replace(wish, phase="switching off")
     return snapshot
 
@@ -121,7 +122,7 @@ def _hold(
         for name, error in _errors(plan, snapshot):
             if (often := swings[name].count(snapshot.time, error)) > MOST_SWINGS:
                 seen = f"swings: {often} turns by a degree or more in {SWING_TIME:g} s; less P or I, or more D"
-                return (yield from fail(STEERING_ON, catalogue.fault("CAL-01", name, seen)))
+                raise Failed(STEERING_ON, catalogue.fault("CAL-01", name, seen))
     return snapshot
 
 
@@ -137,9 +138,10 @@ def _errors(plan: Plan, snapshot: Snapshot) -> Iterator[tuple[str, float]]:
 class Shaking:
     """Watches the driven wheels with gains on trial, at each tick in which the robot drives."""
 
-    def __init__(self, plan: Plan, snapshot: Snapshot) -> None:
-        self._plan, self._time = plan, snapshot.time
-        self._ways = {d.name: d.position for d in snapshot.sensed.drives if d.name in plan.tried}
+    def __init__(self, plan: Plan, tried: Container[str], snapshot: Snapshot) -> None:
+        """`tried`: names of the drives that have them."""
+        self._robot, self._time = plan.robot, snapshot.time
+        self._ways = {d.name: d.position for d in snapshot.sensed.drives if d.name in tried}
         self._swings = {name: Swings(SHAKE) for name in plan.drives("traction") if name in self._ways}
 
     def look(self, snapshot: Snapshot) -> Fault | None:
@@ -148,7 +150,7 @@ class Shaking:
         self._time = snapshot.time
         for drive in snapshot.sensed.drives:
             if drive.name in self._swings:
-                left = self._plan.robot.drives[drive.name].side == "left"
+                left = self._robot.drives[drive.name].side == "left"
                 self._ways[drive.name] += (points.speed_left if left else points.speed_right) * dt
                 often = self._swings[drive.name].count(snapshot.time, self._ways[drive.name] - drive.position)
                 if often > MOST_SWINGS:
@@ -157,18 +159,18 @@ class Shaking:
         return None
 
 
-def restore_gains(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
+def restore_gains(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
     """Give drives that are off the robot file's gains again; one that does not take them is told."""
-    known = {name: gains.numbers for name in plan.tried if (gains := plan.robot.drives[name].gains) is not None}
+    tried, drives = shared.results.tried, shared.plan.robot.drives
+    known = {name: gains.numbers for name in tried if (gains := drives[name].gains) is not None}
     if not known:
         return snapshot
-    results, snapshot = yield from finish_jobs(replace(wish, phase="restoring gains"), _jobs(plan, known))
+    results, snapshot = yield from finish_jobs(replace(wish, phase="restoring gains"), _jobs(shared.bring_up, known))
     for result in results:
         if not result.ok:
-            plan.failed = True
-            kept = f"it may keep the gains on trial, {words_of(plan.tried[result.drive])}, while it has power"
+            kept = f"it may keep the gains on trial, {words_of(tried[result.drive])}, while it has power"
             seen = f"{result.detail}; {kept}; the next start writes those of the robot file"
-            snapshot = yield replace(wish, fault=catalogue.fault(result.fault, result.drive, seen))
+            snapshot = yield replace(wish, fault=catalogue.fault(result.fault, result.drive, seen), failed=True)
     return snapshot
 
 
@@ -178,5 +180,5 @@ def words_of(gains: tuple[int, ...]) -> str:
     return f"current {current_p},{current_i} velocity {velocity_p},{velocity_i} position {','.join(map(str, position))}"
 
 
-def _jobs(plan: Plan, gains: Mapping[str, tuple[int, ...]]) -> tuple[Job, ...]:
-    return tuple(job for name, numbers in gains.items() for job in plan.job(JobKind.WRITE_GAINS, name, *numbers))
+def _jobs(bring_up: BringUp, gains: Mapping[str, tuple[int, ...]]) -> tuple[Job, ...]:
+    return tuple(job for name, numbers in gains.items() for job in bring_up.job(JobKind.WRITE_GAINS, name, *numbers))

@@ -12,10 +12,10 @@ from artemis.states.mode import (
     LISTEN,
     OFF,
     PATIENCE,
+    Failed,
     Routine,
     RoutineMode,
     at_rest,
-    fail,
     failure,
     finish_jobs,
     give_up,
@@ -47,32 +47,34 @@ class InitMode(RoutineMode):
 
     def routine(self, snapshot: Snapshot) -> Routine:
         """Listen, secure, configure, prove, wait for arm, align."""
-        plan = self.plan
-        silent = replace(SILENT, heartbeat=plan.connected)  # drives of ours still watch: secured, they no longer do
-        plan.connected = plan.aligned = False
+        shared, plan, bring_up = self.shared, self.plan, self.bring_up
+        silent = replace(SILENT, heartbeat=bring_up.connected)  # drives of ours still watch: secured, they no longer do
+        bring_up.connected = bring_up.aligned = False
         snapshot = yield from listen(silent, snapshot, snapshot.time + LISTEN)
-        results, snapshot = yield from secure(plan, silent, snapshot)
+        results, snapshot = yield from secure(shared, silent, snapshot)
         if all(result.ok for result in results):
             wish = replace(silent, phase=JobKind.CONFIGURE.value)
-            jobs = plan.jobs(JobKind.CONFIGURE, plan.drives())
-            jobs += plan.jobs(JobKind.READ_CALIBRATION, plan.drives("steering"))
+            jobs = bring_up.jobs(JobKind.CONFIGURE, plan.drives())
+            jobs += bring_up.jobs(JobKind.READ_CALIBRATION, plan.drives("steering"))
             results, snapshot = yield from finish_jobs(wish, jobs)
         failed = [result for result in results if not result.ok]
         if len(failed) == len(results) and all(result.fault == NO_ANSWER for result in failed):
-            return (yield from fail(SILENT, catalogue.fault("COM-32")))
-        if fault := failure(failed) or contradiction(plan, results):
-            return (yield from fail(SILENT, fault))
-        plan.connected = True
+            raise Failed(SILENT, catalogue.fault("COM-32"))
+        if fault := failure(failed) or contradiction(shared, results):
+            raise Failed(SILENT, fault)
+        bring_up.connected = True
         snapshot = yield from self._prove_watchdog(snapshot)
         latest = snapshot.time + PATIENCE
-        while (held := hands_on(snapshot.sensed.inputs)) or not (plan.armed or Request.ARM in snapshot.sensed.requests):
+        while (held := hands_on(snapshot.sensed.inputs)) or not (
+            bring_up.armed or Request.ARM in snapshot.sensed.requests
+        ):
             late = snapshot.time > latest
-            if late or not (plan.armed or snapshot.sensed.attended):
-                yield give_up(plan, replace(OFF, phase="nobody there to arm"), late=late)
+            if late or not (bring_up.armed or snapshot.sensed.attended):
+                yield give_up(replace(OFF, phase="nobody there to arm"), late=late)
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
-        plan.armed = plan.held = False
-        yield from align(plan, snapshot)
-        first, plan.aligned, plan.placed = not plan.placed, not plan.blind, True
+        bring_up.armed = bring_up.held = False
+        yield from align(shared, snapshot)
+        first, bring_up.aligned, bring_up.placed = not bring_up.placed, not plan.blind, True
         stand = at_rest(plan)
         yield replace(stand, event=Event.ALIGNED, reset_pose=first, phase="as found" if plan.blind else "aligned")
         while True:
@@ -86,7 +88,7 @@ class InitMode(RoutineMode):
         snapshot = yield from self._until(_off, WAKING, "COM-08", "no process data after configuration", snapshot)
         for _ in range(HEARTBEATS):
             last_beat = snapshot.time
-            snapshot = yield from _sound((yield WAKING))
+            snapshot = _sound((yield WAKING))
         missed: set[str] = set()
 
         def is_lost(drive: DriveFeedback) -> bool:
@@ -98,13 +100,13 @@ class InitMode(RoutineMode):
         snapshot = yield from self._until(is_lost, WITHHOLDING, "COM-30", problem, snapshot, earliest)
         unheard = [name for name in self.plan.drives() if name not in missed]
         if unheard:  # an EMCY is sent once and may be lost; the drive remembers
-            told, snapshot = yield from finish_jobs(WITHHOLDING, self.plan.jobs(JobKind.READ_HISTORY, unheard))
+            told, snapshot = yield from finish_jobs(WITHHOLDING, self.bring_up.jobs(JobKind.READ_HISTORY, unheard))
             for result in told:
                 if LOST_HEARTBEAT not in result.values[:1]:
                     seen = (
                         f"in fault for another reason: {', '.join(map(hex, result.values)) or result.detail or 'none'}"
                     )
-                    return (yield from fail(SILENT, catalogue.fault("COM-30", result.drive, seen)))
+                    raise Failed(SILENT, catalogue.fault("COM-30", result.drive, seen))
         return (yield from self._until(_off, RESETTING, "COM-08", "fault reset refused", snapshot))
 
     def _until(
@@ -124,21 +126,25 @@ class InitMode(RoutineMode):
         while True:
             snapshot = yield wish
             if snapshot.time < earliest:
-                yield from _sound(snapshot)
+                _sound(snapshot)
             waiting = [drive for drive in snapshot.sensed.drives if not done(drive)]
             if not waiting:
                 return snapshot
             if snapshot.time > latest:
                 seen = f"{problem}; state {waiting[0].state.value}"
                 id = "COM-01" if waiting[0].state is DriveState.FAULT else id
-                return (yield from fail(SILENT, catalogue.fault(id, waiting[0].name, seen)))
+                raise Failed(SILENT, catalogue.fault(id, waiting[0].name, seen))
 
 
-def _sound(snapshot: Snapshot) -> Routine:
-    """The snapshot; a drive that is in fault in it is COM-01."""
+def _sound(snapshot: Snapshot) -> Snapshot:
+    """The snapshot.
+
+    Raises:
+        Failed: a drive is in fault in it (COM-01).
+    """
     for drive in snapshot.sensed.drives:
         if drive.state in FAULT_STATES:
-            return (yield from fail(SILENT, catalogue.fault("COM-01", drive.name, "before it could miss us")))
+            raise Failed(SILENT, catalogue.fault("COM-01", drive.name, "before it could miss us"))
     return snapshot
 
 

@@ -8,7 +8,8 @@ from msgspec.structs import replace
 
 from artemis.motion.potentiometers import memory_numbers, memory_words
 from artemis.states.alignment import switch_off
-from artemis.states.mode import OFF, CalibrateStep, Plan, Routine, fail, failure, finish_jobs
+from artemis.states.mode import OFF, Failed, Routine, failure, finish_jobs
+from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import POWERED, Fault, JobKind, JobResult, Snapshot
 
@@ -16,27 +17,28 @@ LARGEST = 2**31
 """What a drive keeps is smaller, without sign: 32 bit."""
 
 
-def keep(plan: Plan, wanted: Mapping[str, tuple[int, ...]], snapshot: Snapshot) -> Routine:
+def keep(shared: Shared, wanted: Mapping[str, tuple[int, ...]], snapshot: Snapshot) -> Routine:
     """Switch all drives off; write numbers into some, one after the other: each is read back, then kept for ever."""
-    snapshot = yield from switch_off(plan, OFF, snapshot)
+    snapshot = yield from switch_off(shared, OFF, snapshot)
     if on := [drive.name for drive in snapshot.sensed.drives if drive.state in POWERED]:
-        return (yield from fail(OFF, catalogue.fault("COM-03", on[0], "stays on")))
+        raise Failed(OFF, catalogue.fault("COM-03", on[0], "stays on"))
     before, snapshot = yield from finish_jobs(
-        replace(OFF, phase="reading what the drives keep"), plan.jobs(JobKind.READ_CALIBRATION, wanted)
+        replace(OFF, phase="reading what the drives keep"), shared.bring_up.jobs(JobKind.READ_CALIBRATION, wanted)
     )
     if fault := failure(before):
-        return (yield from fail(OFF, fault))
+        raise Failed(OFF, fault)
     done: list[str] = []
+    job_for = shared.bring_up.job
     for name, numbers in wanted.items():
         if max(map(abs, numbers)) >= LARGEST:
             fault = catalogue.fault("CAL-01", name, f"too large for the drive's memory: {memory_words(numbers)}")
-            return (yield from fail(OFF, fault))
-        for job in plan.job(JobKind.WRITE_CALIBRATION, name, *numbers), plan.job(JobKind.STORE, name):
+            raise Failed(OFF, fault)
+        for job in job_for(JobKind.WRITE_CALIBRATION, name, *numbers), job_for(JobKind.STORE, name):
             results, snapshot = yield from finish_jobs(replace(OFF, phase=f"{job[0].kind.value} {name}"), job)
             if not results[0].ok:
                 told = _told(results[0], before, done)
-                return (yield from fail(OFF, catalogue.fault("CAL-01", name, told)))
-        plan.kept[name] = numbers
+                raise Failed(OFF, catalogue.fault("CAL-01", name, told))
+        shared.results.kept[name] = numbers
         done.append(name)
     return snapshot
 
@@ -49,17 +51,17 @@ def _told(failed: JobResult, before: Iterable[JobResult], done: Iterable[str]) -
     return "; ".join([*told, "the robot file is as it was, `artemis calibrate steering --store` brings it back"])
 
 
-def contradiction(plan: Plan, results: Iterable[JobResult]) -> Fault | None:
+def contradiction(shared: Shared, results: Iterable[JobResult]) -> Fault | None:
     """A drive that keeps another calibration than the robot file's; zeros: none was ever stored.
 
     No fault of a drive into which the run is there to write another one.
     """
-    replaced = plan.current.replaces if isinstance(plan.current, CalibrateStep) else ()
+    replaced = shared.current.replaces if isinstance(shared.current, CalibrateStep) else ()
     for result in results:
         if result.kind is JobKind.READ_CALIBRATION and any(result.values):
-            if plan.robot.drives[result.drive].side in replaced:
+            if shared.plan.robot.drives[result.drive].side in replaced:
                 continue
-            known = plan.kept.get(result.drive) or _from_file(plan, result.drive)
+            known = shared.results.kept.get(result.drive) or _from_file(shared.plan, result.drive)
             if result.values != known:
                 seen = f"keeps {memory_words(result.values)}; the robot file says {memory_words(known)}"
                 return catalogue.fault("CAL-02", result.drive, seen)

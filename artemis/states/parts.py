@@ -29,13 +29,13 @@ STEERED = math.radians(6)
 
 def flipped(snapshot: Snapshot) -> Snapshot:
     """The snapshot of the robot that drives the other end ahead; its own inverse. What is sensed stays as it is."""
-    odometry, points = snapshot.odometry, snapshot.set_points
-    pose = odometry.pose
+    located, odometry, points = snapshot.pose, snapshot.odometry, snapshot.set_points
     return replace(
         snapshot,
+        pose=replace(located, pose=_turned(located.pose)),
         odometry=replace(
             odometry,
-            pose=Pose(x=pose.x, y=pose.y, heading=wrap(pose.heading + math.pi)),
+            pose=_turned(odometry.pose),
             speed=-odometry.speed,
             steering=-odometry.steering,
             distance=-odometry.distance,
@@ -49,6 +49,10 @@ def flipped(snapshot: Snapshot) -> Snapshot:
             steering_right=-points.steering_left,
         ),
     )
+
+
+def _turned(pose: Pose) -> Pose:
+    return Pose(x=pose.x, y=pose.y, heading=wrap(pose.heading + math.pi))
 
 
 def flipped_command(command: DriveCommand) -> DriveCommand:

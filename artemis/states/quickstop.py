@@ -10,10 +10,10 @@ from artemis.states.mode import (
     ON,
     PATIENCE,
     STOPPING,
+    Failed,
     Routine,
     RoutineMode,
     come_to_rest,
-    fail,
     failure,
     finish_jobs,
     give_up,
@@ -35,7 +35,7 @@ class QuickstopMode(RoutineMode):
         super().enter(snapshot)
         self._acknowledged = self._resumes = False
         self._lookout = Lookout()
-        self.plan.armed = False  # what was meant for a bring-up is no arm after a stop
+        self.bring_up.armed = False  # what was meant for a bring-up is no arm after a stop
 
     def step(self, snapshot: Snapshot) -> Wish:
         """As the routine says; drives without our configuration exchange nothing, their jobs stop them."""
@@ -43,34 +43,34 @@ class QuickstopMode(RoutineMode):
         if snapshot.verdict.stops:
             self._resumes = snapshot.verdict.resumes
         wish = super().step(snapshot)
-        return wish if self.plan.connected else replace(wish, heartbeat=False, exchange=False, supervised=False)
+        return wish if self.bring_up.connected else replace(wish, heartbeat=False, exchange=False, supervised=False)
 
     def routine(self, snapshot: Snapshot) -> Routine:
         """Stop, wait for re-arm, enable again with targets cleared."""
-        plan = self.plan
-        if not plan.connected:
-            results, snapshot = yield from secure(plan, STOPPING, snapshot)
+        shared, plan, bring_up = self.shared, self.plan, self.bring_up
+        if not bring_up.connected:
+            results, snapshot = yield from secure(shared, STOPPING, snapshot)
             if fault := failure(results):
-                return (yield from fail(STOPPING, fault))
-        hold = plan.connected and _asks_to_hold(snapshot)
+                raise Failed(STOPPING, fault)
+        hold = bring_up.connected and _asks_to_hold(snapshot)
         latest = snapshot.time + plan.stop_time
         while hold and not snapshot.standing:
             snapshot = yield _ramp(snapshot)
             hold = snapshot.time < latest
-        if plan.connected and not hold:
-            snapshot = yield from come_to_rest(plan, STOPPING, snapshot)
-            snapshot = yield from switch_off(plan, OFF, snapshot)
+        if bring_up.connected and not hold:
+            snapshot = yield from come_to_rest(shared, STOPPING, snapshot)
+            snapshot = yield from switch_off(shared, OFF, snapshot)
         latest = snapshot.time + PATIENCE
         while not self._may_go_on(snapshot):
             snapshot = yield self._waiting(_ramp(snapshot) if hold else OFF, snapshot, latest)
-        plan.held = False
-        if not plan.aligned:
-            plan.armed = True
+        bring_up.held = False
+        if not bring_up.aligned:
+            bring_up.armed = True
             yield replace(OFF, event=Event.ACKNOWLEDGED)
         if not hold:
-            results, snapshot = yield from finish_jobs(OFF, plan.jobs(JobKind.CLEAR_TARGET, plan.drives()))
+            results, snapshot = yield from finish_jobs(OFF, bring_up.jobs(JobKind.CLEAR_TARGET, plan.drives()))
             if fault := failure(results):
-                return (yield from fail(OFF, fault))
+                raise Failed(OFF, fault)
         snapshot = yield from enable(ON, snapshot)
         yield replace(_ramp(snapshot), event=Event.REARMED, phase="armed again")
         while True:
@@ -85,15 +85,15 @@ class QuickstopMode(RoutineMode):
     @property
     def _goes_on(self) -> bool:
         """By itself, once all causes are gone: the mission says so, and no person has taken the stop in hand."""
-        return self._resumes and not (self.plan.held or self._acknowledged)
+        return self._resumes and not (self.bring_up.held or self._acknowledged)
 
     def _waiting(self, rest: Wish, snapshot: Snapshot, latest: float) -> Wish:
         """At rest, with what it waits for; ends the run where nobody will come."""
         alone = not snapshot.sensed.attended and not self._goes_on
         if alone or snapshot.time > latest:
-            return give_up(self.plan, replace(rest, phase="stopped"), late=not alone)
+            return give_up(replace(rest, phase="stopped"), late=not alone)
         wish = replace(rest, phase=_waits_for(snapshot) or "stopped: arm to go on")
-        return self._lookout.watch(self.plan, wish, snapshot)
+        return self._lookout.watch(self.shared, wish, snapshot)
 
 
 def _asks_to_hold(snapshot: Snapshot) -> bool:

@@ -13,7 +13,8 @@ from artemis.motion.steering_fit import Line, Pass, SteeringFit, fitted, lines_t
 from artemis.motion.totals import mean, total
 from artemis.states.alignment import READINGS, do, enable, steer
 from artemis.states.keeping import keep
-from artemis.states.mode import OFF, PATIENCE, STEERING_ON, CalibrateStep, Plan, Routine, fail
+from artemis.states.mode import OFF, PATIENCE, STEERING_ON, Failed, Routine
+from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import POWERED, DriveCommand, DriveFeedback, Fault, JobKind, Request, Severity, Snapshot, Wish
 from artemis.vehicle import Potentiometers
@@ -65,42 +66,41 @@ class SteeringStep(CalibrateStep, frozen=True, kw_only=True):
         return self.sides if self.save != "nothing" else ()
 
 
-def calibrate_steering(plan: Plan, step: SteeringStep, snapshot: Snapshot) -> Routine:
+def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -> Routine:
     """Have a person turn the wheels straight where no reference is given, measure each, tell, and keep the result.
 
     Traction is off, and both wheels turn as a pair by set-points that pass the gate.
     """
-    snapshot = yield from _release(plan, snapshot)
+    snapshot = yield from _release(shared.plan, snapshot)
     straight: dict[str, tuple[float, float]] = {}
     for side in step.sides:
         if side in step.reference:
-            straight[side] = (0.0 if plan.blind else -step.reference[side]), 0.0
+            straight[side] = (0.0 if shared.plan.blind else -step.reference[side]), 0.0
         else:
-            straight[side], snapshot = yield from _ask_straight(plan, side, snapshot)
+            straight[side], snapshot = yield from _ask_straight(shared.plan, side, snapshot)
     if by_hand := [side for side in step.sides if side not in step.reference]:
-        snapshot = yield from _ask(plan, "hands off, the wheels turn to both sides now: enter: go, q: no", snapshot)
-        if plan.blind:
-            snapshot = yield from _take_as_straight(plan, {side: straight[side][0] for side in by_hand}, snapshot)
+        snapshot = yield from _ask("hands off, the wheels turn to both sides now: enter: go, q: no", snapshot)
+        if shared.plan.blind:
+            snapshot = yield from _take_as_straight(shared, {side: straight[side][0] for side in by_hand}, snapshot)
             straight.update({side: (0.0, straight[side][1]) for side in by_hand})
     fits: dict[str, SteeringFit] = {}
     for side in step.sides:
         angle, direction = straight[side]
-        lines, snapshot = yield from _measure(plan, side, angle, snapshot)
-        known = plan.robot.potentiometers(side)
-        if side in step.reference and not plan.blind:
+        lines, snapshot = yield from _measure(shared.plan, side, angle, snapshot)
+        known = shared.plan.robot.potentiometers(side)
+        if side in step.reference and not shared.plan.blind:
             angle = shown_straight(lines, known) - step.reference[side]
         fits[side] = fitted(lines, angle, direction, known)
-    snapshot = yield from steer(plan, 0.0, snapshot, {})
-    plan.steering = fits
-    for text in _told(plan, fits):
+    snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
+    shared.results.steering = fits
+    for text in _told(shared.plan, fits):
         snapshot = yield _hold(snapshot, text)
     if step.save == "ask":
-        snapshot = yield from _ask(plan, "keep this in the drives and the robot file? enter: yes, q: no", snapshot)
+        snapshot = yield from _ask("keep this in the drives and the robot file? enter: yes, q: no", snapshot)
     if step.save != "nothing":
-        wanted = {
-            plan.robot.drive_at("steering", side)[0]: memory_numbers(fit.calibration) for side, fit in fits.items()
-        }
-        snapshot = yield from keep(plan, wanted, snapshot)
+        robot = shared.plan.robot
+        wanted = {robot.drive_at("steering", side)[0]: memory_numbers(fit.calibration) for side, fit in fits.items()}
+        snapshot = yield from keep(shared, wanted, snapshot)
         snapshot = yield from enable(STEERING_ON, snapshot)
     return snapshot
 
@@ -110,7 +110,7 @@ def _release(plan: Plan, snapshot: Snapshot) -> Routine:
     latest = snapshot.time + RELEASE_TIME
     while on := [name for name in plan.drives("traction") if _drive(snapshot, name).state in POWERED]:
         if snapshot.time > latest:
-            return (yield from fail(STEERING_ON, catalogue.fault("COM-03", on[0], "stays on")))
+            raise Failed(STEERING_ON, catalogue.fault("COM-03", on[0], "stays on"))
         snapshot = yield _hold(snapshot, "switching traction off")
     return (yield from enable(STEERING_ON, snapshot))
 
@@ -123,11 +123,11 @@ def _hold(snapshot: Snapshot, phase: str) -> Wish:
 # ---------------------------------------------------------------------------------------------- a person
 
 
-def _ask(plan: Plan, question: str, snapshot: Snapshot) -> Routine:
+def _ask(question: str, snapshot: Snapshot) -> Routine:
     """Wait until a person accepts; who does not, ends the run."""
     begun = snapshot.time
     while not _accepts(snapshot, begun):
-        yield from _somebody(snapshot, begun, question)
+        _check_somebody(snapshot, begun, question)
         snapshot = yield _hold(snapshot, question)
     return snapshot
 
@@ -137,10 +137,14 @@ def _accepts(snapshot: Snapshot, begun: float) -> bool:
     return Request.ACCEPT in snapshot.sensed.requests and snapshot.time >= begun + READ_TIME
 
 
-def _somebody(snapshot: Snapshot, begun: float, question: str) -> Generator[Wish, Snapshot, None]:
-    """Nothing, while somebody may answer."""
+def _check_somebody(snapshot: Snapshot, begun: float, question: str) -> None:
+    """See that somebody may answer.
+
+    Raises:
+        Failed: nobody is there, or nobody came.
+    """
     if not snapshot.sensed.attended or snapshot.time > begun + PATIENCE:
-        yield from fail(STEERING_ON, _refused("", f"nobody answers: {question}"))
+        raise Failed(STEERING_ON, _refused("", f"nobody answers: {question}"))
 
 
 def _ask_straight(
@@ -154,7 +158,7 @@ def _ask_straight(
     begun = snapshot.time
     while not _accepts(snapshot, begun):
         question = f"{side} wheel at {degrees(angle):+.1f} deg: turn it until it stands straight, then accept"
-        yield from _somebody(snapshot, begun, question)
+        _check_somebody(snapshot, begun, question)
         if jog := total(JOGS.get(request, 0.0) for request in snapshot.sensed.requests):
             here, direction = _drive(snapshot, name).position, copysign(1.0, jog)
             angle = min(max(angle + jog, here - AHEAD, low), here + AHEAD, high)
@@ -164,14 +168,14 @@ def _ask_straight(
     return (_drive(snapshot, name).position, direction), snapshot
 
 
-def _take_as_straight(plan: Plan, straight: Mapping[str, float], snapshot: Snapshot) -> Routine:
+def _take_as_straight(shared: Shared, straight: Mapping[str, float], snapshot: Snapshot) -> Routine:
     """Have wheels count from where a person found them straight [rad, as they counted before]; all at once.
 
     Wheels that are no pair by what they count are turned until they are one.
     """
-    names = [plan.robot.drive_at("steering", side)[0] for side in straight]
+    names = [shared.plan.robot.drive_at("steering", side)[0] for side in straight]
     angles = [_drive(snapshot, name).position - zero for name, zero in zip(names, straight.values(), strict=True)]
-    snapshot = yield from do(OFF, plan.jobs(JobKind.REFERENCE, names, angles), snapshot)
+    snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
     return (yield from enable(STEERING_ON, snapshot))
 
 
@@ -187,7 +191,7 @@ def _measure(
     turn = min(TURN, min(high - straight, straight - low) - WINDOW - LEAD)
     if turn < LEAST_TURN:
         seen = f"at its limit: {degrees(turn):.1f} degrees are left to turn it by, {degrees(LEAST_TURN):.0f} are needed"
-        yield from fail(STEERING_ON, _refused(name, seen))
+        raise Failed(STEERING_ON, _refused(name, seen))
     passes: list[Pass] = []
     for offset in (0.0, turn, -turn, 0.0):
         for direction in (1.0, -1.0):
@@ -196,7 +200,7 @@ def _measure(
     lines = lines_through(passes)
     for fault in _judged(plan, side, lines, passes):
         if fault.severity >= Severity.CONTROLLED_STOP:
-            yield from fail(STEERING_ON, fault)
+            raise Failed(STEERING_ON, fault)
         snapshot = yield replace(_hold(snapshot, fault.text), fault=fault)
     return lines, snapshot
 

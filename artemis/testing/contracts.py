@@ -30,7 +30,7 @@ from artemis.motion.path import Path, path_from_points
 from artemis.plugins.border import LATE, is_in_range, is_whole_input, plain_following
 from artemis.plugins.contracts import Follower, Following, InputDevice, Setup
 from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, breaches
-from artemis.values import Odometry, OperatorInput, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import LocatedPose, Odometry, OperatorInput, Pose, Sensed, SetPoints, Snapshot, Verdict
 from artemis.vehicle import Robot
 from artemis.yaml_file import load
 
@@ -245,7 +245,7 @@ class FollowerContract(PluginContract):
     def test_comes_onto_its_path(self) -> None:
         """From 0.3 m to the left of it, and 0.3 rad askew: within 5 m of 6, without swinging out again."""
         drive = self.drive(_straight(6.0), Pose(y=0.3, heading=0.3))
-        for pose in (snapshot.odometry.pose for snapshot, _ in drive.steps):
+        for pose in (snapshot.pose.pose for snapshot, _ in drive.steps):
             assert pose.x < 5.0 or abs(pose.y) <= self.nearness, f"{pose.y:+.2f} m from the path after {pose.x:.2f} m"
 
     def test_commands_are_possible(self) -> None:
@@ -272,7 +272,7 @@ class FollowerContract(PluginContract):
         for path, begin in ((_straight(4.0), Pose(y=0.3, heading=-0.3)), (_circle(1.0), None)):
             near = 0.0
             for snapshot, answer in self.drive(path, begin).steps:
-                pose, told = snapshot.odometry.pose, answer.tracking
+                pose, told = snapshot.pose.pose, answer.tracking
                 true = path.project(pose.x, pose.y, near=near)
                 near = true.arc_length
                 for what, found, expected, within in (
@@ -306,7 +306,7 @@ class FollowerContract(PluginContract):
     def _assert_near(self, drive: Drive) -> None:
         near = 0.0
         for snapshot, _ in drive.steps:
-            pose = snapshot.odometry.pose
+            pose = snapshot.pose.pose
             true = drive.path.project(pose.x, pose.y, near=near)
             near, away = true.arc_length, abs(true.cross_track)
             assert away <= self.nearness, f"{away:.2f} m from the path at {near:.2f} m of it; {self.nearness} are fine"
@@ -337,6 +337,7 @@ class _Car:
         return Snapshot(
             sensed=Sensed(index=self._tick, time=self._tick * PERIOD),
             dt=PERIOD if self._tick else 0.0,
+            pose=LocatedPose(pose=self.pose),
             odometry=Odometry(
                 pose=self.pose, speed=self._done.speed, steering=self._done.steering, distance=self._distance
             ),

@@ -13,7 +13,7 @@ from artemis.plugins.contracts import Observer, Setup
 from artemis.plugins.registry import OBSERVERS
 from artemis.supervision.catalogue import ROWS
 from artemis.testing.contracts import NAME, PERIOD, PluginContract
-from artemis.values import Mode, Odometry, Pose, Sensed, SetPoints, Snapshot, Tick, Tracking, Verdict, Wish
+from artemis.values import LocatedPose, Mode, Odometry, Pose, Sensed, SetPoints, Snapshot, Tick, Tracking, Verdict, Wish
 
 SPEED = 0.2
 """Of the run that is shown [m/s]."""
@@ -51,6 +51,7 @@ class ObserverContract(PluginContract):
                 sensed=Sensed(index=index, time=time),
                 dt=PERIOD if index else 0.0,
                 odometry=Odometry(pose=Pose(x=way), speed=SPEED, distance=way),
+                pose=LocatedPose(pose=Pose(x=way)),
                 standing=False,
                 set_points=SetPoints(speed=SPEED),
                 verdict=Verdict(),

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from artemis.motion.angles import wrap
 from artemis.motion.limits import Gate
 from artemis.motion.odometry import move
-from artemis.values import DriveCommand, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import DriveCommand, LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
 from artemis.vehicle import Robot
 
 SUB_STEPS = 4
@@ -106,6 +106,7 @@ class Plant:
         return Snapshot(
             sensed=Sensed(index=self._ticks, time=self.time),
             dt=noise.period,
+            pose=LocatedPose(pose=pose),
             odometry=Odometry(pose=pose, speed=speed, steering=self.steering, distance=self._distance),
             standing=sum(self._ways) <= STANDING_WAY,
             set_points=self.set_points,

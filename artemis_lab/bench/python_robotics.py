@@ -94,7 +94,7 @@ class _Tracker(ABC):
 
     def step(self, snapshot: Snapshot) -> Following:
         progress = self._progress
-        tracking = progress.update(snapshot.odometry.pose)
+        tracking = progress.update(snapshot.pose.pose)
         with redirect_stdout(io.StringIO()):  # one of them talks
             speed, steering = self._control(snapshot)
         speed = min(speed, progress.halting_speed(self._deceleration))
@@ -116,7 +116,7 @@ class _Tracker(ABC):
 
     def _state(self, snapshot: Snapshot, ahead: float = 0.0) -> Theirs:
         """Their state of the robot, at a point `ahead` of its rear axle [m]; v is the rear axle's."""
-        pose, odometry = snapshot.odometry.pose, snapshot.odometry
+        pose, odometry = snapshot.pose.pose, snapshot.odometry
         return self._module.State(
             x=pose.x + ahead * math.cos(pose.heading),
             y=pose.y + ahead * math.sin(pose.heading),

@@ -13,7 +13,7 @@ from artemis.mission.problems import nearest
 from artemis.mission.schema import InjectedFault
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry
-from artemis.states.mode import Step, with_followers
+from artemis.states.plan import Step, with_followers
 from artemis.vehicle import Robot
 from artemis_lab.injections.bad_plugins import BadFollower, BadInput, FollowerBehaviour
 from artemis_lab.injections.failing_disk import FailingDisk

@@ -19,7 +19,7 @@ _EPOS4 = "only an EPOS4 knows it"
 _FILE = "is found in a file, before a run"
 _NETWORK = "needs an input over the network"
 _LASER = "needs a laser scanner"
-_LOCALISATION = "needs a localisation"
+_LOCALISATION = "`simulation.localizer` has its own drop-outs and jumps"
 _PROCESS = "would end the simulated drives with it: they share the process"
 _DEVICE = "needs a device: `artemis.testing.fake_hid`"
 

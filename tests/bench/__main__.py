@@ -1,19 +1,35 @@
-"""Prints the table of all budgets. Never fails: a number that is over its budget is a fact, not an error."""
+"""Prints the table of all budgets, and writes it into the documentation: one for each build.
+
+Never fails: a number that is over its budget is a fact, not an error.
+"""
 
 from __future__ import annotations
 
+import argparse
+import os
+from pathlib import Path
+
+from artemis.build import described, kind_of_build
 from artemis.clock import stopwatch
 
-from . import latency, starting, ticks, wire
-from .measure import table
+from . import campaigns, latency, starting, ticks, wire
+from .measure import table, written
+
+PAGE = Path(__file__).parents[2] / "docs" / "benchmarks.md"
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--write", action="store_true", help=f"write the table into {PAGE.name}, too")
+    words = parser.parse_args()
     begun = stopwatch()
-    rows = [row for part in (ticks, wire, latency, starting) for row in part.rows()]
-    print(table(rows))
+    rows = [row for part in (ticks, wire, latency, starting, campaigns) for row in part.rows()]
     verdicts = [row.held for row in rows if row.held is not None]
-    print(f"\n{verdicts.count(False)} of {len(verdicts)} budgets exceeded; measured in {stopwatch() - begun:.0f} s")
+    told = f"{described()}, {os.cpu_count()} processors\n\n{table(rows)}\n\n"
+    told += f"{verdicts.count(False)} of {len(verdicts)} budgets exceeded"
+    print(f"{told}; measured in {stopwatch() - begun:.0f} s")
+    if words.write:
+        PAGE.write_text(written(PAGE.read_text(), kind_of_build(), told))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from artemis.motion.spline import Array
 from artemis.plugins.contracts import Setup
 from artemis.plugins.followers import frenet
 from artemis.testing.contracts import ROBOT
-from artemis.values import Odometry
+from artemis.values import Odometry, Pose
 from artemis.vehicle import Robot
 from artemis_lab.bench.courses import Course, five_courses
 from artemis_lab.bench.driving import drive
@@ -38,8 +38,8 @@ CONDITIONS = (
 class Unfiltered(PoseFilter):
     """Believes every pose, and the steering as it is measured."""
 
-    def update(self, odometry: Odometry) -> None:
-        self.pose = odometry.pose
+    def update(self, pose: Pose, odometry: Odometry) -> None:
+        self.pose = pose
 
 
 def unplanned(path: Path, robot: Robot, speed: float) -> Array:

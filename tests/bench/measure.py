@@ -62,6 +62,14 @@ def table(rows: Sequence[Row]) -> str:
     return columns(lines)
 
 
+def written(page: str, name: str, text: str) -> str:
+    """A page of the documentation with another text between its marks `<!-- NAME -->` and `<!-- end of NAME -->`."""
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    before, rest = page.split(begin)
+    _, after = rest.split(end)
+    return f"{before}{begin}```text\n{text}\n```\n{end}{after}"
+
+
 def columns(lines: Sequence[Sequence[str]]) -> str:
     """Lines of cells as text."""
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]

@@ -96,7 +96,7 @@ def unless(condition: Callable[..., bool], instead: Any) -> Change:
 OPEN = {"artemis.devices.allow_list.AllowList.problem": becomes(lambda self, frame: None)}
 """Nothing stands behind the gate."""
 GATE, GATE_LIMITS = "artemis.motion.limits.Gate.limit", "artemis.motion.limits.Gate.__init__"
-CEILING = "artemis.states.mode.Plan.top_speed"
+CEILING = "artemis.states.plan.Shared.top_speed"
 SUPERVISOR = "artemis.supervision.supervisor.Supervisor"
 DRIVES, HOST = "artemis.supervision.measures.DriveMeasures.read", "artemis.supervision.measures.HostMeasures.read"
 WHEELS = "artemis.supervision.wheels.Wheels.read"
@@ -225,7 +225,7 @@ def _armed_again(original: Any) -> Any:
     """Whatever led to a bring-up arms."""
 
     def enter(self: Any, snapshot: Any) -> None:
-        self.plan.armed = True
+        self.bring_up.armed = True
         original(self, snapshot)
 
     return enter
@@ -238,7 +238,7 @@ def _acknowledgment_arms(original: Any) -> Any:
     return may_go_on
 
 
-def _not_aligned(plan: Any, snapshot: Any) -> Any:
+def _not_aligned(shared: Any, snapshot: Any) -> Any:
     return (yield from enable(ON, snapshot))
 
 
@@ -476,7 +476,7 @@ BUGS: tuple[Bug, ...] = (
         "drives that are not ours yet are not looked at",
         "driven by somebody else before the bring-up",
         "I8",
-        {"artemis.states.alignment.Lookout.watch": becomes(lambda self, plan, wish, snapshot: wish)},
+        {"artemis.states.alignment.Lookout.watch": becomes(lambda self, shared, wish, snapshot: wish)},
     ),
     Bug(
         "faults are forgotten without a person",

@@ -49,7 +49,9 @@ def test_every_built_in_plugin_is_tried() -> None:
     """Here, or beside the tests of its own."""
     text = "\n".join(path.read_text() for path in Path(__file__).parents[1].rglob("test_*.py"))
     tried = set(
-        re.findall(r"^class \w+\((?:Input|Follower|Observer)Contract\):\n    plugin = (\w+)$", text, re.MULTILINE)
+        re.findall(
+            r"^class \w+\((?:Input|Follower|Localizer|Observer)Contract\):\n    plugin = (\w+)$", text, re.MULTILINE
+        )
     )
     built_in = [found for group in CONTRACTS for found in listing(group) if found.distribution == "artemis-robot"]
     assert {found.target.partition(":")[2] for found in built_in} <= tried

@@ -30,6 +30,7 @@ from artemis.plugins.registry import CONTRACTS as PLUGIN_CONTRACTS
 from artemis.plugins.registry import load
 from artemis.sim.world import TrueRobot
 from artemis.states.machine import mermaid
+from artemis.testing.localizers import LocalizerContract
 from artemis_lab.injections.stage import Needs
 from artemis_lab.injections.table import INJECTIONS, NOT_INJECTED
 
@@ -224,7 +225,7 @@ def names_in_the_program_of(page: str) -> dict[str, Any]:
 
 def test_every_program_of_the_docs_is_tried() -> None:
     pages = [relative(block.page) for block in BLOCKS if block.kind == "python"]
-    assert sorted(pages) == ["docs/plugins.md"] * 3 + ["docs/testing.md"]
+    assert sorted(pages) == ["docs/localisation.md"] + ["docs/plugins.md"] * 3 + ["docs/testing.md"]
 
 
 def test_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -266,7 +267,21 @@ def test_device_of_the_docs_keeps_its_contract(tmp_path: Path) -> None:
     assert re.search(r"^1\d passed in", done.stdout, re.MULTILINE)
 
 
-@pytest.mark.parametrize("name", ["scripted", "indiveri"])
+def test_localizer_of_the_docs_keeps_its_contract() -> None:
+    class Tried(LocalizerContract):
+        plugin = names_in_the_program_of("docs/localisation.md")["BeaconLocalizer"]
+
+        def make(self) -> Any:  # noqa: ANN401
+            beacon = super().make()
+            beacon._heard += [(0.0, 1.0, 2.0, 0.5), (0.1, 1.0, 2.0, 0.4)]
+            return beacon
+
+    for name in (name for name in dir(Tried) if name.startswith("test_")):
+        getattr(Tried(), name)()
+    assert [fix.time for _, fix in Tried().found()] == [0.0, -0.1]
+
+
+@pytest.mark.parametrize("name", ["scripted", "indiveri", "simulated_tracker"])
 def test_built_in_plugins_are_in_the_docs(name: str) -> None:
     assert any(load(group, name) for group in PLUGIN_CONTRACTS if name in names_of(group))
     assert f"`{name}`" in (ROOT / "docs/missions.md").read_text()

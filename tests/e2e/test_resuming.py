@@ -168,4 +168,4 @@ def driven(run: Path) -> float:
         last = Recording(run).last_tick()
     except RecordingError:
         return 0.0
-    return last.done if last is not None else 0.0
+    return last.position.done if last is not None else 0.0

@@ -94,7 +94,6 @@ def targets(folder: Path) -> list[Target]:
 _DECODERS: tuple[Callable[[bytes], object], ...] = (
     canopen.decode_request,
     canopen.decode_answer,
-    canopen.nmt_from_data,
     canopen.nmt_from_heartbeat,
     canopen.emergency_from_data,
     *(PdoLayout([object_.type for object_ in pdo]).unpack for role in SENT.values() for pdo in role),

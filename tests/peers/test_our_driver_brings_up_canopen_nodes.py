@@ -16,13 +16,15 @@ from artemis.devices.drive import Drives
 from artemis.mission.loading import load_mission
 from artemis.plugins.border import Border
 from artemis.robot import Core, Robot
-from artemis.states.mode import ON, STOPPING, Plan
+from artemis.states.mode import ON, STOPPING
+from artemis.states.plan import Plan
 from artemis.values import (
     DriveState,
     Goal,
     Job,
     JobKind,
     JobResult,
+    LocatedPose,
     Mode,
     Nmt,
     Odometry,
@@ -68,6 +70,7 @@ class Bench:
         snapshot = Snapshot(
             sensed=Sensed(index=0, time=0.0),
             dt=PERIOD,
+            pose=LocatedPose(),
             odometry=Odometry(),
             standing=True,
             set_points=points,
@@ -247,15 +250,14 @@ def test_the_whole_bring_up_reaches_ready_and_ends_in_order() -> None:
         bench = Bench()
         plan = Plan(robot=ROBOT, steps=())
         ticks: list[Tick] = []
-        robot = Robot(
-            Core(plan, PERIOD), bench.drives, Border({}, asyncio.get_running_loop().time), PERIOD, ticks.append
-        )
+        core = Core(plan, PERIOD)
+        robot = Robot(core, bench.drives, Border({}, asyncio.get_running_loop().time), PERIOD, ticks.append)
         await robot.run()
 
         modes = list(dict.fromkeys(tick.mode for tick in ticks))
         assert modes == [Mode.INIT, Mode.READY, Mode.END]
-        assert not plan.failed
-        assert plan.aligned
+        assert not ticks[-1].failed
+        assert core._shared.bring_up.aligned
         phases = list(dict.fromkeys(tick.wish.phase for tick in ticks))
         assert "proving the watchdog" in phases
         for name, angle in STEERING.items():  # the wheels stand straight

@@ -16,7 +16,6 @@ from artemis.devices.canopen import (
     Answer,
     Emergency,
     Expedited,
-    MappedObject,
     NextSegment,
     ObjectType,
     PdoLayout,
@@ -107,22 +106,6 @@ def test_heartbeat_round_trips(state: Nmt, node_id: int) -> None:
     assert canopen.nmt_from_heartbeat(frame.data) is state
 
 
-@given(st.sampled_from(canopen.NmtCommand), st.integers(0, 127))
-def test_nmt_command_round_trips(command: canopen.NmtCommand, node_id: int) -> None:
-    assert canopen.nmt_from_data(canopen.nmt_frame(command, node_id).data) == (command, node_id)
-
-
-@given(words_32)
-def test_mapping_entry_round_trips(entry: int) -> None:
-    assert canopen.mapped_from_entry(entry).entry == entry
-
-
-@given(indices, bytes_8, bytes_8)
-def test_mapped_object_round_trips(index: int, subindex: int, bits: int) -> None:
-    mapped = MappedObject(index=index, subindex=subindex, bits=bits)
-    assert canopen.mapped_from_entry(mapped.entry) == mapped
-
-
 @given(st.data())
 def test_pdo_round_trips(data: st.DataObject) -> None:
     types = data.draw(st.lists(st.sampled_from(numbers), max_size=8).filter(lambda t: sum(x.size for x in t) <= 8))
@@ -136,7 +119,6 @@ def test_pdo_round_trips(data: st.DataObject) -> None:
 DECODERS: list[Callable[[bytes], object]] = [
     canopen.decode_request,
     canopen.decode_answer,
-    canopen.nmt_from_data,
     canopen.nmt_from_heartbeat,
     canopen.emergency_from_data,
     PdoLayout([ObjectType.U16, ObjectType.I32]).unpack,

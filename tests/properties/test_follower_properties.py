@@ -14,7 +14,7 @@ from artemis.motion.path import Path
 from artemis.plugins.contracts import Follower, Setup
 from artemis.plugins.registry import FOLLOWERS, load
 from artemis.testing.contracts import ROBOT, FollowerContract
-from artemis.values import DriveCommand, Pose, Snapshot
+from artemis.values import DriveCommand, LocatedPose, Pose, Snapshot
 from artemis_lab.bench.courses import random_course
 from artemis_lab.bench.plant import Conditions, Plant
 
@@ -58,9 +58,9 @@ def turned(path: Path, by: float) -> Path:
 
 def placed(snapshot: Snapshot, pose: Pose, sign: float = 1.0) -> Snapshot:
     """The same snapshot at another pose; `sign` -1: with its steering to the other side."""
-    odometry = replace(snapshot.odometry, pose=pose, steering=sign * snapshot.odometry.steering)
+    odometry = replace(snapshot.odometry, steering=sign * snapshot.odometry.steering)
     points = replace(snapshot.set_points, steering=sign * snapshot.set_points.steering)
-    return replace(snapshot, odometry=odometry, set_points=points)
+    return replace(snapshot, pose=LocatedPose(pose=pose), odometry=odometry, set_points=points)
 
 
 def again(name: str, path: Path, seen: list[Snapshot]) -> list[DriveCommand]:
@@ -89,7 +89,7 @@ def test_a_mirrored_path_gives_mirrored_commands(name: str, seed: int, offset: f
     path, seen, told = snapshots(name, seed, offset, heading)
     images = []
     for snapshot in seen:
-        pose = snapshot.odometry.pose
+        pose = snapshot.pose.pose
         images.append(placed(snapshot, Pose(x=pose.x, y=-pose.y, heading=-pose.heading), -1.0))
     for command, image in zip(told, again(name, mirrored(path), images), strict=True):
         assert image.steering == pytest.approx(-command.steering, abs=1e-6)
@@ -104,7 +104,7 @@ def test_where_the_origin_is_does_not_matter(name: str, seed: int, offset: float
     c, s = math.cos(by), math.sin(by)
     images = []
     for snapshot in seen:
-        pose = snapshot.odometry.pose
+        pose = snapshot.pose.pose
         there = Pose(x=c * pose.x - s * pose.y, y=s * pose.x + c * pose.y, heading=wrap(pose.heading + by))
         images.append(placed(snapshot, there))
     for command, image in zip(told, again(name, turned(path, by), images), strict=True):

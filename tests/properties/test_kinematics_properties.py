@@ -39,7 +39,6 @@ def test_wheel_angles_invert(car: Ackermann, steering: float) -> None:
     assert car.steering_from_left(left) == pytest.approx(steering, abs=1e-9)
     assert car.steering_from_right(right) == pytest.approx(steering, abs=1e-9)
     assert car.steering_from_wheel_angles(left, right) == pytest.approx(steering, abs=1e-9)
-    assert car.steering_from_curvature(car.curvature_from_steering(steering)) == pytest.approx(steering, abs=1e-9)
 
 
 @SETTINGS

@@ -41,6 +41,7 @@ def test_the_flip_is_its_own_inverse(odometry: Odometry, set_points: SetPoints) 
     seen = snapshot(odometry=odometry, set_points=set_points)
     twice = flipped(flipped(seen))
     assert twice.set_points == seen.set_points
+    assert twice.pose.pose == twice.odometry.pose
     assert twice.odometry.pose.x == seen.odometry.pose.x
     assert math.remainder(twice.odometry.pose.heading - odometry.pose.heading, math.tau) == pytest.approx(0, abs=1e-9)
     for name in ("speed", "steering", "distance"):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from disturbance import random_disturbance
 from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, Rig, Run, follow, run, stick, straight, write_mission
 
@@ -16,7 +17,6 @@ from artemis.planning import core_from
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.replay import replay
 from artemis.recording.schemas import TickRecord, encode
-from artemis.sim.bus import random_disturbance
 from artemis.values import DriveFeedback, Mode
 
 STEPS = [CALIBRATE, follow(0.4)]

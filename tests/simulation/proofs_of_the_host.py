@@ -22,6 +22,7 @@ from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
 from artemis.values import (
     DriveCommand,
+    LocatedPose,
     Odometry,
     OperatorInput,
     Request,
@@ -81,6 +82,7 @@ class Cast:
         snapshot = Snapshot(
             sensed=Sensed(index=0, time=now),
             dt=0.02,
+            pose=LocatedPose(),
             odometry=Odometry(),
             standing=False,
             set_points=SetPoints(),

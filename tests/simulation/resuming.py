@@ -96,7 +96,7 @@ def driven(metres: float) -> Callable[[Tick], bool]:
 
 
 def waited(seconds: float) -> Callable[[Tick], bool]:
-    return lambda tick: tick.mode is Mode.READY and tick.done >= seconds
+    return lambda tick: tick.mode is Mode.READY and tick.position.done >= seconds
 
 
 def line(folder: Path) -> Path:

@@ -20,6 +20,7 @@ from pathlib import Path as FilePath
 from typing import Any, ClassVar
 from unittest.mock import patch
 
+from msgspec.structs import replace
 from watched import DRIVES as DRIVES
 from watched import EMERGENCY as EMERGENCY
 from watched import HEARTBEAT as HEARTBEAT
@@ -43,11 +44,11 @@ from artemis.devices.can_bus import Frame, Traffic
 from artemis.mission.loading import load_mission
 from artemis.plugins.contracts import Follower, InputDevice
 from artemis.recording.replay import Replayed, replay
-from artemis.robot import Robot
+from artemis.robot import Core, Robot
 from artemis.sim.bus import Disturb
 from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.world import TrueRobot
-from artemis.states.mode import Plan, with_followers
+from artemis.states.plan import Plan, Results, with_followers
 from artemis.values import Fault, Mode, Pose, Request, Tick
 
 MISSIONS = FilePath(__file__).parents[2] / "missions"
@@ -131,6 +132,7 @@ class Run:
     world: WatchedWorld
     bus: WatchedBus
     plan: Plan
+    results: Results
     outcome: app.Outcome | None = None
     acts: dict[str, float] = field(default_factory=dict)
     """When the test's own acts took place, by their names."""
@@ -138,6 +140,11 @@ class Run:
     @property
     def ticks(self) -> list[Tick]:
         return [seen.tick for seen in self.seen]
+
+    @property
+    def is_done(self) -> bool:
+        """Every step."""
+        return self.ticks[-1].position.step == len(self.plan.steps)
 
     @property
     def status(self) -> int | None:
@@ -234,7 +241,7 @@ class Rig:
         if true_robot is not None:
             self._loaded = dataclasses.replace(self._loaded, true_robot=true_robot)
         if follower is not None:
-            self._plan.steps = with_followers(self._plan.steps, lambda _: follower)
+            self._plan = replace(self._plan, steps=with_followers(self._plan.steps, lambda _: follower))
         self._input, self._settings, self._disturb = input, settings, disturb
         self._start, self._longest, self._simulate = start, longest, simulate
         self._acts: list[tuple[float, str, Callable[[], None]]] = []
@@ -306,7 +313,13 @@ class Rig:
     def _result(self) -> Run:
         assert self.world is not None
         return Run(
-            mission=self.mission, seen=self._seen, world=self.world, bus=self.bus, plan=self._plan, acts=self._done
+            mission=self.mission,
+            seen=self._seen,
+            world=self.world,
+            bus=self.bus,
+            plan=self._plan,
+            results=self._results,
+            acts=self._done,
         )
 
     def _loop(self) -> type[clock.SimulatedLoop]:
@@ -331,8 +344,9 @@ class Rig:
         self.bus.loop.call_later(self._longest, self._give_up)
         return self.bus, self.world
 
-    def _make_robot(self, *parts: Any) -> Robot:  # noqa: ANN401 (those of a robot)
-        self.robot = Robot(*parts)
+    def _make_robot(self, core: Core, *parts: Any) -> Robot:  # noqa: ANN401 (those of a robot)
+        self._results = core.results
+        self.robot = Robot(core, *parts)
         return self.robot
 
     def _watch(self, tick: Tick, traffic: Traffic) -> None:

@@ -67,7 +67,7 @@ def memory(drive: SimEpos) -> tuple[int, ...]:
 def assert_recovered(run: Run, true: TrueRobot, error_deg: float = 0.06) -> None:
     """Within what the potentiometers' coarseness leaves; and not by chance: the robot file is further away."""
     for side in SIDES:
-        found = run.plan.steering[side].calibration
+        found = run.results.steering[side].calibration
         zeros, slopes = true_calibration(run.plan.robot, true, side)
         for number in (0, 1):
             off = (found.zero_v[number] - zeros[number]) * slopes[number]

@@ -6,6 +6,7 @@ import itertools
 from pathlib import Path
 
 import pytest
+from disturbance import random_disturbance
 from rig import (
     CALIBRATE,
     DRIVES,
@@ -27,7 +28,6 @@ from rig import (
 
 from artemis.devices.can_bus import Frame
 from artemis.mission.loading import load_mission
-from artemis.sim.bus import random_disturbance
 from artemis.sim.epos import SimSettings
 from artemis.sim.world import TrueRobot
 from artemis.values import DriveState, Mode

@@ -45,7 +45,7 @@ def test_hidden_zeros_and_slopes_are_found_and_kept(tmp_path: Path) -> None:
     assert_recovered(run, HIDDEN)
     assert_safe(run)
     for side, name in zip(SIDES, (LEFT, RIGHT), strict=True):
-        fit = run.plan.steering[side]
+        fit = run.results.steering[side]
         drive = run.world.drive(name)
         assert memory(drive) == memory_numbers(fit.calibration)
         drive.power_off()
@@ -59,7 +59,7 @@ def test_hidden_zeros_and_slopes_are_found_and_kept(tmp_path: Path) -> None:
 def test_one_wheel_alone(tmp_path: Path) -> None:
     run = calibrate(tmp_path, wheels="left", reference_deg={"left": 0.8}).run()
 
-    assert (run.status, list(run.plan.steering), list(run.plan.kept)) == (0, ["left"], [LEFT])
+    assert (run.status, list(run.results.steering), list(run.results.kept)) == (0, ["left"], [LEFT])
     assert memory(run.world.drive(RIGHT)) == (0, 0, 0, 0)
 
 
@@ -68,7 +68,7 @@ def test_result_lies_in_the_folder_of_the_run_and_in_its_journal(tmp_path: Path)
 
     assert run.outcome is not None
     found = json.loads(run.outcome.run.calibration.read_text())["steering"]
-    assert tuple(found["left"]["zero_v"]) == run.plan.steering["left"].calibration.zero_v
+    assert tuple(found["left"]["zero_v"]) == run.results.steering["left"].calibration.zero_v
     phases = [json.loads(line) for line in run.outcome.run.journal.read_text().splitlines()]
     assert any(entry["text"].startswith("left 1: zero 2.5100 -> 2.499") for entry in phases if entry["kind"] == "phase")
     assert memory(run.world.drive(LEFT)) == (0, 0, 0, 0)
@@ -84,7 +84,7 @@ def test_alignment_uses_the_result(tmp_path: Path) -> None:
         ("left", "{zero_v: [2.51, 2.48], slope_deg_per_v: [72.0, -72.0]}"),
         ("right", "{zero_v: [2.49, 2.52], slope_deg_per_v: [-72.0, 72.0]}"),
     ):
-        new = first.plan.steering[side].calibration
+        new = first.results.steering[side].calibration
         assert old in text
         text = text.replace(old, f"{{zero_v: {list(new.zero_v)}, slope_deg_per_v: {list(new.slope_deg_per_v)}}}")
     robot.write_text(text)
@@ -122,7 +122,7 @@ def test_a_person_turns_the_wheels_straight_in_whole_and_tenth_degrees(tmp_path:
 
     assert (run.status, run.faults) == (0, [])
     assert_recovered(run, true, error_deg=0.15)  # the right wheel is turned on from where the left one took it
-    assert run.plan.kept.keys() == {LEFT, RIGHT}
+    assert run.results.kept.keys() == {LEFT, RIGHT}
     assert run.recompute().difference is None
 
 
@@ -130,7 +130,7 @@ def test_nothing_is_changed_where_a_person_says_no(tmp_path: Path) -> None:
     run = calibrate(tmp_path, simulation=jogs((25.0, "end")), save="ask", **LEFT_ALONE).run()
 
     assert run.status == 1
-    assert run.plan.kept == {}
+    assert run.results.kept == {}
     assert [memory(run.world.drive(name)) for name in (LEFT, RIGHT)] == [(0, 0, 0, 0)] * 2
     assert_safe(run)
 
@@ -140,7 +140,7 @@ def test_nothing_is_changed_by_who_stops_in_the_middle(tmp_path: Path, act: str)
     run = calibrate(tmp_path, simulation=jogs((12.0, act)), **LEFT_ALONE).run()
 
     assert run.status == 1
-    assert run.plan.steering == {}
+    assert run.results.steering == {}
     assert memory(run.world.drive(LEFT)) == (0, 0, 0, 0)
     assert_safe(run)
 
@@ -213,6 +213,6 @@ def test_new_potentiometers_by_hand(tmp_path: Path) -> None:
     assert (run.status, run.faults) == (0, [])
     untouched = [s.tick.set_points.steering for s in run.in_mode(Mode.CALIBRATE) if 6.1 < s.time < 6.9]
     assert max(untouched) - min(untouched) < math.radians(0.01), "the left wheel was accepted: nothing moves by that"
-    left = run.plan.steering["left"].calibration
+    left = run.results.steering["left"].calibration
     assert left.zero_v[0] == pytest.approx(2.51 - 25.0 / 72.0, abs=0.002)
     assert run.recompute().difference is None

@@ -103,7 +103,7 @@ def test_what_goes_wrong_while_a_wheel_is_measured_is_named_and_changes_nothing(
     if faults == ("CAL-01",):
         assert "off its line: it drifts, or a coupling slips" in run.faults[0].text
     assert run.status == 1
-    assert run.plan.kept == {}
+    assert run.results.kept == {}
     assert memory(run.world.drive(LEFT)) == (0, 0, 0, 0)
     assert_safe(run)
 
@@ -195,5 +195,5 @@ def test_angles_of_new_wheels_count_once(tmp_path: Path) -> None:
 
     assert [fault.id for fault in run.faults] == ["CAL-01"]
     assert "begin anew" in run.faults[0].text
-    assert run.plan.kept == {}
+    assert run.results.kept == {}
     assert not [truth for truth in run.world.history if DriveState.OPERATION_ENABLE in truth.states[:2]]

@@ -56,7 +56,7 @@ def run(
 
 
 def on_its_way(tick: Tick) -> bool:
-    return tick.mode is Mode.FOLLOW and tick.done > 0.3
+    return tick.mode is Mode.FOLLOW and tick.position.done > 0.3
 
 
 def while_following(disk: FailingDisk, name: str, error: int) -> Callable[[Tick], None]:

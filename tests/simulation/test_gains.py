@@ -47,7 +47,7 @@ def rig(folder: Path, *steps: dict[str, Any], **keys: Any) -> Rig:  # noqa: ANN4
 
 def turning_anew(seen: Seen) -> bool:
     """The wheels turn with the new gains."""
-    return seen.phase == "turning" and seen.tick.step == 2
+    return seen.phase == "turning" and seen.tick.position.step == 2
 
 
 def found_in(run: Run) -> tuple[GainsWatch, Findings]:
@@ -113,7 +113,7 @@ def test_wheels_that_were_left_turned_are_straightened_while_nothing_drives(
     steps: list[dict[str, Any]] = [CALIBRATE, drive, step, {"wait": {"seconds": 0.5}}]
     run = Rig(write_mission(tmp_path, steps, {"stick.csv": curve}, inputs=STICK, tick_hz=tick_hz)).run()
     assert (run.status, run.fault_ids) == (0, [])
-    tried = [seen for seen in run.seen if seen.mode is Mode.CALIBRATE and seen.tick.step == 2]
+    tried = [seen for seen in run.seen if seen.mode is Mode.CALIBRATE and seen.tick.position.step == 2]
     assert abs(tried[0].tick.set_points.steering) > 0.1
     assert {seen.tick.set_points.speed_left for seen in tried} == {0.0}
     assert run.first(lambda seen: seen.time > tried[-1].time).tick.set_points.steering == 0.0

@@ -230,7 +230,7 @@ def test_a_drive_that_cannot_be_released_is_named_and_the_others_are_at_rest(tmp
 
     rig = Rig(write_mission(tmp_path, [WAIT]), disturb=disturb)
     seen = rig.when(lambda s: s.mode is Mode.END, deafen).run()
-    assert seen.plan.current is None
+    assert seen.is_done
     assert (seen.status, seen.fault_ids, seen.faults[0].device) == (1, ["COM-34"], "steer-right")
     seen.world.nodes = [node for node in seen.world.nodes if node.name != "steer-right"]
     assert_at_rest(seen)

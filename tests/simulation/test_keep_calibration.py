@@ -73,7 +73,7 @@ def test_a_drive_that_does_not_keep_what_is_written_is_named(tmp_path: Path) -> 
 
     assert (run.faults[0].id, run.faults[0].device) == ("CAL-01", LEFT)
     assert "did not keep" in run.faults[0].text
-    assert run.plan.kept == {}
+    assert run.results.kept == {}
 
 
 def test_power_lost_while_a_drive_stores_leaves_it_as_it_was_and_the_next_start_tells(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_power_lost_while_a_drive_stores_leaves_it_as_it_was_and_the_next_start_
 
     assert first.status == 1
     assert memory(first.world.drive(RIGHT)) == (0, 0, 0, 0)
-    assert list(first.plan.kept) == [LEFT]
+    assert list(first.results.kept) == [LEFT]
     mission = write_mission(tmp_path / "second", [CALIBRATE])
     second = Rig(mission, world=first.world, start=first.world.time, longest=30.0).run()
     assert [(fault.id, fault.device) for fault in second.faults] == [("CAL-02", LEFT)]

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from disturbance import random_disturbance
 from rig import (
     BRAKING,
     CALIBRATE,
@@ -23,7 +24,7 @@ from rig import (
 )
 
 from artemis.devices.can_bus import Frame
-from artemis.sim.bus import Disturb, random_disturbance
+from artemis.sim.bus import Disturb
 from artemis.values import DriveState, Mode
 
 SPEED = 0.4

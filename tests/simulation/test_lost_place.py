@@ -94,4 +94,4 @@ def test_driving_by_hand_goes_on_without_a_place_but_is_not_recorded(tmp_path: P
     driving = [s for s in seen.in_mode(Mode.TELEOP) if s.time > ARMED and s.tick.set_points.speed > 0.1]
     assert len(driving) > 50
     lost = next(s.tick.snapshot.odometry.pose.x for s in seen.seen if s.tick.snapshot.odometry.lost)
-    assert 0.5 < max(pose.x for pose in seen.plan.tracks["shown"].poses) <= lost
+    assert 0.5 < max(pose.x for pose in seen.results.tracks["shown"].poses) <= lost

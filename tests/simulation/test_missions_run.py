@@ -66,6 +66,7 @@ def position_errors(seen: Run) -> list[float]:
 BY_HAND = "fault_recovery_by_hand.yaml"
 """Needs a person who acknowledges and arms."""
 ELSEWHERE = (
+    "follow_by_tracker.yaml",
     "record_and_follow.yaml",
     "record_and_return.yaml",
     "three_point_turn.yaml",
@@ -74,8 +75,8 @@ ELSEWHERE = (
     *(f"thesis_{name}.yaml" for name in ("circles", "stop_and_steer", "slow", "fast", "every_angle", "hysteresis")),
     *(f"follow_{course}.yaml" for course in ("circle", "corner", "figure_eight", "slalom", "straight")),
 )
-"""test_record_and_follow.py, test_reversing.py, test_follow_missions.py, test_calibration_missions.py and
-test_thesis_missions.py run them, or say of which other they are twins."""
+"""test_localisation.py, test_record_and_follow.py, test_reversing.py, test_follow_missions.py,
+test_calibration_missions.py and test_thesis_missions.py run them, or say of which other they are twins."""
 TWIN, OTHER_TWIN = "figure_eight_socketcan.yaml", "figure_eight_udp.yaml"
 """The bus is all in which they differ, and in simulation neither has it: one of them is run."""
 FAULTS = {"fault_recovery.yaml": ["DRV-25"], "can_overrun.yaml": ["DRV-18"]}
@@ -99,7 +100,7 @@ def test_twins_differ_in_nothing_but_the_bus() -> None:
 def test_a_mission_that_comes_with_artemis_runs_in_simulation_to_its_end(ran: Ran, name: str) -> None:
     seen = ran(name)
     assert (seen.status, seen.fault_ids) == (0, FAULTS.get(name, []))
-    assert seen.plan.current is None
+    assert seen.is_done
     assert seen.ticks[-1].wish.finished
 
 

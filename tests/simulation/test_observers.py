@@ -27,7 +27,7 @@ STEPS = [CALIBRATE, follow(0.4)]
 class Witness:
     """Keeps what it sees."""
 
-    Config: ClassVar[type[Config]] = Config
+    Config: ClassVar = Config
     made: ClassVar[list[Witness]] = []
 
     def __init__(self, config: Config, setup: Setup) -> None:

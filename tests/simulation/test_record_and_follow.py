@@ -63,7 +63,7 @@ def farthest(some: list[tuple[float, float]], others: list[tuple[float, float]])
 
 def test_the_mission_is_done_and_stays_on_what_it_was_shown(seen: Run) -> None:
     assert (seen.status, seen.fault_ids) == (0, [])
-    assert seen.plan.current is None
+    assert seen.is_done
     assert seen.ticks[-1].wish.finished
     assert seen.cross_track() < 0.02
     tracking = seen.in_mode(Mode.FOLLOW)[-1].tick.wish.tracking

@@ -17,7 +17,7 @@ from artemis.mission.loading import load_mission
 from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.resume import unfinished_run
-from artemis.values import Mode, Pose, Tick
+from artemis.values import Mode, Pose, Position, Tick
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def copied(mission: Path, first: Done, tmp_path: Path) -> tuple[Path, Path]:
 
 def test_a_path_is_gone_on_with_where_the_robot_stopped(first: Done, second: Done) -> None:
     assert (first.outcome.exit_status, second.outcome.exit_status) == (1, 0)
-    assert [tick.step for tick in second.ticks[:1]] == [1]
+    assert [tick.position.step for tick in second.ticks[:1]] == [1]
     assert second.arc_lengths()[0] == pytest.approx(first.arc_lengths()[-1], abs=0.2)  # the way to come to rest
     assert first.arc_lengths()[-1] > HALF
     assert second.arc_lengths()[-1] == pytest.approx(FAR, abs=0.03)
@@ -115,7 +115,7 @@ def test_a_run_that_stopped_before_it_moved_is_gone_on_with_from_the_start(tmp_p
     first = run(mission, until=lambda tick: tick.snapshot.time > 1.0)
     found = resumption(mission, first.folder)
 
-    assert (found.step, found.done, found.pose) == (0, 0.0, Pose())
+    assert (found.position, found.pose) == (Position(), Pose())
     assert run(mission, first.folder).outcome.exit_status == 0
 
 
@@ -174,8 +174,8 @@ def test_a_run_that_was_killed_is_gone_on_with_as_far_as_it_is_recorded(tmp_path
     last = list(Recording(killed).ticks())[-1]
 
     assert "the file is cut off" in notes[0]
-    assert 0.0 < found.done < 1.2
-    assert (found.done, found.pose) == (last.done, last.snapshot.odometry.pose)
+    assert 0.0 < found.position.done < 1.2
+    assert (found.position, found.pose) == (last.position, last.snapshot.odometry.pose)
     second = run(mission, killed)
     assert second.outcome.exit_status == 0
     assert second.ticks[-1].snapshot.odometry.pose.x == pytest.approx(FAR, abs=0.03)
@@ -184,14 +184,14 @@ def test_a_run_that_was_killed_is_gone_on_with_as_far_as_it_is_recorded(tmp_path
 def test_a_recording_cut_anywhere_is_refused_or_gone_on_with_from_what_is_whole(copied: tuple[Path, Path]) -> None:
     mission, folder = copied
     recording = folder / "recording.mcap"
-    whole, at_most = recording.read_bytes(), resumption(mission, folder).done
+    whole, at_most = recording.read_bytes(), resumption(mission, folder).position.done
     done: list[float] = []
     for size in range(0, len(whole), len(whole) // 60):
         recording.write_bytes(whole[:size])
         if not done and size < len(whole) // 2 and (found := refused(mission, folder)):
             assert "leave --resume away to start afresh" in found
         else:
-            done.append(resumption(mission, folder).done)
+            done.append(resumption(mission, folder).position.done)
     assert done == sorted(done)
     assert 0.5 < done[-1] <= at_most
 

@@ -51,7 +51,7 @@ def moved(seen: Run, begin: float, end: float) -> bool:
 
 def assert_path_was_finished(seen: Run) -> None:
     """To its end, from where it was left, without going back."""
-    assert (seen.status, seen.plan.current) == (0, None)
+    assert (seen.status, seen.is_done) == (0, True)
     assert driven(seen.in_mode(Mode.FOLLOW)[-1]) == pytest.approx(LENGTH, abs=0.03)
     start = seen.first(lambda s: s.tick.wish.reset_pose).pose
     end = seen.world.pose

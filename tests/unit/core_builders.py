@@ -19,7 +19,8 @@ from artemis.motion.ackermann import Ackermann
 from artemis.motion.path import Path, path_from_points
 from artemis.motion.route import Part, Route
 from artemis.plugins.contracts import Following
-from artemis.states.mode import ModeLogic, Plan, Step
+from artemis.states.mode import ModeLogic
+from artemis.states.plan import Plan, Shared, Step, advance
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
@@ -31,8 +32,10 @@ from artemis.values import (
     Job,
     JobKind,
     JobResult,
+    LocatedPose,
     Nmt,
     Odometry,
+    Position,
     Sensed,
     SetPoints,
     Snapshot,
@@ -87,13 +90,16 @@ def snapshot(
     verdict: Verdict | None = None,
     set_points: SetPoints | None = None,
     odometry: Odometry | None = None,
+    pose: LocatedPose | None = None,
     **changes: Any,
 ) -> Snapshot:
-    """A snapshot of a healthy robot; `changes` are those of what was sensed."""
+    """A snapshot of a healthy robot, located by its odometry; `changes` are those of what was sensed."""
+    odometry = odometry or Odometry()
     return Snapshot(
         sensed=sensed(time, **changes),
         dt=PERIOD,
-        odometry=odometry or Odometry(),
+        pose=pose or LocatedPose(pose=odometry.pose, lost=odometry.lost),
+        odometry=odometry,
         standing=standing,
         set_points=set_points or SetPoints(),
         verdict=verdict or Verdict(),
@@ -112,8 +118,12 @@ def verdict(id: str, device: str = "") -> Verdict:
     return judged(id, device=device)
 
 
-def plan(*steps: Step, **state: Any) -> Plan:
-    return Plan(robot=ROBOT, steps=steps, **state)
+def shared(*steps: Step, done: float = 0.0, **state: Any) -> Shared:
+    """What modes share in a run with these steps, of whose first so much is done; `state` is that of the bring-up."""
+    made = Shared(Plan(robot=ROBOT, steps=steps, begin=Position(done=done)))
+    for name, value in state.items():
+        setattr(made.bring_up, name, value)
+    return made
 
 
 class ObedientDrives:
@@ -219,6 +229,8 @@ class Player:
         if not self._entered:
             self.enter(seen)
         self._wish = self.mode.step(seen)
+        shared = self.mode.shared
+        shared.position = advance(shared.position, self._wish)
         self._points = points_from(self._wish, self._points)
         self._results = tuple(map(self._perform, self._wish.jobs))
         self.wishes.append(self._wish)
@@ -256,7 +268,7 @@ def has_event(wish: Wish) -> bool:
     return wish.event is not None
 
 
-def expires(player: Player, plan: Plan) -> None:
+def expires(player: Player) -> None:
     """Nobody comes for ten minutes: the run ends as failed."""
     assert player.tick().event is None
     player.time += 590.0
@@ -265,7 +277,7 @@ def expires(player: Player, plan: Plan) -> None:
     wish = player.tick()
     assert wish.event is Event.END
     assert fault_of(wish) == ("OPR-03", "")
-    assert plan.failed
+    assert wish.failed
 
 
 def fault_of(wish: Wish) -> tuple[str, str]:

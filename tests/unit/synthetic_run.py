@@ -24,6 +24,7 @@ from artemis.values import (
     Job,
     JobKind,
     JobResult,
+    LocatedPose,
     Mode,
     Nmt,
     Odometry,
@@ -140,6 +141,7 @@ def _observed(
     snapshot = Snapshot(
         sensed=sensed,
         dt=0.02 if index else 0.0,
+        pose=LocatedPose(pose=odometry.pose),
         odometry=odometry,
         standing=speed == 0.0,
         set_points=set_points,

@@ -16,6 +16,7 @@ from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
 from artemis.values import (
     DriveCommand,
+    LocatedPose,
     Odometry,
     OperatorInput,
     Request,
@@ -65,6 +66,7 @@ def at(time: float) -> Snapshot:
     return Snapshot(
         sensed=Sensed(index=0, time=time),
         dt=0.02,
+        pose=LocatedPose(),
         odometry=Odometry(),
         standing=False,
         set_points=SetPoints(),

@@ -12,7 +12,6 @@ from artemis.devices.canopen import (
     Answer,
     Emergency,
     Expedited,
-    MappedObject,
     NextSegment,
     NmtCommand,
     ObjectType,
@@ -143,7 +142,6 @@ def test_unknown_abort_code_is_still_shown() -> None:
 def test_nmt_commands_as_in_the_communication_guide() -> None:
     assert canopen.nmt_frame(NmtCommand.START, 2) == Frame(0x000, b"\x01\x02")
     assert canopen.nmt_frame(NmtCommand.RESET_NODE) == Frame(0x000, b"\x81\x00")
-    assert canopen.nmt_from_data(b"\x80\x05") == (NmtCommand.ENTER_PRE_OPERATIONAL, 5)
     assert {command.name: int(command) for command in NmtCommand} == {
         "START": 0x01,
         "STOP": 0x02,
@@ -151,12 +149,6 @@ def test_nmt_commands_as_in_the_communication_guide() -> None:
         "RESET_NODE": 0x81,
         "RESET_COMMUNICATION": 0x82,
     }
-
-
-@pytest.mark.parametrize("data", [b"", b"\x01", b"\x01\x02\x03", b"\x03\x00"])
-def test_wrong_nmt_command_is_refused(data: bytes) -> None:
-    with pytest.raises(ProtocolError):
-        canopen.nmt_from_data(data)
 
 
 @pytest.mark.parametrize(
@@ -199,15 +191,6 @@ def test_emergency_of_wrong_length_is_refused() -> None:
         canopen.emergency_from_data(bytes(7))
     with pytest.raises(ProtocolError):
         Emergency(code=0x8611, register=0x20, data=bytes(6)).frame(3)
-
-
-def test_mapping_entry() -> None:
-    statusword = MappedObject(index=0x6041, subindex=0, bits=16)
-    assert statusword.entry == 0x60410010
-    assert canopen.mapped_from_entry(0x60410010) == statusword
-    for entry in (-1, 2**32):
-        with pytest.raises(ProtocolError, match="does not fit 32 bits"):
-            canopen.mapped_from_entry(entry)
 
 
 def test_pdo_fields_are_little_endian_and_signed_by_type() -> None:

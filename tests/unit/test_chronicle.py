@@ -14,6 +14,7 @@ from artemis.recording.chronicle import STORM, Chronicle
 from artemis.recording.journal import Entry, Level
 from artemis.supervision import catalogue
 from artemis.values import (
+    Cause,
     Event,
     Fault,
     Job,
@@ -37,8 +38,9 @@ WARNING = Fault(id="DSK-02", severity=Severity.WARN, text="no space left", to_fa
 
 
 def tick(time: float = 0.0, mode: Mode = Mode.FOLLOW, *faults: Fault, **changes: Any) -> Tick:
-    """A healthy tick but for the faults; `changes` are those of the wish, or of what was sensed."""
-    told = {name: changes.pop(name) for name in ("event", "phase", "jobs") if name in changes}
+    """A healthy tick but for the faults; `changes` are those of the wish, the cause, or of what was sensed."""
+    cause = changes.pop("cause", None)
+    told = {name: changes.pop(name) for name in ("phase", "jobs") if name in changes}
     verdict = Verdict(
         severity=max((fault.severity for fault in faults), default=Severity.NONE),
         faults=faults,
@@ -46,7 +48,7 @@ def tick(time: float = 0.0, mode: Mode = Mode.FOLLOW, *faults: Fault, **changes:
         **{name: changes.pop(name) for name in ("recovers", "alarm", "final") if name in changes},
     )
     snapshot = core_builders.snapshot(time, verdict=verdict, **changes)
-    return Tick(snapshot=snapshot, mode=mode, wish=Wish(**told), set_points=SetPoints())
+    return Tick(snapshot=snapshot, mode=mode, cause=cause, wish=Wish(**told), set_points=SetPoints())
 
 
 def told(*ticks: Tick, frames: Sequence[tuple[bool, Frame]] = ()) -> list[Entry]:
@@ -79,7 +81,8 @@ def test_the_first_tick_names_mode_and_phase() -> None:
 
 
 def test_a_mode_that_a_fault_brings_names_it() -> None:
-    entry = of("mode", told(tick(), tick(0.02, Mode.FAULT, BLOCKED, FROZEN)))
+    led = Cause(event=Event.FAULT, faults=(BLOCKED,))
+    entry = of("mode", told(tick(), tick(0.02, Mode.FAULT, BLOCKED, FROZEN, cause=led)))
 
     assert (entry.text, entry.level) == ("follow -> fault: DRV-25 steer-left", Level.ERROR)
     cause = {"faults": [{"id": "DRV-25", "device": "steer-left"}]}
@@ -87,28 +90,29 @@ def test_a_mode_that_a_fault_brings_names_it() -> None:
 
 
 def test_a_mode_that_a_request_brings_names_it() -> None:
-    entry = of("mode", told(tick(), tick(0.02, Mode.QUICKSTOP, FROZEN, requests=(Request.QUICKSTOP,))))
+    asked = Cause(event=Event.STOP, request=Request.QUICKSTOP)
+    entry = of("mode", told(tick(), tick(0.02, Mode.QUICKSTOP, FROZEN, cause=asked)))
 
     assert (entry.text, entry.level) == ("follow -> quickstop: quick stop", Level.WARNING)
     assert entry.data["cause"] == {"request": "quick stop"}
 
 
 def test_a_mode_that_an_event_brings_names_it() -> None:
-    entry = of("mode", told(tick(0.0, Mode.FOLLOW, event=Event.DONE), tick(0.02, Mode.READY)))
+    entry = of("mode", told(tick(), tick(0.02, Mode.READY, cause=Cause(event=Event.DONE))))
 
     assert (entry.text, entry.level) == ("follow -> ready: done", Level.INFO)
     assert entry.data["cause"] == {"event": "done"}
 
 
-def test_an_end_that_was_asked_for_names_the_request_also_later() -> None:
-    ticks = tick(), tick(0.02, requests=(Request.END,)), tick(0.04), tick(0.06, Mode.END)
+def test_an_end_that_was_asked_for_names_the_request() -> None:
+    ticks = tick(), tick(0.02, Mode.END, cause=Cause(event=Event.END, request=Request.END))
 
     assert of("mode", told(*ticks)).data["cause"] == {"request": "end"}
 
 
 def test_an_end_because_nobody_acknowledges_names_the_fault() -> None:
-    ticks = tick(0.0, Mode.FAULT, BLOCKED, event=Event.END), tick(0.02, Mode.END, BLOCKED)
-    entry = of("mode", told(*ticks))
+    led = Cause(event=Event.END, faults=(BLOCKED,))
+    entry = of("mode", told(tick(0.0, Mode.FAULT, BLOCKED), tick(0.02, Mode.END, BLOCKED, cause=led)))
 
     assert entry.text == "fault -> end: end, DRV-25 steer-left"
     assert entry.data["cause"] == {"event": "end", "faults": [{"id": "DRV-25", "device": "steer-left"}]}
@@ -208,8 +212,9 @@ def test_a_bring_up_after_a_fault_names_who_let_it_go_on() -> None:
         ((Request.ACKNOWLEDGE,), "person", "acknowledged"),
         ((), "artemis", "recovered by itself"),
     ):
-        forgotten = tick(0.02, Mode.FAULT, requests=asked, event=Event.ACKNOWLEDGED)
-        entry = of("mode", told(tick(0.0, Mode.FAULT, OVERRUN), forgotten, tick(0.04, Mode.INIT)))
+        forgotten = tick(0.02, Mode.FAULT, requests=asked)
+        begun = tick(0.04, Mode.INIT, cause=Cause(event=Event.ACKNOWLEDGED))
+        entry = of("mode", told(tick(0.0, Mode.FAULT, OVERRUN), forgotten, begun))
         assert entry.text == f"fault -> init: {words}"
         assert entry.data["cause"] == {"event": "acknowledged", "by": by}
 
@@ -242,7 +247,8 @@ def evidence(*faults: Fault, mode: Mode = Mode.FAULT) -> Entry:
         time = number * 0.02
         frames = [frame(identifier, 1000 + time) for identifier in (0x183, 0x184, 0x203, 0x080, 0x77F)]
         chronicle.observe(tick(time), [*frames, *([frame(0x000, 1000 + time)] if number == 100 else [])], 1000 + time)
-    return of("frames", chronicle.observe(tick(2.53, mode, *faults), [frame(0x083, 1002.51)], 1002.53))
+    led = Cause(event=Event.STOP, faults=faults)
+    return of("frames", chronicle.observe(tick(2.53, mode, *faults, cause=led), [frame(0x083, 1002.51)], 1002.53))
 
 
 def test_a_stop_by_a_verdict_shows_the_frames_of_the_drive_of_the_last_two_seconds() -> None:
@@ -264,7 +270,8 @@ def test_a_fault_of_no_drive_shows_the_frames_of_all() -> None:
 
 
 def test_a_stop_that_a_person_asked_for_needs_no_evidence() -> None:
-    entries = told(tick(), tick(0.02, Mode.QUICKSTOP, requests=(Request.QUICKSTOP,)))
+    asked = Cause(event=Event.STOP, request=Request.QUICKSTOP)
+    entries = told(tick(), tick(0.02, Mode.QUICKSTOP, requests=(Request.QUICKSTOP,), cause=asked))
 
     assert [entry.kind for entry in entries] == ["request", "mode"]
 

@@ -13,19 +13,19 @@ import pytest
 from core_builders import (
     NAMES,
     PERIOD,
+    ROBOT,
     ROUTE,
     STEERING,
     TRACTION,
     ObedientDrives,
     StubFollower,
     following,
-    plan,
     sensed,
 )
 from msgspec.structs import replace
 
 from artemis.robot import LIMITED_SPEED, Core
-from artemis.states.mode import FollowStep, Step, TeleopStep, WaitStep
+from artemis.states.plan import FollowStep, Plan, Step, TeleopStep, WaitStep
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
@@ -36,6 +36,7 @@ from artemis.values import (
     Mode,
     OperatorInput,
     Pose,
+    Position,
     Request,
     Sensed,
     SetPoints,
@@ -52,8 +53,7 @@ class Live:
     """A core with obedient drives; every job is done by the next tick."""
 
     def __init__(self, *steps: Step) -> None:
-        self.plan = plan(*steps)
-        self.core = Core(self.plan, PERIOD)
+        self.core = Core(Plan(robot=ROBOT, steps=steps), PERIOD)
         self.drives = ObedientDrives()
         self.seen: list[Sensed] = []
         self.ticks: list[Tick] = []
@@ -99,7 +99,7 @@ def test_run_without_steps_is_brought_up_and_ends_in_order() -> None:
     live.until(lambda tick: tick.wish.finished)
     modes = itertools.groupby(tick.mode for tick in live.ticks)
     assert [mode for mode, _ in modes] == [Mode.INIT, Mode.READY, Mode.END]
-    assert not live.plan.failed
+    assert not live.ticks[-1].failed
     assert {tick.set_points.speed for tick in live.ticks} == {0.0}
 
 
@@ -110,8 +110,8 @@ def test_steps_are_done_one_after_the_other() -> None:
     modes = itertools.groupby(tick.mode for tick in live.ticks)
     assert [mode for mode, _ in modes] == [Mode.INIT, Mode.READY, Mode.FOLLOW, Mode.READY, Mode.END]
     assert follower.starts == 1
-    assert live.plan.current is None
-    assert not live.plan.failed
+    assert live.ticks[-1].position == Position(step=3)
+    assert not live.ticks[-1].failed
 
 
 def test_same_things_sensed_give_the_same_ticks() -> None:
@@ -119,7 +119,7 @@ def test_same_things_sensed_give_the_same_ticks() -> None:
     live.tick(drives=live.seen[-1].drives, faults=(catalogue.fault("COM-22"),))
     for _ in range(50):
         live.tick()
-    again = Core(plan(TeleopStep(input="stick", seconds=None)), PERIOD)
+    again = Core(Plan(robot=ROBOT, steps=(TeleopStep(input="stick", seconds=None),)), PERIOD)
     assert [again.decide(each) for each in live.seen] == live.ticks
 
 
@@ -338,7 +338,7 @@ def test_run_that_nobody_attends_ends_after_a_fault_as_failed() -> None:
     live.tick(inputs=(STICK,), attended=False)
     live.drives.changes["traction-left"] = {}
     live.until(lambda tick: tick.wish.finished, attended=False)
-    assert live.plan.failed
+    assert live.ticks[-1].failed
 
 
 def test_drive_that_does_not_enable_is_a_fault_that_names_it() -> None:

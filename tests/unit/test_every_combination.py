@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import fields
 from functools import cache
 
 import pytest
-from core_builders import NAMES, PERIOD, ROBOT, ROUTE, FakeBus, StubFollower, drive, drives, plan, snapshot
+from core_builders import NAMES, PERIOD, ROBOT, ROUTE, FakeBus, StubFollower, drive, drives, shared, snapshot
 from msgspec.structs import replace
 
 from artemis.devices.drive import Drives
 from artemis.devices.epos_state import controlword
 from artemis.motion.limits import Gate, is_sane
-from artemis.states.machine import TRANSITIONS
-from artemis.states.mode import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
+from artemis.states.machine import TRANSITIONS, ModeMachine
 from artemis.states.modes import Modes
+from artemis.states.plan import CalibrateStep, FollowStep, Step, TeleopStep, WaitStep
 from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import Kind
 from artemis.supervision.policy import WATCHED
@@ -50,20 +49,20 @@ SICK = ("traction-left", "steer-right")
 
 
 @cache
-def modes() -> tuple[Modes, Plan]:
-    """Made once: the machine's table takes a millisecond."""
-    it = plan(WaitStep(seconds=1.0))
-    return Modes(it), it
+def machine() -> ModeMachine:
+    """Made once: its table takes a millisecond."""
+    return ModeMachine()
+
+
+@pytest.fixture(autouse=True)
+def _one_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("artemis.states.modes.ModeMachine", machine)
 
 
 def modes_in(mode: Mode) -> Modes:
     """The modes' logic with the machine in `mode`, just entered by a healthy robot."""
-    made, it = modes()
-    fresh = plan(STEPS.get(mode, WaitStep(seconds=1.0)), connected=mode is not Mode.INIT, aligned=True)
-    for field in fields(fresh):
-        setattr(it, field.name, getattr(fresh, field.name))
-    made._machine._model.state = mode
-    made._ending, made._stopped_for = False, Severity.NONE
+    made = Modes(shared(STEPS.get(mode, WaitStep(seconds=1.0)), connected=mode is not Mode.INIT, aligned=True))
+    machine()._model.state = mode
     made._logic[mode].enter(snapshot())
     return made
 
@@ -93,7 +92,8 @@ def assert_defined(before: Mode, event: Event | None, request: Request | None, s
             inputs=(OperatorInput(source="stick", age=0.0),),
         )
         logic = modes_in(before)
-        after = logic.advance(seen, event)
+        logic.advance(seen, event)
+        after = logic.mode
         assert after is before or any(TRANSITIONS.get((before, happened)) is after for happened in Event), (
             f"{before} -> {after} is not in the table"
         )
@@ -165,8 +165,8 @@ def reaction(mode: Mode, verdict: Verdict) -> tuple[Mode, int]:
     """Where a verdict leads, and how strict the driven wheels are held then."""
     logic = modes_in(mode)
     seen = snapshot(1.0, verdict=verdict, inputs=(OperatorInput(source="stick", age=0.0),))
-    after = logic.advance(seen, None)
-    return after, STRICTNESS[logic.step(seen).traction]
+    logic.advance(seen, None)
+    return logic.mode, STRICTNESS[logic.step(seen).traction]
 
 
 @pytest.mark.parametrize("mode", [mode for mode in Mode if mode is not Mode.END])

@@ -14,7 +14,7 @@ from artemis.motion.path import Path, path_from_points
 from artemis.plugins.contracts import Setup
 from artemis.plugins.followers.frenet import APPROACH, FrenetConfig, FrenetFollower, law
 from artemis.testing.contracts import ROBOT, FollowerContract
-from artemis.values import Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
 from artemis.vehicle import Robot
 from artemis_lab.bench.cases import random_case
 from artemis_lab.bench.courses import five_courses, random_course
@@ -41,7 +41,8 @@ def at(pose: Pose, *, speed: float = 0.0, steering: float = 0.0, told: float | N
     return Snapshot(
         sensed=Sensed(index=0, time=0.0),
         dt=1 / 30,
-        odometry=Odometry(pose=pose, speed=speed, steering=steering),
+        pose=LocatedPose(pose=pose),
+        odometry=Odometry(speed=speed, steering=steering),
         standing=speed == 0.0,
         set_points=SetPoints(speed=speed, steering=steering if told is None else told),
         verdict=Verdict(),

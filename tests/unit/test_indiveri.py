@@ -16,7 +16,7 @@ from artemis.errors import ConfigError
 from artemis.motion.path import Path, path_from_csv, path_from_points
 from artemis.plugins.contracts import Follower, Following, Setup
 from artemis.plugins.followers.indiveri import IndiveriConfig, IndiveriFollower, curvature, gain
-from artemis.values import Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
 from artemis.vehicle import Robot
 from artemis.yaml_file import load
 
@@ -54,7 +54,8 @@ class Bicycle:
         return Snapshot(
             sensed=Sensed(index=0, time=0.0),
             dt=DT,
-            odometry=Odometry(pose=pose, speed=self.speed, steering=self.steering),
+            pose=LocatedPose(pose=pose),
+            odometry=Odometry(speed=self.speed, steering=self.steering),
             standing=self.speed == 0,
             set_points=SetPoints(),
             verdict=Verdict(),

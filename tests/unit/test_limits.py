@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from artemis.mission.speeds import stopping_distance
 from artemis.motion.ackermann import Ackermann
-from artemis.motion.limits import SHORTEST_STEP, Gate, is_sane, stopping_distance
+from artemis.motion.limits import SHORTEST_STEP, Gate, is_sane
 from artemis.values import Action, DriveCommand, SetPoints
 from artemis.vehicle import Robot
 

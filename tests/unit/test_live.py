@@ -14,6 +14,7 @@ from artemis.values import (
     Fault,
     JobKind,
     JobResult,
+    LocatedPose,
     Mode,
     Odometry,
     Request,
@@ -52,6 +53,7 @@ def tick(
     snapshot = Snapshot(
         sensed=Sensed(index=0, time=time, requests=requests, results=results),
         dt=0.02,
+        pose=LocatedPose(),
         odometry=Odometry(speed=0.2, steering=0.1),
         standing=False,
         set_points=SetPoints(),

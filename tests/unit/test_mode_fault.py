@@ -20,20 +20,20 @@ from core_builders import (
     has_event,
     has_fault,
     judged,
-    plan,
     powered,
+    shared,
     verdict,
 )
 
 from artemis.states.alignment import LOOK_TIME
 from artemis.states.fault import FaultMode
-from artemis.states.mode import CalibrateStep, Plan
+from artemis.states.plan import CalibrateStep, Shared
 from artemis.supervision import catalogue
 from artemis.values import Action, DriveState, Event, Goal, JobKind, JobResult, Nmt, Request, Verdict
 
 
-def in_fault(**state: Any) -> tuple[Player, Plan]:
-    steps = plan(CalibrateStep(), **{"connected": True, "armed": True, **state})
+def in_fault(**state: Any) -> tuple[Player, Shared]:
+    steps = shared(CalibrateStep(), **{"connected": True, "armed": True, **state})
     player = Player(FaultMode(steps))
     player.world.update(drives=drives(state=DriveState.SWITCH_ON_DISABLED), verdict=verdict("DRV-25"))
     return player, steps
@@ -195,12 +195,11 @@ def test_drive_that_cannot_be_secured_is_a_fault_and_tried_until_it_is() -> None
 
 
 def test_second_artemis_that_has_not_configured_the_drives_ends_without_a_job() -> None:
-    player, steps = in_fault(connected=False)
+    player, _ = in_fault(connected=False)
     player.world["verdict"] = judged("COM-18", final=True)
     wish = player.until(has_event)
-    assert (wish.event, wish.exchange, wish.heartbeat) == (Event.END, False, False)
+    assert (wish.event, wish.exchange, wish.heartbeat, wish.failed) == (Event.END, False, False, True)
     assert player.jobs == []
-    assert steps.failed
 
 
 def test_second_artemis_that_is_heard_while_drives_are_secured_gets_no_further_job() -> None:
@@ -218,7 +217,7 @@ def test_drives_of_ours_are_stopped_where_another_artemis_begins() -> None:
     assert player.tick(standing=False).traction is Goal.QUICK_STOPPED
 
 
-def waiting_for_acknowledgment(**state: Any) -> tuple[Player, Plan]:
+def waiting_for_acknowledgment(**state: Any) -> tuple[Player, Shared]:
     player, steps = in_fault(**state)
     player.until(lambda wish: "acknowledge" in wish.phase)
     return player, steps
@@ -229,7 +228,7 @@ def test_acknowledged_fault_leads_to_a_bring_up_that_waits_for_arm() -> None:
     wish = player.tick(requests=(Request.ACKNOWLEDGE,), verdict=Verdict())
     assert wish.event is Event.ACKNOWLEDGED
     assert not powered(wish)
-    assert not steps.armed
+    assert not steps.bring_up.armed
 
 
 def test_acknowledgment_is_refused_while_the_cause_is_there_and_the_cause_is_named() -> None:
@@ -246,13 +245,13 @@ def test_no_other_request_leads_out_of_fault() -> None:
 
 
 def test_nobody_there_to_acknowledge_ends_the_run_as_failed() -> None:
-    player, steps = waiting_for_acknowledgment()
-    assert player.tick(attended=False).event is Event.END
-    assert steps.failed
+    player, _ = waiting_for_acknowledgment()
+    wish = player.tick(attended=False)
+    assert (wish.event, wish.failed) == (Event.END, True)
 
 
 def test_run_ends_when_nobody_acknowledges_for_ten_minutes() -> None:
-    expires(*waiting_for_acknowledgment())
+    expires(waiting_for_acknowledgment()[0])
 
 
 # ---------------------------------------------------------------------------------------------- recovery
@@ -277,14 +276,14 @@ def test_reset_that_a_drive_needs_is_kept_though_its_fault_is_acknowledged_early
     player.tick(standing=False, verdict=judged(*ids, device="steer-left"))
     player.tick(standing=False, requests=(Request.ACKNOWLEDGE,))
     assert player.until(has_event).event is Event.ACKNOWLEDGED
-    assert steps.resets["steer-left"] == reset
+    assert steps.bring_up.resets["steer-left"] == reset
 
 
 def test_reset_of_a_fault_that_came_later_does_not_weaken_that_of_the_first() -> None:
     player, steps = in_fault()
     for ids in (("COM-26",), ("DRV-19",)):
         player.tick(standing=False, verdict=judged(*ids, device="steer-left"))
-    assert steps.resets["steer-left"] == "node"
+    assert steps.bring_up.resets["steer-left"] == "node"
 
 
 @pytest.mark.parametrize(
@@ -303,7 +302,7 @@ def test_fault_that_is_over_by_itself_leads_on_and_arms_only_where_the_mission_s
     player.world["verdict"] = judged("COM-11", **says)
     assert player.until(lambda wish: wish.phase == "recovers by itself").event is None
     assert player.tick(verdict=Verdict()).event is Event.ACKNOWLEDGED
-    assert steps.armed is armed
+    assert steps.bring_up.armed is armed
 
 
 def test_fault_that_no_acknowledgment_helps_says_so() -> None:

@@ -17,15 +17,15 @@ from core_builders import (
     fault_of,
     following,
     has_fault,
-    plan,
     powered,
+    shared,
 )
 from msgspec.structs import replace
 
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
 from artemis.states.follow import FollowMode
-from artemis.states.mode import FollowStep, Plan
+from artemis.states.plan import FollowStep, Shared
 from artemis.values import (
     DriveCommand,
     Event,
@@ -36,9 +36,9 @@ from artemis.values import (
 )
 
 
-def follow(answer: Callable[[], Any] | None = None, **options: Any) -> tuple[Player, StubFollower, Plan]:
+def follow(answer: Callable[[], Any] | None = None, **options: Any) -> tuple[Player, StubFollower, Shared]:
     follower = StubFollower(answer)
-    steps = plan(FollowStep(route=ROUTE, follower=follower, **options))
+    steps = shared(FollowStep(route=ROUTE, follower=follower, **options))
     return Player(FollowMode(steps)), follower, steps
 
 
@@ -112,13 +112,13 @@ def test_path_is_not_begun_from_far_away_however_often_it_is_tried(start: Follow
 def test_path_is_not_gone_on_with_when_the_place_of_the_robot_is_not_known() -> None:
     player, follower, steps = follow()
     assert player.tick().fault is None
-    done = steps.done
+    done = steps.position.done
     for _ in range(3):
         wish = player.tick(odometry=Odometry(lost=True), set_points=SetPoints(steering=0.2))
         assert fault_of(wish) == ("RUN-08", "")
         assert wish.command == DriveCommand(speed=0.0, steering=0.2)
         player.enter()
-    assert (follower.steps, steps.done) == (1, done)
+    assert (follower.steps, steps.position.done) == (1, done)
 
 
 def test_path_is_begun_from_nearby() -> None:
@@ -190,7 +190,8 @@ def driven(player: Player, *ways: tuple[float, float]) -> list[bool]:
     """Ticks with these arc lengths and ways of the robot; whether each ended with the fault of an overrun path."""
     found = []
     for arc_length, distance in ways:
-        player.mode._plan.current.follower.answer = lambda arc=arc_length: following(arc_length=arc)  # type: ignore[attr-defined]
+        step: Any = player.mode.shared.current
+        step.follower.answer = lambda arc=arc_length: following(arc_length=arc)
         wish = player.tick(odometry=Odometry(distance=distance))
         found.append(wish.fault is not None and wish.fault.id == "PTH-08")
         assert (wish.command.speed == 0.0) is found[-1]
@@ -223,7 +224,7 @@ def test_path_that_takes_too_long_is_a_fault_that_counts_only_driving(monkeypatc
     told = [wish.fault is not None and wish.fault.id == "PTH-08" for wish in along(player, answers, follower)]
     assert told.index(True) in (4, 5)
     assert "0.5" in str(player.wishes[-1].fault)
-    steps.steps = (FollowStep(route=ROUTE, follower=follower, speed=in_one_second),)
+    steps.plan = replace(steps.plan, steps=(FollowStep(route=ROUTE, follower=follower, speed=in_one_second),))
     player.enter()
     assert not has_fault(player.tick()), "another step has its own time"
 
@@ -255,7 +256,7 @@ def test_interrupted_path_goes_on_without_starting_the_follower_again() -> None:
 
 def test_next_path_starts_its_own_follower() -> None:
     first, second = StubFollower(lambda: following(finished=True)), StubFollower()
-    steps = plan(FollowStep(route=ROUTE, follower=first), FollowStep(route=ROUTE, follower=second))
+    steps = shared(FollowStep(route=ROUTE, follower=first), FollowStep(route=ROUTE, follower=second))
     player = Player(FollowMode(steps))
     assert player.tick().event is Event.DONE
     player.enter()
@@ -265,7 +266,7 @@ def test_next_path_starts_its_own_follower() -> None:
 
 def test_same_step_twice_in_a_plan_is_started_twice() -> None:
     follower = StubFollower(lambda: following(finished=True))
-    steps = plan(*(FollowStep(route=ROUTE, follower=follower) for _ in range(2)))
+    steps = shared(*(FollowStep(route=ROUTE, follower=follower) for _ in range(2)))
     player = Player(FollowMode(steps))
     player.tick()
     player.enter()
@@ -290,7 +291,7 @@ class PathTaker(StubFollower):
 
 def test_a_path_of_which_an_earlier_run_has_driven_a_part_is_begun_there() -> None:
     follower = PathTaker()
-    steps = plan(FollowStep(route=ROUTE, follower=follower), done=1.25)
+    steps = shared(FollowStep(route=ROUTE, follower=follower), done=1.25)
     wish = Player(FollowMode(steps)).tick()
 
     assert follower.path.at(0.0).x == pytest.approx(1.25, abs=PATH.spacing)
@@ -304,7 +305,7 @@ def test_the_next_path_is_begun_at_its_start() -> None:
     first, second = PathTaker(), PathTaker()
     first.answer = lambda: following(finished=True)
     first.step = lambda snapshot: following(finished=True)  # type: ignore[method-assign]
-    steps = plan(FollowStep(route=ROUTE, follower=first), FollowStep(route=ROUTE, follower=second), done=1.25)
+    steps = shared(FollowStep(route=ROUTE, follower=first), FollowStep(route=ROUTE, follower=second), done=1.25)
     player = Player(FollowMode(steps))
     player.tick()
     player.enter()
@@ -318,19 +319,19 @@ def test_the_next_path_is_begun_at_its_start() -> None:
 def test_progress_is_kept_in_the_plan_and_begins_anew_with_the_next_step() -> None:
     player, follower, steps = follow(lambda: following(arc_length=0.75))
     player.tick()
-    assert steps.done == 0.75
+    assert steps.position.done == 0.75
     follower.answer = lambda: following(arc_length=0.8, finished=True)
     player.tick()
-    assert (steps.index, steps.done) == (1, 0.0)
+    assert (steps.position.step, steps.position.done) == (1, 0.0)
 
 
 def test_a_robot_just_before_the_start_of_its_path_has_driven_nothing() -> None:
     player, _, steps = follow(lambda: following(arc_length=-0.02))
     player.tick()
-    assert steps.done == 0.0
+    assert steps.position.done == 0.0
 
 
 def test_a_path_that_is_too_far_away_to_begin_counts_as_no_progress() -> None:
     player, _, steps = follow(lambda: following(arc_length=0.75, cross_track=1.5))
     player.tick()
-    assert steps.done == 0.0
+    assert steps.position.done == 0.0

@@ -22,14 +22,14 @@ from core_builders import (
     fault_of,
     has_event,
     has_fault,
-    plan,
     powered,
+    shared,
     volts,
 )
 from msgspec.structs import replace
 
 from artemis.states.init import InitMode
-from artemis.states.mode import CalibrateStep
+from artemis.states.plan import CalibrateStep
 from artemis.values import (
     DriveCommand,
     DriveState,
@@ -48,9 +48,10 @@ class BringUp:
     """Init with drives that obey."""
 
     def __init__(self, *, armed: bool = True) -> None:
-        self.plan = plan(CalibrateStep(), armed=armed)
+        self.shared = shared(CalibrateStep(), armed=armed)
+        self.state = self.shared.bring_up
         self.drives = ObedientDrives()
-        self.player = Player(InitMode(self.plan), self.drives.react)
+        self.player = Player(InitMode(self.shared), self.drives.react)
 
     def fault(self) -> tuple[str, str]:
         return fault_of(self.player.until(has_fault, longest=60.0))
@@ -82,7 +83,7 @@ def test_init_exchanges_nothing_before_every_drive_is_configured() -> None:
     bring_up = BringUp()
     bring_up.player.until(lambda wish: bool(wish.jobs) and wish.jobs[0].kind is JobKind.CONFIGURE)
     assert not any(wish.exchange or wish.heartbeat for wish in bring_up.player.wishes)
-    assert not bring_up.plan.connected
+    assert not bring_up.state.connected
 
 
 def test_init_goes_its_way_and_says_when_the_wheels_are_aligned() -> None:
@@ -90,8 +91,8 @@ def test_init_goes_its_way_and_says_when_the_wheels_are_aligned() -> None:
     last = bring_up.player.until(has_event)
     assert last.event is Event.ALIGNED
     assert last.reset_pose
-    assert bring_up.plan.connected
-    assert bring_up.plan.aligned
+    assert bring_up.state.connected
+    assert bring_up.state.aligned
     phases = [phase for phase, _ in itertools.groupby(wish.phase for wish in bring_up.player.wishes)]
     assert phases[:6] == ["listening", "secure", "configure", "first contact", "proving the watchdog", "reading poten"
                           "tiometers"]  # fmt: skip
@@ -113,7 +114,7 @@ def test_init_withholds_the_heartbeat_once_with_all_drives_off() -> None:
 def test_armed_init_takes_its_arm() -> None:
     bring_up = BringUp(armed=True)
     bring_up.player.until(has_event)
-    assert not bring_up.plan.armed, "the next bring-up waits for its own"
+    assert not bring_up.state.armed, "the next bring-up waits for its own"
 
 
 def test_init_that_is_not_armed_waits_with_the_drives_off_until_it_is() -> None:
@@ -161,13 +162,13 @@ def test_bring_up_ends_as_failed_when_nobody_comes_for_ten_minutes(
     bring_up = BringUp(armed=armed)
     bring_up.player.world["inputs"] = inputs
     bring_up.player.until(lambda wish: wish.phase in ("waiting for arm", "release the controls"))
-    expires(bring_up.player, bring_up.plan)
+    expires(bring_up.player)
 
 
 def test_later_bring_ups_keep_the_pose() -> None:
     bring_up = BringUp()
     assert bring_up.player.until(has_event).reset_pose
-    bring_up.plan.armed = True
+    bring_up.state.armed = True
     bring_up.player.enter()
     assert not bring_up.player.until(has_event).reset_pose
 
@@ -175,8 +176,8 @@ def test_later_bring_ups_keep_the_pose() -> None:
 def test_nobody_there_to_arm_ends_the_run_as_failed() -> None:
     bring_up = BringUp(armed=False)
     bring_up.player.world["attended"] = False
-    assert bring_up.player.until(has_event).event is Event.END
-    assert bring_up.plan.failed
+    wish = bring_up.player.until(has_event)
+    assert (wish.event, wish.failed) == (Event.END, True)
     assert not any(map(powered, bring_up.player.wishes))
 
 
@@ -289,7 +290,7 @@ def test_angle_told_to_a_drive_is_the_mean_of_many_readings() -> None:
         bring_up.drives.changes["steer-left"] = {"potentiometers": volts("left", turned + noise)}
         return bring_up.drives.react(wish, points)
 
-    player = Player(InitMode(bring_up.plan), shaky)
+    player = Player(InitMode(bring_up.shared), shaky)
     ordered = player.until(lambda wish: bool(wish.jobs) and wish.jobs[0].kind is JobKind.REFERENCE)
     told = {job.drive: job.value for job in ordered.jobs}
     assert told["steer-left"] == pytest.approx(turned, abs=math.radians(0.05))
@@ -329,4 +330,4 @@ def test_init_begins_from_the_start_when_it_is_entered_again() -> None:
     bring_up.player.enter()
     wish = bring_up.player.tick()
     assert (wish.phase, wish.heartbeat, wish.exchange) == ("listening", True, False), "they still watch us"
-    assert not bring_up.plan.connected
+    assert not bring_up.state.connected

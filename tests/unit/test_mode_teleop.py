@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from core_builders import Player, plan
+from core_builders import Player, shared
 from msgspec.structs import replace
 
-from artemis.states.mode import TeleopStep
+from artemis.states.plan import TeleopStep
 from artemis.states.teleop import TeleopMode
 from artemis.values import DriveCommand, OperatorInput, Wish
 
@@ -20,7 +20,7 @@ class Hand:
     """What it holds, tick by tick; the robot begins at rest."""
 
     def __init__(self) -> None:
-        self._player = Player(TeleopMode(plan(TeleopStep(input="stick", seconds=None))))
+        self._player = Player(TeleopMode(shared(TeleopStep(input="stick", seconds=None))))
 
     def tick(self, sample: OperatorInput, *, standing: bool) -> Wish:
         return self._player.tick(inputs=(sample,), standing=standing, set_points=None)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from core_builders import PERIOD, Player, plan
+from core_builders import PERIOD, Player, shared
 
-from artemis.states.mode import Plan, Step, TeleopStep, WaitStep
+from artemis.states.plan import Shared, Step, TeleopStep, WaitStep
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import OperatorInput
@@ -13,18 +13,18 @@ from artemis.values import OperatorInput
 STICK = (OperatorInput(source="stick", enabled=True, neutral=False, speed=0.3, age=0.01),)
 
 
-def player(step: Step, done: float = 0.0) -> tuple[Player, Plan]:
-    steps = plan(step, WaitStep(seconds=1.0), done=done)
+def player(step: Step, done: float = 0.0) -> tuple[Player, Shared]:
+    steps = shared(step, WaitStep(seconds=1.0), done=done)
     mode = TeleopMode(steps) if isinstance(step, TeleopStep) else ReadyMode(steps)
     played = Player(mode)
     played.world["inputs"] = STICK
     return played, steps
 
 
-def ticks_until_done(played: Player, steps: Plan) -> int:
+def ticks_until_done(played: Player, steps: Shared) -> int:
     """How many ticks the step still takes."""
     for number in range(1000):
-        if steps.index:
+        if steps.position.step:
             return number
         played.tick()
     raise AssertionError("never done")
@@ -43,7 +43,7 @@ def test_interrupted_it_goes_on_with_the_time_that_is_left(step: Step) -> None:
     played, steps = player(step)
     for _ in range(75):
         played.tick()
-    assert steps.done == pytest.approx(74 * PERIOD)
+    assert steps.position.done == pytest.approx(74 * PERIOD)
     played.time += 30.0  # stopped, acknowledged, armed
     played.enter()
     assert ticks_until_done(played, steps) == pytest.approx(2.0 / PERIOD - 74, abs=2.01)
@@ -57,8 +57,8 @@ def test_what_an_earlier_run_has_done_of_it_counts(step: Step) -> None:
 def test_the_next_wait_begins_at_its_start() -> None:
     played, steps = player(WaitStep(seconds=2.0))
     ticks_until_done(played, steps)
-    assert steps.done == 0.0
+    assert steps.position.done == 0.0
     played.tick()
     played.tick()
-    assert steps.index == 1
-    assert steps.done == pytest.approx(2 * PERIOD)
+    assert steps.position.step == 1
+    assert steps.position.done == pytest.approx(2 * PERIOD)

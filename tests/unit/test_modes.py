@@ -21,20 +21,22 @@ from core_builders import (
     has_event,
     has_fault,
     judged,
-    plan,
     powered,
+    shared,
     snapshot,
     verdict,
 )
 from msgspec.structs import replace
 
 from artemis.states.calibrate import CalibrateMode
-from artemis.states.mode import ON, CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep, finish_jobs
+from artemis.states.mode import ON, finish_jobs
 from artemis.states.modes import Modes
+from artemis.states.plan import BringUp, CalibrateStep, FollowStep, Shared, Step, TeleopStep, WaitStep, advance
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import (
     Action,
+    Cause,
     DriveCommand,
     DriveState,
     Event,
@@ -66,12 +68,17 @@ WAYS: dict[Mode, list[Event]] = {
 }
 
 
-def modes_in(mode: Mode, steps: Plan | None = None) -> Modes:
-    modes = Modes(steps or plan(CalibrateStep(), connected=True, aligned=True))
+def modes_in(mode: Mode, steps: Shared | None = None) -> Modes:
+    modes = Modes(steps or shared(CalibrateStep(), connected=True, aligned=True))
     for event in WAYS[mode]:
         modes.advance(snapshot(), event)
     assert modes.mode is mode
     return modes
+
+
+def mode_after(modes: Modes, seen: Snapshot, wished: Event | None) -> Mode:
+    modes.advance(seen, wished)
+    return modes.mode
 
 
 @pytest.mark.parametrize("mode", Mode)
@@ -84,7 +91,9 @@ def test_every_mode_has_logic_that_bears_silent_drives(mode: Mode) -> None:
 
 STOP, DRIVE_FAULT = verdict("INP-03"), verdict("DRV-25")
 SEVERE = Verdict(severity=Severity.QUICK_STOP, faults=STOP.faults)
+DRIVE = DRIVE_FAULT.faults
 ENDED = (Request.END,)
+ASKED_STOP = Cause(event=Event.STOP, request=Request.QUICKSTOP)
 
 
 @pytest.mark.parametrize(
@@ -107,22 +116,48 @@ ENDED = (Request.END,)
     ],
 )
 def test_most_urgent_event_wins(present: Mode, seen: dict[str, Any], wished: Event | None, following: Mode) -> None:
-    assert modes_in(present).advance(snapshot(**seen), wished) is following
+    modes = modes_in(present)
+    modes.advance(snapshot(**seen), wished)
+    assert modes.mode is following
+
+
+@pytest.mark.parametrize(
+    ("present", "seen", "wished", "cause"),
+    [
+        (Mode.FOLLOW, {}, None, None),
+        (Mode.FOLLOW, {}, Event.DONE, Cause(event=Event.DONE)),
+        (Mode.FOLLOW, {}, Event.REARMED, None),
+        (Mode.FOLLOW, {"verdict": STOP}, Event.DONE, Cause(event=Event.STOP, faults=STOP.faults)),
+        (Mode.FOLLOW, {"requests": (Request.QUICKSTOP,), "verdict": STOP}, None, ASKED_STOP),
+        (Mode.QUICKSTOP, {"requests": (Request.QUICKSTOP,)}, None, ASKED_STOP),
+        (Mode.FOLLOW, {"verdict": judged("COM-13", "INP-03", "DRV-25")}, None, Cause(event=Event.FAULT, faults=DRIVE)),
+        (Mode.FAULT, {"verdict": DRIVE_FAULT}, None, None),
+        (Mode.FAULT, {"verdict": DRIVE_FAULT}, Event.END, Cause(event=Event.END, faults=DRIVE)),
+        (Mode.FAULT, {"verdict": DRIVE_FAULT, "requests": ENDED}, None, Cause(event=Event.END, request=Request.END)),
+        (Mode.READY, {"requests": ENDED}, Event.END, Cause(event=Event.END, request=Request.END)),
+        (Mode.READY, {}, Event.END, Cause(event=Event.END)),
+    ],
+)
+def test_cause_of_a_mode_is_what_changed_it(
+    present: Mode, seen: dict[str, Any], wished: Event | None, cause: Cause | None
+) -> None:
+    assert modes_in(present).advance(snapshot(**seen), wished) == cause
 
 
 @pytest.mark.parametrize("severity", Severity)
 def test_robot_is_stopped_from_a_controlled_stop_on(severity: Severity) -> None:
     fault = Fault(id="X", severity=severity, text="x", to_fault=False)
     seen = snapshot(verdict=Verdict(severity=severity, faults=(fault,)))
-    stopped = modes_in(Mode.TELEOP).advance(seen, None) is Mode.QUICKSTOP
-    assert stopped is (severity >= Severity.CONTROLLED_STOP)
+    modes = modes_in(Mode.TELEOP)
+    modes.advance(seen, None)
+    assert (modes.mode is Mode.QUICKSTOP) is (severity >= Severity.CONTROLLED_STOP)
 
 
 @pytest.mark.parametrize(("steps", "failed"), [((CalibrateStep(),), True), ((), False)])
 def test_run_that_is_ended_before_its_last_step_has_failed(steps: tuple[Any, ...], failed: bool) -> None:
-    whole = plan(*steps)
-    modes_in(Mode.READY, whole).advance(snapshot(requests=ENDED), None)
-    assert whole.failed is failed
+    modes = modes_in(Mode.READY, shared(*steps))
+    modes.advance(snapshot(requests=ENDED), None)
+    assert modes.failed is failed
 
 
 def test_milder_stop_does_not_begin_a_stop_anew_and_a_more_severe_one_does_once(
@@ -138,23 +173,23 @@ def test_milder_stop_does_not_begin_a_stop_anew_and_a_more_severe_one_does_once(
 
 def test_end_that_was_asked_for_during_a_stop_comes_after_it() -> None:
     modes = modes_in(Mode.FOLLOW)
-    assert modes.advance(snapshot(requests=(Request.END, Request.QUICKSTOP)), None) is Mode.QUICKSTOP
-    assert modes.advance(snapshot(), None) is Mode.END
+    assert mode_after(modes, snapshot(requests=(Request.END, Request.QUICKSTOP)), None) is Mode.QUICKSTOP
+    assert modes.advance(snapshot(), None) == Cause(event=Event.END, request=Request.END)
+    assert modes.mode is Mode.END
 
 
 def test_end_that_a_mode_asked_for_during_a_stop_comes_after_it() -> None:
     for found, stopped in ((SEVERE, Mode.QUICKSTOP), (DRIVE_FAULT, Mode.FAULT)):
         modes = modes_in(Mode.QUICKSTOP)
-        assert modes.advance(snapshot(verdict=found), Event.END) is stopped
-        assert modes.advance(snapshot(verdict=found), None) is Mode.END
+        assert mode_after(modes, snapshot(verdict=found), Event.END) is stopped
+        assert mode_after(modes, snapshot(verdict=found), None) is Mode.END
 
 
 def test_run_that_ends_with_a_fault_has_failed_though_its_steps_are_done() -> None:
-    whole = plan()
-    modes = modes_in(Mode.READY, whole)
-    assert modes.advance(snapshot(verdict=DRIVE_FAULT), Event.END) is Mode.FAULT
-    assert modes.advance(snapshot(verdict=DRIVE_FAULT), None) is Mode.END
-    assert whole.failed
+    modes = modes_in(Mode.READY, shared())
+    assert mode_after(modes, snapshot(verdict=DRIVE_FAULT), Event.END) is Mode.FAULT
+    assert mode_after(modes, snapshot(verdict=DRIVE_FAULT), None) is Mode.END
+    assert modes.failed
 
 
 def test_power_is_off_where_nothing_else_is_left_and_the_alarm_ends_the_heartbeat() -> None:
@@ -177,20 +212,20 @@ def test_power_is_off_where_nothing_else_is_left_and_the_alarm_ends_the_heartbea
 def test_fault_that_may_not_go_on_by_itself_waits_for_an_arm_whatever_recovers_later(
     says: dict[str, Any], armed: bool, held: bool
 ) -> None:
-    steps = plan(CalibrateStep(), connected=True, aligned=True)
+    steps = shared(CalibrateStep(), connected=True, aligned=True)
     modes = modes_in(Mode.READY, steps)
-    steps.armed = armed
+    steps.bring_up.armed = armed
     modes.advance(snapshot(verdict=judged("DRV-25", **says)), None)
-    assert steps.held is held
+    assert steps.bring_up.held is held
     modes.advance(snapshot(verdict=judged("SYS-01", recovers=True, resumes=True)), None)
     modes.advance(snapshot(), None)
-    assert steps.held is held, "until a person arms"
+    assert steps.bring_up.held is held, "until a person arms"
 
 
 def test_what_does_not_stop_the_robot_needs_no_arm() -> None:
-    steps = plan(CalibrateStep(), connected=True, aligned=True, armed=False)
+    steps = shared(CalibrateStep(), connected=True, aligned=True, armed=False)
     modes_in(Mode.READY, steps).advance(snapshot(verdict=judged("COM-13")), None)
-    assert not steps.held
+    assert not steps.bring_up.held
 
 
 def test_mode_that_is_entered_again_begins_anew() -> None:
@@ -207,7 +242,7 @@ def test_mode_that_is_entered_again_begins_anew() -> None:
 
 
 def test_jobs_are_wished_once_and_waited_for_until_the_last_has_ended() -> None:
-    jobs = plan().jobs(JobKind.SECURE, NAMES[:2])
+    jobs = BringUp().jobs(JobKind.SECURE, NAMES[:2])
     waiting = finish_jobs(ON, jobs)
     assert next(waiting).jobs == jobs
     ended = [JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True) for job in jobs]
@@ -232,35 +267,35 @@ STEPS: list[tuple[Step, Event]] = [
 
 @pytest.mark.parametrize(("step", "event"), STEPS)
 def test_ready_asks_for_the_mode_of_the_step(step: Any, event: Event) -> None:
-    assert Player(ReadyMode(plan(step))).tick().event is event
+    assert Player(ReadyMode(shared(step))).tick().event is event
 
 
 def test_ready_walks_the_plan_to_its_end() -> None:
-    steps = plan(*(step for step, _ in STEPS), WaitStep(seconds=0.1))
+    steps = shared(*(step for step, _ in STEPS), WaitStep(seconds=0.1))
     player = Player(ReadyMode(steps))
     for _, event in STEPS:
         assert player.tick().event is event
         assert player.tick().event is event, "until the step is done"
-        steps.advance()
+        steps.position = advance(steps.position, Wish(over=True))
     assert player.until(has_event).event is Event.END
     assert steps.current is None
 
 
 def test_ready_waits_as_long_as_the_step_says() -> None:
-    steps = plan(WaitStep(seconds=1.0), WaitStep(seconds=0.5))
+    steps = shared(WaitStep(seconds=1.0), WaitStep(seconds=0.5))
     player = Player(ReadyMode(steps))
     player.until(has_event)
     assert player.time == pytest.approx(1.5, abs=0.1)
 
 
 def test_ready_stands_enabled_with_the_wheels_where_they_are() -> None:
-    wish = Player(ReadyMode(plan(WaitStep(seconds=1.0)))).tick(set_points=SetPoints(steering=0.3))
+    wish = Player(ReadyMode(shared(WaitStep(seconds=1.0)))).tick(set_points=SetPoints(steering=0.3))
     assert powered(wish)
     assert wish.command == DriveCommand(speed=0.0, steering=0.3)
 
 
 def test_teleop_begins_only_with_the_controls_released() -> None:
-    player = Player(ReadyMode(plan(TeleopStep(input="stick", seconds=None))))
+    player = Player(ReadyMode(shared(TeleopStep(input="stick", seconds=None))))
     for _ in range(5):
         assert player.tick(inputs=(OperatorInput(source="stick", neutral=False),)).event is None
     others = (OperatorInput(source="stick"), OperatorInput(source="other", neutral=False))
@@ -268,14 +303,14 @@ def test_teleop_begins_only_with_the_controls_released() -> None:
 
 
 def test_step_by_hand_whose_controls_nobody_releases_for_ten_minutes_ends_the_run() -> None:
-    steps = plan(TeleopStep(input="stick", seconds=None), done=3.0)
+    steps = shared(TeleopStep(input="stick", seconds=None), done=3.0)
     player = Player(ReadyMode(steps))
     player.world["inputs"] = (OperatorInput(source="stick", neutral=False),)
-    expires(player, steps)
+    expires(player)
 
 
 def test_calibrate_aligns_and_is_done() -> None:
-    steps = plan(CalibrateStep())
+    steps = shared(CalibrateStep())
     robot = ObedientDrives(DriveState.OPERATION_ENABLE)
     player = Player(CalibrateMode(steps), robot.react)
     assert player.until(has_event).event is Event.DONE
@@ -287,13 +322,13 @@ def test_calibrate_aligns_and_is_done() -> None:
 
 def test_calibrate_holds_the_wheels_where_it_finds_them_until_it_knows_how_they_stand() -> None:
     robot = ObedientDrives(DriveState.OPERATION_ENABLE)
-    player = Player(CalibrateMode(plan(CalibrateStep())), robot.react)
+    player = Player(CalibrateMode(shared(CalibrateStep())), robot.react)
     found = SetPoints(steering=0.1)
     assert player.tick(set_points=found).command == DriveCommand(speed=0.0, steering=0.1)
 
 
 def test_calibrate_that_fails_is_a_fault_and_not_done() -> None:
-    steps = plan(CalibrateStep())
+    steps = shared(CalibrateStep())
     robot = ObedientDrives(DriveState.OPERATION_ENABLE)
     robot.changes["steer-left"] = {"potentiometers": (0.0, 0.0)}
     player = Player(CalibrateMode(steps), robot.react)
@@ -309,8 +344,8 @@ def stick(**changes: Any) -> OperatorInput:
     return replace(held, **changes)
 
 
-def teleop(seconds: float | None = None) -> tuple[Player, Plan]:
-    steps = plan(TeleopStep(input="stick", seconds=seconds))
+def teleop(seconds: float | None = None) -> tuple[Player, Shared]:
+    steps = shared(TeleopStep(input="stick", seconds=seconds))
     player = Player(TeleopMode(steps))
     player.world["inputs"] = (replace(stick(), source="other", speed=9.0), stick())
     return player, steps
@@ -369,10 +404,10 @@ def test_teleop_ends_when_its_time_is_over() -> None:
 
 
 def test_two_teleop_steps_end_one_by_one() -> None:
-    steps = plan(*(TeleopStep(input="stick", seconds=None) for _ in range(2)))
+    steps = shared(*(TeleopStep(input="stick", seconds=None) for _ in range(2)))
     player = Player(TeleopMode(steps))
     player.world["inputs"] = (stick(),)
     player.tick(inputs=(stick(requests=(Request.DONE,)),))
-    assert steps.index == 1
+    assert steps.position.step == 1
     player.enter()
     assert player.tick().event is None

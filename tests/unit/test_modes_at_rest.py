@@ -19,8 +19,8 @@ from core_builders import (
     has_event,
     has_fault,
     judged,
-    plan,
     powered,
+    shared,
     snapshot,
     verdict,
 )
@@ -29,7 +29,8 @@ from artemis.motion.perception import STANDING_TIME
 from artemis.states.alignment import OFF_TIME
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
-from artemis.states.mode import LISTEN, CalibrateStep, ModeLogic, Plan, RoutineMode, hands_on
+from artemis.states.mode import LISTEN, ModeLogic, RoutineMode, hands_on
+from artemis.states.plan import CalibrateStep, Shared
 from artemis.states.quickstop import QuickstopMode
 from artemis.supervision import catalogue
 from artemis.values import (
@@ -55,12 +56,12 @@ ALL_OFF = {"drives": drives(state=DriveState.SWITCH_ON_DISABLED)}
 STOPPED = {"standing": True, **ALL_OFF}
 
 
-def quickstop(**state: Any) -> tuple[Player, Plan]:
-    steps = plan(CalibrateStep(), **{"connected": True, "aligned": True, "armed": False, **state})
+def quickstop(**state: Any) -> tuple[Player, Shared]:
+    steps = shared(CalibrateStep(), **{"connected": True, "aligned": True, "armed": False, **state})
     return Player(QuickstopMode(steps)), steps
 
 
-def stopped(**state: Any) -> tuple[Player, Plan]:
+def stopped(**state: Any) -> tuple[Player, Shared]:
     """A quick stop that is over: the robot stood long enough, its drives are off."""
     player, steps = quickstop(**state)
     player.world.update(STOPPED)
@@ -139,12 +140,12 @@ def test_drive_that_was_not_configured_and_cannot_be_stopped_is_a_fault_and_neve
 def test_stop_takes_the_arm_of_a_bring_up() -> None:
     player, steps = quickstop(armed=True)
     player.enter()
-    assert not steps.armed
+    assert not steps.bring_up.armed
 
 
 @pytest.mark.parametrize("mode", ["quickstop", "end"])
 def test_deaf_drive_is_stopped_by_a_job_in_every_stop_or_by_our_silence(mode: str) -> None:
-    player = quickstop()[0] if mode == "quickstop" else Player(EndMode(plan(connected=True)))
+    player = quickstop()[0] if mode == "quickstop" else Player(EndMode(shared(connected=True)))
     player.refused.add((JobKind.HALT, "traction-left"))
     enabled = drive("traction-left", state=DriveState.OPERATION_ENABLE)
     player.world.update(standing=False, drives=drives(enabled, state=DriveState.QUICK_STOP_ACTIVE))
@@ -168,7 +169,7 @@ def test_stop_that_is_asked_for_again_and_again_gives_a_deaf_drive_no_heartbeat_
 
 @pytest.mark.parametrize("mode", [QuickstopMode, FaultMode])
 def test_steering_drive_that_does_not_switch_off_is_switched_off_by_sdo(mode: type[RoutineMode]) -> None:
-    player = Player(mode(plan(CalibrateStep(), connected=True, aligned=True)))
+    player = Player(mode(shared(CalibrateStep(), connected=True, aligned=True)))
     on = drive("steer-left", state=DriveState.OPERATION_ENABLE)
     player.world.update(STOPPED, drives=drives(on, state=DriveState.SWITCH_ON_DISABLED))
     player.until(
@@ -182,7 +183,7 @@ def test_steering_drive_that_does_not_switch_off_is_switched_off_by_sdo(mode: ty
 
 @pytest.mark.parametrize("mode", [QuickstopMode, FaultMode])
 def test_drive_that_cannot_be_switched_off_hears_no_heartbeat_until_it_has_noticed(mode: type[RoutineMode]) -> None:
-    player = Player(mode(plan(CalibrateStep(), connected=True, aligned=True)))
+    player = Player(mode(shared(CalibrateStep(), connected=True, aligned=True)))
     player.refused.add((JobKind.HALT, "steer-left"))
     on = drive("steer-left", state=DriveState.OPERATION_ENABLE)
     player.world.update(STOPPED, drives=drives(on, state=DriveState.SWITCH_ON_DISABLED))
@@ -211,23 +212,23 @@ def test_drives_stay_held_after_a_controlled_stop_whose_cause_was_acknowledged()
 
 
 def test_nobody_there_to_arm_ends_the_run_as_failed() -> None:
-    player, steps = quickstop()
+    player, _ = quickstop()
     player.world["attended"] = False
     for _ in range(20):
         assert player.tick(standing=False).event is None, "not before it stands"
-    assert player.until(has_event).event is Event.END
-    assert steps.failed
+    wish = player.until(has_event)
+    assert (wish.event, wish.failed) == (Event.END, True)
 
 
 def test_quickstop_waits_for_arm() -> None:
-    player, steps = quickstop()
+    player, _ = quickstop()
     player.world.update(STOPPED)
     for _ in range(100):
         wish = player.tick()
         assert not powered(wish)
         assert wish.event is None
     assert "arm" in wish.phase
-    assert not steps.failed
+    assert not any(wish.failed for wish in player.wishes)
 
 
 @pytest.mark.parametrize(
@@ -285,7 +286,7 @@ def test_armed_before_the_wheels_were_aligned_leads_to_a_new_bring_up() -> None:
     wish = player.tick(requests=(Request.ARM,))
     assert wish.event is Event.ACKNOWLEDGED
     assert not powered(wish)
-    assert steps.armed, "which need not be armed again"
+    assert steps.bring_up.armed, "which need not be armed again"
 
 
 # ---------------------------------------------------------------------------------------------- recovery of a stop
@@ -329,14 +330,14 @@ def test_stop_that_a_person_acknowledged_goes_on_only_by_an_arm(when: str) -> No
 
 
 def test_run_ends_when_nobody_arms_for_ten_minutes() -> None:
-    expires(*stopped())
+    expires(stopped()[0])
 
 
 # ---------------------------------------------------------------------------------------------- end
 
 
 def ending(**state: Any) -> Player:
-    return Player(EndMode(plan(CalibrateStep(), **{"connected": True, **state})), ObedientDrives(ON_STATE).react)
+    return Player(EndMode(shared(CalibrateStep(), **{"connected": True, **state})), ObedientDrives(ON_STATE).react)
 
 
 ON_STATE = DriveState.OPERATION_ENABLE
@@ -377,7 +378,7 @@ def test_drives_that_refuse_to_be_disarmed_do_not_hold_the_end_up() -> None:
     player = ending()
     player.refused |= {(JobKind.DISARM, name) for name in NAMES}
     player.until(lambda wish: wish.finished, longest=1.0)
-    assert [fault_of(wish) for wish in player.wishes if wish.fault] == [("COM-34", name) for name in NAMES]
+    assert [fault_of(wish) for wish in player.wishes if wish.failed] == [("COM-34", name) for name in NAMES]
 
 
 def test_end_before_the_drives_were_configured_only_disarms() -> None:
@@ -403,7 +404,7 @@ def test_ended_stays_ended() -> None:
 
 
 def test_mode_without_being_entered_enters_itself() -> None:
-    mode: ModeLogic = EndMode(plan())
+    mode: ModeLogic = EndMode(shared())
     assert mode.step(snapshot(1.0)).jobs
 
 

@@ -6,16 +6,16 @@ import math
 from itertools import pairwise
 
 import pytest
-from core_builders import PERIOD, ROBOT, Player, StubFollower, fault_of, following, plan
+from core_builders import PERIOD, ROBOT, Player, StubFollower, fault_of, following, shared
 from msgspec.structs import replace
 from reversing_car import Car, drive, follower, straight, three_point_turn
 
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
 from artemis.states.follow import FollowMode
-from artemis.states.mode import FollowStep
 from artemis.states.parts import STEERED, PartByPart, flipped, flipped_command
-from artemis.values import Action, DriveCommand, Event, Fault, Odometry, Pose, SetPoints, Snapshot
+from artemis.states.plan import FollowStep
+from artemis.values import Action, DriveCommand, Event, Fault, LocatedPose, Odometry, Pose, SetPoints, Snapshot
 
 FOLLOWERS = ("frenet", "indiveri", "pure_pursuit", "stanley")
 
@@ -49,9 +49,7 @@ def answered(driver: PartByPart, snapshot: Snapshot) -> Following:
 def standing(steering: float = 0.0, pose: Pose | None = None) -> Snapshot:
     car = Car(pose=pose or Pose())
     points = SetPoints(steering=steering)
-    return replace(
-        car.snapshot(), set_points=points, odometry=Odometry(pose=car.pose, steering=steering), standing=True
-    )
+    return replace(car.snapshot(), set_points=points, odometry=Odometry(steering=steering), standing=True)
 
 
 # ---------------------------------------------------------------------------------------------- the flip
@@ -62,9 +60,12 @@ def test_flipped_is_the_same_car_seen_from_behind() -> None:
     points = SetPoints(
         speed=0.3, steering=0.2, speed_left=0.27, speed_right=0.33, steering_left=0.22, steering_right=0.18
     )
-    seen = flipped(replace(Car().snapshot(), odometry=odometry, set_points=points))
+    located = LocatedPose(pose=Pose(x=3.0, y=4.0, heading=0.6), frame="map", age=0.1)
+    seen = flipped(replace(Car().snapshot(), pose=located, odometry=odometry, set_points=points))
     pose = seen.odometry.pose
     assert (pose.x, pose.y, pose.heading) == pytest.approx((1.0, 2.0, 0.5 - math.pi))
+    assert seen.pose == replace(located, pose=Pose(x=3.0, y=4.0, heading=seen.pose.pose.heading))
+    assert seen.pose.pose.heading == pytest.approx(0.6 - math.pi)
     assert (seen.odometry.speed, seen.odometry.steering, seen.odometry.distance) == (-0.3, -0.2, -4.0)
     assert seen.odometry.slip == 0.01
     assert (seen.set_points.speed, seen.set_points.steering) == (-0.3, -0.2)
@@ -130,7 +131,7 @@ def test_the_next_part_begins_when_the_robot_stands_and_is_seen_from_its_own_end
     assert taker.starts == 2
     assert taker.paths[1] is route.parts[1].path
     assert taker.seen[-1].odometry.steering == -0.3
-    assert abs(taker.seen[-1].odometry.pose.heading) == pytest.approx(math.pi)
+    assert abs(taker.seen[-1].pose.pose.heading) == pytest.approx(math.pi)
     taker.finished = True
     answered(driver, standing())
     answered(driver, standing())
@@ -195,7 +196,7 @@ def test_mode_follow_goes_on_in_the_part_where_an_earlier_run_stopped() -> None:
     taker, route = Taker(), three_point_turn()
     done = route.begins[1] + 0.4
     pose = route.parts[1].path.at(0.4)
-    steps = plan(FollowStep(route=route, follower=taker, nearest=True), done=done)
+    steps = shared(FollowStep(route=route, follower=taker, nearest=True), done=done)
     player = Player(FollowMode(steps))
     heading = route.parts[1].heading_at(0.4)
     wish = player.tick(odometry=Odometry(pose=Pose(x=pose.x, y=pose.y, heading=heading), steering=0.05))
@@ -204,12 +205,12 @@ def test_mode_follow_goes_on_in_the_part_where_an_earlier_run_stopped() -> None:
     assert wish.tracking.arc_length == pytest.approx(done, abs=0.02)
     assert wish.tracking.length == pytest.approx(route.length)
     assert taker.paths[0].length == pytest.approx(route.parts[1].path.length - 0.4, abs=0.02)
-    assert taker.seen[0].odometry.pose.heading == pytest.approx(math.remainder(heading + math.pi, math.tau))
+    assert taker.seen[0].pose.pose.heading == pytest.approx(math.remainder(heading + math.pi, math.tau))
 
 
 def test_mode_follow_is_done_after_the_last_part() -> None:
     taker = Taker()
-    steps = plan(FollowStep(route=three_point_turn(), follower=taker))
+    steps = shared(FollowStep(route=three_point_turn(), follower=taker))
     player = Player(FollowMode(steps))
     for _ in range(2):
         player.tick()
@@ -223,7 +224,7 @@ def test_mode_follow_is_done_after_the_last_part() -> None:
 
 def test_mode_follow_that_was_stopped_goes_on_in_the_same_part() -> None:
     taker = Taker()
-    player = Player(FollowMode(plan(FollowStep(route=three_point_turn(), follower=taker))))
+    player = Player(FollowMode(shared(FollowStep(route=three_point_turn(), follower=taker))))
     player.tick()
     taker.finished = True
     player.tick()
@@ -236,7 +237,7 @@ def test_mode_follow_that_was_stopped_goes_on_in_the_same_part() -> None:
 
 def test_a_follower_that_drives_on_beyond_a_reversal_is_a_fault() -> None:
     taker, route = Taker(), three_point_turn()
-    player = Player(FollowMode(plan(FollowStep(route=route, follower=taker))))
+    player = Player(FollowMode(shared(FollowStep(route=route, follower=taker))))
     player.tick()
     taker.arc_length = route.parts[0].path.length
     assert player.tick(odometry=Odometry(distance=1.0)).fault is None

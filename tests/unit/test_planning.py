@@ -17,7 +17,7 @@ from artemis.mission.loading import load_mission
 from artemis.planning import made, plan_from
 from artemis.plugins import registry
 from artemis.plugins.contracts import Setup
-from artemis.states.mode import CalibrateStep, FollowStep, Plan, TeleopStep
+from artemis.states.plan import CalibrateStep, FollowStep, Plan, TeleopStep
 from artemis.states.steering import SteeringStep
 
 MISSIONS = Path(__file__).parents[2] / "missions"

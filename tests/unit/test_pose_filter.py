@@ -19,7 +19,7 @@ def drive(zero_deg: float, noise: float, ticks: int, seed: int = 1, steering: fl
     """Drive on with a steering whose true angle is `zero_deg` more than measured: the filter, and the true pose."""
     dice = random.Random(seed)
     odometry = Odometry(steering=steering)
-    filter, true = PoseFilter(WHEELBASE, odometry), Pose()
+    filter, true = PoseFilter(WHEELBASE, Pose(), odometry), Pose()
     for tick in range(1, ticks + 1):
         turn = WAY * math.tan(steering + math.radians(zero_deg)) / WHEELBASE
         true = around(true, turn) if turn else replace(true, x=true.x + WAY)
@@ -28,7 +28,7 @@ def drive(zero_deg: float, noise: float, ticks: int, seed: int = 1, steering: fl
             y=true.y + dice.gauss(0, 0.005 * noise),
             heading=true.heading + dice.gauss(0, math.radians(0.25) * noise),
         )
-        filter.update(replace(odometry, pose=seen, distance=tick * WAY))
+        filter.update(seen, replace(odometry, distance=tick * WAY))
     return filter, true
 
 
@@ -63,9 +63,9 @@ def test_noise_goes() -> None:
 
 
 def test_standing_tells_nothing_of_the_zero() -> None:
-    filter = PoseFilter(WHEELBASE, Odometry())
+    filter = PoseFilter(WHEELBASE, Pose(), Odometry())
     for heading in (0.01, -0.01, 0.01):
-        filter.update(Odometry(pose=Pose(heading=heading)))
+        filter.update(Pose(heading=heading), Odometry())
     assert filter.steering_zero == 0.0
 
 
@@ -73,7 +73,7 @@ def test_a_pose_set_anew_holds() -> None:
     filter, _ = drive(1.0, 0.0, 100)
     zero = filter.steering_zero
     there = Pose(x=filter.pose.x + 2 * JUMP, y=1.0, heading=2.0)
-    filter.update(Odometry(pose=there, distance=100 * WAY))
+    filter.update(there, Odometry(distance=100 * WAY))
     assert filter.pose == there
     assert filter.steering_zero == zero
 

@@ -20,7 +20,7 @@ from artemis.plugins.followers.pure_pursuit import (
     regulated,
 )
 from artemis.testing.contracts import ROBOT, FollowerContract
-from artemis.values import Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
 from artemis_lab.bench.courses import Course
 from artemis_lab.bench.driving import drive
 from artemis_lab.bench.plant import Conditions, bicycle
@@ -42,7 +42,8 @@ def at(x: float, y: float, heading: float = 0.0, speed: float = 0.7) -> Snapshot
     return Snapshot(
         sensed=Sensed(index=0, time=0.0),
         dt=0.02,
-        odometry=Odometry(pose=Pose(x=x, y=y, heading=heading), speed=speed),
+        pose=LocatedPose(pose=Pose(x=x, y=y, heading=heading)),
+        odometry=Odometry(speed=speed),
         standing=False,
         set_points=SetPoints(),
         verdict=Verdict(),

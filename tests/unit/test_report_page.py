@@ -21,7 +21,7 @@ from artemis.report import figures
 from artemis.report.figures import thinned
 from artemis.report.page import MAX_ENTRIES, MAX_FAULTS, write_report
 from artemis.supervision.catalogue import ROWS
-from artemis.values import JobKind, JobResult, Pose
+from artemis.values import JobKind, JobResult, Pose, Position
 
 VOID = {"meta", "!doctype"}
 
@@ -139,7 +139,7 @@ def test_many_faults_are_cut_short(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("text_only")
 def test_the_page_of_a_resumed_run_names_the_run_before(tmp_path: Path) -> None:
-    resumption = Resumption(run="20260301T110000Z-circle", step=0, done=1.5, pose=Pose())
+    resumption = Resumption(run="20260301T110000Z-circle", position=Position(done=1.5), pose=Pose())
     path = synthetic_run.record(tmp_path / "recording.mcap", islice(synthetic_run.run(), 5), resumption=resumption)
     write_report(Recording(path), tmp_path / "report.html")
 

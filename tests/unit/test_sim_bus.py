@@ -6,11 +6,12 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 import pytest
+from disturbance import random_disturbance
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
 from artemis.errors import DeviceLost
-from artemis.sim.bus import Disturb, SimBus, is_urgent, random_disturbance
+from artemis.sim.bus import Disturb, SimBus, is_urgent
 from artemis.sim.wire import frame_bits
 
 MICROSECOND = 1e-6

@@ -12,7 +12,7 @@ from artemis.errors import ConfigError
 from artemis.plugins.contracts import Setup
 from artemis.plugins.followers.stanley import StanleyConfig, StanleyFollower, front_axle, steering
 from artemis.testing.contracts import ROBOT, FollowerContract
-from artemis.values import Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
 from artemis_lab.bench.courses import Course, five_courses
 from artemis_lab.bench.driving import drive
 from artemis_lab.bench.plant import Conditions, bicycle
@@ -34,7 +34,8 @@ def at(pose: Pose, speed: float = 0.7) -> Snapshot:
     return Snapshot(
         sensed=Sensed(index=0, time=0.0),
         dt=0.02,
-        odometry=Odometry(pose=pose, speed=speed),
+        pose=LocatedPose(pose=pose),
+        odometry=Odometry(speed=speed),
         standing=False,
         set_points=SetPoints(),
         verdict=Verdict(),

@@ -80,7 +80,7 @@ class FrenetFollower:
         self._deceleration = BRAKING_SHARE * limits.deceleration_m_s2
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
-        """Begin at the start of `path` (frame of the odometry); its corners become what the robot can do.
+        """Begin at the start of `path` (in the frame of the snapshot's pose); its corners become what the robot can do.
 
         Raises:
             ConfigError: no curve that the robot can drive is near a corner.
@@ -88,12 +88,12 @@ class FrenetFollower:
         path, _ = rounded(path, self._robot)
         self._path = path.with_speed(speed_profile(path, self._robot, self._top_speed))
         self._progress = Progress(self._path)
-        self._filter = PoseFilter(self._car.wheelbase, snapshot.odometry)
+        self._filter = PoseFilter(self._car.wheelbase, snapshot.pose.pose, snapshot.odometry)
 
     def step(self, snapshot: Snapshot) -> Following:
         """Speed and angle of the virtual front wheel for this tick."""
         path, progress, odometry = self._path, self._progress, snapshot.odometry
-        self._filter.update(odometry)
+        self._filter.update(snapshot.pose.pose, odometry)
         pose = self._filter.pose
         tracking = progress.update(pose)
 

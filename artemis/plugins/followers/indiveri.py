@@ -69,7 +69,7 @@ class IndiveriFollower:
         self._hysteresis = math.radians(config.hysteresis_deg)
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
-        """Begin at the start of `path` (frame of the odometry)."""
+        """Begin at the start of `path` (in the frame of the snapshot's pose)."""
         self._path, self._progress = path, Progress(path)
         self._segments = max(round(path.length / self._config.segment_m), 1)
         self._segment_length = path.length / self._segments
@@ -78,7 +78,7 @@ class IndiveriFollower:
 
     def step(self, snapshot: Snapshot) -> Following:
         """Speed and angle of the virtual front wheel for this tick."""
-        progress, pose = self._progress, snapshot.odometry.pose
+        progress, pose = self._progress, snapshot.pose.pose
         tracking = progress.update(pose)
         if not progress.finished:
             self._switch()

@@ -74,12 +74,12 @@ class PurePursuitFollower:
         self._steering_limit = math.radians(setup.robot.limits.steering_deg)
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
-        """Begin at the start of `path` (frame of the odometry)."""
+        """Begin at the start of `path` (in the frame of the snapshot's pose)."""
         self._path, self._progress = path, Progress(path)
 
     def step(self, snapshot: Snapshot) -> Following:
         """Speed and angle of the virtual front wheel for this tick."""
-        progress, pose = self._progress, snapshot.odometry.pose
+        progress, pose = self._progress, snapshot.pose.pose
         tracking = progress.update(pose)
         lookahead = lookahead_distance(snapshot.odometry.speed, self._config)
         curvature = curvature_through(pose, *self._point_ahead(pose, lookahead))

@@ -59,13 +59,13 @@ class StanleyFollower:
         self._deceleration = BRAKING * limits.deceleration_m_s2
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
-        """Begin at the start of `path` (frame of the odometry)."""
+        """Begin at the start of `path` (in the frame of the snapshot's pose)."""
         self._path, self._progress = path, Progress(path)
         self._front = self._wheelbase
 
     def step(self, snapshot: Snapshot) -> Following:
         """Speed and angle of the virtual front wheel for this tick."""
-        progress, pose = self._progress, snapshot.odometry.pose
+        progress, pose = self._progress, snapshot.pose.pose
         tracking = progress.update(pose)
         front = self._path.project(*front_axle(pose, self._wheelbase), near=self._front)
         self._front = front.arc_length

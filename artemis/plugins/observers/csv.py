@@ -20,9 +20,9 @@ Signal = Literal["mode", "phase", "x_m", "y_m", "heading_deg", "speed_m_s", "ste
 _SIGNALS: dict[Signal, Callable[[Tick], object]] = {
     "mode": lambda tick: tick.mode.value,
     "phase": lambda tick: tick.wish.phase,
-    "x_m": lambda tick: f"{tick.snapshot.odometry.pose.x:.4f}",
-    "y_m": lambda tick: f"{tick.snapshot.odometry.pose.y:.4f}",
-    "heading_deg": lambda tick: f"{degrees(tick.snapshot.odometry.pose.heading):.2f}",
+    "x_m": lambda tick: f"{tick.snapshot.pose.pose.x:.4f}",
+    "y_m": lambda tick: f"{tick.snapshot.pose.pose.y:.4f}",
+    "heading_deg": lambda tick: f"{degrees(tick.snapshot.pose.pose.heading):.2f}",
     "speed_m_s": lambda tick: f"{tick.snapshot.odometry.speed:.4f}",
     "steering_deg": lambda tick: f"{degrees(tick.snapshot.odometry.steering):.2f}",
     "cross_track_m": lambda tick: "" if tick.wish.tracking is None else f"{tick.wish.tracking.cross_track:.4f}",
@@ -39,7 +39,7 @@ class CsvConfig(Config):
 
 
 class CsvObserver:
-    """Writes `NAME.csv`; pose, speed and steering are those of the odometry."""
+    """Writes `NAME.csv`; speed and steering are those of the odometry."""
 
     Config: ClassVar[type[Config]] = CsvConfig
     pure: ClassVar[bool] = True

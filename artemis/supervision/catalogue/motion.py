@@ -97,7 +97,13 @@ MOTION: dict[str, Row] = {
         stages=(Stage(S1, 0.0, 0.059),),
         shows_as=("COM-02", "COM-01"),
     ),
-    "RUN-07": Row("odometry against localisation", Found.ABSENT, S2, automatic(2, _TEN), reason="needs a localisation"),
+    "RUN-07": Row(
+        "odometry against localisation",
+        Found.ABSENT,
+        S2,
+        automatic(2, _TEN),
+        reason="where they differ the fixes count, if they agree with each other",
+    ),
     "RUN-08": Row(
         "odometry lost",
         Found.MODE,

@@ -6,7 +6,7 @@ from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S2, Found, 
 
 _TEN = 10 * MINUTE
 _ABSENT, _LOADING = Found.ABSENT, Found.LOADING
-_LASER, _LOCALISATION = "needs a laser scanner", "needs a localisation"
+_LASER, _LOCALISATION = "needs a laser scanner", "a localizer's fixes are judged one by one: such a pose is not used"
 
 SURROUNDINGS: dict[str, Row] = {
     "LAS-01": Row("scanner lost", _ABSENT, S2, automatic(5, _TEN), reason=_LASER),
@@ -17,7 +17,14 @@ SURROUNDINGS: dict[str, Row] = {
     "LAS-06": Row("ranges implausible", _ABSENT, S2, ITSELF, reason=_LASER),
     "LAS-07": Row("scanner clock drifts", _ABSENT, S2, ITSELF, reason=_LASER),
     "LAS-08": Row("obstacle", _ABSENT, S2, ITSELF, reason=_LASER),
-    "LOC-01": Row("pose stale", _ABSENT, S2, automatic(3, _TEN), reason=_LOCALISATION),
+    "LOC-01": Row(
+        "pose stale",
+        Found.MODE,
+        S2,
+        K,
+        "no localizer has seen the robot for too long",
+        "does it see the robot? drive back by hand to where it does",
+    ),
     "LOC-02": Row("pose jump", _ABSENT, S2, automatic(2, _TEN), reason=_LOCALISATION),
     "LOC-03": Row("divergence", _ABSENT, S2, automatic(1, _TEN), reason=_LOCALISATION),
     "LOC-04": Row("pose is not a number", _ABSENT, S2, ITSELF, reason=_LOCALISATION),

@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 
 import pytest
+
 from artemis.build import kind_of_build
 
-from tests.bench.calls import PYTHON, calls, kept
+from .calls import PYTHON, calls, kept
 
 MARGIN = 1.03
 

@@ -1,0 +1,54 @@
+"""Which modules are compiled where that is asked for (`ARTEMIS_COMPILE=1`, `make fast`). Otherwise none is."""
+
+import os
+
+from setuptools import setup
+
+COMPILED = """
+artemis/devices/allow_list.py
+artemis/devices/drive.py
+artemis/devices/epos.py
+artemis/devices/epos_state.py
+artemis/devices/wire_end.py
+artemis/motion/ackermann.py
+artemis/motion/angles.py
+artemis/motion/limits.py
+artemis/motion/odometry.py
+artemis/motion/pace.py
+artemis/motion/perception.py
+artemis/motion/poses.py
+artemis/motion/potentiometers.py
+artemis/plugins/border.py
+artemis/plugins/followers/progress.py
+artemis/recording/chronicle.py
+artemis/recording/mcap_file.py
+artemis/sim/axis.py
+artemis/sim/bus.py
+artemis/sim/dictionary.py
+artemis/sim/epos.py
+artemis/sim/epos_error_control.py
+artemis/sim/epos_errors.py
+artemis/sim/epos_motion.py
+artemis/sim/epos_parameters.py
+artemis/sim/epos_pdo.py
+artemis/sim/epos_power.py
+artemis/sim/epos_sdo.py
+artemis/sim/vehicle.py
+artemis/sim/wheels.py
+artemis/sim/wire.py
+artemis/sim/world.py
+artemis/states/modes.py
+artemis/states/parts.py
+artemis/supervision/measures.py
+artemis/supervision/steered.py
+artemis/supervision/supervisor.py
+artemis/supervision/wheels.py
+""".split()
+
+extensions = []
+if os.environ.get("ARTEMIS_COMPILE"):
+    from mypyc.build import mypycify
+
+    extensions = mypycify(COMPILED, opt_level="2", debug_level="0")
+
+setup(ext_modules=extensions)

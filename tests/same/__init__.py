@@ -1,0 +1,1 @@
+"""One artemis against another, compiled or of another Python: `python -m tests.same` compares their recordings."""

@@ -1,0 +1,43 @@
+"""It is said which artemis runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import artemis
+from artemis import build
+from artemis.cli import app
+
+MODULES = (Path(__file__).parents[2] / "setup.py").read_text().split('"""')[3].split()
+
+
+def test_version_names_the_interpreter_and_the_build() -> None:
+    told = CliRunner().invoke(app, ["--version"])
+    assert told.exit_code == 0
+    assert told.output == build.described() + "\n"
+    assert told.output.startswith("artemis ")
+    assert told.output.endswith(f", {build.kind_of_build()}\n")
+
+
+@pytest.mark.parametrize(("file", "kind"), [("bus.py", "plain"), ("bus.cpython-311-x86_64-linux-gnu.so", "compiled")])
+def test_build_is_known_by_the_file_of_a_module_that_would_be_compiled(
+    file: str, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Spec:
+        origin = f"/somewhere/artemis/sim/{file}"
+
+    def find(name: str) -> type[Spec]:
+        assert f"{name.replace('.', '/')}.py" in MODULES
+        return Spec
+
+    monkeypatch.setattr(build, "find_spec", find)
+    assert build.kind_of_build() == kind
+
+
+def test_modules_that_are_compiled_exist() -> None:
+    root = Path(artemis.__file__).parents[1]
+    assert [module for module in MODULES if not (root / module).exists()] == []
+    assert sorted(MODULES) == MODULES

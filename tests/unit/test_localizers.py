@@ -1,0 +1,187 @@
+"""The localizers that come with artemis, and what the border makes of one that does not keep its contract."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from artemis.config import Config
+from artemis.errors import ConfigError, DeviceLost
+from artemis.plugins.border import Border, close, plain_fixes
+from artemis.plugins.contracts import Setup
+from artemis.plugins.localizers.simulated_tracker import SimulatedTracker, SimulatedTrackerConfig
+from artemis.plugins.localizers.tracker import TrackerConfig, TrackerLocalizer
+from artemis.testing.contracts import ROBOT
+from artemis.testing.localizers import LocalizerContract
+from artemis.values import Pose, PoseFix
+
+FIX = PoseFix(time=1.0, pose=Pose(x=1.0, y=2.0, heading=0.5), covariance=(1e-4, 0, 0, 1e-4, 0, 1e-3), source="camera")
+
+
+class World:
+    """Rolls along x with 1 m/s, asked fifty times a second."""
+
+    def __init__(self) -> None:
+        self.time = -0.02
+
+    def look(self) -> tuple[float, Pose]:
+        self.time = round(self.time + 0.02, 2)
+        return self.time, Pose(x=self.time, heading=7.0)
+
+
+class TestTracker(LocalizerContract):
+    plugin = TrackerLocalizer
+    options: Mapping[str, object] = {"file": "fixes.csv", "delay_s": 0.3}
+    files: Mapping[str, bytes] = {"fixes.csv": b"time_s,x_m,y_m,heading_rad,std_m\n0,0,0,0,0.01\n0.5,1,0,9,0.02\n"}
+
+
+class TestSimulatedTracker(LocalizerContract):
+    plugin = SimulatedTracker
+    options: Mapping[str, object] = {"jumps": [{"at_s": 3, "by_m": [1, 0]}], "drop_out": [[1, 2]]}
+
+    def given(self) -> Setup:
+        return Setup(name="seen", robot=ROBOT, folder=Path(), true_pose=World().look)
+
+
+# ---------------------------------------------------------------------------------------------- those of artemis
+
+
+def recorded(text: bytes, **options: Any) -> TrackerLocalizer:  # noqa: ANN401 (keys of the plugin)
+    setup = Setup(name="hall", robot=ROBOT, folder=Path("there"), files={"f.csv": text})
+    return TrackerLocalizer(TrackerConfig(file="f.csv", **options), setup)
+
+
+def test_a_recorded_fix_comes_when_its_time_has_come() -> None:
+    tracker = recorded(b"t,x,y,heading,std_m,std_deg\n1,2,3,4,0.1,2\n2,0,0,0,0.1,2\n", delay_s=0.5)
+    assert tracker.fixes(1.49) == ()
+    (fix,) = tracker.fixes(1.5)
+    assert (fix.time, fix.source, fix.pose.x, fix.pose.y) == (1.0, "hall", 2.0, 3.0)
+    assert fix.pose.heading == pytest.approx(4.0 - math.tau)
+    assert fix.covariance == pytest.approx((0.01, 0, 0, 0.01, 0, math.radians(2) ** 2))
+    assert tracker.fixes(1.6) == ()
+    assert [fix.time for fix in tracker.fixes(9.0)] == [2.0]
+
+
+def test_every_problem_of_a_recorded_file_is_named_with_its_line() -> None:
+    with pytest.raises(ConfigError) as found:
+        recorded(b"t,x,y,heading,std_m\n1,0,0,0,0.1\n0.5,0,0,0,0.1\n2,0,0,0,-1\n")
+    assert [problem.split(": ")[0] for problem in found.value.problems] == ["there/f.csv:3:1", "there/f.csv:4:9"]
+    with pytest.raises(ConfigError, match="heading"):
+        recorded(b"t,x,y\n0,0,0\n")
+    with pytest.raises(ConfigError, match="not UTF-8"):
+        recorded(b"t,x,y,heading\n\xff")
+    with pytest.raises(ConfigError, match="among the mission's files"):
+        TrackerLocalizer(TrackerConfig(file="f.csv"), Setup(name="hall", robot=ROBOT, folder=Path()))
+
+
+def seen(**options: Any) -> list[tuple[float, PoseFix]]:  # noqa: ANN401 (keys of the plugin)
+    """What a simulated tracker tells in ten seconds."""
+    tracker = SimulatedTracker(
+        SimulatedTrackerConfig(**options), Setup(name="hall", robot=ROBOT, folder=Path(), true_pose=World().look)
+    )
+    return [(tick * 0.02, fix) for tick in range(500) for fix in tracker.fixes(tick * 0.02)]
+
+
+def test_a_simulated_tracker_sees_the_robot_at_its_rate_late_and_with_noise() -> None:
+    found = seen(rate_hz=25, noise_m=0.01, noise_deg=1.0, delay_s=0.1)
+    assert len(found) == pytest.approx(245, abs=3)
+    assert all(now - fix.time == pytest.approx(0.1, abs=0.021) for now, fix in found)
+    errors = np.array(
+        [(fix.pose.x - fix.time, fix.pose.y, math.remainder(fix.pose.heading - 7, 6.283)) for _, fix in found]
+    )
+    assert np.std(errors, axis=0) == pytest.approx([0.01, 0.01, math.radians(1)], rel=0.2)
+    assert abs(np.mean(errors, axis=0)) == pytest.approx([0, 0, 0], abs=0.004)
+    assert found[0][1].covariance == pytest.approx((1e-4, 0, 0, 1e-4, 0, math.radians(1) ** 2))
+    assert found == seen(rate_hz=25, noise_m=0.01, noise_deg=1.0, delay_s=0.1)
+    assert found != seen(rate_hz=25, noise_m=0.01, noise_deg=1.0, delay_s=0.1, seed=1)
+
+
+def test_a_simulated_tracker_sees_nothing_for_a_while_and_something_else_for_another() -> None:
+    jump = {"at_s": 5.0, "for_s": 0.5, "by_m": [0.0, 2.0], "turn_deg": 90}
+    found = seen(noise_m=1e-4, drop_out=[[2.0, 4.0]], jumps=[jump])
+    assert not [fix for _, fix in found if 2.0 <= fix.time < 4.0]
+    wrong = [fix.time for _, fix in found if fix.pose.y > 1.0]
+    assert (len(wrong), wrong[0]) == (5, 5.0)
+    with pytest.raises(ValueError, match="is no time"):
+        SimulatedTrackerConfig(drop_out=((4.0, 2.0),))
+
+
+# ---------------------------------------------------------------------------------------------- any other
+
+
+class Strange:
+    """Does what it is told to."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def __init__(self, answer: Callable[[float], Any]) -> None:
+        self.fixes = answer
+
+    def close(self) -> None:
+        raise RuntimeError("stuck")
+
+
+def asked(answer: Callable[[float], Any]) -> tuple[tuple[PoseFix, ...], list[tuple[str, str]]]:
+    border = Border({}, lambda: 0.0, Strange(answer))
+    return border.fixes(1.0), [(id, name) for id, name, _ in border.take_problems()]
+
+
+def raising(error: BaseException) -> Callable[[float], Any]:
+    def answer(now: float) -> Any:  # noqa: ANN401
+        raise error
+
+    return answer
+
+
+def test_fixes_pass_as_plain_values() -> None:
+    assert asked(lambda now: (FIX,)) == ((FIX,), [])
+    numpy = replace(FIX, time=np.float64(1.0), pose=Pose(x=np.float64(1.0), y=2, heading=np.float64(0.5)))
+    ((fix,), problems) = asked(lambda now: [numpy])
+    assert (fix, problems) == (FIX, [])
+    assert {type(number) for number in (fix.time, fix.pose.x, fix.pose.y, *fix.covariance)} == {float}
+
+
+def test_a_localizer_that_raises_or_is_late_is_a_fault_and_one_that_is_gone_is_silent() -> None:
+    assert asked(raising(ValueError("no"))) == ((), [("PLG-02", "localizer")])
+    assert asked(raising(SystemExit(1))) == ((), [("PLG-02", "localizer")])
+    assert asked(raising(DeviceLost("camera", "unplugged"))) == ((), [])
+    clock = iter(range(100))
+    border = Border({}, lambda: float(next(clock)), Strange(lambda now: ()))
+    for _ in range(3):
+        border.fixes(0.0)
+    assert [(id, name) for id, name, _ in border.take_problems()] == [("PLG-03", "localizer")]
+    assert [id for id, _, _ in close({"localizer": Strange(lambda now: ())})] == ["PLG-02"]
+
+
+@pytest.mark.parametrize(
+    "garbage",
+    [
+        None,
+        FIX,
+        ("fix",),
+        (replace(FIX, pose=None),),
+        (replace(FIX, source=None),),
+        (replace(FIX, time=math.nan),),
+        (replace(FIX, time="1"),),
+        (replace(FIX, time=10**400),),
+        (replace(FIX, pose=Pose(x=math.inf)),),
+        (replace(FIX, pose=Pose(x=1e9)),),
+        (replace(FIX, pose=Pose(heading=math.nan)),),
+        (replace(FIX, covariance=()),),
+        (replace(FIX, covariance=None),),
+        (replace(FIX, covariance=(0.0,) * 6),),
+        (replace(FIX, covariance=(1e-4, 1e-4, 0, 1e-4, 0, 1e-3)),),
+        (replace(FIX, covariance=(1e-4, 0, 0, -1e-4, 0, 1e-3)),),
+        (replace(FIX, covariance=(1e-4, 0, 0, 1e-4, math.nan, 1e-3)),),
+        (FIX, replace(FIX, covariance=(1e-4, 0, 0, math.inf, 0, 1e-3))),
+    ],
+)
+def test_fixes_that_cannot_be_true_are_garbage(garbage: Any) -> None:  # noqa: ANN401
+    assert plain_fixes(garbage) is None
+    assert asked(lambda now: garbage) == ((), [("PLG-06", "localizer")])
