@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path as FilePath
@@ -24,11 +25,12 @@ from artemis.mission.schema import BusWords, Stop
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, made, plan_for, setup_for
-from artemis.plugins.border import Border, close
-from artemis.plugins.contracts import InputDevice, Localizer
+from artemis.plugins.border import GARBAGE, Border, Problem, close
+from artemis.plugins.contracts import InputDevice, Localizer, Observer
+from artemis.plugins.observing import Observation
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Entry, Journal, Level
-from artemis.recording.mcap_writer import Recorder
+from artemis.recording.mcap_writer import JOURNAL, Recorder
 from artemis.recording.provenance import Provenance, Resumption, first_entries
 from artemis.recording.resume import BROKEN, DONE, where_it_stopped
 from artemis.recording.run_folder import RunFolder, create_run_folder, keep_calibration, keep_paths
@@ -121,6 +123,8 @@ class _Run:
     disk: Disk
     folder: RunFolder
     recorder: Recorder
+    observers: list[Observation]
+    """Those that are handed in; the mission's own are added."""
     attendance: Attendance
     watch: Watch
     witness: Callable[[World], Surroundings]
@@ -133,12 +137,18 @@ class _Run:
         """Run to the end, in the time of such a loop."""
         begun = clock.stopwatch()
         outcome = BROKEN
-        try:
-            with asyncio.Runner(loop_factory=loop) as runner:
-                runner.run(self._main())
+        with ExitStack() as ends:
+            for observer in self.observers:
+                ends.callback(observer.close)
+            ends.callback(lambda: self.recorder.close(outcome))
+            for name, use in self.loaded.mission.observers.items():
+                plugin, config = plugin_from("artemis.observers", use)
+                observer = made(plugin, config, replace(setup_for(self.loaded, name), run=self.folder.path))
+                self.observers.append(Observation(name, observer, threaded=not self.virtual))
+                ends.callback(self._close, self.observers[-1])
+            runner = ends.enter_context(asyncio.Runner(loop_factory=loop))
+            runner.run(self._main())
             outcome = "failed" if self.failed else DONE
-        finally:
-            self.recorder.close(outcome)
         kept = keep_paths(self.folder, {name: track.as_csv() for name, track in self.results.tracks.items()})
         kept += keep_calibration(self.folder, {side: fit.record for side, fit in self.results.steering.items()})
         return Outcome(
@@ -164,14 +174,16 @@ class _Run:
         border = Border(inputs, loop.time, localizer)
         steps = with_followers(self.plan.steps, border.watched)
         drives = Drives(self.loaded.robot, bus)
-        true_pose = self._true_pose(world)
+        self.recorder.true_pose = self._true_pose(world)
         host = HostWatch()
 
         def observe(tick: Tick) -> None:
             self.time, self.failed, now = tick.snapshot.time, tick.failed, loop.time()
             traffic = drives.wire.take_traffic(now)
-            self.recorder.observe(tick, traffic, true_pose(tick), now)
-            self._report_disk(robot, tick)
+            self.recorder.see(tick, traffic, now)
+            for observer in self.observers:
+                observer.see(tick, traffic, now)
+            self._report(robot, tick.snapshot.sensed.attended)
             if not self.virtual and (grown := host.look(self.time)) is not None:
                 robot.report(growth(grown, usage()[0]))
             if live and any(sample.source in live for sample in tick.snapshot.sensed.inputs if sample.age is not None):
@@ -193,10 +205,18 @@ class _Run:
             await robot.run()
         finally:
             stop_listening()
-            for id, name, seen in close(inputs if localizer is None else {**inputs, "localizer": localizer}):
-                text = f"{id} {name}: {seen}, when it was closed"
-                self.recorder.note(Entry(time=self.time, kind="warning", text=text, level=Level.WARNING))
+            self._note(close(inputs if localizer is None else {**inputs, "localizer": localizer}))
             bus.close()
+
+    def _close(self, observer: Observation) -> None:
+        observer.close()
+        self._note(observer.take_problems())
+
+    def _note(self, problems: list[Problem]) -> None:
+        """What went wrong at the end."""
+        for id, name, seen in problems:
+            text = f"{id} {name}: {seen}, when it was closed"
+            self.recorder.note(Entry(time=self.time, kind="warning", text=text, level=Level.WARNING))
 
     def _machine(self, loop: asyncio.AbstractEventLoop) -> tuple[FrameBus, World | None]:
         """The bus, and the world behind it where that is simulated; one that can fail where the mission wants that."""
@@ -257,12 +277,15 @@ class _Run:
         localizer: Localizer = made(plugin, config, setup)
         return localizer
 
-    def _report_disk(self, robot: Robot, tick: Tick) -> None:
-        """What the disk refuses is a fault; a run without a journal and without anybody there is not gone on with."""
-        for trouble in self.recorder.troubles():
-            stops = trouble.journal and not tick.snapshot.sensed.attended
-            severity = Severity.CONTROLLED_STOP if stops else None
-            robot.report(catalogue.fault(trouble.id, detail=trouble.detail, severity=severity))
+    def _report(self, robot: Robot, attended: bool) -> None:
+        """What goes wrong with observers is a warning; nobody there and no journal: the run is not gone on with."""
+        for id, name, seen in self.recorder.take_problems():
+            severity = Severity.CONTROLLED_STOP if name == JOURNAL and not attended else None
+            robot.report(catalogue.fault(id, name, seen, severity))
+        for observer in self.observers:
+            for id, name, seen in observer.take_problems():
+                id = id if id in catalogue.ROWS else GARBAGE
+                robot.report(catalogue.fault(id, name, seen, Severity.WARN))
 
     def _show_paths(self) -> None:
         for step in self.plan.steps:
@@ -282,6 +305,7 @@ def run_mission(
     *,
     simulate: bool = False,
     watch: Watch = lambda tick, traffic: None,
+    observers: Mapping[str, Observer] | None = None,
     operator: Operator | None = None,
     witness: Callable[[World], Surroundings] = lambda world: world,
     start: datetime | None = None,
@@ -294,7 +318,8 @@ def run_mission(
         loaded: The mission.
         source: Its file.
         simulate: Against simulated drives, whatever bus the mission names.
-        watch: Sees every tick, and the frames since the last one, for people.
+        watch: Sees every tick, and the frames since the last one, inside the tick.
+        observers: See the run beside the ticks; closed at its end.
         operator: Somebody at a terminal; None: nobody can acknowledge and arm.
         witness: Puts itself around the simulated world: hears every frame on its wire and sees what truly moves.
         start: Date and time on the wall at run time 0; None: now.
@@ -324,6 +349,10 @@ def run_mission(
         disk=disk,
         folder=folder,
         recorder=recorder,
+        observers=[
+            Observation(name, observer, threaded=not virtual, patience=None)
+            for name, observer in (observers or {}).items()
+        ],
         attendance=attendance,
         watch=watch,
         witness=witness,

@@ -37,8 +37,7 @@ class Core:
         self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind)
         self._modes = Modes(self._shared)
         self._gate = Gate(plan.robot, period=period)
-        self._wish, self._points = Wish(supervised=False), SetPoints()
-        self._pace = Pace()
+        self._wish, self._points, self._pace = Wish(supervised=False), SetPoints(), Pace()
 
     def decide(self, sensed: Sensed) -> Tick:
         """One tick, from what is sensed to what is to be done."""
@@ -80,20 +79,18 @@ class Robot:
     ) -> None:
         """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s]."""
         self._core, self._drives, self._border, self._period, self._observe = core, drives, border, period, observe
-        self._attended = attended
         self._requests: list[Request] = []
         self._results: list[JobResult] = []
         self._faults: list[Fault] = []
         self._index, self._start, self._late, self._sent = 0, 0.0, 0.0, 0.0
-        self._ticking = False
+        self._ticking, self._attended = False, attended
         self._failure: BaseException | None = None
         drives.wire.listen(self._wake)
 
     def tick(self, now: float, urgent: bool = False) -> Tick:
         """One tick at loop time `now` [s]. An urgent one, off the schedule, writes stop frames only."""
         self._ticking = True
-        sensed = self._sense(now, urgent)
-        tick = self._core.decide(sensed)
+        tick = self._core.decide(self._sense(now, urgent))
         self._write(tick)
         if not urgent:
             self._sent = asyncio.get_running_loop().time() - self._start

@@ -7,13 +7,13 @@ import shutil
 import sys
 from collections.abc import Callable
 from math import degrees
-from queue import Empty, SimpleQueue
-from threading import Thread
-from types import TracebackType
-from typing import Self
+from typing import ClassVar
 
+from artemis.clock import stopwatch
+from artemis.config import Config
 from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
+from artemis.plugins.border import Problem
 from artemis.recording.chronicle import values_of
 from artemis.report.fault_words import DID, next_step
 from artemis.supervision.catalogue import ROWS
@@ -36,51 +36,31 @@ _WIPE = "\r\x1b[2K"
 
 
 class LiveView:
-    """Sees every tick and tells people what changed.
+    """An observer that tells people what changed.
 
-    A thread writes, so that a slow terminal, or one stopped with Ctrl-S, never delays a tick. Nobody may read any
-    more (`| head`, a closed window): then `on_lost` is called once, and what is still to be said goes nowhere.
+    Nobody may read any more (`| head`, a closed window): then `on_lost` is called once, and what is still to be said
+    goes nowhere.
     """
 
+    Config: ClassVar[type[Config]] = Config
+
     def __init__(self, title: str, hint: str, on_lost: Callable[[], None], bitrate: int) -> None:
-        """`hint` names the keys that work; it is shown once. `on_lost` is called in a tick. `bitrate` [bit/s]."""
+        """Say the title. `hint` names the keys that work. `on_lost` is called at a tick. `bitrate` [bit/s]."""
         self._terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self._coloured = self._terminal and not os.environ.get("NO_COLOR")
         self._on_lost = on_lost
         self._lost = False
-        self._lines: SimpleQueue[str | None] = SimpleQueue()
-        self._tick: Tick | None = None
         self._load = _BusLoad(bitrate)
         self._shown: tuple[Mode | None, str] = (None, "")
         self._verdict = Verdict()
-        self._lines.put(self._styled(title, _BOLD))
-        if hint:
-            self._lines.put(self._styled(hint, _DIM))
-        self._thread = Thread(target=self._work, name="live view", daemon=True)
+        self._refreshed = -REFRESH
+        self._lines = [self._styled(title, _BOLD), *([self._styled(hint, _DIM)] if hint else [])]
+        self._write("")
 
-    @property
-    def begun(self) -> bool:
-        """Whether there was a tick: the robot may have moved."""
-        return self._tick is not None
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._lines.put(None)
-        self._thread.join()
-
-    def show(self, tick: Tick, traffic: Traffic) -> None:
-        """Show a tick, and the frames since the last. Costs a few microseconds where nothing happens, in the tick."""
-        self._tick = tick
+    def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
+        """Say what is new in a tick, and where the robot is."""
         if self._terminal:
             self._load.count(tick.snapshot.time, traffic)
-        if self._lost:
-            self._lost = False
-            self._on_lost()
         sensed = tick.snapshot.sensed
         for request in sensed.requests:
             self._say(sensed.time, "request", request.value)
@@ -92,6 +72,19 @@ class LiveView:
         if tick.wish.phase and (tick.mode, tick.wish.phase) != self._shown:
             self._shown = tick.mode, tick.wish.phase
             self._say(sensed.time, tick.mode.value, tick.wish.phase, _MODE_COLOURS.get(tick.mode))
+        if self._lines or (self._terminal and stopwatch() - self._refreshed >= REFRESH):
+            self._write(self._status(tick))
+        if self._lost:
+            self._lost = False
+            self._on_lost()
+
+    def take_problems(self) -> list[Problem]:
+        """None: a lost terminal ends the run."""
+        return []
+
+    def close(self) -> None:
+        """Leave no changing line behind."""
+        self._write("")
 
     def _compare(self, time: float, verdict: Verdict) -> None:
         before, self._verdict = self._verdict, verdict
@@ -112,46 +105,33 @@ class LiveView:
         told = {"look": row.advice, "artemis": DID.get(fault.severity, ""), "next": next_step(row, fault.final)}
         for label, text in told.items():
             if text:
-                self._lines.put(self._styled(f"{label:>{_MARGIN}}  {text}", _DIM))
+                self._lines.append(self._styled(f"{label:>{_MARGIN}}  {text}", _DIM))
 
     def _say(self, time: float, kind: str, text: str, colour: str | None = None) -> None:
-        self._lines.put(self._styled(f"{time:8.2f} s  {kind:9}  {text}", colour))
+        self._lines.append(self._styled(f"{time:8.2f} s  {kind:9}  {text}", colour))
 
     def _styled(self, text: str, colour: str | None) -> str:
         return f"\x1b[{colour}m{text}\x1b[0m" if colour and self._coloured else text
 
-    # ----------------------------------------------------------------------------------------------- in the thread
-
-    def _work(self) -> None:
+    def _write(self, status: str) -> None:
+        """Write the lines, in a terminal with the changing line below."""
+        text = "".join(f"{line}\n" for line in self._lines)
+        self._lines.clear()
+        if self._terminal:
+            text, self._refreshed = _WIPE + text + status, stopwatch()
         try:
-            while self._write_next():
-                pass
+            sys.stdout.write(text)
+            sys.stdout.flush()
         except OSError:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, sys.stdout.fileno())
             os.close(nowhere)
             self._lost = True
 
-    def _write_next(self) -> bool:
-        """Write the next line, if one comes before it is time to refresh; False: there is none any more."""
-        line: str | None = ""
-        try:
-            line = self._lines.get(timeout=REFRESH if self._terminal else None)
-        except Empty:
-            pass
-        text = f"{line}\n" if line else ""
-        if self._terminal:
-            text = _WIPE + text + (self._status() if line is not None else "")
-        sys.stdout.write(text)
-        sys.stdout.flush()
-        return line is not None
-
-    def _status(self) -> str:
+    def _status(self, tick: Tick) -> str:
         """The changing line, no longer than the terminal is wide."""
-        if self._tick is None:
-            return ""
         width = shutil.get_terminal_size().columns - 1
-        return self._styled(status(self._tick, width, self._load.share), _MODE_COLOURS.get(self._tick.mode))
+        return self._styled(status(tick, width, self._load.share), _MODE_COLOURS.get(tick.mode))
 
 
 class _BusLoad:

@@ -11,15 +11,16 @@ from pathlib import Path
 from string import Template
 
 from artemis.errors import ConfigError
-from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, listing
+from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, OBSERVERS, listing
 
-GROUPS = {"input": INPUTS, "follower": FOLLOWERS}
+GROUPS = {"input": INPUTS, "follower": FOLLOWERS, "observer": OBSERVERS}
 NAME = re.compile("[a-z][a-z0-9]*(-[a-z0-9]+)*")
 LONGEST = 30
 """Letters of a name: longer ones would make long lines of the package's code."""
 ADVICE = {
     "input": "As it is, it drives by itself, with nobody at an enable button: run it in simulation only.",
     "follower": "It is pure pursuit, to begin with; `path.csv` is a path to try it on.",
+    "observer": "It writes how far the robot has gone into `NAME.txt` of the run's folder, to begin with.",
 }
 
 
@@ -43,7 +44,7 @@ def begin_plugin(kind: str, name: str, folder: Path) -> None:
         ConfigError: an impossible or taken name, the package's folder is there already, or it cannot be written.
     """
     root = folder / f"artemis-{name}"
-    problems = [] if kind in GROUPS else [f"no plugins of kind {kind!r}: write {' or '.join(GROUPS)}"]
+    problems = [] if kind in GROUPS else [f"no plugins of kind {kind!r}: write one of {', '.join(GROUPS)}"]
     problems += _problems_of_name(name, kind)
     if not folder.is_dir():
         problems.append(f"--folder {folder}: no such folder")
@@ -94,7 +95,7 @@ class _Package:
             "mission.yaml": self._filled(f"{self.kind}/mission.yaml"),
             "robot.yaml": (files("artemis") / "testing/artemis.yaml").read_text(encoding="utf-8"),
         }
-        return made | ({"path.csv": self._filled("follower/path.csv")} if self.kind == "follower" else {})
+        return made if self.kind == "input" else made | {"path.csv": self._filled("follower/path.csv")}
 
     @property
     def _module(self) -> str:

@@ -14,7 +14,6 @@ from shlex import quote
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
 from artemis.commands.terminal import DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
-from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords, Follow
@@ -26,7 +25,7 @@ from artemis.recording.resume import unfinished_run
 from artemis.report.page import write_report
 from artemis.report.series import read_series
 from artemis.report.summary import Summary, summary
-from artemis.values import Request, Tick
+from artemis.values import Request
 
 
 def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> int:
@@ -84,13 +83,16 @@ def run_in_sight(
         _print("path", remark)
     driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
     hint = f"{hint}; {DRIVING}" if driving else hint
-    with LiveView(_title(loaded, simulated), hint if operator else "", terminate, loaded.robot.bitrate) as view:
-
-        def show(tick: Tick, traffic: Traffic) -> None:
-            view.show(tick, traffic)
-            watch(tick, traffic)
-
-        outcome = run_mission(loaded, source, simulate=simulate, watch=show, operator=operator, resumption=resumption)
+    view = LiveView(_title(loaded, simulated), hint if operator else "", terminate, loaded.robot.bitrate)
+    outcome = run_mission(
+        loaded,
+        source,
+        simulate=simulate,
+        watch=watch,
+        observers={"live view": view},
+        operator=operator,
+        resumption=resumption,
+    )
     then(outcome)
     _conclude(outcome)
     return outcome

@@ -124,6 +124,7 @@ class _Loading:
         mission = self._validated(Mission, self._document)
         robot = self._robot()
         inputs = self._inputs()
+        _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus()
         true_robot = self._true_robot()
         self._check_steps(robot, inputs)
@@ -277,9 +278,8 @@ class _Loading:
 
         simulation = self._data.get("simulation")
         part = simulation.get("true_robot", {}) if isinstance(simulation, dict) else {}
-        if not isinstance(part, dict):
-            return None
-        return self._validated(TrueRobot, self._document, ("simulation", "true_robot"), part)
+        at = "simulation", "true_robot"
+        return self._validated(TrueRobot, self._document, at, part) if isinstance(part, dict) else None
 
     def _check_faults(self, robot: Robot | None, inputs: Mapping[str, Config | None]) -> None:
         simulation, steps = self._data.get("simulation"), self._data.get("steps")

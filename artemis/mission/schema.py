@@ -369,6 +369,8 @@ class Mission(Config):
     bus: Bus
     tick_hz: Annotated[int, Field(ge=25, le=200)] = 50
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
+    observers: dict[str, PluginUse] = Field(default_factory=dict)
+    """What else sees the run, by names of the mission's own."""
     localizer: PluginUse | None = None
     """Tells where the robot is; None: its odometry does. Paths then lie in the frame of the localizer's map."""
     steps: Annotated[

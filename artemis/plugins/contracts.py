@@ -1,9 +1,10 @@
 """All that a plugin author reads: what artemis gives a plugin, and what it wants back.
 
 A plugin is a class, registered as an entry point in its group (`artemis.inputs`, `artemis.followers`,
-`artemis.localizers`). It has an inner pydantic model `Config` (a subclass of `artemis.config.Config`: the keys that a
-mission may write beside `plugin:`) and is made with `Plugin(config, setup)`. It runs inside the tick: it must return
-within 15 ms, never wait, and take the time only from what it is given.
+`artemis.localizers`, `artemis.observers`). It has an inner pydantic model `Config` (a subclass of
+`artemis.config.Config`: the keys that a mission may write beside `plugin:`) and is made with `Plugin(config, setup)`.
+All but observers run inside the tick: they must return within 15 ms, never wait, and take the time only from what they
+are given.
 """
 
 from __future__ import annotations
@@ -11,15 +12,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from msgspec import Struct
 
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.motion.path import Path
-from artemis.values import DriveCommand, OperatorInput, Pose, PoseFix, Snapshot, Tracking
+from artemis.values import DriveCommand, OperatorInput, Pose, PoseFix, Snapshot, Tick, Tracking
 from artemis.vehicle import Robot
+
+if TYPE_CHECKING:
+    from artemis.devices.can_bus import Traffic
 
 CONTRACT = 1
 """Version of these contracts. A plugin may state `contract = 1`; another number is refused by name."""
@@ -36,6 +40,8 @@ class Setup:
     """Folder of the mission file: relative paths in the plugin's config start here."""
     files: Mapping[str, bytes] = field(default_factory=dict)
     """Contents of every file that the mission names, by the path as written there."""
+    run: FilePath | None = None
+    """Folder of the run, for what an observer writes; None for the others."""
     wake: Callable[[], None] = lambda: None
     """Asks for an extra tick now, off the schedule, in which every input is read: for a stop button that was pressed.
     May be called from any thread."""
@@ -123,3 +129,31 @@ class Follower(Protocol):
 
     def step(self, snapshot: Snapshot) -> Following:
         """Command for this tick. Called at every scheduled tick while the mode is `follow`."""
+
+
+class Observer(Protocol):
+    """Sees what the robot does, and has no part in it.
+
+    In real time it has a thread of its own: a slow one misses ticks, and delays none. On virtual time it sees each at
+    once. After it is made, all its methods are called in one thread.
+    """
+
+    Config: ClassVar[type[Config]]
+
+    def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
+        """See a tick.
+
+        Args:
+            tick: its values.
+            traffic: every frame since the last one in the order on the bus, each with "sent by us".
+            now: the time of the tick [s] by the clock of the frames; run time is `tick.snapshot.time`.
+        """
+
+    def take_problems(self) -> list[tuple[str, str, str]]:
+        """What went wrong since the last call: a row of the fault table, its name in the mission, a few words.
+
+        Asked after each tick; each becomes a warning.
+        """
+
+    def close(self) -> None:
+        """The run is over: write what waits, and give everything back; harmless when repeated."""

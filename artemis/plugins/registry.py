@@ -9,12 +9,18 @@ from typing import Any
 
 from artemis.config import Config
 from artemis.errors import PluginError, similar
-from artemis.plugins.contracts import CONTRACT, Follower, InputDevice, Localizer
+from artemis.plugins.contracts import CONTRACT, Follower, InputDevice, Localizer, Observer
 
 INPUTS = "artemis.inputs"
 FOLLOWERS = "artemis.followers"
 LOCALIZERS = "artemis.localizers"
-CONTRACTS: dict[str, type[Any]] = {INPUTS: InputDevice, FOLLOWERS: Follower, LOCALIZERS: Localizer}
+OBSERVERS = "artemis.observers"
+CONTRACTS: dict[str, type[Any]] = {
+    INPUTS: InputDevice,
+    FOLLOWERS: Follower,
+    LOCALIZERS: Localizer,
+    OBSERVERS: Observer,
+}
 """Entry-point groups, and what the classes in them must be able to do."""
 
 

@@ -9,18 +9,18 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from mimetypes import guess_type
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import msgspec
 
 from artemis.build import kind_of_build
 from artemis.clock import stopwatch
-from artemis.devices.can_bus import Frame
+from artemis.devices.can_bus import Traffic
 from artemis.errors import RecordingError
 from artemis.motion.poses import placed, seen_from
+from artemis.plugins.border import Problem
+from artemis.plugins.observing import Beside
 from artemis.recording import schemas
-from artemis.recording.backlog import Backlog
 from artemis.recording.chronicle import Chronicle
 from artemis.recording.disk import Disk, Trouble, trouble
 from artemis.recording.journal import Entry, Journal, Level
@@ -37,8 +37,9 @@ POSE_PERIOD = 0.1
 """Poses and transforms for viewers come this often [s]; `/tick` holds those of every tick."""
 QUEUE_TICKS = 500
 """Ticks that may wait for a slow disk, in real time."""
+JOURNAL = "journal"
 
-_Observed = tuple[Tick, Sequence[tuple[bool, Frame]], Pose | None]
+_Observed = tuple[Tick, Traffic, Pose | None]
 
 
 class Recorder:
@@ -83,8 +84,8 @@ class Recorder:
         self._marked = 0
         self._data_trouble: Trouble | None = None
         self._journal_trouble: Trouble | None = None
-        self._backlog: Backlog[_Observed, tuple[Callable[..., None], tuple[Any, ...]]] = Backlog(QUEUE_TICKS)
-        self._thread = Thread(target=self._work_beside, name="recorder", daemon=True) if threaded else None
+        self.true_pose: Callable[[Tick], Pose | None] = lambda tick: None
+        """Tells where the robot really is, in the frame `odom`, where somebody knows."""
         with ExitStack() as undo:
             undo.callback(journal.close if journal else lambda: None)
             try:
@@ -95,14 +96,15 @@ class Recorder:
             except OSError as error:
                 raise RecordingError(f"{path}: cannot begin a recording: {error.strerror}") from error
             undo.pop_all()
-        if self._thread:
-            self._thread.start()
+        self._beside = Beside("recorder", self._record, threaded=threaded, bound=QUEUE_TICKS, failed=self._fail)
 
     # ----------------------------------------------------------------------------------------------- for the run
 
-    def observe(
-        self, tick: Tick, frames: Sequence[tuple[bool, Frame]], true_pose: Pose | None = None, now: float = 0.0
-    ) -> None:
+    def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
+        """Record one tick, as `observe` does."""
+        self.observe(tick, traffic, self.true_pose(tick), now)
+
+    def observe(self, tick: Tick, frames: Traffic, true_pose: Pose | None = None, now: float = 0.0) -> None:
         """Record one tick, and tell the journal what is new in it.
 
         Args:
@@ -112,23 +114,21 @@ class Recorder:
             now: the time of the tick [s] by the clock of the frames.
         """
         entries = self._chronicle.observe(tick, frames, now)
-        if self._thread is None:
-            self._record(tick, frames, true_pose)
-        elif (dropped := self._backlog.put_data((tick, frames, true_pose))) is not None:
+        if (dropped := self._beside.put((tick, frames, true_pose))) is not None:
             self._late.add(dropped[0].snapshot.sensed.index)
         for entry in entries:
             self.note(entry)
         if (second := int(tick.snapshot.time)) != self._marked:
             self._marked = second
-            self._order(self._tell, Journal.mark, tick.snapshot.time)
+            self._beside.order(self._tell, Journal.mark, tick.snapshot.time)
 
     def note(self, entry: Entry) -> None:
         """Record something that no tick shows."""
-        self._order(self._write_entry, entry)
+        self._beside.order(self._write_entry, entry)
 
     def show_path(self, time: float, poses: Sequence[Pose], frame: str = "odom") -> None:
         """Record a path as it lies in a frame, for viewers, at run time `time` [s]."""
-        self._order(self._keep, self._write_path, time, tuple(poses), frame)
+        self._beside.order(self._keep, self._write_path, time, tuple(poses), frame)
 
     @property
     def dropped(self) -> int:
@@ -148,15 +148,15 @@ class Recorder:
             found.append(Trouble("DSK-03", f"{self._path.name}: from tick {self._late.first} on"))
         return found
 
+    def take_problems(self) -> list[Problem]:
+        """The same, as an observer says it; what is wrong with the journal is under its name."""
+        return [(trouble.id, JOURNAL if trouble.journal else "", trouble.detail) for trouble in self.troubles()]
+
     def close(self, outcome: str = "") -> None:
         """Write what waits, how the run ended in a few words, and the index; harmless when repeated."""
         if self._file.closed:
             return
-        if self._thread:
-            self._backlog.close()
-            self._thread.join()
-            self._thread = None
-            self._work()  # what the thread left, if it has died
+        self._beside.close()
         self._keep(self._writer.flush)
         for entry in self._last_entries(outcome):
             self.note(entry)
@@ -175,33 +175,12 @@ class Recorder:
 
     # ----------------------------------------------------------------------------------------------- the disk
 
-    def _order(self, action: Callable[..., None], *arguments: object) -> None:
-        if self._thread is None:
-            action(*arguments)
-        else:
-            self._backlog.put_event((action, arguments))
+    def _fail(self, error: BaseException) -> None:
+        """The program fails in the thread: nothing is written any more, not even the journal, until the end."""
+        self._end_recording(Trouble("DSK-05", f"{self._path.name}: writing it has failed: {error!r}", journal=True))
 
-    def _work_beside(self) -> None:
-        """The thread. Should the program fail here, nothing is written any more, not even the journal."""
-        try:
-            self._work()
-        except BaseException as error:
-            self._end_recording(Trouble("DSK-05", f"{self._path.name}: writing it has failed: {error!r}", journal=True))
-            raise
-
-    def _work(self) -> None:
-        """Write what waits until nothing more comes."""
-        while True:
-            event, observed = self._backlog.take()
-            if event is not None:
-                action, arguments = event
-                action(*arguments)
-            elif observed is not None:
-                self._record(*observed)
-            else:
-                return
-
-    def _record(self, tick: Tick, frames: Sequence[tuple[bool, Frame]], true_pose: Pose | None) -> None:
+    def _record(self, observed: _Observed) -> None:
+        tick, frames, true_pose = observed
         self._index = tick.snapshot.sensed.index
         if self._data_trouble is None:
             self._keep(self._write_tick, tick, frames, true_pose)
@@ -267,7 +246,7 @@ class Recorder:
         media_type = guess_type(name)[0] or "application/octet-stream"
         self._writer.add_attachment(self._start, name, media_type, content)
 
-    def _write_tick(self, tick: Tick, frames: Sequence[tuple[bool, Frame]], true_pose: Pose | None) -> None:
+    def _write_tick(self, tick: Tick, frames: Traffic, true_pose: Pose | None) -> None:
         sensed = tick.snapshot.sensed
         index, at = sensed.index, self._start + round(sensed.time * 1e9)
         add, channels = self._writer.add_message, self._channels

@@ -14,6 +14,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from artemis.commands.live import LiveView
+from artemis.devices.can_bus import Traffic
+from artemis.values import Tick
 from artemis_lab.campaign.one_run import Result, run_scenario
 from artemis_lab.campaign.runs import Campaign, Results, load_campaign, run_campaign, table
 from artemis_lab.campaign.scenario import MISSION, scenario
@@ -53,12 +55,15 @@ def run_one(file: Path, seed: int) -> int:
     campaign = load_campaign(file)
     folder = campaign.scenario_folder(seed)
     shutil.rmtree(folder, ignore_errors=True)
-    with LiveView(
-        f"seed {seed} of campaign {campaign.words.campaign}", "", lambda: None, campaign.robot.bitrate
-    ) as view:
-        result = run_scenario(
-            scenario(seed, campaign.robot), campaign.robot_source, folder, replayed=True, watch=view.show
-        )
+    view = LiveView(f"seed {seed} of campaign {campaign.words.campaign}", "", lambda: None, campaign.robot.bitrate)
+
+    def watch(tick: Tick, traffic: Traffic) -> None:
+        view.see(tick, traffic, tick.snapshot.time)
+
+    try:
+        result = run_scenario(scenario(seed, campaign.robot), campaign.robot_source, folder, replayed=True, watch=watch)
+    finally:
+        view.close()
     _say("")
     for line in _violations(result):
         _say(line)

@@ -8,9 +8,11 @@ from pathlib import Path
 
 from artemis.plugins.followers.indiveri import IndiveriFollower
 from artemis.plugins.inputs.scripted import ScriptedInput
+from artemis.plugins.observers.csv import CsvObserver
 from artemis.plugins.registry import CONTRACTS, listing
 from artemis.testing import contracts
 from artemis.testing.contracts import FollowerContract, InputContract
+from artemis.testing.observers import ObserverContract
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 
@@ -34,11 +36,22 @@ class TestIndiveri(FollowerContract):
     options: Mapping[str, object] = {"speed_m_s": 0.4}
 
 
+class TestCsv(ObserverContract):
+    plugin = CsvObserver
+    options: Mapping[str, object] = {"signals": ["mode", "cross_track_m"], "every_s": 0.1}
+
+
+class TestCsvOfEverything(ObserverContract):
+    plugin = CsvObserver
+
+
 def test_every_built_in_plugin_is_tried() -> None:
     """Here, or beside the tests of its own."""
     text = "\n".join(path.read_text() for path in Path(__file__).parents[1].rglob("test_*.py"))
     tried = set(
-        re.findall(r"^class \w+\((?:Input|Follower|Localizer)Contract\):\n    plugin = (\w+)$", text, re.MULTILINE)
+        re.findall(
+            r"^class \w+\((?:Input|Follower|Localizer|Observer)Contract\):\n    plugin = (\w+)$", text, re.MULTILINE
+        )
     )
     built_in = [found for group in CONTRACTS for found in listing(group) if found.distribution == "artemis-robot"]
     assert {found.target.partition(":")[2] for found in built_in} <= tried

@@ -9,6 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from artemis.commands.live import LiveView, status
+from artemis.plugins.observing import QUEUE_TICKS, Observation
 from artemis.values import (
     Fault,
     JobKind,
@@ -29,6 +30,8 @@ from artemis.values import (
 
 OVERHEATED = Fault(id="DRV-06", severity=Severity.QUICK_STOP, text="steer-left: too hot", device="steer-left")
 BITRATE = 1_000_000
+LINE = 30
+"""A line that is said here has more characters."""
 EXPLAINED = [
     "                 look  wait five minutes; is a wheel dragging?",
     "              artemis  quick stop by the drives, then off",
@@ -61,9 +64,10 @@ def tick(
 
 
 def said(capsys: pytest.CaptureFixture[str], *ticks: Tick) -> list[str]:
-    with LiveView("title", "", lambda: None, BITRATE) as view:
-        for seen in ticks:
-            view.show(seen, ())
+    view = LiveView("title", "", lambda: None, BITRATE)
+    for seen in ticks:
+        view.see(seen, (), seen.snapshot.time)
+    view.close()
     return capsys.readouterr().out.splitlines()[1:]
 
 
@@ -142,12 +146,17 @@ def test_output_that_nobody_reads_never_holds_up_a_tick(monkeypatch: pytest.Monk
     lost: list[str] = []
     source, sink = os.pipe()
     monkeypatch.setattr(sys, "stdout", os.fdopen(sink, "w"))
-    with sys.stdout, LiveView("title", "", lambda: lost.append("lost"), BITRATE) as view:
+    with sys.stdout:
+        view = Observation(
+            "live view", LiveView("title", "", lambda: lost.append("lost"), BITRATE), threaded=True, patience=None
+        )
         for number in range(5000):
-            view.show(tick(float(number), requests=(Request.QUICKSTOP,)), ())
+            view.see(tick(float(number), requests=(Request.QUICKSTOP,)), (), float(number))
         assert lost == []
         os.close(source)
-        view._thread.join()
         for number in range(3):
-            view.show(tick(float(number), requests=(Request.END,)), ())
+            view.see(tick(float(number), requests=(Request.END,)), (), float(number))
+        view.close()
     assert lost == ["lost"]
+    assert view.dropped >= 5000 - 64 * 1024 // LINE - QUEUE_TICKS
+    assert [id for id, _, _ in view.take_problems()].count("PLG-03") == 2  # when it began, and how many at the end

@@ -54,7 +54,7 @@ def test_a_stalled_disk_costs_the_oldest_ticks_and_delays_none(tmp_path: Path, m
         recorder.observe(each.tick, each.frames)
     assert (recorder.dropped, recorder.first_gap) == (4, 1)
     stall.goes_on.set()
-    while recorder._backlog._data:
+    while recorder._beside._data:
         pass
     for each in observed[10:15]:
         recorder.observe(each.tick, each.frames)
@@ -114,7 +114,7 @@ def record_on(disk: FailingDisk, folder: Path, count: int, *, threaded: bool, fa
     for number, each in enumerate(first(count)):
         fail(number)
         recorder.observe(each.tick, each.frames, each.true_pose)
-        while recorder._backlog._data or recorder._backlog._events:
+        while recorder._beside._data or recorder._beside._orders:
             pass
     return recorder
 
@@ -269,8 +269,8 @@ def test_a_thread_that_dies_is_told_at_the_next_tick_and_what_it_left_is_written
     for each in observed[:21]:
         assert recorder.troubles() == []
         recorder.observe(each.tick, each.frames)
-    assert recorder._thread is not None
-    recorder._thread.join()
+    assert recorder._beside._thread is not None
+    recorder._beside._thread.join()
     (trouble,) = recorder.troubles()
     assert (trouble.id, trouble.journal) == ("DSK-05", True)
     assert "writing it has failed: TypeError(" in trouble.detail
