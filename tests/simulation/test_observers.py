@@ -27,10 +27,10 @@ STEPS = [CALIBRATE, follow(0.4)]
 class Witness:
     """Keeps what it sees."""
 
-    Config: ClassVar = Config
+    Config: ClassVar[type[Config]] = Config
     made: ClassVar[list[Witness]] = []
 
-    def __init__(self, config: Config, setup: Setup) -> None:
+    def __init__(self, config: object, setup: Setup) -> None:
         self.ticks: list[Tick] = []
         self.frames = self.closed = 0
         self.run, self.name = setup.run, setup.name
