@@ -27,7 +27,7 @@ STEPS = [CALIBRATE, follow(0.4)]
 class Witness:
     """Keeps what it sees."""
 
-    Config: ClassVar = Config
+    Config: ClassVar[type[Config]] = Config
     made: ClassVar[list[Witness]] = []
 
     def __init__(self, config: object, setup: Setup) -> None:
