@@ -9,9 +9,10 @@
      │  ├ DeviceBusy                     dropped a frame, may take the next
      │  ├ WrongDevice                    answers, but is not the one in the robot file
      │  ├ NotKept                        reads back another value than was written
+     │  ├ DeviceRestarted                began anew in the middle of what was done with it
      │  └ ProtocolError                  a malformed or unexpected frame; also ValueError
      │     └ SdoAbort(index, subindex, code)
-     ├ HidError                         a report descriptor or a report that cannot be read
+     ├ HidError                          a report descriptor or a report that cannot be read
      ├ CalibrationError
      └ RecordingError                    unreadable, or replay diverged
 

@@ -1,9 +1,15 @@
-"""What an error says can always be written down."""
+"""What an error says can always be written down, and what there is stands in the tree."""
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
+from collections.abc import Iterator
+
 import pytest
 
+import artemis
+from artemis import errors
 from artemis.errors import DeviceBusy, DeviceLost, DeviceTimeout, NotKept, WrongDevice
 
 
@@ -16,3 +22,25 @@ def test_a_device_whose_name_is_no_text_is_told_all_the_same(kind: type[DeviceLo
 
 def test_an_error_that_stands_where_its_text_belongs_is_told() -> None:
     assert DeviceLost("stick", OSError("gone")).problem == "gone"  # type: ignore[arg-type]
+
+
+PRIVATE = {"Abort"}
+"""Never leaves its room: what a simulated drive answers."""
+
+
+def kinds_of(kind: type) -> Iterator[type]:
+    for sub in kind.__subclasses__():
+        yield sub
+        yield from kinds_of(sub)
+
+
+def test_the_tree_of_errors_shows_all_of_them() -> None:
+    for module in pkgutil.walk_packages(artemis.__path__, "artemis."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+    named = {kind.__name__ for kind in kinds_of(errors.ArtemisError) if kind.__module__.startswith("artemis.")}
+    assert named >= {"ConfigError", "SdoAbort"}
+    missing = {
+        name for name in named - PRIVATE if not any(name in line for line in (errors.__doc__ or "").splitlines())
+    }
+    assert not missing
