@@ -29,7 +29,8 @@ PRIVATE = {"Abort"}
 
 
 def kinds_of(kind: type) -> Iterator[type]:
-    for sub in kind.__subclasses__():
+    subs: list[type] = kind.__subclasses__()
+    for sub in subs:
         yield sub
         yield from kinds_of(sub)
 
