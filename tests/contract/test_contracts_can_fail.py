@@ -313,9 +313,9 @@ class Misled(GoodFollower):
     """Believes the robot 0.3 m to the right of where it is."""
 
     def step(self, snapshot: Snapshot) -> Following:
-        pose = snapshot.odometry.pose
+        pose = snapshot.pose.pose
         pose = replace(pose, x=pose.x + 0.3 * math.sin(pose.heading), y=pose.y - 0.3 * math.cos(pose.heading))
-        return super().step(replace(snapshot, odometry=replace(snapshot.odometry, pose=pose)))
+        return super().step(replace(snapshot, pose=replace(snapshot.pose, pose=pose)))
 
 
 class EachAnother(GoodFollower):
