@@ -281,7 +281,7 @@ class _Run:
         """What goes wrong with observers is a warning; nobody there and no journal: the run is not gone on with."""
         for id, name, seen in self.recorder.take_problems():
             severity = Severity.CONTROLLED_STOP if name == JOURNAL and not attended else None
-            robot.report(catalogue.fault(id, name, seen, severity))
+            robot.report(catalogue.fault(id, "", seen, severity))
         for observer in self.observers:
             for id, name, seen in observer.take_problems():
                 id = id if id in catalogue.ROWS else GARBAGE

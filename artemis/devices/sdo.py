@@ -87,7 +87,7 @@ class SdoClient:
         self._last_time = 0.0
         self._in_step = True  # no answer to an earlier request can be under way
         self._fence = 0
-        self._quiet_until = 0.0
+        self._asked = self._quiet_until = 0.0
 
     async def read(self, index: int, subindex: int) -> bytes:
         """The object's bytes as the node sent them.
@@ -171,7 +171,7 @@ class SdoClient:
 
     def _give_up(self, index: int, subindex: int, code: int) -> None:
         """Tell the node that this transfer is over, and remember that answers to it may still come."""
-        self._quiet_until = asyncio.get_running_loop().time() + self._patience
+        self._quiet_until = max(asyncio.get_running_loop().time(), self._asked + self._patience) + self._patience
         with suppress(DeviceLost):  # whoever sends next will be told
             self._send(Frame(self._request_id, encode_request(Abort(index=index, subindex=subindex, code=code))))
 
@@ -236,7 +236,7 @@ class SdoClient:
     async def _exchange(self, request: Request, wanted: tuple[type[Wanted], ...]) -> Wanted:
         """Send a request and wait for its answer; TimeoutError when there is none in time."""
         loop = asyncio.get_running_loop()
-        self._wanted = wanted
+        self._wanted, self._asked = wanted, loop.time()
         pending: asyncio.Future[Answer] = loop.create_future()
         self._pending = pending
         timer = loop.call_later(self._patience, _expire, pending)

@@ -195,6 +195,10 @@ def test_no_transfer_takes_an_answer_that_is_not_its_own(
     [Fate(delay=0.09), Fate(), Fate(), Fate(), Fate(delay=0.045)],
     [("read", EXPEDITED, None), ("read", EXPEDITED, None)],
 )
+@example(  # given up at once: what was asked last may be answered for as long as if it had been waited for
+    [Fate(delay=0.0625), Fate(), Fate(), Fate(delay=0.0625)],
+    [("read", EXPEDITED, 0.0), ("read", EXPEDITED, None)],
+)
 def test_nor_when_answers_overtake_each_other_within_two_timeouts(
     line_fates: list[Fate], plan: list[tuple[str, int, float | None]]
 ) -> None:
