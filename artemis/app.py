@@ -20,11 +20,11 @@ from artemis.devices.host import HostWatch, usage
 from artemis.devices.reopening import ReopeningBus
 from artemis.errors import RecordingError
 from artemis.mission.injector import Simulated
-from artemis.mission.loading import LoadedMission, plugin_from
+from artemis.mission.loading import LoadedMission
 from artemis.mission.schema import BusWords, Stop
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
-from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, made, plan_for, setup_for
+from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, plan_for, plugin_made, setup_for
 from artemis.plugins.border import GARBAGE, Border, Problem, close
 from artemis.plugins.contracts import InputDevice, Localizer, Observer
 from artemis.plugins.observing import Observation
@@ -142,8 +142,8 @@ class _Run:
                 ends.callback(observer.close)
             ends.callback(lambda: self.recorder.close(outcome))
             for name, use in self.loaded.mission.observers.items():
-                plugin, config = plugin_from("artemis.observers", use)
-                observer = made(plugin, config, replace(setup_for(self.loaded, name), run=self.folder.path))
+                setup = replace(setup_for(self.loaded, name), run=self.folder.path)
+                observer = plugin_made("artemis.observers", use, setup)
                 self.observers.append(Observation(name, observer, threaded=not self.virtual))
                 ends.callback(self._close, self.observers[-1])
             runner = ends.enter_context(asyncio.Runner(loop_factory=loop))
@@ -247,9 +247,8 @@ class _Run:
             return dict(self.parts.inputs)
         devices: dict[str, InputDevice] = {}
         for name, use in inputs_used(self.loaded, self.simulated).items():
-            plugin, config = plugin_from("artemis.inputs", use)
             setup = replace(setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear)
-            devices[name] = made(plugin, config, setup)
+            devices[name] = plugin_made("artemis.inputs", use, setup)
         return devices
 
     def _true_pose(self, world: World | None) -> Callable[[Tick], Pose | None]:
@@ -270,11 +269,10 @@ class _Run:
     def _localizer(self, world: World | None, begun: float) -> Localizer | None:
         if (use := localizer_used(self.loaded, self.simulated)) is None:
             return None
-        plugin, config = plugin_from("artemis.localizers", use)
         setup = setup_for(self.loaded, use.plugin)
         if world is not None:
             setup = replace(setup, true_pose=lambda: (world.time - begun, world.pose))
-        localizer: Localizer = made(plugin, config, setup)
+        localizer: Localizer = plugin_made("artemis.localizers", use, setup)
         return localizer
 
     def _report(self, robot: Robot, attended: bool) -> None:

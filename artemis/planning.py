@@ -100,6 +100,12 @@ def plan_for(loaded: LoadedMission, simulated: bool, resumption: Resumption | No
     return replace(plan, begin=resumption.position, start=resumption.pose, tracks=resumption.tracks)
 
 
+def plugin_made(group: str, use: PluginUse, setup: Setup) -> Any:  # noqa: ANN401 (of any group)
+    """The plugin that a mission uses. Raises as `made` does, and where the plugin or its configuration is wrong."""
+    plugin, config = plugin_from(group, use)
+    return made(plugin, config, setup)
+
+
 def made(plugin: Callable[[Config, Setup], Any], config: Config, setup: Setup) -> Any:  # noqa: ANN401 (of any group)
     """A new plugin of the class `plugin`.
 
