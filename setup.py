@@ -6,10 +6,10 @@ from setuptools import setup
 
 COMPILED = """
 artemis/devices/allow_list.py
+artemis/devices/bus_gateway.py
 artemis/devices/drive.py
 artemis/devices/epos.py
 artemis/devices/epos_state.py
-artemis/devices/wire_end.py
 artemis/motion/ackermann.py
 artemis/motion/angles.py
 artemis/motion/limits.py
@@ -18,9 +18,9 @@ artemis/motion/pace.py
 artemis/motion/perception.py
 artemis/motion/poses.py
 artemis/motion/potentiometers.py
-artemis/plugins/border.py
 artemis/plugins/followers/progress.py
-artemis/recording/chronicle.py
+artemis/plugins/guard.py
+artemis/recording/event_log.py
 artemis/recording/mcap_file.py
 artemis/sim/axis.py
 artemis/sim/bus.py

@@ -25,13 +25,13 @@ from artemis.mission.schema import BusWords, Stop
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, plan_for, plugin_made, setup_for
-from artemis.plugins.border import GARBAGE, Border, Problem, close
 from artemis.plugins.contracts import InputDevice, Localizer, Observer
+from artemis.plugins.guard import GARBAGE, PluginGuard, Problem, close
 from artemis.plugins.observing import Observation
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import JOURNAL, Recorder
-from artemis.recording.provenance import Provenance, Resumption, first_entries
+from artemis.recording.provenance import Provenance, ResumePoint, first_entries
 from artemis.recording.resume import BROKEN, DONE, where_it_stopped
 from artemis.recording.run_folder import RunFolder, create_run_folder, keep_calibration, keep_paths
 from artemis.robot import Core, Robot
@@ -93,7 +93,7 @@ Watch = Callable[[Tick, Traffic], None]
 
 def resumption_from(
     loaded: LoadedMission, source: FilePath, run: FilePath, simulate: bool = False
-) -> tuple[Resumption, list[str]]:
+) -> tuple[ResumePoint, list[str]]:
     """Where the run in folder `run` stopped, for going on with it; and what an operator should know before.
 
     Raises:
@@ -111,13 +111,13 @@ def _files(loaded: LoadedMission, source: FilePath) -> dict[str, bytes]:
 
 @dataclass(slots=True, kw_only=True)
 class _Run:
-    """A run under way: what it is made of, and what is noted of it meanwhile."""
+    """A run under distance: what it is made of, and what is noted of it meanwhile."""
 
     loaded: LoadedMission
     simulated: bool
     virtual: bool
     """On virtual time."""
-    resumption: Resumption | None
+    resume_point: ResumePoint | None
     plan: Plan
     parts: Parts
     disk: Disk
@@ -171,8 +171,8 @@ class _Run:
         inputs = self._inputs(wake)
         live = {name for name, device in inputs.items() if getattr(device, "live", False)}
         localizer = self._localizer(world, loop.time())
-        border = Border(inputs, loop.time, localizer)
-        steps = with_followers(self.plan.steps, border.watched)
+        guard = PluginGuard(inputs, loop.time, localizer)
+        steps = with_followers(self.plan.steps, guard.watched)
         drives = Drives(self.loaded.robot, bus)
         self.recorder.true_pose = self._true_pose(world)
         host = HostWatch()
@@ -193,7 +193,7 @@ class _Run:
         period = 1 / self.loaded.mission.tick_hz
         core = Core(structs.replace(self.plan, steps=steps), period)
         self.results = core.results
-        robot = self.parts.robot(core, drives, border, period, observe, self.attendance.there)
+        robot = self.parts.robot(core, drives, guard, period, observe, self.attendance.there)
         if world is not None and (injector := self.loaded.injector) is not None:
             run = Simulated(
                 robot=self.loaded.robot, world=world, bus=bus, disk=self.disk, inputs=inputs, request=robot.request
@@ -237,7 +237,7 @@ class _Run:
         from artemis.sim.truth import moved_to
         from artemis.sim.world import World
 
-        robot, true, resumed = self.loaded.robot, self.loaded.true_robot, self.resumption
+        robot, true, resumed = self.loaded.robot, self.loaded.true_robot, self.resume_point
         true = moved_to(true, self._world_origin(), resumed.true_pose or resumed.pose) if resumed else true
         world = World(robot, true, seed=self.loaded.mission.simulation.seed, start=loop.time())
         return SimBus(self.witness(world), robot.bitrate, loop), world
@@ -257,7 +257,7 @@ class _Run:
             return lambda tick: None
         from artemis.sim.truth import Truth
 
-        origin = self._world_origin() if self.resumption else Pose()
+        origin = self._world_origin() if self.resume_point else Pose()
         return Truth(world, origin, fixed=self.plan.localized).pose
 
     def _world_origin(self) -> Pose:
@@ -307,7 +307,7 @@ def run_mission(
     operator: Operator | None = None,
     witness: Callable[[World], Surroundings] = lambda world: world,
     start: datetime | None = None,
-    resumption: Resumption | None = None,
+    resume_point: ResumePoint | None = None,
     parts: Parts | None = None,
 ) -> Outcome:
     """Run a mission to its ordered end and leave its folder behind, with recording and journal.
@@ -321,7 +321,7 @@ def run_mission(
         operator: Somebody at a terminal; None: nobody can acknowledge and arm.
         witness: Puts itself around the simulated world: hears every frame on its wire and sees what truly moves.
         start: Date and time on the wall at run time 0; None: now.
-        resumption: The run to go on with.
+        resume_point: The run to go on with.
         parts: What is to be another than the mission says.
 
     Raises:
@@ -332,16 +332,16 @@ def run_mission(
     loop = parts.loop or (clock.SimulatedLoop if is_fast(loaded, simulated) else asyncio.SelectorEventLoop)
     virtual = issubclass(loop, clock.SimulatedLoop)
     injector = loaded.injector if simulated else None
-    plan = parts.plan or plan_for(loaded, simulated, resumption)
+    plan = parts.plan or plan_for(loaded, simulated, resume_point)
     disk = parts.disk or (Disk() if injector is None else injector.failing_disk(loaded.folder))
-    provenance = _provenance(loaded, source, start or clock.wall_date(), simulated, resumption)
+    provenance = _provenance(loaded, source, start or clock.wall_date(), simulated, resume_point)
     attendance = Attendance(loaded.mission.simulation.operator if simulated else (), operator)
     folder, recorder = _recorder(loaded, provenance, disk, virtual, alone=not (virtual or attendance.expected))
     run = _Run(
         loaded=loaded,
         simulated=simulated,
         virtual=virtual,
-        resumption=resumption,
+        resume_point=resume_point,
         plan=plan,
         parts=parts,
         disk=disk,
@@ -359,7 +359,7 @@ def run_mission(
 
 
 def _provenance(
-    loaded: LoadedMission, source: FilePath, start: datetime, simulated: bool, resumption: Resumption | None
+    loaded: LoadedMission, source: FilePath, start: datetime, simulated: bool, resume_point: ResumePoint | None
 ) -> Provenance:
     mission = loaded.mission.model_copy(update={"bus": "simulation"}) if simulated else loaded.mission
     return Provenance(
@@ -367,7 +367,7 @@ def _provenance(
         mission=mission.model_dump_json().encode(),
         robot=loaded.robot.model_dump_json().encode(),
         files=_files(loaded, source),
-        resumption=resumption,
+        resume_point=resume_point,
     )
 
 

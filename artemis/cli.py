@@ -315,7 +315,7 @@ def main() -> None:
     _prepare_output()
     try:
         app()
-    except Exception as error:  # noqa: BLE001  the last border: beyond it is only the shell
+    except Exception as error:  # noqa: BLE001  nothing but the shell is above it
         sys.exit(_explain(error))
 
 

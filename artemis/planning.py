@@ -1,4 +1,4 @@
-"""What a loaded mission asks for: the robot's plan, its mind, its inputs; on the robot or in simulation, how fast."""
+"""What a loaded mission asks for: plan, decision core and inputs; on the robot or in simulation, how fast."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from artemis.mission.gains import merged
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.policies import policies_from
 from artemis.mission.schema import Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Teleop, Wait
-from artemis.plugins.border import PLUGIN_ERRORS, told
-from artemis.plugins.contracts import Setup
-from artemis.recording.provenance import Resumption
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.guard import PLUGIN_ERRORS, told
+from artemis.recording.provenance import ResumePoint
 from artemis.robot import Core
 from artemis.states.gains import GainsStep, TurnStep
 from artemis.states.plan import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
 from artemis.states.steering import SteeringStep
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 
 def plan_from(loaded: LoadedMission) -> Plan:
@@ -43,7 +43,7 @@ def plan_from(loaded: LoadedMission) -> Plan:
     return Plan(robot=loaded.robot, steps=tuple(steps), policies=policies, found=found)
 
 
-def _calibrate_step(robot: Robot, action: Calibrate) -> CalibrateStep:
+def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
     if action.gains is not None:
         known = {name: robot.drives[name].gains for name in action.gains}
         new = {name: merged(action.gains[name], gains).numbers for name, gains in known.items() if gains is not None}
@@ -84,45 +84,45 @@ def _follow_step(loaded: LoadedMission, number: int, action: Follow) -> FollowSt
     )
 
 
-def core_from(loaded: LoadedMission, resumption: Resumption | None = None, simulate: bool = False) -> Core:
-    """The robot's mind for a mission, run with or without `--simulate`: what runs, and what a replay runs again."""
-    return Core(plan_for(loaded, is_simulated(loaded, simulate), resumption), 1 / loaded.mission.tick_hz)
+def core_from(loaded: LoadedMission, resume_point: ResumePoint | None = None, simulate: bool = False) -> Core:
+    """The decision core for a mission, run with or without `--simulate`: what runs, and what a replay runs again."""
+    return Core(plan_for(loaded, is_simulated(loaded, simulate), resume_point), 1 / loaded.mission.tick_hz)
 
 
-def plan_for(loaded: LoadedMission, simulated: bool, resumption: Resumption | None) -> Plan:
+def plan_for(loaded: LoadedMission, simulated: bool, resume_point: ResumePoint | None) -> Plan:
     """The mission's plan, with followers that fail where it wants that, begun where an earlier run stopped."""
     plan = replace(plan_from(loaded), localized=localizer_used(loaded, simulated) is not None)
     if simulated and loaded.injector is not None:
         steps = loaded.injector.failing_followers(plan.steps, loaded.mission.simulation.faults)
         plan = replace(plan, steps=steps)
-    if resumption is None:
+    if resume_point is None:
         return plan
-    return replace(plan, begin=resumption.position, start=resumption.pose, tracks=resumption.tracks)
+    return replace(plan, begin=resume_point.position, start=resume_point.pose, tracks=resume_point.tracks)
 
 
-def plugin_made(group: str, use: PluginUse, setup: Setup) -> Any:  # noqa: ANN401 (of any group)
+def plugin_made(group: str, use: PluginUse, context: PluginContext) -> Any:  # noqa: ANN401 (of any group)
     """The plugin that a mission uses. Raises as `made` does, and where the plugin or its configuration is wrong."""
     plugin, config = plugin_from(group, use)
-    return made(plugin, config, setup)
+    return made(plugin, config, context)
 
 
-def made(plugin: Callable[[Config, Setup], Any], config: Config, setup: Setup) -> Any:  # noqa: ANN401 (of any group)
+def made(plugin: Callable[[Config, PluginContext], Any], config: Config, context: PluginContext) -> Any:  # noqa: ANN401 (of any group)
     """A new plugin of the class `plugin`.
 
     Raises:
         ConfigError: it refuses its configuration, or cannot be made.
     """
     try:
-        return plugin(config, setup)
+        return plugin(config, context)
     except ConfigError:
         raise
     except PLUGIN_ERRORS as error:
-        raise PluginError(f"PLG-01 {setup.name}: the plugin cannot be made: {told(error)}") from error
+        raise PluginError(f"PLG-01 {context.name}: the plugin cannot be made: {told(error)}") from error
 
 
-def setup_for(loaded: LoadedMission, name: str) -> Setup:
+def setup_for(loaded: LoadedMission, name: str) -> PluginContext:
     """What a plugin of the mission may know."""
-    return Setup(name=name, robot=loaded.robot, folder=loaded.folder, files=loaded.files)
+    return PluginContext(name=name, robot=loaded.robot, folder=loaded.folder, files=loaded.files)
 
 
 def inputs_used(loaded: LoadedMission, simulated: bool) -> dict[str, PluginUse]:

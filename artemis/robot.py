@@ -15,7 +15,7 @@ from artemis.errors import DeviceLost
 from artemis.motion.limits import Gate, is_sane
 from artemis.motion.pace import Pace
 from artemis.motion.perception import Perception
-from artemis.plugins.border import Border
+from artemis.plugins.guard import PluginGuard
 from artemis.states.modes import Modes
 from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
@@ -27,7 +27,7 @@ LIMITED_SPEED = 0.3
 
 
 class Core:
-    """The robot's mind, a pure function: (its state, sensed) -> (its state, tick). Replay repeats it bit for bit."""
+    """The decision core, a pure function: (its state, sensed) -> (its state, tick). Replay repeats it bit for bit."""
 
     def __init__(self, plan: Plan, period: float) -> None:
         """`period` of the scheduled ticks [s]."""
@@ -66,19 +66,19 @@ class Core:
 
 
 class Robot:
-    """The mind joined to drives and inputs: ticks on schedule, jobs beside the ticks."""
+    """The decision core joined to drives and inputs: ticks on schedule, jobs beside the ticks."""
 
     def __init__(
         self,
         core: Core,
         drives: Drives,
-        border: Border,
+        guard: PluginGuard,
         period: float,
         observe: Callable[[Tick], None],
         attended: Callable[[float], bool] = lambda time: False,
     ) -> None:
         """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s]."""
-        self._core, self._drives, self._border, self._period, self._observe = core, drives, border, period, observe
+        self._core, self._drives, self._guard, self._period, self._observe = core, drives, guard, period, observe
         self._requests: list[Request] = []
         self._results: list[JobResult] = []
         self._faults: list[Fault] = []
@@ -131,8 +131,8 @@ class Robot:
             self._drives.receive()
         except DeviceLost as error:
             self._lose(error)
-        inputs, fixes = self._border.read(now - self._start), self._border.fixes(now - self._start)
-        self._faults += (catalogue.fault(*problem) for problem in self._border.take_problems())
+        inputs, fixes = self._guard.read(now - self._start), self._guard.fixes(now - self._start)
+        self._faults += (catalogue.fault(*problem) for problem in self._guard.take_problems())
         self._requests += (request for sample in inputs for request in sample.requests)
         self._index += 1
         sensed = Sensed(

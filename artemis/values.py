@@ -183,7 +183,7 @@ class Odometry(Struct, frozen=True, kw_only=True, gc=False):
     pose: Pose = Pose()
     speed: float = 0.0  # of the virtual front wheel [m/s]
     steering: float = 0.0  # of the virtual front wheel [rad]
-    distance: float = 0.0  # way of the rear axle centre [m], forward positive
+    distance: float = 0.0  # distance of the rear axle centre [m], forward positive
     slip: float = 0.0
     """Disagreement of the driven wheels in the last step [m/s]: how far each is from the rigid-body fit."""
     lost: bool = False  # driven wheels may have rolled while nobody counted: this pose means nothing
@@ -358,7 +358,7 @@ class Wish(Struct, frozen=True, kw_only=True, gc=False):
     tracking: Tracking | None = None
     reset_pose: bool = False  # make the present place the origin of the odometry
     done: float | None = None
-    """How much of the mission's current step is done: way along its path [m], or time [s]; None: as much as before."""
+    """How much of the mission's current step is done: distance along its path [m], or time [s]; None: as before."""
     over: bool = False  # all of it is done
     failed: bool = False
     """What the run was to do will not be done, or it cannot end in order."""
@@ -371,7 +371,7 @@ class Position(Struct, frozen=True, kw_only=True, gc=False):
     step: int = 0
     """Which of its steps is done now, counted from 0; after the last: their number."""
     done: float = 0.0
-    """How much of it is done, here or in an earlier run: way along its path [m], or time [s]."""
+    """How much of it is done, here or in an earlier run: distance along its path [m], or time [s]."""
 
 
 class Tick(Struct, frozen=True, kw_only=True, gc=False):

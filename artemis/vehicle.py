@@ -135,7 +135,7 @@ class Drive(Config):
     following_error_counts: Annotated[int, Field(ge=1, le=0xFFFFFFFF)] = 2000
 
 
-class Robot(Config):
+class RobotFile(Config):
     """A whole robot file."""
 
     robot: str
@@ -172,7 +172,7 @@ class Robot(Config):
         return tuple(names.index(self.drive_at(role, side)[0]) for role, side in places)
 
     def metres_per_count(self, side: str) -> float:
-        """Way of a driven wheel per count [m]."""
+        """Distance of a driven wheel per count [m]."""
         traction = self.calibration.traction
         return traction.left_m_per_count if side == "left" else traction.right_m_per_count
 

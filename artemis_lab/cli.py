@@ -38,9 +38,9 @@ def bench_followers(
     ] = None,
 ) -> None:
     """Run every installed follower on every course, with noise, delay and false calibration: tables and figures."""
-    from artemis_lab.commands.bench_followers import Choice, measure
+    from artemis_lab.commands.bench_followers import Selection, measure
 
-    choice = Choice(
+    choice = Selection(
         followers=follower or [],
         courses=course or [],
         seed=seed,

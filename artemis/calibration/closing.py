@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from artemis.calibration.kinematics import Kinematics, Parameter, altered, dead_reckoned
-from artemis.calibration.knowledge import Found, Mask, condition_of, covariance_of, estimates_of, hold
+from artemis.calibration.knowledge import Estimates, Mask, condition_of, covariance_of, estimates_of, hold
 from artemis.calibration.wheel_log import WheelLog
 from artemis.errors import CalibrationError
 from artemis.motion.angles import wrap
@@ -36,7 +36,7 @@ class Closed:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ClosingFit(Found):
+class ClosingFit(Estimates):
     """What the ends of the runs say."""
 
     before: Array
@@ -105,12 +105,12 @@ def _closing_error(run: Closed, machine: Kinematics) -> tuple[float, float, floa
 def _covariance(poses: Array) -> Array:
     """Of the end of a run by `WALK` and `MEASURED`, shape (3, 3)."""
     change, heading = np.diff(poses, axis=0), poses[:-1, 2]
-    way = np.hypot(change[:, 0], change[:, 1])
-    c, s, zero = np.cos(heading), np.sin(heading), np.zeros(len(way))
+    distance = np.hypot(change[:, 0], change[:, 1])
+    c, s, zero = np.cos(heading), np.sin(heading), np.zeros(len(distance))
     rest = poses[-1] - poses[:-1]
-    ways = (c, s, zero), (-s, c, zero), (-rest[:, 1], rest[:, 0], np.ones(len(way)))
+    directions = (c, s, zero), (-s, c, zero), (-rest[:, 1], rest[:, 0], np.ones(len(distance)))
     total = np.diag(np.square(MEASURED))
-    for sigma, lever in zip(WALK, ways, strict=True):
+    for sigma, lever in zip(WALK, directions, strict=True):
         levers = np.array(lever)
-        total = total + sigma**2 * (levers * way) @ levers.T
+        total = total + sigma**2 * (levers * distance) @ levers.T
     return np.asarray(total)

@@ -12,7 +12,7 @@ from scipy.optimize import minimize  # scipy has no types
 from artemis.calibration import increments
 from artemis.calibration.increments import Indices, Moments, motions
 from artemis.calibration.kinematics import Kinematics, Parameter, altered, dead_reckoned
-from artemis.calibration.knowledge import Found, Mask, condition_of, covariance_of, estimates_of, hold
+from artemis.calibration.knowledge import Estimates, Mask, condition_of, covariance_of, estimates_of, hold
 from artemis.calibration.wheel_log import WheelLog
 from artemis.errors import CalibrationError, ConfigError
 from artemis.motion.clocks import Clock, estimate_clock
@@ -63,7 +63,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Fit(Found):
+class Fit(Estimates):
     """What the runs say; the sensor's place is the last of the estimates."""
 
     sensor: tuple[float, float, float]
@@ -87,7 +87,7 @@ class Fit(Found):
 
 
 @dataclass(slots=True, eq=False)
-class Case:
+class FittedRun:
     """One run while it is fitted."""
 
     run: Run
@@ -163,7 +163,7 @@ def clocks_of(found: Fit, runs: Sequence[Run]) -> tuple[Clock, ...]:
     return tuple(problem.clock(number, x) for number in range(len(runs)))
 
 
-def case_of(run: Run, base: Kinematics, clock: Clock | None = None) -> Case:
+def case_of(run: Run, base: Kinematics, clock: Clock | None = None) -> FittedRun:
     """A run with the moments of its truth.
 
     Raises:
@@ -183,13 +183,13 @@ def case_of(run: Run, base: Kinematics, clock: Clock | None = None) -> Case:
     moments = Moments.of(run.truth, float(begin), float(end))
     if len(moments.poses) < LEAST_MOMENTS:
         raise ConfigError(f"{log.name}: the truth knows only {len(moments.poses)} moments of this run")
-    return Case(run, clock, moments)
+    return FittedRun(run, clock, moments)
 
 
 class Problem:
     """Differences of all runs as a function of all unknowns: the machine's, the sensor's, each run's clock."""
 
-    def __init__(self, cases: list[Case], base: Kinematics, names: Sequence[Parameter]) -> None:
+    def __init__(self, cases: list[FittedRun], base: Kinematics, names: Sequence[Parameter]) -> None:
         self.cases, self.base, self.names = cases, base, names
 
     def bands(self) -> Array:
@@ -252,9 +252,9 @@ class Problem:
     def leave_out(self, x: Array) -> None:
         """Find the motions that fit nothing."""
         white = [self._white(number, x) for number in range(len(self.cases))]
-        spread = 1.4826 * float(np.median(np.abs(np.concatenate(white))))
+        std = 1.4826 * float(np.median(np.abs(np.concatenate(white))))
         for case, each in zip(self.cases, white, strict=True):
-            case.lost = np.abs(each).reshape(-1, 3).max(axis=1) > OUTLIER * spread
+            case.lost = np.abs(each).reshape(-1, 3).max(axis=1) > OUTLIER * std
 
     def _white(self, number: int, x: Array) -> Array:
         return increments.whitened(self.cases[number].root, self.differences(number, x).reshape(-1, 1))[:, 0]
@@ -298,9 +298,9 @@ class Problem:
             for number, case in enumerate(self.cases):
                 step = np.zeros(len(x))
                 step[place] = bands[place]
-                ways = [self.differences(number, x + sign * step).ravel() for sign in (1.0, -1.0)]
+                shifted = [self.differences(number, x + sign * step).ravel() for sign in (1.0, -1.0)]
                 columns = self.slopes(number, x)
-                columns[:, 0] = (ways[0] + ways[1]) / 2.0 - columns[:, 0]
+                columns[:, 0] = (shifted[0] + shifted[1]) / 2.0 - columns[:, 0]
                 white = increments.whitened(case.root, columns)
                 slope += white[:, 1:][:, free].T @ white[:, 0]
             shift = inner @ slope
@@ -325,7 +325,7 @@ class Problem:
         return np.asarray(np.exp(found.x))
 
 
-def _noise_covariance(case: Case, variances: Array) -> Array:
+def _noise_covariance(case: FittedRun, variances: Array) -> Array:
     if not case.run.truth.knows_heading:
         variances = np.array([variances[0], UNKNOWN**2, *variances[2:]])
     total = np.tensordot(variances, case.parts, axes=1)

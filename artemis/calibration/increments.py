@@ -1,9 +1,9 @@
 """How far truth and odometry disagree between one moment and the next, and what of that is noise.
 
-The truth errs at each moment alone, the odometry from each moment to the next: a random walk along its way. So what
-the two say of the motion between neighbouring moments differs by noise with a block-tridiagonal covariance, linear in
-five variances. Multiplied by the inverse of its Cholesky factor the differences are independent, and least squares on
-them is the generalised least squares of whole trajectories with unknown start poses.
+The truth errs at each moment alone, the odometry from each moment to the next: a random walk along the distance driven.
+So what the two say of the motion between neighbouring moments differs by noise with a block-tridiagonal covariance,
+linear in five variances. Multiplied by the inverse of its Cholesky factor the differences are independent, and least
+squares on them is the generalised least squares of whole trajectories with unknown start poses.
 """
 
 from __future__ import annotations
@@ -54,8 +54,11 @@ class Moments:
         if np.isfinite(self.poses[0, 2]):
             return self.poses
         true, own = (each[:, 0] + 1j * each[:, 1] for each in (self.poses, reckoned))
-        way = np.append(0.0, np.cumsum(np.abs(np.diff(own))))
-        first, last = np.searchsorted(way, way - NEAR, "left"), np.searchsorted(way, way + NEAR, "right")
+        distance = np.append(0.0, np.cumsum(np.abs(np.diff(own))))
+        first, last = (
+            np.searchsorted(distance, distance - NEAR, "left"),
+            np.searchsorted(distance, distance + NEAR, "right"),
+        )
         own, true = own - own.mean(), true - true.mean()
         sums = np.cumsum([own, true, own.conj() * true], axis=1)
         sums = np.column_stack([np.zeros(3), sums])

@@ -16,9 +16,9 @@ from artemis.vehicle import Geometry
 class Kinematics:
     """True measures of a machine, relative to what its log was counted with."""
 
-    way_left: float = 1.0
-    """True way per counted way of the left driven wheel."""
-    way_right: float = 1.0
+    distance_left: float = 1.0
+    """True distance per counted distance of the left driven wheel."""
+    distance_right: float = 1.0
     zero_left: float = 0.0
     """Counted angle at which the left wheel truly stands straight [rad, left positive]."""
     zero_right: float = 0.0
@@ -64,8 +64,8 @@ class Parameter:
 
 
 ONE_WHEEL = (
-    Parameter("way", 0.02, "a way of some metres"),
-    Parameter("zero", radians(1.5), "a way of some metres"),
+    Parameter("distance", 0.02, "a distance of some metres"),
+    Parameter("zero", radians(1.5), "a distance of some metres"),
     Parameter("wheelbase", 0.04, "curves"),
     Parameter("scale", 0.01, "steering angles beyond 30 degrees, to both sides"),
 )
@@ -74,7 +74,7 @@ TWO_WHEELS = (
     *ONE_WHEEL,
     Parameter("scrub radius", 0.1, "steering at standstill, or large angles"),
     Parameter("scale difference", 0.01, "steering angles beyond 30 degrees, to both sides"),
-    Parameter("way difference", 0.01, "large angles to both sides, and a truth that is of the rear axle's centre"),
+    Parameter("distance difference", 0.01, "large angles to both sides, and a truth that is of the rear axle's centre"),
     Parameter("zero difference", radians(0.7), "more than the motion of the body, which hardly shows it"),
     Parameter("kingpin distance", 0.02, "more than the motion of the body, which shows it together with the wheelbase"),
 )
@@ -88,10 +88,10 @@ def altered(base: Kinematics, values: dict[str, float]) -> Kinematics:
         mean, half = values.get(name, 0.0), values.get(f"{name} difference", 0.0) / 2.0
         return mean + half, mean - half
 
-    way, zero, scale = both("way"), both("zero"), both("scale")
+    distance, zero, scale = both("distance"), both("zero"), both("scale")
     return Kinematics(
-        way_left=base.way_left * (1.0 + way[0]),
-        way_right=base.way_right * (1.0 + way[1]),
+        distance_left=base.distance_left * (1.0 + distance[0]),
+        distance_right=base.distance_right * (1.0 + distance[1]),
         zero_left=base.zero_left + zero[0],
         zero_right=base.zero_right + zero[1],
         scale_left=base.scale_left * (1.0 + scale[0]),
@@ -113,14 +113,14 @@ def dead_reckoned(log: WheelLog, machine: Kinematics) -> Array:
     """
     left = machine.scale_left * (log.steering_left - machine.zero_left)
     right = machine.scale_right * (log.steering_right - machine.zero_right)
-    roll_left = machine.way_left * np.diff(log.way_left)
-    roll_right = machine.way_right * np.diff(log.way_right)
+    roll_left = machine.distance_left * np.diff(log.distance_left)
+    roll_right = machine.distance_right * np.diff(log.distance_right)
     if machine.front_driven:
         roll_left += machine.scrub_radius * np.diff(left)
         roll_right -= machine.scrub_radius * np.diff(right)
-    way, turn = _rigid_motion(machine, _amid(left), _amid(right), roll_left, roll_right)
+    distance, turn = _rigid_motion(machine, _amid(left), _amid(right), roll_left, roll_right)
     heading = np.append(0.0, np.cumsum(turn))
-    chord, direction = way * np.sinc(turn / (2.0 * np.pi)), heading[:-1] + turn / 2.0
+    chord, direction = distance * np.sinc(turn / (2.0 * np.pi)), heading[:-1] + turn / 2.0
     x, y = np.cumsum(chord * np.cos(direction)), np.cumsum(chord * np.sin(direction))
     return np.column_stack([np.append(0.0, x), np.append(0.0, y), heading])
 
@@ -132,9 +132,9 @@ def _amid(angle: Array) -> Array:
 
 
 def _rigid_motion(machine: Kinematics, left: Array, right: Array, along: Array, beside: Array) -> tuple[Array, Array]:
-    """Way of the rear axle's centre [m] and turn [rad] in each step, from wheel angles and rolled ways (left, right).
+    """Distance of the rear axle's centre [m] and turn [rad] in each step, from the wheels' angles and rolled distances.
 
-    Rows of u (way) and w (turn), kingpins at (L, ±B/2), contact points R outboard, upper sign left:
+    Rows of u (distance) and w (turn), kingpins at (L, ±B/2), contact points R outboard, upper sign left:
     front wheel rolls u cos(d) + w (L sin(d) -+ B/2 cos(d) -+ R), front wheel grips -u sin(d) + w (L cos(d) ±
     B/2 sin(d)) = 0, rear wheel rolls u -+ w (B/2 + R).
     """

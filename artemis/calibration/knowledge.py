@@ -38,7 +38,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Found:
+class Estimates:
     """What runs say of a machine."""
 
     base: Kinematics

@@ -17,9 +17,9 @@ from artemis.vehicle import Positive
 
 Column = Literal[
     "time",
-    "way",
-    "way_left",
-    "way_right",
+    "distance",
+    "distance_left",
+    "distance_right",
     "steering",
     "steering_left",
     "steering_right",
@@ -32,13 +32,13 @@ TRUTH = ("true_x", "true_y", "true_heading")
 
 
 class Machine(Config):
-    """One driven and steered front wheel (columns `way`, `steering`), or two (columns with `_left` and `_right`)."""
+    """One driven and steered front wheel (columns `distance`, `steering`), or two (`..._left`, `..._right`)."""
 
     machine: str
     columns: Annotated[list[Column], Field(min_length=3)]
     """Of the tables, in their order; `-` is passed over. Time in s, the true pose in m and rad."""
     counts: Literal["each_row", "running"]
-    """Ways are counted since the row before, or since the beginning."""
+    """Distances are counted since the row before, or since the beginning."""
     metres_per_count: float
     """Negative if forward counts negative."""
     radians_per_steering_unit: float
@@ -73,15 +73,15 @@ class Machine(Config):
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """The columns of ways, left and right, and of angles."""
+        """The columns of distances, left and right, and of angles."""
         if self.one_wheel:
-            return "way", "way", "steering", "steering"
-        return "way_left", "way_right", "steering_left", "steering_right"
+            return "distance", "distance", "steering", "steering"
+        return "distance_left", "distance_right", "steering_left", "steering_right"
 
     @property
     def one_wheel(self) -> bool:
         """Whether left and right are one wheel."""
-        return "way" in self.columns or "steering" in self.columns
+        return "distance" in self.columns or "steering" in self.columns
 
     @property
     def kinematics(self) -> Kinematics:
@@ -110,14 +110,14 @@ def log_from_table(text: str, source: str, machine: Machine) -> tuple[WheelLog, 
             table.report_file(f"{len(columns['time'])} rows; expected at least {LEAST_TICKS}")
     table.raise_problems()
     sides = machine.sides
-    ways = [_way(columns[name], machine) for name in sides[:2]]
+    distances = [_way(columns[name], machine) for name in sides[:2]]
     angles = [(columns[name] - machine.steering_zero) * machine.radians_per_steering_unit for name in sides[2:]]
     time = columns["time"]
     log = WheelLog(
         name=source,
         time=time,
-        way_left=ways[0],
-        way_right=ways[1],
+        distance_left=distances[0],
+        distance_right=distances[1],
         steering_left=angles[0],
         steering_right=angles[1],
     )

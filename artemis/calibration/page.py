@@ -8,8 +8,8 @@ from html import escape
 import numpy as np
 from matplotlib.figure import Figure
 
-from artemis.calibration.knowledge import QUANTILE, Found
-from artemis.calibration.score import Track
+from artemis.calibration.knowledge import QUANTILE, Estimates
+from artemis.calibration.score import ScoredRun
 from artemis.report.figures import ESTIMATED, INK, PATH, TRUE, WIDTH, legend, style, svg, thinned
 
 MAX_MAPS = 12
@@ -48,16 +48,16 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "<table>" + line("th", head) + "".join(line("td", row) for row in rows) + "</table>"
 
 
-def drawn(before: Sequence[Track], after: Sequence[Track], found: Found) -> list[tuple[str, Figure]]:
+def drawn(before: Sequence[ScoredRun], after: Sequence[ScoredRun], found: Estimates) -> list[tuple[str, Figure]]:
     """Figures of a fit with a truth; call inside `style`."""
     return [
         ("Truth and odometry, before and after, from above", map_figure(before, after)),
-        ("Distance from the truth over the way", error_figure(before, after)),
+        ("Distance from the truth over the distance driven", error_figure(before, after)),
         ("Parameters as shares of their plausible bands, with 95 % intervals", parameter_figure(found)),
     ]
 
 
-def map_figure(before: Sequence[Track], after: Sequence[Track]) -> Figure:
+def map_figure(before: Sequence[ScoredRun], after: Sequence[ScoredRun]) -> Figure:
     """Each run from above."""
     pairs = list(zip(before, after, strict=True))[:MAX_MAPS]
     columns = min(3, len(pairs))
@@ -77,21 +77,21 @@ def map_figure(before: Sequence[Track], after: Sequence[Track]) -> Figure:
     return figure
 
 
-def error_figure(before: Sequence[Track], after: Sequence[Track]) -> Figure:
-    """Position error of every run over its way."""
+def error_figure(before: Sequence[ScoredRun], after: Sequence[ScoredRun]) -> Figure:
+    """Position error of every run over its distance."""
     figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     axes = figure.add_subplot()
     for tracks, color, label in ((before, PATH, "before"), (after, ESTIMATED, "after")):
         for number, track in enumerate(tracks):
-            line = thinned(track.way, 1000.0 * track.error)
+            line = thinned(track.distance, 1000.0 * track.error)
             axes.plot(*line, color=color, linewidth=1.0, label=label if number == 0 else None)
-    axes.set(xlabel="way [m]", ylabel="error [mm]", yscale="log")
+    axes.set(xlabel="distance [m]", ylabel="error [mm]", yscale="log")
     axes.set_ylim(bottom=0.5)
     legend(axes)
     return figure
 
 
-def parameter_figure(found: Found) -> Figure:
+def parameter_figure(found: Estimates) -> Figure:
     """Each parameter of the machine, held ones grey."""
     shown = [each for each in found.estimates if not each.parameter.name.startswith("sensor")]
     figure = Figure(figsize=(WIDTH, 0.6 + 0.34 * len(shown)), layout="constrained")
@@ -120,13 +120,15 @@ def residual_figure(before: Sequence[Sequence[float]], after: Sequence[Sequence[
     return figure
 
 
-def styled_page(title: str, tables: Tables, before: Sequence[Track], after: Sequence[Track], found: Found) -> str:
+def styled_page(
+    title: str, tables: Tables, before: Sequence[ScoredRun], after: Sequence[ScoredRun], found: Estimates
+) -> str:
     """The whole page of a fit with a truth."""
     with style():
         return page(title, tables, drawn(before, after, found))
 
 
-def closing_page(title: str, tables: Tables, before: np.ndarray, after: np.ndarray, found: Found) -> str:
+def closing_page(title: str, tables: Tables, before: np.ndarray, after: np.ndarray, found: Estimates) -> str:
     """The whole page of a fit of closing errors."""
     with style():
         figures = [

@@ -5,14 +5,14 @@ from __future__ import annotations
 from math import degrees
 
 from artemis.calibration.kinematics import Kinematics
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import Data
 
 DIGITS = 7
 """Of the numbers that are written."""
 
 
-def changes(robot: Robot, machine: Kinematics) -> dict[tuple[str, ...], Data]:
+def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data]:
     """New values of a robot file by their keys; only what differs.
 
     Args:
@@ -28,12 +28,12 @@ def changes(robot: Robot, machine: Kinematics) -> dict[tuple[str, ...], Data]:
         if _rounded(new) != _rounded(old):
             found[keys] = _rounded(new)
 
-    ways = {"left": machine.way_left, "right": machine.way_right}
+    lengths = {"left": machine.distance_left, "right": machine.distance_right}
     zeros = {"left": machine.zero_left, "right": machine.zero_right}
     scales = {"left": machine.scale_left, "right": machine.scale_right}
     for side in ("left", "right"):
         old = robot.metres_per_count(side)
-        put(("calibration", "traction", f"{side}_m_per_count"), old, old * ways[side])
+        put(("calibration", "traction", f"{side}_m_per_count"), old, old * lengths[side])
         wheel = robot.potentiometers(side)
         pairs = zip(wheel.zero_v, wheel.slope_deg_per_v, strict=True)
         volts = [_rounded(zero + degrees(zeros[side]) / slope) for zero, slope in pairs]

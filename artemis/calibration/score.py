@@ -20,13 +20,13 @@ FOLDS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Track:
+class ScoredRun:
     """The sensor of one run: truth and odometry, laid on it at its start; shape (n, 3), (n,)."""
 
     name: str
     true: Array
     reckoned: Array
-    way: Array
+    distance: Array
     """Of the truth's sensor until then [m]."""
 
     @property
@@ -35,19 +35,19 @@ class Track:
         return np.asarray(np.hypot(*(self.reckoned - self.true)[:, :2].T))
 
 
-def track(run: Run, machine: Kinematics, sensor: tuple[float, float, float], clock: Clock) -> Track:
+def track(run: Run, machine: Kinematics, sensor: tuple[float, float, float], clock: Clock) -> ScoredRun:
     """What the odometry of a machine makes of a run."""
     begin, end = clock.shown(run.log.time[[0, -1]])
     moments = Moments.of(run.truth, float(begin), float(end))
     own = moments.averaged(clock.shown(run.log.time), at_sensor(dead_reckoned(run.log, machine), sensor))
     true = moments.beside(own)
-    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(own, axis=0)[:, :2].T)))
-    first = way <= START
+    distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(own, axis=0)[:, :2].T)))
+    first = distance <= START
     turn = float(np.mean(true[first, 2] - own[first, 2]))
     c, s = np.cos(turn), np.sin(turn)
     turned = np.column_stack([c * own[:, 0] - s * own[:, 1], s * own[:, 0] + c * own[:, 1], own[:, 2] + turn])
     turned[:, :2] += np.mean(true[first, :2] - turned[first, :2], axis=0)
-    return Track(name=run.log.name, true=true, reckoned=turned, way=way)
+    return ScoredRun(name=run.log.name, true=true, reckoned=turned, distance=distance)
 
 
 def checked(found: Fit) -> list[tuple[Run, Kinematics]]:
@@ -65,16 +65,16 @@ def checked(found: Fit) -> list[tuple[Run, Kinematics]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Position errors of some runs [m]: mean and largest over all moments, mean at the ends; way [m]."""
+    """Position errors of some runs [m]: mean and largest over all moments, mean at the ends; distance [m]."""
 
     runs: int
     mean: float
     max: float
     end: float
-    way: float
+    distance: float
 
 
-def score(tracks: Sequence[Track]) -> Score:
+def score(tracks: Sequence[ScoredRun]) -> Score:
     """In a few numbers; at least one track."""
     errors = [each.error for each in tracks]
     return Score(
@@ -82,5 +82,5 @@ def score(tracks: Sequence[Track]) -> Score:
         mean=float(np.mean(np.concatenate(errors))),
         max=float(max(error.max() for error in errors)),
         end=float(np.mean([error[-1] for error in errors])),
-        way=float(np.mean([each.way[-1] for each in tracks])),
+        distance=float(np.mean([each.distance[-1] for each in tracks])),
     )

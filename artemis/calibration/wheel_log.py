@@ -18,22 +18,22 @@ LEAST_TICKS = 10
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class WheelLog:
-    """Driven ways and steering angles over time, all shape (n,), counted as the machine is described."""
+    """Driven distances and steering angles over time, all shape (n,), counted as the machine is described."""
 
     name: str
     time: Array
     """[s], rising."""
-    way_left: Array
+    distance_left: Array
     """What the left driven wheel rolled until then [m], forward positive."""
-    way_right: Array
+    distance_right: Array
     steering_left: Array
     """Angle of the left front wheel [rad], left positive."""
     steering_right: Array
 
     @property
     def rolled(self) -> float:
-        """Way of the driven wheels, forward and back, mean of both [m]."""
-        return float(np.abs(np.diff(self.way_left)).sum() + np.abs(np.diff(self.way_right)).sum()) / 2.0
+        """Distance of the driven wheels, forward and back, mean of both [m]."""
+        return float(np.abs(np.diff(self.distance_left)).sum() + np.abs(np.diff(self.distance_right)).sum()) / 2.0
 
 
 def recorded_log(recording: Recording, name: str) -> tuple[WheelLog, Trajectory | None]:
@@ -67,8 +67,8 @@ def _log(ticks: list[TickRecord], recording: Recording, name: str) -> WheelLog:
     return WheelLog(
         name=name,
         time=np.array([tick.snapshot.sensed.time for tick in ticks]),
-        way_left=rows[:, 0],
-        way_right=rows[:, 1],
+        distance_left=rows[:, 0],
+        distance_right=rows[:, 1],
         steering_left=rows[:, 2],
         steering_right=rows[:, 3],
     )

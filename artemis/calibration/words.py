@@ -9,14 +9,14 @@ from math import degrees, sqrt
 import numpy as np
 
 from artemis.calibration.fit import Fit
-from artemis.calibration.knowledge import QUANTILE, Found
+from artemis.calibration.knowledge import QUANTILE, Estimates
 from artemis.calibration.score import Score
 
 Weights = Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class ValueRow:
     """One value of the machine, all four as they are shown."""
 
     name: str
@@ -26,7 +26,7 @@ class Row:
     """Of the 95 % interval."""
 
 
-def rows_of(found: Found, metres_per_count: tuple[float, float], one_wheel: bool) -> list[Row]:
+def rows_of(found: Estimates, metres_per_count: tuple[float, float], one_wheel: bool) -> list[ValueRow]:
     """Every value that was fitted or held, in the units of a robot file.
 
     Args:
@@ -38,8 +38,8 @@ def rows_of(found: Found, metres_per_count: tuple[float, float], one_wheel: bool
     rows = []
     sides = (("", 1.0),) if one_wheel else ((" left", 1.0), (" right", -1.0))
     for (side, sign), count in zip(sides, metres_per_count, strict=False):
-        old, new = ((each.way_right if sign < 0 else each.way_left) * count for each in (base, machine))
-        width = _half_width(found, {"way": 1.0, "way difference": sign / 2}) * count
+        old, new = ((each.distance_right if sign < 0 else each.distance_left) * count for each in (base, machine))
+        width = _half_width(found, {"distance": 1.0, "distance difference": sign / 2}) * count
         rows.append(_row(f"metres per count{side}", old, new, width, ".5e", ".1e"))
     if not one_wheel:
         old, new = (degrees(each.zero_left + each.zero_right) / 2.0 for each in (base, machine))
@@ -69,20 +69,20 @@ def rows_of(found: Found, metres_per_count: tuple[float, float], one_wheel: bool
     return rows
 
 
-def held_of(found: Found) -> list[tuple[str, str]]:
+def held_of(found: Estimates) -> list[tuple[str, str]]:
     """What is held as described, and why."""
     return [(each.parameter.name, each.reason) for each in found.estimates if not each.seen]
 
 
 def score_rows(scores: Sequence[tuple[str, Score]]) -> list[tuple[str, ...]]:
-    """Name, runs, way, errors: mean, its share of the way, largest, at the end."""
+    """Name, runs, distance, errors: mean, its share of the distance, largest, at the end."""
     return [
         (
             name,
             str(each.runs),
-            f"{each.way:.2f} m",
+            f"{each.distance:.2f} m",
             f"{1000 * each.mean:.1f} mm",
-            f"{each.mean / each.way:.2%}" if each.way else "",
+            f"{each.mean / each.distance:.2%}" if each.distance else "",
             f"{1000 * each.max:.1f} mm",
             f"{1000 * each.end:.1f} mm",
         )
@@ -100,11 +100,11 @@ def as_text(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join("  ".join(row).rstrip() + "\n" for row in zip(*columns, strict=True))
 
 
-def _row(name: str, old: float, new: float, width: float, digits: str, few: str) -> Row:
-    return Row(name=name, described=f"{old:{digits}}", fitted=f"{new:{digits}}", half_width=f"{width:{few}}")
+def _row(name: str, old: float, new: float, width: float, digits: str, few: str) -> ValueRow:
+    return ValueRow(name=name, described=f"{old:{digits}}", fitted=f"{new:{digits}}", half_width=f"{width:{few}}")
 
 
-def _half_width(found: Found, weights: Weights) -> float:
+def _half_width(found: Estimates, weights: Weights) -> float:
     """Of a weighted sum of parameters."""
     names = [each.parameter.name for each in found.estimates]
     vector = np.array([weights.get(name, 0.0) for name in names])

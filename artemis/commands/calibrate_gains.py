@@ -22,7 +22,7 @@ from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import NewGains
 from artemis.planning import is_simulated
 from artemis.recording.mcap_reader import Recording
-from artemis.report.responses import SLOWEST, SPEED_WAY
+from artemis.report.responses import SLOWEST, SPEED_DISTANCE
 from artemis.states.gains import words_of
 from artemis.values import JobKind
 from artemis.vehicle import Gains
@@ -221,9 +221,9 @@ def _tell(loaded: LoadedMission, trial: Trial, found: Findings, outcome: Outcome
         _draw(found, figure)
         _say(f"figure      {figure}")
     if trial.role == "traction":
-        way = 1000.0 * SPEED_WAY
+        distance = 1000.0 * SPEED_DISTANCE
         _say(
-            f"            speeds are means over {way:.0f} mm, the counts are so coarse: what swings faster is not seen"
+            f"            speeds are means over {distance:.0f} mm, the counts are so coarse: faster swings are not seen"
         )
     _say("            the current is sampled once a tick: what its own regulator does in a millisecond is not seen")
     if missing := [label for label in trial.places if label not in found.responses]:

@@ -16,7 +16,7 @@ import numpy as np
 from artemis.calibration.closing import Closed, ClosingFit, fit_closing
 from artemis.calibration.fit import Fit, Run, clocks_of, fit
 from artemis.calibration.kinematics import ONE_WHEEL, TWO_WHEELS, Kinematics, Parameter
-from artemis.calibration.knowledge import Found
+from artemis.calibration.knowledge import Estimates
 from artemis.calibration.machine_file import Machine, log_from_table
 from artemis.calibration.robot_file import changes
 from artemis.calibration.score import Score, checked, score, track
@@ -29,7 +29,7 @@ from artemis.motion.table import MAX_CHARACTERS, Table
 from artemis.motion.trajectory import Trajectory
 from artemis.motion.truth import truth_from
 from artemis.recording.mcap_reader import Recording
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_edit import edit
 from artemis.yaml_file import read
 
@@ -37,7 +37,7 @@ SIMULATION = "simulation"
 """Instead of a file: the true poses of a simulated run."""
 PAGE = "calibration.html"
 VALUES = ("value", "described", "fitted", "95 %")
-ERRORS = ("odometry", "runs", "way", "mean error", "of way", "largest", "at end")
+ERRORS = ("odometry", "runs", "distance", "mean error", "of distance", "largest", "at end")
 CLOSING_NAMES = {
     name: column
     for column, names in {
@@ -57,7 +57,7 @@ class Source:
     base: Kinematics
     parameters: tuple[Parameter, ...]
     metres_per_count: tuple[float, float]
-    robot: Robot | None
+    robot: RobotFile | None
     """None for a machine of somebody else."""
 
     @property
@@ -222,16 +222,16 @@ def _held_out(found: Fit, check: Sequence[Run]) -> list[tuple[str, Score]]:
     return rows
 
 
-def _values(found: Found, source: Source) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
+def _values(found: Estimates, source: Source) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
     rows = rows_of(found, source.metres_per_count, source.one_wheel)
     return "Values", VALUES, [(row.name, row.described, row.fitted, f"+- {row.half_width}") for row in rows]
 
 
-def _held(found: Found) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
+def _held(found: Estimates) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
     return "Held as described", ("what", "why"), list(held_of(found))
 
 
-def _tell(tables: Sequence[tuple[str, Sequence[str], list[tuple[str, ...]]]], found: Found) -> None:
+def _tell(tables: Sequence[tuple[str, Sequence[str], list[tuple[str, ...]]]], found: Estimates) -> None:
     for title, head, rows in tables:
         if rows:
             sys.stdout.write(f"{title}\n{as_text(head, rows)}\n")
@@ -280,12 +280,12 @@ def _refuse_writing(robot_file: Path | None, source: Source) -> None:
         return
     if source.robot is None:
         raise ConfigError("--write: these runs are of a machine that has no robot file")
-    present = load_model(robot_file, Robot)
+    present = load_model(robot_file, RobotFile)
     if (present.calibration, present.geometry) != (source.robot.calibration, source.robot.geometry):
         raise ConfigError(f"{robot_file}: its calibration is not what the runs were driven with; drive again")
 
 
-def _write_robot(robot_file: Path | None, source: Source, found: Found) -> None:
+def _write_robot(robot_file: Path | None, source: Source, found: Estimates) -> None:
     if source.robot is None:
         return
     wanted = changes(source.robot, found.machine)

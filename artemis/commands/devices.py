@@ -12,7 +12,7 @@ from artemis.devices.can_bus import CanBus, FrameBus, detected_adapters
 from artemis.devices.hid.descriptor import Field, is_control, parse_descriptor
 from artemis.devices.hid.identity import Identity
 from artemis.devices.hid.port import HidInfo, HidPort, Hidraw
-from artemis.devices.inventory import Node, ask_nodes
+from artemis.devices.inventory import NodeReport, ask_nodes
 from artemis.errors import ConfigError, DeviceLost, HidError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
@@ -110,7 +110,7 @@ def _show_drives(loaded: LoadedMission) -> None:
         _say(f"  {node.name:{max(len(each.name) for each in nodes)}}  node {node.node_id:3}  {_node(node)}")
 
 
-async def _ask(loaded: LoadedMission, simulated: bool) -> list[Node]:
+async def _ask(loaded: LoadedMission, simulated: bool) -> list[NodeReport]:
     with closing(open_bus(loaded, simulated)) as bus:
         return await ask_nodes(loaded.robot, bus)
 
@@ -132,7 +132,7 @@ def open_bus(loaded: LoadedMission, simulated: bool) -> FrameBus:
     return SimBus(world, loaded.robot.bitrate, loop)
 
 
-def _node(node: Node) -> str:
+def _node(node: NodeReport) -> str:
     if node.problem:
         return node.problem
     history = ", ".join(f"0x{code:04X}" for code in node.history) or "none"

@@ -8,7 +8,7 @@ from math import inf
 from artemis.errors import ConfigError
 from artemis.mission.problems import nearest
 from artemis.supervision.catalogue import ROWS
-from artemis.supervision.catalogue.row import SHORT, Found, Kind, Recovery, Row, Stage
+from artemis.supervision.catalogue.row import SHORT, Found, Kind, Recovery, Row, Threshold
 from artemis.values import Severity
 
 SECTIONS = {
@@ -100,7 +100,7 @@ def _how(row: Row) -> str:
     return f"{row.found.value}: {row.reason}" if row.reason else row.found.value
 
 
-def _limit(stage: Stage, row: Row) -> str:
+def _limit(stage: Threshold, row: Row) -> str:
     above = f"above {stage.over:.3g}" if stage.over else "at any"
     what = f"{above} for {stage.hold:.3g} s" if stage.hold else above
     return f"{what}: {SHORT[stage.severity]}" if len(row.stages) > 1 else what

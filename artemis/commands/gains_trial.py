@@ -96,7 +96,7 @@ class GainsWatch:
 
     def __init__(self) -> None:
         self.stopped = False
-        """Something stopped the robot on the way: what was tried after it was not tried whole."""
+        """Something stopped the robot on the distance: what was tried after it was not tried whole."""
         self.restored: set[str] = set()
         """Drives that had other gains, and have those of the robot file again: read back after they were written."""
         self.unrestored: dict[str, str] = {}

@@ -13,8 +13,8 @@ from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
-from artemis.plugins.border import Problem
-from artemis.recording.chronicle import values_of
+from artemis.plugins.guard import Problem
+from artemis.recording.event_log import values_of
 from artemis.report.fault_words import DID, next_step
 from artemis.supervision.catalogue import ROWS
 from artemis.values import Fault, JobKind, Mode, OperatorInput, Severity, Snapshot, Tick, Verdict
@@ -149,7 +149,7 @@ class _BusLoad:
 
 
 def status(tick: Tick, width: int, load: float = 0.0) -> str:
-    """Where the robot is, in at most `width` characters: the way along the path, or what it does.
+    """Where the robot is, in at most `width` characters: the distance along the path, or what it does.
 
     By hand also what the wheels and the hand do, which drives are not on, and the share `load` of the bus in use.
     """

@@ -42,7 +42,7 @@ def record_path(
 
     if name is not None and (begin is not None or end is not None):
         raise ConfigError("--name and --from or --to: choose by name or by time, not by both")
-    choice = path_record.Choice(name=name, begin=begin, end=end)
+    choice = path_record.RecordedPart(name=name, begin=begin, end=end)
     drawing = path_record.Drawing(
         smoothing=smoothing, spacing=spacing, close_within=close_within, with_speed=with_speed
     )

@@ -1,4 +1,4 @@
-"""Points of a way from files of others: tables, GPX, waypoints of ROS navigation."""
+"""Points of a path from files of others: tables, GPX, waypoints of ROS navigation."""
 
 from __future__ import annotations
 

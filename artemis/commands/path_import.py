@@ -64,7 +64,7 @@ def import_path(
         raise ConfigError(f"{file}: no speeds in it; leave --with-speed out")
     found = stretches(given.x, given.y, given.heading)
     if closed and len(found) > 1:
-        raise ConfigError(f"{given.places[found[1][0]]}: the way reverses here, so it cannot be --closed")
+        raise ConfigError(f"{given.places[found[1][0]]}: the path reverses here, so it cannot be --closed")
     try:
         route = _joined(given, found, closed, smoothing)
         if origin:
@@ -102,8 +102,8 @@ def _words(given: Given, found: Sequence[Stretch], route: Route, name: str) -> l
     pieces = [(first, given.x[first : last + 1], given.y[first : last + 1]) for first, last, _ in found]
     paths = [part.path for part in route.parts]
     off = max((*deviation(x, y, path), first) for (first, x, y), path in zip(pieces, paths, strict=True))
-    ways = ["backwards" if part.backward else "forwards" for part in route.parts]
-    driven = f", driven {', '.join(ways)}" if "backwards" in ways else ""
+    directions = ["backwards" if part.backward else "forwards" for part in route.parts]
+    driven = f", driven {', '.join(directions)}" if "backwards" in directions else ""
     words = [
         f"{route.length:.2f} m{', closed' if route.closed else ''}{driven}, from {len(given.x)} points of {name}",
         f"the points are at most {1000 * off[0]:.1f} mm off the curve ({given.places[off[1] + off[2]]})",
@@ -126,7 +126,7 @@ def _checked(given: Given, source: str) -> Given:
     """The distinct points; headings only if they say something.
 
     Raises:
-        ConfigError: too few points, headings across the way, speeds that are none.
+        ConfigError: too few points, headings across the path, speeds that are none.
     """
     kept = moving(given.x, given.y)
     x, y = given.x[kept], given.y[kept]
@@ -141,7 +141,7 @@ def _checked(given: Given, source: str) -> Given:
         heading = None
     elif heading is not None:
         problems += [
-            f"{places[index]}: the heading points across the way; one in degrees is called heading_deg"
+            f"{places[index]}: the heading points across the path; one in degrees is called heading_deg"
             for index in across(x, y, heading, stretches(x, y, heading))[:3]
         ]
     speed = given.speed if given.speed is None else given.speed[kept]

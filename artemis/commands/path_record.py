@@ -23,7 +23,7 @@ from artemis.motion.waypoints import Leg, PathRows, deviation, drawn, highest_sp
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.values import Mode, Pose, Request
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 LEAP = 0.2
 """A robot that is so far [m] from where it was last seen has been driven in between: there a new path begins."""
@@ -52,7 +52,7 @@ class Drawing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class RecordedPart:
     """What of a run is wanted: a path by its name, a time, or all that was driven by hand."""
 
     name: str | None = None
@@ -68,7 +68,7 @@ class Choice:
 
 
 @dataclass(slots=True)
-class Driven:
+class DrivenTicks:
     """What was driven without a gap, tick by tick."""
 
     frame: str
@@ -85,25 +85,25 @@ class Made:
     """What was driven without a gap, as a path file."""
 
     rows: PathRows
-    way: str
+    driven: str
     """When it was driven, and in which direction."""
     off: float
     """Largest distance of what was driven from the path [m]."""
     frame: str
 
-    def words(self, robot: Robot) -> list[str]:
+    def words(self, robot: RobotFile) -> list[str]:
         """What to know of it."""
         route = self.rows.route
         slowest = min((part.path for part in route.parts), key=lambda path: highest_speed(path, robot)[0])
         return [
-            f"{route.length:.2f} m{', closed' if route.closed else ''}, driven {self.way}",
+            f"{route.length:.2f} m{', closed' if route.closed else ''}, driven {self.driven}",
             f"at most {1000 * self.off:.1f} mm from what was driven",
             keeps_up(slowest, *highest_speed(slowest, robot)),
         ]
 
 
 def record_path(
-    run: Path, output: Path, choice: Choice, drawing: Drawing, *, speed: float | None = None, force: bool = False
+    run: Path, output: Path, choice: RecordedPart, drawing: Drawing, *, speed: float | None = None, force: bool = False
 ) -> int:
     """Make a path file of what was driven in a run; 1 if the robot cannot follow it.
 
@@ -144,7 +144,7 @@ def record_path(
     return int(failed)
 
 
-def _parts(recording: Recording, choice: Choice, spacing: float) -> Iterator[tuple[Driven, list[Leg]]]:
+def _parts(recording: Recording, choice: RecordedPart, spacing: float) -> Iterator[tuple[DrivenTicks, list[Leg]]]:
     """What was chosen of a run, piece by piece without a gap.
 
     Raises:
@@ -172,9 +172,9 @@ def _parts(recording: Recording, choice: Choice, spacing: float) -> Iterator[tup
         raise ConfigError(f"{recording.path}: no path in it: {what}; {hint}{missing}")
 
 
-def _stretches(recording: Recording, choice: Choice) -> list[Driven]:
+def _stretches(recording: Recording, choice: RecordedPart) -> list[DrivenTicks]:
     chosen = _Chosen(recording, choice)
-    stretches: list[Driven] = []
+    stretches: list[DrivenTicks] = []
     for tick in recording.ticks():
         placed, located = tick.wish.reset_pose, tick.snapshot.pose
         wanted = chosen.takes(tick)
@@ -185,7 +185,7 @@ def _stretches(recording: Recording, choice: Choice) -> list[Driven]:
         pose = located.pose
         last = stretches[-1].poses[-1] if stretches and stretches[-1].frame == located.frame else None
         if last is None or math.hypot(pose.x - last.x, pose.y - last.y) > LEAP:
-            stretches.append(Driven(frame=located.frame))
+            stretches.append(DrivenTicks(frame=located.frame))
         stretches[-1].poses.append(pose)
         stretches[-1].speeds.append(tick.snapshot.odometry.speed)
         stretches[-1].times.append(tick.snapshot.time)
@@ -195,7 +195,7 @@ def _stretches(recording: Recording, choice: Choice) -> list[Driven]:
 class _Chosen:
     """Says of one tick after the other whether it belongs to what is wanted."""
 
-    def __init__(self, recording: Recording, choice: Choice) -> None:
+    def __init__(self, recording: Recording, choice: RecordedPart) -> None:
         self.begins_anew = False
         self._choice = choice
         self._track = Track()  # of its button alone
@@ -234,7 +234,7 @@ def _points(poses: Sequence[Pose]) -> tuple[Array, Array]:
     return np.array([pose.x for pose in poses]), np.array([pose.y for pose in poses])
 
 
-def _made(driven: Driven, legs: Sequence[Leg], drawing: Drawing, source: str) -> Made:
+def _made(driven: DrivenTicks, legs: Sequence[Leg], drawing: Drawing, source: str) -> Made:
     """Legs, each of which begins where the one before ends, as a path file named `source`."""
     whole, closed, counts = len(legs) == 1, None, [len(leg.kept) for leg in legs]
     if whole:
@@ -266,20 +266,20 @@ def _made(driven: Driven, legs: Sequence[Leg], drawing: Drawing, source: str) ->
     end = driven.times[legs[-1].kept[counts[-1] - 1]]
     return Made(
         rows=rows,
-        way=f"{directions}, {driven.times[legs[0].kept[0]]:.2f} s to {end:.2f} s of the run",
+        driven=f"{directions}, {driven.times[legs[0].kept[0]]:.2f} s to {end:.2f} s of the run",
         off=off,
         frame=driven.frame,
     )
 
 
-def _header(recording: Recording, choice: Choice, drawing: Drawing, made: Made) -> str:
+def _header(recording: Recording, choice: RecordedPart, drawing: Drawing, made: Made) -> str:
     path = recording.path.resolve()
     run = path.parent.name if path.name == "recording.mcap" else path.name
     length = f"{made.rows.route.length:.3f} m{', closed' if made.rows.route.closed else ''}"
     frame = "odometry" if made.frame == "odom" else made.frame
     lines = [
         f"Path of the centre of the rear axle in the frame of the {frame} of the run {run}",
-        f"of {recording.start:%Y-%m-%d %H:%M:%S} UTC, {choice.words()}, {made.way}.",
+        f"of {recording.start:%Y-%m-%d %H:%M:%S} UTC, {choice.words()}, {made.driven}.",
         f"Length {length}; a point every {drawing.spacing:g} m; smoothing {drawing.smoothing:g} m;",
         f"read again, the curve is at most {1000 * made.off:.1f} mm from what was driven.",
     ]

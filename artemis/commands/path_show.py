@@ -18,7 +18,7 @@ from artemis.motion.path import place_on
 from artemis.motion.path_facts import PartFacts, demand_of, facts_of
 from artemis.motion.route import route_from_csv
 from artemis.motion.table import MAX_CHARACTERS
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import read
 
 
@@ -40,7 +40,7 @@ def show_paths(files: Sequence[Path], robot_file: Path | None, speed: float | No
         raise ConfigError(f"{figure}: no figure can be drawn as that: name it .png, .svg or .pdf")
     robot = None
     if robot_file is not None:
-        robot = load_model(robot_file, Robot)
+        robot = load_model(robot_file, RobotFile)
     texts = {file: text_of(read(file, MAX_CHARACTERS), str(file)) for file in files}
     facts = {file: facts_of(text, str(file)) for file, text in texts.items()}
     failed = False
@@ -64,7 +64,7 @@ def show_paths(files: Sequence[Path], robot_file: Path | None, speed: float | No
     return int(failed)
 
 
-def _show(part: PartFacts, robot: Robot | None, speed: float | None) -> bool:
+def _show(part: PartFacts, robot: RobotFile | None, speed: float | None) -> bool:
     """Print what is true of a part; whether the robot cannot follow it."""
     path = part.path
     worst = int(np.argmax(np.abs(path.curvature)))
@@ -100,7 +100,7 @@ def _range(values: np.ndarray) -> str:
     return f"{values.min():.2f} to {values.max():.2f} m"
 
 
-def _draw(curves: Mapping[str, Curve], robot: Robot | None, figure: Path) -> None:
+def _draw(curves: Mapping[str, Curve], robot: RobotFile | None, figure: Path) -> None:
     from artemis.report.figures import style
     from artemis.report.path_figure import path_figure
 

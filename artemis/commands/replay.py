@@ -26,7 +26,7 @@ def replay_run(run: Path) -> int:
     with tempfile.TemporaryDirectory() as folder:
         loaded = load_mission(_unpack(recording, Path(folder)))
         simulated = recording.mission.get("bus") == "simulation"
-        result = replay(recording, core_from(loaded, recording.resumption, simulated))
+        result = replay(recording, core_from(loaded, recording.resume_point, simulated))
     if not result.ticks:
         raise RecordingError(f"{recording.path}: holds no tick; {recording.missing or 'nothing to recompute'}")
     if recording.missing:

@@ -20,7 +20,7 @@ from artemis.mission.schema import BusWords, Follow
 from artemis.planning import inputs_used, is_fast, is_simulated
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
-from artemis.recording.provenance import Resumption
+from artemis.recording.provenance import ResumePoint
 from artemis.recording.resume import unfinished_run
 from artemis.report.page import write_report
 from artemis.report.series import read_series
@@ -34,13 +34,13 @@ def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> 
     `resume` is an earlier run of it, to go on with where that stopped.
 
     Raises:
-        ConfigError: the mission, or its resumption, is refused; nothing has moved.
+        ConfigError: the mission, or its resume_point, is refused; nothing has moved.
         DeviceLost: the bus cannot be opened; nothing has moved.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
     loaded = load_mission(source)
-    resumption = _resumption(loaded, source, resume, simulate)
-    outcome = run_in_sight(loaded, source, simulate, resumption)
+    resume_point = _resumption(loaded, source, resume, simulate)
+    outcome = run_in_sight(loaded, source, simulate, resume_point)
     if outcome.failed:
         with suppress(ConfigError):  # then it cannot be gone on with; why is said to who tries
             resumption_from(loaded, source, outcome.run.path, simulate)
@@ -52,7 +52,7 @@ def run_in_sight(
     loaded: LoadedMission,
     source: Path,
     simulate: bool,
-    resumption: Resumption | None = None,
+    resume_point: ResumePoint | None = None,
     watch: Watch = lambda tick, traffic: None,
     keys: Mapping[bytes, Request] = KEYS,
     hint: str = HINT,
@@ -64,7 +64,7 @@ def run_in_sight(
         loaded: The mission.
         source: Its file.
         simulate: Against simulated drives, whatever its bus.
-        resumption: The run to go on with.
+        resume_point: The run to go on with.
         watch: Sees every tick, too.
         keys: What the keys of the terminal ask for.
         hint: Names them.
@@ -91,14 +91,14 @@ def run_in_sight(
         watch=watch,
         observers={"live view": view},
         operator=operator,
-        resumption=resumption,
+        resume_point=resume_point,
     )
     then(outcome)
     _conclude(outcome)
     return outcome
 
 
-def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simulate: bool) -> Resumption | None:
+def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simulate: bool) -> ResumePoint | None:
     """Where to go on, told to whoever starts it; without an earlier run, whether the last one was left unfinished."""
     if resume is None:
         root, simulated = loaded.folder / loaded.mission.record, is_simulated(loaded, simulate)

@@ -13,8 +13,8 @@ from artemis.devices.can_bus import CanBus, check_bus_words
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
 from artemis.sim.server import serve
-from artemis.sim.world import TrueRobot, World
-from artemis.vehicle import Robot
+from artemis.sim.world import PlantParameters, World
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import scalar
 
 
@@ -31,11 +31,11 @@ def simulate(robot: Path, interface: str, channel: str, options: list[str], seed
     except ConfigError as error:
         problems += error.problems
     try:
-        described = load_model(robot, Robot)
+        described = load_model(robot, RobotFile)
     except ConfigError as error:
         problems += error.problems
     try:
-        machine = load_model(true, TrueRobot) if true is not None else TrueRobot()
+        machine = load_model(true, PlantParameters) if true is not None else PlantParameters()
     except ConfigError as error:
         problems += error.problems
     if problems:
@@ -65,7 +65,7 @@ def _value(option: str, text: str) -> object:
         raise ConfigError([f"{option}: {problem}" for problem in error.problems]) from None
 
 
-async def _serve(robot: Robot, true: TrueRobot, words: dict[str, object], seed: int) -> None:
+async def _serve(robot: RobotFile, true: PlantParameters, words: dict[str, object], seed: int) -> None:
     loop = asyncio.get_running_loop()
     bus = CanBus(words)
     world = World(robot, true, seed=seed, start=loop.time())

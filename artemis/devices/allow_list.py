@@ -10,10 +10,10 @@ from collections.abc import Callable
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import HEARTBEAT, NMT, RXPDO, SDO_REQUEST, SYNC, NmtCommand
 from artemis.devices.epos_objects import CONTROLWORD, TARGET_VELOCITY, Units
-from artemis.devices.epos_state import Command
+from artemis.devices.epos_state import Controlword
 from artemis.drive_states import Nmt
 from artemis.values import Mode
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 DRIVING = frozenset({Mode.TELEOP, Mode.FOLLOW})
 """Targets of the driven wheels may rise."""
@@ -32,7 +32,7 @@ MOST = 2
 _FUNCTION = 0x780
 """Function code of an identifier; the rest is the node id (CiA 301 7.3.3)."""
 _NMT_COMMANDS = frozenset(NmtCommand)
-_OFF_WORDS = frozenset({Command.DISABLE_VOLTAGE, Command.QUICK_STOP, Command.FAULT_RESET})
+_OFF_WORDS = frozenset({Controlword.DISABLE_VOLTAGE, Controlword.QUICK_STOP, Controlword.FAULT_RESET})
 _DOWNLOAD, _SPECIFIER = 0x20, 0xE0
 """Client command "initiate download" in the first byte of a request (CiA 301 7.2.4.3.3)."""
 
@@ -43,7 +43,7 @@ Rule = Callable[[bytes], str | None]
 class AllowList:
     """Judges every frame that is about to leave. `begin` tells it the mode at each tick."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: RobotFile) -> None:
         self._mode = Mode.INIT
         self._ceiling = 0.0
         self._asked: dict[int, float] = {}
@@ -121,7 +121,7 @@ class AllowList:
         return judge
 
     def _stop(self, data: bytes) -> str | None:
-        return None if data == _word(Command.QUICK_STOP) else "is no quick stop"
+        return None if data == _word(Controlword.QUICK_STOP) else "is no quick stop"
 
     def _sdo(self, data: bytes) -> str | None:
         if len(data) != 8:
@@ -138,7 +138,7 @@ class AllowList:
         return None
 
 
-def _word(command: Command) -> bytes:
+def _word(command: Controlword) -> bytes:
     return int(command).to_bytes(2, "little")
 
 

@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 
+from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame, FrameBus
 from artemis.devices.canopen import EMERGENCY, HEARTBEAT, SDO_ANSWER, SYNC_FRAME, TXPDO, heartbeat_frame
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs, fault_of
-from artemis.devices.epos_state import Command, controlword
-from artemis.devices.wire_end import WireEnd
+from artemis.devices.epos_state import Controlword, controlword
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceError, DeviceLost, ProtocolError
 from artemis.values import DriveFeedback, Job, JobResult, SetPoints, Tick
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 
 class Drives:
     """All drives of a robot."""
 
-    def __init__(self, robot: Robot, bus: FrameBus) -> None:
-        self.wire = WireEnd(robot, bus)
+    def __init__(self, robot: RobotFile, bus: FrameBus) -> None:
+        self.wire = BusGateway(robot, bus)
         self.nodes = [EposDrive(name, robot, self.wire.send) for name in robot.drives]
         self._jobs = {node.name: EposJobs(node) for node in self.nodes}
         self._heartbeat = heartbeat_frame(robot.host_node_id, Nmt.OPERATIONAL)
@@ -71,7 +71,7 @@ class Drives:
                 for node in self.nodes
             ]
             for node, word in zip(self.nodes, words, strict=True):  # stops first, both sides together
-                if word == Command.QUICK_STOP != node.last_controlword:
+                if word == Controlword.QUICK_STOP != node.last_controlword:
                     send(node.stop_frame(word))
             if not urgent:
                 for node, word in zip(self.nodes, words, strict=True):

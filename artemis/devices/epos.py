@@ -8,18 +8,18 @@ from math import inf
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import RXPDO, PdoLayout, emergency_from_data, nmt_from_heartbeat
 from artemis.devices.epos_objects import RECEIVED, SENT, UNREADABLE, Units, wrapped
-from artemis.devices.epos_state import Command, state_from_statusword
+from artemis.devices.epos_state import Controlword, state_from_statusword
 from artemis.devices.sdo import SdoClient
 from artemis.devices.tally import Tally
 from artemis.drive_states import DriveState, Nmt
 from artemis.values import DriveFeedback
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 
 class EposDrive:
     """A drive as the robot file describes it, on the bus behind `send`. SI at the wheel outside, drive units inside."""
 
-    def __init__(self, name: str, robot: Robot, send: Callable[[Frame], None]) -> None:
+    def __init__(self, name: str, robot: RobotFile, send: Callable[[Frame], None]) -> None:
         self.name, self.robot, self.drive = name, robot, robot.drives[name]
         self.node_id = self.drive.node_id
         self.is_traction, self.is_left = self.drive.role == "traction", self.drive.side == "left"
@@ -125,7 +125,7 @@ class EposDrive:
             raw = wrapped((self._counts or 0) + round((value - self._position) * self.units.counts))
         return Frame(RXPDO[0] + self.node_id, self._received[0].pack(controlword, raw))
 
-    def stop_frame(self, controlword: int = Command.QUICK_STOP) -> Frame:
+    def stop_frame(self, controlword: int = Controlword.QUICK_STOP) -> Frame:
         """RxPDO 2: controlword alone, acts at once."""
         self.last_controlword = controlword
         return Frame(RXPDO[1] + self.node_id, self._received[1].pack(controlword))

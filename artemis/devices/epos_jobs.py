@@ -33,7 +33,7 @@ from artemis.devices.epos_objects import (
     pdo_settings,
     settings,
 )
-from artemis.devices.epos_state import Command, state_from_statusword
+from artemis.devices.epos_state import Controlword, state_from_statusword
 from artemis.drive_states import POWERED, DriveState
 from artemis.errors import DeviceError, DeviceLost, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
 from artemis.motion.ackermann import Ackermann
@@ -215,9 +215,9 @@ class EposJobs:
     async def _switch_off(self) -> bool:
         """Power off; a moving drive is stopped by its own ramp before. Whether it was on."""
         if was_on := (await self._read_state()) in POWERED:
-            await self.write(CONTROLWORD, Command.QUICK_STOP)
+            await self.write(CONTROLWORD, Controlword.QUICK_STOP)
             await self._come_to_rest()
-        await self.write(CONTROLWORD, Command.DISABLE_VOLTAGE)
+        await self.write(CONTROLWORD, Controlword.DISABLE_VOLTAGE)
         return was_on
 
     async def _stop_watching(self) -> None:
@@ -225,7 +225,7 @@ class EposJobs:
 
     async def _reset_fault(self) -> None:
         if (await self._read_state()) is DriveState.FAULT:
-            await self.write(CONTROLWORD, Command.FAULT_RESET)  # the drive refuses while the cause remains
+            await self.write(CONTROLWORD, Controlword.FAULT_RESET)  # the drive refuses while the cause remains
 
     # ------------------------------------------------------------------------------------------ objects
 

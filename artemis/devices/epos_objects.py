@@ -12,7 +12,7 @@ from math import pi
 from typing import NamedTuple
 
 from artemis.devices.canopen import RXPDO, TXPDO, ObjectType
-from artemis.vehicle import OPERATING_MODES, Drive, Robot
+from artemis.vehicle import OPERATING_MODES, Drive, RobotFile
 
 U8, U16, U32, I8, I16, I32 = (
     ObjectType.U8,
@@ -114,7 +114,7 @@ SENT: dict[str, tuple[tuple[Object, ...], ...]] = {
 class Units:
     """Between SI at the wheel and counts and rpm at the motor, for one drive. The one place that knows `mirrored`."""
 
-    def __init__(self, robot: Robot, drive: Drive) -> None:
+    def __init__(self, robot: RobotFile, drive: Drive) -> None:
         counts = drive.sensor.counts_per_turn
         if drive.role == "traction":
             per_unit = 1 / robot.metres_per_count(drive.side)
@@ -127,7 +127,7 @@ class Units:
         self._fastest = 1.5 * drive.motor.max_speed_rpm / abs(self.rpm)
 
     def farthest(self, elapsed: float) -> float:
-        """Way [m] or angle [rad] that no motor can pass in `elapsed` [s], and the jitter of a bus besides."""
+        """Distance [m] or angle [rad] that no motor can pass in `elapsed` [s], and the jitter of a bus besides."""
         return self._fastest * (elapsed + JITTER)
 
 
@@ -136,7 +136,7 @@ def wrapped(counts: int) -> int:
     return ((counts + 0x80000000) & 0xFFFFFFFF) - 0x80000000
 
 
-def settings(robot: Robot, drive: Drive) -> Iterator[Setting]:
+def settings(robot: RobotFile, drive: Drive) -> Iterator[Setting]:
     """Everything that is configured but the PDOs, in an order that the drive accepts."""
     motor, sensor, limits = drive.motor, drive.sensor, robot.limits
     yield Setting(Object(0x6402, 0, U16), _MOTOR_TYPES[motor.type])  # before the sensor: halls alone need type 11

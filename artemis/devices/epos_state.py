@@ -30,7 +30,7 @@ PATTERNS = {
 }
 
 
-class Command(IntEnum):
+class Controlword(IntEnum):
     """Controlwords (low byte), as the application notes of the maker use them."""
 
     DISABLE_VOLTAGE = 0x00
@@ -41,15 +41,15 @@ class Command(IntEnum):
 
 
 _OFF, _READY, _STOP, _ON, _RESET = (
-    Command.DISABLE_VOLTAGE,
-    Command.SHUTDOWN,
-    Command.QUICK_STOP,
-    Command.ENABLE_OPERATION,
-    Command.FAULT_RESET,
+    Controlword.DISABLE_VOLTAGE,
+    Controlword.SHUTDOWN,
+    Controlword.QUICK_STOP,
+    Controlword.ENABLE_OPERATION,
+    Controlword.FAULT_RESET,
 )
 _S, _D, _E, _H, _Q, _R = DriveState, Goal.DISABLED, Goal.ENABLED, Goal.HOLD, Goal.QUICK_STOPPED, Goal.FAULT_RESET
 
-COMMANDS: dict[DriveState, dict[Goal, Command]] = {
+COMMANDS: dict[DriveState, dict[Goal, Controlword]] = {
     _S.START: {_D: _OFF, _E: _OFF, _H: _OFF, _Q: _OFF, _R: _OFF},
     _S.NOT_READY: {_D: _OFF, _E: _OFF, _H: _OFF, _Q: _OFF, _R: _OFF},
     _S.SWITCH_ON_DISABLED: {_D: _OFF, _E: _READY, _H: _OFF, _Q: _OFF, _R: _OFF},
@@ -79,6 +79,6 @@ def controlword(state: DriveState, goal: Goal, last: int = 0) -> int:
     repeat the edge.
     """
     command = COMMANDS[state][goal]
-    if command is Command.FAULT_RESET and last & Command.FAULT_RESET:
-        return Command.DISABLE_VOLTAGE
+    if command is Controlword.FAULT_RESET and last & Controlword.FAULT_RESET:
+        return Controlword.DISABLE_VOLTAGE
     return command

@@ -13,7 +13,7 @@ from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.epos_objects import SERIAL_NUMBER, U32, VENDOR, Object
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceError, DeviceLost
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 LISTEN = 0.5
 """Heartbeats are waited for so long [s]; those of a configured drive come in a fifth of it."""
@@ -21,7 +21,7 @@ DEVICE_TYPE, PRODUCT, REVISION = Object(0x1000, 0, U32), Object(0x1018, 2, U32),
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
+class NodeReport:
     """A drive of the robot file, and what it says of itself."""
 
     name: str
@@ -41,7 +41,7 @@ class Node:
     """Error codes of object 0x1003, newest first."""
 
 
-async def ask_nodes(robot: Robot, bus: FrameBus) -> list[Node]:
+async def ask_nodes(robot: RobotFile, bus: FrameBus) -> list[NodeReport]:
     """Every drive of the robot file, in its order. Only reads; not while somebody else talks SDO to the drives."""
     drives = Drives(robot, bus)
 
@@ -55,16 +55,16 @@ async def ask_nodes(robot: Robot, bus: FrameBus) -> list[Node]:
     return list(await asyncio.gather(*(_ask(drive) for drive in drives.nodes)))
 
 
-async def _ask(drive: EposDrive) -> Node:
+async def _ask(drive: EposDrive) -> NodeReport:
     nmt = drive.feedback(asyncio.get_running_loop().time()).nmt
     jobs = EposJobs(drive)
     try:
         values = [await jobs.read(object) for object in (DEVICE_TYPE, VENDOR, PRODUCT, REVISION, SERIAL_NUMBER)]
         history = await jobs.read_history()
     except DeviceError as error:
-        return Node(name=drive.name, node_id=drive.node_id, problem=error.problem)
+        return NodeReport(name=drive.name, node_id=drive.node_id, problem=error.problem)
     device_type, vendor, product, revision, serial = values
-    return Node(
+    return NodeReport(
         name=drive.name,
         node_id=drive.node_id,
         device_type=device_type,

@@ -12,13 +12,13 @@ from artemis.devices.drive import Drives
 from artemis.devices.epos_jobs import EposJobs
 from artemis.errors import DeviceError, DeviceLost
 from artemis.values import Job, JobKind
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 LISTEN = 0.3
 """Seconds of listening before the first frame of ours, as a run does."""
 
 
-async def read_gains(robot: Robot, bus: FrameBus) -> dict[str, tuple[int, ...] | str]:
+async def read_gains(robot: RobotFile, bus: FrameBus) -> dict[str, tuple[int, ...] | str]:
     """Gains of every drive of the robot file, by name, in the order of the objects; or why it does not tell them.
 
     Only reads; not while somebody else talks SDO to the drives.
@@ -35,7 +35,7 @@ async def read_gains(robot: Robot, bus: FrameBus) -> dict[str, tuple[int, ...] |
 
 
 async def store(
-    robot: Robot, bus: FrameBus, kind: JobKind, wanted: Mapping[str, tuple[int, ...]], told: Callable[[str], None]
+    robot: RobotFile, bus: FrameBus, kind: JobKind, wanted: Mapping[str, tuple[int, ...]], told: Callable[[str], None]
 ) -> None:
     """Have drives keep numbers when their power goes, one after the other; each is stopped and off then.
 
@@ -61,7 +61,7 @@ async def store(
         told(name)
 
 
-def _check_alone(drives: Drives, robot: Robot, name: str) -> None:
+def _check_alone(drives: Drives, robot: RobotFile, name: str) -> None:
     """Nobody else was heard sending what only we may send, since the last time."""
     drives.receive()
     if foreign := drives.wire.health().foreign:
@@ -71,7 +71,7 @@ def _check_alone(drives: Drives, robot: Robot, name: str) -> None:
         raise DeviceError(name, f"was sent nothing: {who}")
 
 
-def _drives(robot: Robot, bus: FrameBus) -> Drives:
+def _drives(robot: RobotFile, bus: FrameBus) -> Drives:
     drives = Drives(robot, bus)
 
     def receive() -> None:

@@ -29,14 +29,14 @@ def read_data(path: FilePath) -> bytes:
     """
     if not _is_run(path):
         return read_table(path)
-    from artemis.plugins.inputs.recorded import Moment, content_of
+    from artemis.plugins.inputs.recorded import InputTick, content_of
     from artemis.recording.mcap_reader import Recording
 
     try:
         recording = Recording(path)
         if recording.missing:
             raise ConfigError(f"{path}: the recording is not whole: {recording.missing}")
-        content = content_of(Moment(tick.snapshot.time, tick.snapshot.sensed.inputs) for tick in recording.ticks())
+        content = content_of(InputTick(tick.snapshot.time, tick.snapshot.sensed.inputs) for tick in recording.ticks())
     except RecordingError as error:
         reason = str(error).removeprefix(f"{path}: ")
         raise ConfigError(f"{path}: {reason}") from error

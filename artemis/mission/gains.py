@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping
 
 from artemis.mission.problems import nearest
 from artemis.mission.schema import NewGains
-from artemis.vehicle import Gains, Robot
+from artemis.vehicle import Gains, RobotFile
 
 MOST = 10
 """No gain grows by more than this factor in one trial: a zero too many is refused, larger changes go by steps."""
 
 
-def check_gains(wanted: Mapping[str, NewGains], robot: Robot) -> Iterator[tuple[str, str]]:
+def check_gains(wanted: Mapping[str, NewGains], robot: RobotFile) -> Iterator[tuple[str, str]]:
     """Drives that cannot try these gains, each with what is wrong."""
     for name, new in wanted.items():
         if name not in robot.drives:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from artemis.sim.world import World
     from artemis.states.plan import Step
     from artemis.values import Request
-    from artemis.vehicle import Robot
+    from artemis.vehicle import RobotFile
 
 GROUP = "artemis.fault_injection"
 """Entry points of injectors."""
@@ -31,7 +31,7 @@ Problem = tuple[str, str]
 class Simulated:
     """A simulated run that is about to begin on the running loop, as far as things may go wrong in it."""
 
-    robot: Robot
+    robot: RobotFile
     world: World
     bus: FrameBus
     """As the injector made it."""
@@ -52,7 +52,7 @@ class FaultInjector(Protocol):
         """The keys of a fault beside `at_s`, `inject` and `node`; None: it cannot make it happen."""
 
     def problems(
-        self, fault: InjectedFault, robot: Robot | None, inputs: Collection[str], follows: bool
+        self, fault: InjectedFault, robot: RobotFile | None, inputs: Collection[str], follows: bool
     ) -> Iterator[Problem]:
         """What is wrong with a fault, but for its parameters' own values.
 

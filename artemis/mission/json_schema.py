@@ -24,7 +24,7 @@ def mission_schema() -> dict[str, object]:
 
 def robot_schema() -> dict[str, object]:
     """JSON schema of a robot file, for editors."""
-    return _schema(vehicle.Robot, vehicle)
+    return _schema(vehicle.RobotFile, vehicle)
 
 
 def _schema(model: type[Config], module: ModuleType) -> dict[str, object]:

@@ -30,12 +30,12 @@ from artemis.mission.schema import (
     Supervision,
     Teleop,
 )
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import Data, Document, KeyPath, read, survey
 
 if TYPE_CHECKING:
     from artemis.motion.route import Route
-    from artemis.sim.world import TrueRobot
+    from artemis.sim.world import PlantParameters
 
 Model = TypeVar("Model", bound=Config)
 
@@ -45,10 +45,10 @@ class LoadedMission:
     """A mission that may run: everything it names is read and fits together."""
 
     mission: Mission
-    robot: Robot
+    robot: RobotFile
     robot_source: str
     """Name of the robot file, for messages."""
-    true_robot: TrueRobot
+    true_robot: PlantParameters
     """How the simulated machine differs from the robot file."""
     documents: Mapping[str, Document]
     """The mission and the robot file, by their names in messages."""
@@ -204,7 +204,7 @@ class _Loading:
 
     # ------------------------------------------------------------------------------------------ the mission's parts
 
-    def _robot(self) -> Robot | None:
+    def _robot(self) -> RobotFile | None:
         name = self._data.get("robot")
         raw = self._file(("robot",), name, read) if isinstance(name, str) and name else None
         if raw is None:
@@ -215,7 +215,7 @@ class _Loading:
         except ConfigError as error:
             self._problems += error.problems
             return None
-        return self._validated(Robot, document)
+        return self._validated(RobotFile, document)
 
     def _inputs(self) -> dict[str, Config | None]:
         """Options of the mission's inputs by name; None where they are wrong."""
@@ -229,14 +229,14 @@ class _Loading:
                 self._plugin("artemis.localizers", *at, "localizer")
         return inputs
 
-    def _check_inputs(self, robot: Robot) -> None:
+    def _check_inputs(self, robot: RobotFile) -> None:
         """What is wrong in the files of inputs that open nothing, and in keys of which nobody has complained yet."""
         from artemis.mission.trial import trial
-        from artemis.plugins.contracts import Setup
+        from artemis.plugins.contracts import PluginContext
 
         for path, (plugin, config) in self._plugins.items():
-            setup = Setup(name=str(path[-1]), robot=robot, folder=self._folder, files=self._files)
-            for key, problem in trial(plugin, config, setup) if getattr(plugin, "pure", False) else ():
+            context = PluginContext(name=str(path[-1]), robot=robot, folder=self._folder, files=self._files)
+            for key, problem in trial(plugin, config, context) if getattr(plugin, "pure", False) else ():
                 place = self._document.problem((*path, *key), "")
                 if not key:
                     self._problems.append(problem)
@@ -273,15 +273,15 @@ class _Loading:
                 word, _, text = problem.partition(": ")
                 self._complain(("bus", word), text)
 
-    def _true_robot(self) -> TrueRobot | None:
-        from artemis.sim.world import TrueRobot
+    def _true_robot(self) -> PlantParameters | None:
+        from artemis.sim.world import PlantParameters
 
         simulation = self._data.get("simulation")
         part = simulation.get("true_robot", {}) if isinstance(simulation, dict) else {}
         at = "simulation", "true_robot"
-        return self._validated(TrueRobot, self._document, at, part) if isinstance(part, dict) else None
+        return self._validated(PlantParameters, self._document, at, part) if isinstance(part, dict) else None
 
-    def _check_faults(self, robot: Robot | None, inputs: Mapping[str, Config | None]) -> None:
+    def _check_faults(self, robot: RobotFile | None, inputs: Mapping[str, Config | None]) -> None:
         simulation, steps = self._data.get("simulation"), self._data.get("steps")
         given = simulation.get("faults") if isinstance(simulation, dict) else None
         if not isinstance(given, list) or not given:
@@ -313,7 +313,7 @@ class _Loading:
 
     # ------------------------------------------------------------------------------------------ the steps
 
-    def _check_steps(self, robot: Robot | None, inputs: Mapping[str, Config | None]) -> None:
+    def _check_steps(self, robot: RobotFile | None, inputs: Mapping[str, Config | None]) -> None:
         steps = self._data.get("steps")
         given = steps if isinstance(steps, list) else []
         kinds = [next(iter(step), "") if isinstance(step, dict) else "" for step in given]
@@ -338,7 +338,7 @@ class _Loading:
                 for name, problem in check_gains(step.action.gains, robot):
                     self._complain(("steps", index, "calibrate", "gains", name), problem)
 
-    def _check_follow(self, index: int, follow: Follow, robot: Robot | None, recorded: list[str]) -> None:
+    def _check_follow(self, index: int, follow: Follow, robot: RobotFile | None, recorded: list[str]) -> None:
         at = ("steps", index, "follow")
         config = self._plugin("artemis.followers", *at, "follower")
         speed = getattr(config, "speed_m_s", None)
@@ -377,7 +377,7 @@ class _Loading:
                     self._complain((*at, "path"), f"{follow.path}: {problem}")
 
     def _check_teleop(
-        self, at: KeyPath, teleop: Teleop, robot: Robot | None, inputs: Mapping[str, Config | None]
+        self, at: KeyPath, teleop: Teleop, robot: RobotFile | None, inputs: Mapping[str, Config | None]
     ) -> None:
         if teleop.input not in inputs:
             self._complain(at, f"no such input: {teleop.input}{nearest(teleop.input, inputs, 'inputs')}")
@@ -386,7 +386,7 @@ class _Loading:
             place = at if speed is None else ("inputs", teleop.input, "max_speed_m_s")
             self._check_speed(place, robot.limits.speed_m_s if speed is None else speed, robot)
 
-    def _check_speed(self, at: KeyPath, speed: float, robot: Robot) -> None:
+    def _check_speed(self, at: KeyPath, speed: float, robot: RobotFile) -> None:
         """Refuse a speed of the virtual front wheel that the machine cannot drive, or not stop from in time."""
         from artemis.mission.speeds import check_speed
 

@@ -6,10 +6,10 @@ from artemis.errors import ConfigError
 from artemis.mission.schema import Follow
 from artemis.motion.fitting import route_for
 from artemis.motion.route import Route
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 
-def drivable_route(follow: Follow, route: Route, robot: Robot, speed: float) -> tuple[Route, list[str]]:
+def drivable_route(follow: Follow, route: Route, robot: RobotFile, speed: float) -> tuple[Route, list[str]]:
     """A route as `follow` wants it, at a speed of the virtual front wheel [m/s]; and in words what was changed.
 
     Raises:

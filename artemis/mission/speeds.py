@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 DETECT_AND_REACT = 0.12
 """Longest time [s] from a cause to the drives' braking that the stopping distance allows for."""
 
 
-def check_speed(speed: float, robot: Robot, stop_distance: float) -> Iterator[str]:
+def check_speed(speed: float, robot: RobotFile, stop_distance: float) -> Iterator[str]:
     """What is wrong with a speed of the virtual front wheel [m/s], where the robot has `stop_distance` [m] to stop."""
     limits = robot.limits
     if speed > limits.speed_m_s:
@@ -28,5 +28,5 @@ def check_speed(speed: float, robot: Robot, stop_distance: float) -> Iterator[st
 
 
 def stopping_distance(speed: float, detect_and_react: float, deceleration: float) -> float:
-    """Way [m] from `speed` [m/s] to standstill: v t + v²/(2 a), t [s] until braking begins, a > 0 [m/s²]."""
+    """Distance [m] from `speed` [m/s] to standstill: v t + v²/(2 a), t [s] until braking begins, a > 0 [m/s²]."""
     return abs(speed) * detect_and_react + speed * speed / (2.0 * deceleration)

@@ -6,16 +6,18 @@ from collections.abc import Callable, Iterator
 
 from artemis.config import Config
 from artemis.errors import ConfigError
-from artemis.plugins.border import PLUGIN_ERRORS, told
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.yaml_file import KeyPath
 
 
-def trial(plugin: Callable[[Config, Setup], object], config: Config, setup: Setup) -> Iterator[tuple[KeyPath, str]]:
+def trial(
+    plugin: Callable[[Config, PluginContext], object], config: Config, context: PluginContext
+) -> Iterator[tuple[KeyPath, str]]:
     """What the plugin complains of: keys of its own, each with what is wrong; or (), with file:line:column."""
-    own = f"{setup.name}: "
+    own = f"{context.name}: "
     try:
-        plugin(config, setup)
+        plugin(config, context)
     except ConfigError as error:
         for problem in error.problems:
             key, _, text = problem.removeprefix(own).partition(": ")

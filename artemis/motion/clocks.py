@@ -34,7 +34,7 @@ AMBIGUOUS, ALIKE = 1.5, 1e-4
 DISAGREEMENT = 0.1
 """Motions that disagree by more are not of one run; 1: they have nothing to do with each other."""
 REST = 0.1
-"""Nor those whose ways still differ by more when clock and odometry are mended, as a share."""
+"""Nor those whose distances still differ by more when clock and odometry are mended, as a share."""
 DRIFT = 0.05
 """Clocks that differ by more are none."""
 DRIFT_SIGMA = 2e-3
@@ -98,7 +98,7 @@ def estimate_clock(run: Trajectory, truth: Trajectory, *, one_point: bool = True
         run: by the odometry, clock of the run.
         truth: its own clock, any frame.
         one_point: both are of the same point of the robot; else their turns alone are compared, or if they are not
-            known, ways that may differ.
+            known, distances that may differ.
 
     Raises:
         ConfigError: they do not overlap, do not agree, or agree at several offsets; what to try.
@@ -231,7 +231,7 @@ def _overlapping(a: Array, b: Array) -> Array:
 
 
 @dataclass(slots=True, kw_only=True)
-class _Rows:
+class _Equations:
     """Linearised: `error` changes by `slopes` @ (offset, drift, scale, bend, turn scale)."""
 
     time: Array
@@ -289,7 +289,7 @@ def _linearised(
     truth: Trajectory,
     windows: Sequence[float],
     kinds: Sequence[str],
-) -> _Rows:
+) -> _Equations:
     mended = _mended(run, wrong)
     others = [_mended(run, wrong + BIT * unit) for unit in np.eye(3)]
     parts = []
@@ -305,23 +305,23 @@ def _linearised(
             known = np.isfinite(error) & np.isfinite(slope)
             parts.append((time[known], error[known], slopes[known], _weights(error[known])))
     time, error, slopes, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return _Rows(time=time, error=error, slopes=slopes, weight=weight)
+    return _Equations(time=time, error=error, slopes=slopes, weight=weight)
 
 
 def _mended(run: Trajectory, wrong: Array) -> Trajectory:
-    """What the odometry would have been with its way scaled, bent [rad/m], and with its turns scaled."""
+    """What the odometry would have been with its distance scaled, bent [rad/m], and with its turns scaled."""
     scale, bend, turn_scale = wrong
     steps = np.diff(run.poses[:, :2], axis=0)
-    way = np.append(0.0, np.cumsum(np.hypot(*steps.T)))
-    turned = bend * way + turn_scale * (run.poses[:, 2] - run.poses[0, 2])
+    distance = np.append(0.0, np.cumsum(np.hypot(*steps.T)))
+    turned = bend * distance + turn_scale * (run.poses[:, 2] - run.poses[0, 2])
     rotation = np.exp(1j * (turned[1:] + turned[:-1]) / 2) * (1 + scale)
     place = np.append(0.0, np.cumsum((steps[:, 0] + 1j * steps[:, 1]) * rotation))
     return Trajectory(time=run.time, poses=np.column_stack([place.real, place.imag, run.poses[:, 2] + turned]))
 
 
 def _weights(error: Array) -> Array:
-    """Of each error by the spread of all, less for outliers."""
+    """Of each error by the standard deviation of all, less for outliers."""
     if not len(error):
         return error
-    spread = 1.4826 * float(np.median(np.abs(error))) + TINY
-    return 1 / (spread**2 * np.maximum(1.0, np.abs(error) / (3 * spread)))
+    std = 1.4826 * float(np.median(np.abs(error))) + TINY
+    return 1 / (std**2 * np.maximum(1.0, np.abs(error) / (3 * std)))

@@ -1,7 +1,7 @@
-"""How far a trajectory is from the true one: absolute errors after an alignment, relative errors over ways.
+"""How far a trajectory is from the true one: absolute errors after an alignment, relative errors over distances.
 
 Absolute and relative errors as of Sturm et al., "A Benchmark for the Evaluation of RGB-D SLAM Systems" (IROS 2012), the
-relative ones over lengths of way as of Geiger et al., "Are we ready for autonomous driving?" (CVPR 2012).
+relative ones over lengths as of Geiger et al., "Are we ready for autonomous driving?" (CVPR 2012).
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from artemis.values import Pose
 Alignment: TypeAlias = Literal["none", "start", "best"]
 ALIGNMENTS: tuple[Alignment, ...] = get_args(Alignment)
 LENGTHS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
-"""Ways [m] over which relative errors are taken, as far as the run goes."""
+"""Distances [m] over which relative errors are taken, as far as the run goes."""
 STARTS = 1000
-"""Stretches of one length, at most; they begin evenly spread over the way."""
+"""Stretches of one length, at most; they begin evenly spread over the distance."""
 LEAST_POSES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class ErrorStatistics:
     """Errors in a few numbers, in the unit of the errors."""
 
     mean: float
@@ -42,9 +42,9 @@ class Spread:
     """The last one."""
 
 
-def spread(errors: Array) -> Spread:
+def statistics(errors: Array) -> ErrorStatistics:
     """In a few numbers; `errors` are not negative, shape (n,)."""
-    return Spread(
+    return ErrorStatistics(
         mean=float(np.mean(errors)),
         median=float(np.median(errors)),
         rms=float(np.sqrt(np.mean(errors**2))),
@@ -55,12 +55,12 @@ def spread(errors: Array) -> Spread:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relative:
-    """Errors of the motion over stretches of one length of way."""
+    """Errors of the motion over stretches of one length."""
 
     length: float
     """[m]."""
     translation: Array
-    """Of each stretch, as a share of its way, shape (k,)."""
+    """Of each stretch, as a share of its distance, shape (k,)."""
     rotation: Array
     """Of each stretch [rad/m], not negative, shape (k,)."""
 
@@ -74,7 +74,7 @@ class Comparison:
 
     time: Array
     """By the run's clock [s], shape (n,)."""
-    way: Array
+    distance: Array
     """Of the point by the odometry, forward and back, since the first of these poses [m], shape (n,)."""
     estimated: Array
     """x, y [m], heading [rad], unwrapped, shape (n, 3), moved into the frame of the truth as `alignment` says."""
@@ -134,19 +134,19 @@ def compare(
         )
     time, poses, true = time[both], poses[both], truth.poses[both]
     driven = np.append(0.0, np.cumsum(np.hypot(*np.diff(estimated.poses[:, :2], axis=0).T)))
-    way = np.interp(time, estimated.time, driven)
+    distance = np.interp(time, estimated.time, driven)
     origin = _aligned(poses, true, alignment)
     moved = Trajectory(time=time, poses=poses).placed(origin).poses
     return Comparison(
         time=time,
-        way=way - way[0],
+        distance=distance - distance[0],
         estimated=moved,
         true=true,
         sensor=sensor,
         alignment=alignment,
         origin=origin,
         clock=clock,
-        relative=tuple(_relative(moved, true, way - way[0])) if truth.knows_heading else (),
+        relative=tuple(_relative(moved, true, distance - distance[0])) if truth.knows_heading else (),
     )
 
 
@@ -175,17 +175,17 @@ def best_origin(places: Array, true: Array) -> Pose:
     return Pose(x=float(true_middle[0]) + back.x, y=float(true_middle[1]) + back.y, heading=turn)
 
 
-def _relative(estimated: Array, true: Array, way: Array) -> Iterator[Relative]:
-    """For each length that the run has: from evenly spread poses on, to the first pose that is so far away by `way`."""
+def _relative(estimated: Array, true: Array, distance: Array) -> Iterator[Relative]:
+    """For each length that the run has: from evenly spread poses on, to the first pose so far along the run."""
     for length in LENGTHS:
-        if way[-1] < length:
+        if distance[-1] < length:
             return
-        begin = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1] - length, STARTS)))
-        end = np.searchsorted(way, way[begin] + length)
-        begin, end = begin[end < len(way)], end[end < len(way)]
+        begin = np.unique(np.searchsorted(distance, np.linspace(0.0, distance[-1] - length, STARTS)))
+        end = np.searchsorted(distance, distance[begin] + length)
+        begin, end = begin[end < len(distance)], end[end < len(distance)]
         moved, turned = _motion(estimated, begin, end)
         truly_moved, truly_turned = _motion(true, begin, end)
-        driven = way[end] - way[begin]
+        driven = distance[end] - distance[begin]
         yield Relative(
             length=length,
             translation=np.hypot(*(moved - truly_moved).T) / driven,
@@ -194,7 +194,7 @@ def _relative(estimated: Array, true: Array, way: Array) -> Iterator[Relative]:
 
 
 def _motion(poses: Array, begin: NDArray[np.int64], end: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Way [m], shape (k, 2), and turn [rad], shape (k,), of later poses as seen from earlier ones."""
+    """Distance [m], shape (k, 2), and turn [rad], shape (k,), of later poses as seen from earlier ones."""
     dx, dy, turn = (poses[end] - poses[begin]).T
     c, s = np.cos(poses[begin, 2]), np.sin(poses[begin, 2])
     return np.column_stack([c * dx + s * dy, c * dy - s * dx]), turn

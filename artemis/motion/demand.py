@@ -8,7 +8,7 @@ from artemis.motion.spline import Array
 from artemis.vehicle import Geometry
 
 
-def steering_per_way(curvature: Array, spacing: float, geometry: Geometry) -> Array:
+def steering_per_distance(curvature: Array, spacing: float, geometry: Geometry) -> Array:
     """How far the wheel that turns more is steered for each metre that the virtual front wheel rolls [rad/m].
 
     The directions of the kingpins are those of `ackermann`; the inner one turns up to 1.3 times as fast as the virtual

@@ -10,12 +10,12 @@ from artemis.motion.path import Path, place_on
 from artemis.motion.rounding import rounded
 from artemis.motion.route import Route
 from artemis.motion.speed_profile import speed_profile
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 
 def route_for(
     route: Route,
-    robot: Robot,
+    robot: RobotFile,
     speed: float,
     *,
     laps: int = 1,
@@ -35,7 +35,7 @@ def route_for(
 
 
 def fitted(
-    route: Route, robot: Robot, speed: float, *, round_corners: float = 0.0, allow_slowdown: bool = False
+    route: Route, robot: RobotFile, speed: float, *, round_corners: float = 0.0, allow_slowdown: bool = False
 ) -> tuple[Route, list[str]]:
     """The route as the robot can drive it, and in words what was changed.
 
@@ -63,7 +63,7 @@ def fitted(
     return Route(tuple(parts)), words
 
 
-def _rounded(path: Path, robot: Robot, farthest: float) -> tuple[Path, list[str]]:
+def _rounded(path: Path, robot: RobotFile, farthest: float) -> tuple[Path, list[str]]:
     made, cuts = rounded(path, robot)
     for cut in cuts:
         if cut.distance > farthest:
@@ -78,7 +78,7 @@ def _rounded(path: Path, robot: Robot, farthest: float) -> tuple[Path, list[str]
     ]
 
 
-def _slowed(path: Path, robot: Robot, speed: float) -> tuple[Path, list[str]]:
+def _slowed(path: Path, robot: RobotFile, speed: float) -> tuple[Path, list[str]]:
     """With its planned speed as its own; where it is slowest, if that is less than what was asked for."""
     profile = speed_profile(path, robot, speed)
     if np.all(profile > path.speeds(speed) - 1e-6):

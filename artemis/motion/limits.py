@@ -6,7 +6,7 @@ from math import inf, isfinite, radians
 
 from artemis.motion.ackermann import Ackermann
 from artemis.values import Action, DriveCommand, SetPoints
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 SHORTEST_STEP = 1e-6
 """Below this [s] no time has passed: differences of angles over it would be rounding errors."""
@@ -19,7 +19,7 @@ class Gate:
     wheel, acceleration and deceleration, steering angle, and each wheel's steering rate. Only a quick stop jumps.
     """
 
-    def __init__(self, robot: Robot, period: float) -> None:
+    def __init__(self, robot: RobotFile, period: float) -> None:
         """Take the limits from the robot's file. `period`: between two steps [s]; none counts as more than two."""
         limits = robot.limits
         self._ackermann = Ackermann(robot.geometry)

@@ -1,9 +1,9 @@
 """Where the robot is on the map: a localizer's fixes, each placed at its own time, carried on by the odometry.
 
 An extended Kalman filter of the pose, which is a measured one itself. Between two fixes the odometry tells the motion;
-its drift is unknown but grows with the way. A fix that comes late is sorted in, and what followed is computed again: so
-the order in which fixes arrive changes nothing. A fix that cannot be true is not believed at once: a tracker may see
-something else. A few that agree with each other over some time are: then the robot is where they say.
+its drift is unknown but grows with the distance. A fix that comes late is sorted in, and what followed is computed
+again: so the order in which fixes arrive changes nothing. A fix that cannot be true is not believed at once: a tracker
+may see something else. A few that agree with each other over some time are: then the robot is where they say.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from artemis.values import LocatedPose, Odometry, Pose, PoseFix
 KEPT = 2.0
 """Odometry is kept for so long [s]; a fix that is older is not used."""
 POSITION_DRIFT, HEADING_DRIFT = 0.04, radians(2)
-"""Standard deviation of what the odometry loses on a way [m/m, rad/m]: scale of the wheels, zero of the steering."""
+"""Standard deviation of the odometry's loss over a distance [m/m, rad/m]: scale of the wheels, zero of the steering."""
 POSITION_WALK, HEADING_WALK = 0.01, radians(1)
-"""What it loses besides after one metre [m, rad]: slip and play; grows with the root of the way."""
+"""What it loses besides after one metre [m, rad]: slip and play; grows with the root of the distance."""
 POSITION_CREEP, HEADING_CREEP = 0.001, radians(0.05)
 """What is lost in one second by itself [m, rad]: no fix is believed for ever, even at rest; grows with the root."""
 GATE = 16.27
@@ -34,7 +34,7 @@ AGREEING, AGREEING_TIME = 5, 1.0
 """So many fixes in a row that agree with each other, over so long [s], are believed whatever was before."""
 CORRECTION, TURNING = 0.1, radians(5)
 """While the robot moves, its pose is corrected no faster than this [m/s, rad/s]."""
-LOST_WAY = 5.0
+LOST_DISTANCE = 5.0
 """After this way without a fix that was believed [m] the pose means nothing."""
 
 Covariance = tuple[float, ...]
@@ -46,7 +46,7 @@ class _Moment(Struct, frozen=True):
 
     time: float
     odom: Pose
-    way: float
+    distance: float
 
 
 class _Estimate(Struct, frozen=True):
@@ -117,14 +117,14 @@ class Localisation:
 
     def move(self, time: float, odometry: Odometry) -> None:
         """Take in where the wheels say that the robot was at a run time [s]: at each scheduled tick."""
-        way = 0.0
+        distance = 0.0
         if self._moments:
             last = self._moments[-1]
-            way, time = last.way + abs(odometry.distance - self._distance), max(time, last.time)
+            distance, time = last.distance + abs(odometry.distance - self._distance), max(time, last.time)
             if time == last.time:
                 self._moments.pop()
         self._distance = odometry.distance
-        self._moments.append(_Moment(time, odometry.pose, way))
+        self._moments.append(_Moment(time, odometry.pose, distance))
         old = bisect_right(self._moments, time - KEPT, key=lambda moment: moment.time) - 1
         del self._moments[: max(old, 0)]
 
@@ -167,7 +167,7 @@ class Localisation:
         if self._shown is not None and not at_once:
             before, shown = self._shown
             pose = _nearer(placed(shown, seen_from(before, moment.odom)), pose, dt)
-        lost = unheard or moment.way - best.at.way > LOST_WAY
+        lost = unheard or moment.distance - best.at.distance > LOST_DISTANCE
         self._shown = None if lost else (moment.odom, pose)
         return LocatedPose(
             pose=pose,
@@ -193,7 +193,7 @@ class Localisation:
         share = (time - before.time) / (after.time - before.time)
         step = seen_from(before.odom, after.odom)
         there = Pose(x=share * step.x, y=share * step.y, heading=share * step.heading)
-        return _Moment(time, placed(before.odom, there), before.way + share * (after.way - before.way))
+        return _Moment(time, placed(before.odom, there), before.distance + share * (after.distance - before.distance))
 
 
 def _believed(before: _Belief | None, fix: PoseFix, at: _Moment) -> _Belief:
@@ -215,9 +215,9 @@ def _carried(estimate: _Estimate, to: _Moment) -> _Estimate:
     """What the odometry makes of an estimate until a later moment."""
     pose = placed(estimate.pose, seen_from(estimate.at.odom, to.odom))
     dx, dy = pose.x - estimate.pose.x, pose.y - estimate.pose.y
-    way, time = to.way - estimate.at.way, to.time - estimate.at.time
-    turn = (HEADING_DRIFT * way) ** 2 + HEADING_WALK**2 * way + HEADING_CREEP**2 * time
-    shift = (POSITION_DRIFT * way) ** 2 + POSITION_WALK**2 * way + POSITION_CREEP**2 * time
+    distance, time = to.distance - estimate.at.distance, to.time - estimate.at.time
+    turn = (HEADING_DRIFT * distance) ** 2 + HEADING_WALK**2 * distance + HEADING_CREEP**2 * time
+    shift = (POSITION_DRIFT * distance) ** 2 + POSITION_WALK**2 * distance + POSITION_CREEP**2 * time
     shift += turn * (dx * dx + dy * dy) / 3  # the heading was lost on the way, not at its begin
     xx, xy, xh, yy, yh, hh = estimate.covariance
     covariance = (

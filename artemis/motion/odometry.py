@@ -1,4 +1,4 @@
-"""Dead reckoning from the driven wheels' ways and the steered wheels' angles."""
+"""Dead reckoning from the driven wheels' distances and the steered wheels' angles."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ class Odometer:
         """Add what happened since the last update.
 
         Args:
-            distance_left: Way that the left driven wheel rolled since then [m], forward positive.
+            distance_left: Distance that the left driven wheel rolled since then [m], forward positive.
             distance_right: The same of the right one.
             steering_left: Angle of the left front wheel now [rad].
             steering_right: The same of the right one.
             dt: Time since then [s]; if 0, speed and slip keep their values.
 
-        The ways belong to the mean angle over the step. Both wheels give the virtual one's way by least squares, after
-        the roll of the turning kingpins is removed. The pose moves along the arc of that angle (thesis eq. 3.18 to
-        3.20 go straight, and 3.20 lacks the way).
+        The distances belong to the mean angle over the step. Both wheels give the virtual one's distance by least
+        squares, after the roll of the turning kingpins is removed. The pose moves along the arc of that angle (thesis
+        eq. 3.18 to 3.20 go straight, and 3.20 lacks the distance rolled).
         """
         car, last = self._ackermann, self.odometry
         steering = car.steering_from_wheel_angles(steering_left, steering_right)
@@ -62,11 +62,11 @@ class Odometer:
             self._change = change
         self._angles = (steering_left, steering_right)
 
-        way, residual = car.twist_from_wheels(distance_left, distance_right, mean, turned_left, turned_right)
-        advance = way * cos(mean)
+        distance, residual = car.twist_from_wheels(distance_left, distance_right, mean, turned_left, turned_right)
+        advance = distance * cos(mean)
         self.odometry = Odometry(
-            pose=move(last.pose, advance, way * sin(mean) / car.wheelbase),
-            speed=way / dt if dt > 0.0 else last.speed,
+            pose=move(last.pose, advance, distance * sin(mean) / car.wheelbase),
+            speed=distance / dt if dt > 0.0 else last.speed,
             steering=steering,
             distance=last.distance + advance,
             slip=residual / dt if dt > 0.0 else last.slip,

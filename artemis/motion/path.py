@@ -10,10 +10,10 @@ from msgspec import Struct
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
-from artemis.motion.demand import steering_per_way
+from artemis.motion.demand import steering_per_distance
 from artemis.motion.path_points import MIN_STEP, cusps, read_points, wrapped
 from artemis.motion.spline import Array, parameter_from_arc, smoothed, smoothed_between_halts
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 SPACING = 0.02
 """Arc length between samples [m]; the real spacing is a little less, so that they end with the path."""
@@ -87,7 +87,7 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Way from the start to the end of the last lap [m]."""
+        """Distance from the start to the end of the last lap [m]."""
         return self._last * self.spacing * self.laps - self._driven
 
     def duration(self, speed: float) -> float:
@@ -219,7 +219,7 @@ class Path:
         along = dx * cosine + dy * sine
         if not self.closed and (along < 0 if index == 0 else index == self._last and along > 0):
             return along
-        # One Newton step; the distance from the centre of curvature scales the way along the curve.
+        # One Newton step; the distance from the centre of curvature scales the distance along the curve.
         scale = 1.0 - self._curvature[sample] * (dy * cosine - dx * sine)
         return max(-self.spacing, min(self.spacing, along / max(scale, 0.1)))
 
@@ -316,7 +316,7 @@ def path_from_points(
     )
 
 
-def check_drivable(path: Path, robot: Robot, speed: float) -> list[str]:
+def check_drivable(path: Path, robot: RobotFile, speed: float) -> list[str]:
     """Why a robot cannot follow a path at a speed of its virtual front wheel [m/s]; empty if it can (PTH-03)."""
     limits, problems = robot.limits, []
     bound = math.tan(math.radians(limits.steering_deg)) / robot.geometry.wheelbase_m
@@ -339,7 +339,7 @@ def check_drivable(path: Path, robot: Robot, speed: float) -> list[str]:
     return problems
 
 
-def steering_demand(path: Path, robot: Robot) -> tuple[Array, Array]:
+def steering_demand(path: Path, robot: RobotFile) -> tuple[Array, Array]:
     """What a path asks of the steering, each of shape (n,).
 
     An open path begins and ends at standstill. There the wheels are turned first, and where smoothing leads the
@@ -349,14 +349,14 @@ def steering_demand(path: Path, robot: Robot) -> tuple[Array, Array]:
         How far a wheel is steered for each metre [rad/m], 0 next to the ends of an open path; and the highest speed of
         the virtual front wheel there [m/s], by the path's own speeds and from and to standstill.
     """
-    turn = steering_per_way(path.curvature, path.spacing, robot.geometry)
+    turn = steering_per_distance(path.curvature, path.spacing, robot.geometry)
     own = path.speeds(np.inf)
     if not path.closed:
         ends = min(round(SMOOTHING / 2 / path.spacing), len(turn))
         turn[:ends] = turn[len(turn) - ends :] = 0.0
-        way, limits = path.arc_length, robot.limits
-        own = np.minimum(own, np.sqrt(2 * limits.acceleration_m_s2 * way))
-        own = np.minimum(own, np.sqrt(2 * limits.deceleration_m_s2 * way[::-1]))
+        distance, limits = path.arc_length, robot.limits
+        own = np.minimum(own, np.sqrt(2 * limits.acceleration_m_s2 * distance))
+        own = np.minimum(own, np.sqrt(2 * limits.deceleration_m_s2 * distance[::-1]))
     return turn, own
 
 

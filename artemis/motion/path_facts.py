@@ -12,7 +12,7 @@ from artemis.motion.path_points import COLUMNS, points_of
 from artemis.motion.route import part_of, stretches
 from artemis.motion.table import Table
 from artemis.motion.waypoints import check_extent, deviation, highest_speed
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +78,7 @@ class Demand:
     """Why the robot cannot follow the path at `speed`."""
 
 
-def demand_of(path: Path, robot: Robot, speed: float | None) -> Demand:
+def demand_of(path: Path, robot: RobotFile, speed: float | None) -> Demand:
     """What a path asks of a robot at a speed [m/s]; None: at the highest that is possible."""
     highest, bounded_at = highest_speed(path, robot)
     speed = highest if speed is None else speed

@@ -87,7 +87,7 @@ def moving(x: Array, y: Array) -> list[int]:
 
 
 def cusps(x: Array, y: Array) -> list[tuple[int, float]]:
-    """Points at which a way reverses, and by how much it turns there [rad]."""
+    """Points at which a path reverses, and by how much it turns there [rad]."""
     turns = np.abs(wrapped(np.diff(np.arctan2(np.diff(y), np.diff(x)))))
     return [(int(index) + 1, float(turns[index])) for index in np.flatnonzero(turns > MAX_TURN)]
 

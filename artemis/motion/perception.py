@@ -23,7 +23,7 @@ from artemis.values import (
     Snapshot,
     Verdict,
 )
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 STANDING_TIME, STANDING_WAY = 0.1, 0.001
 """The robot stands when no driven wheel rolled further than this [m] in this time [s]."""
@@ -40,7 +40,7 @@ def stale_age(tick: float) -> float:
 class Perception:
     """Keeps pose and odometry from tick to tick. Deterministic: the same feedback gives the same snapshots."""
 
-    def __init__(self, robot: Robot, tick: float, start: Pose | None = None, *, localized: bool = False) -> None:
+    def __init__(self, robot: RobotFile, tick: float, start: Pose | None = None, *, localized: bool = False) -> None:
         """Begin.
 
         Args:
@@ -84,9 +84,9 @@ class Perception:
             if self._rolled:
                 before, last_left, last_right = self._rolled[-1]
                 dt = min(sensed.time - before, self._dt_max)
-                way = left.position - last_left, right.position - last_right
+                distance = left.position - last_left, right.position - last_right
                 self._odometry = self._odometer.update(
-                    *way, steer_left.position, steer_right.position, sensed.time - before
+                    *distance, steer_left.position, steer_right.position, sensed.time - before
                 )
             self._rolled.append((sensed.time, left.position, right.position))
             while len(self._rolled) > 2 and self._rolled[1][0] <= sensed.time - STANDING_TIME:

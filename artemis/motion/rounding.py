@@ -11,7 +11,7 @@ import numpy.typing as npt
 from artemis.errors import ConfigError
 from artemis.motion.path import Path, place_on
 from artemis.motion.spline import Array
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 CURVATURE_SHARE = 0.95
 """Of what the steering allows a plan uses this much; the rest is the controller's, to correct with."""
@@ -43,7 +43,7 @@ class Cut:
     """The corner [m]."""
 
 
-def rounded(path: Path, robot: Robot) -> tuple[Path, list[Cut]]:
+def rounded(path: Path, robot: RobotFile) -> tuple[Path, list[Cut]]:
     """The path with every corner that the robot's steering cannot do replaced, and what was cut.
 
     Where the curvature is beyond what the steering allows, a piece around it becomes that curve of bounded curvature

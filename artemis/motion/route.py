@@ -1,4 +1,4 @@
-"""Ways with reversals: paths one after the other, each driven forwards or backwards; the robot stands in between."""
+"""Routes with reversals: paths one after the other, each driven forwards or backwards; the robot stands in between."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from artemis.motion.path_points import MIN_STEP, Points, cusps, read_points
 from artemis.motion.spline import Array
 from artemis.motion.totals import total
 from artemis.values import Pose
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 SHORTEST = 0.05
-"""Least way between two reversals [m]: less is noise, and a follower ends a path some centimetres early."""
+"""Least distance between two reversals [m]: less is noise, and a follower ends a path some centimetres early."""
 ON_THE_SPOT = math.radians(45)
 """A robot that would have to turn by more than this between two parts [rad] cannot: neither a curve nor a reversal."""
 
@@ -50,7 +50,7 @@ class Route:
 
     @property
     def length(self) -> float:
-        """Way from the start to the end of the last lap [m]."""
+        """Distance from the start to the end of the last lap [m]."""
         return total(part.path.length for part in self.parts)
 
     def duration(self, speed: float) -> float:
@@ -132,7 +132,7 @@ class Route:
                 poses.append(Pose(x=point.x, y=point.y, heading=part.heading_at(place)))
         return poses
 
-    def problems(self, robot: Robot, speed: float) -> list[str]:
+    def problems(self, robot: RobotFile, speed: float) -> list[str]:
         """Why a robot cannot follow it at a speed of its virtual front wheel [m/s]; empty if it can (PTH-03)."""
         if len(self.parts) == 1:
             return check_drivable(self.parts[0].path, robot, speed)
@@ -176,7 +176,7 @@ Stretch = tuple[int, int, bool]
 def stretches(x: Array, y: Array, heading: Array | None) -> list[Stretch]:
     """Distinct points, split where the direction changes; neighbours share a point.
 
-    Without headings [rad] the way begins forwards, and each cusp changes the direction.
+    Without headings [rad] the route begins forwards, and each cusp changes the direction.
     """
     turned = np.zeros(len(x) - 1, dtype=int)
     turned[[index for index, _ in cusps(x, y)]] = 1
@@ -216,9 +216,9 @@ def _check_headings(points: Points, found: list[Stretch]) -> None:
 
 
 def across(x: Array, y: Array, heading: Array, found: Sequence[Stretch]) -> list[int]:
-    """Points at which the heading [rad] is not along the way, or where it is driven backwards not against it.
+    """Points at which the heading [rad] is not along the path, or where it is driven backwards not against it.
 
-    The direction of the way at a point is the mean of both sides.
+    The direction of the path at a point is the mean of both sides.
     """
     wrong = []
     for first, last, backward in found:

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from artemis.motion.demand import steering_per_way
+from artemis.motion.demand import steering_per_distance
 from artemis.motion.path import Path
 from artemis.motion.spline import Array
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 STEERING_SHARE = 0.9
 """Of the steering rate a plan uses this much; the rest is the controller's, to correct with."""
@@ -19,7 +19,7 @@ CRAWL = 0.03
 """No plan is slower [m/s]: a kink, which would ask for standstill, is passed so slowly."""
 
 
-def speed_profile(path: Path, robot: Robot, speed: float) -> Array:
+def speed_profile(path: Path, robot: RobotFile, speed: float) -> Array:
     """Speed of the virtual front wheel at each sample of a path [m/s], shape (n,).
 
     At most `speed` and what the path records; no wheel steers or rolls faster than it can; braking begins ahead, and
@@ -33,7 +33,7 @@ def speed_profile(path: Path, robot: Robot, speed: float) -> Array:
         speed: highest wish [m/s], > 0.
     """
     limits, geometry = robot.limits, robot.geometry
-    turn = steering_per_way(path.curvature, path.spacing, geometry)
+    turn = steering_per_distance(path.curvature, path.spacing, geometry)
     rolling, scrub = wheel_ratio(path.curvature, robot)
     rate = STEERING_SHARE * math.radians(limits.steering_rate_wheel_deg_s)
     top = np.minimum(path.speeds(speed), limits.wheel_speed_m_s / (rolling + scrub * turn))
@@ -42,10 +42,10 @@ def speed_profile(path: Path, robot: Robot, speed: float) -> Array:
     squared = np.maximum(top, CRAWL) ** 2
     if path.closed:
         squared, front = np.tile(squared[:-1], 3), np.tile(front[:-1], 3)
-    way = np.append(0.0, np.cumsum(front[:-1]))
-    ahead = 2 * BRAKING_SHARE * limits.deceleration_m_s2 * way
+    distance = np.append(0.0, np.cumsum(front[:-1]))
+    ahead = 2 * BRAKING_SHARE * limits.deceleration_m_s2 * distance
     squared = np.minimum.accumulate((squared + ahead)[::-1])[::-1] - ahead
-    behind = 2 * BRAKING_SHARE * limits.acceleration_m_s2 * way
+    behind = 2 * BRAKING_SHARE * limits.acceleration_m_s2 * distance
     squared = np.minimum.accumulate(squared - behind) + behind
     if path.closed:
         lap = len(path.curvature) - 1
@@ -53,7 +53,7 @@ def speed_profile(path: Path, robot: Robot, speed: float) -> Array:
     return np.asarray(np.minimum(np.sqrt(squared), speed))
 
 
-def wheel_ratio(curvature: Array, robot: Robot) -> tuple[Array, float]:
+def wheel_ratio(curvature: Array, robot: RobotFile) -> tuple[Array, float]:
     """Speed of the faster driven wheel per speed of the virtual front wheel, shape (n,), and the scrub radius [m].
 
     As `Ackermann.speed_ratios`, for a whole path. The scrub radius is 0 where the rear wheels are driven.

@@ -76,13 +76,13 @@ def smoothed_between_halts(parameter: Array, points: Array, wavelength: float) -
 
 def _reflected(parameter: Array, points: Array, wavelength: float) -> tuple[Array, Array]:
     """What goes before the first point: parameters, rising, and points; reaching two wavelengths."""
-    way = parameter - parameter[0]
-    near = max(int(np.searchsorted(way, wavelength / 2, side="right")), 3)
-    tangent = np.array([np.polyfit(way[:near], column, 2)[1] for column in points[:near].T])
+    distance = parameter - parameter[0]
+    near = max(int(np.searchsorted(distance, wavelength / 2, side="right")), 3)
+    tangent = np.array([np.polyfit(distance[:near], column, 2)[1] for column in points[:near].T])
     tangent /= np.hypot(*tangent)
-    last = max(int(np.searchsorted(way, 2 * wavelength, side="right")), 2)
+    last = max(int(np.searchsorted(distance, 2 * wavelength, side="right")), 2)
     off = points[1:last] - points[0]
-    return (parameter[0] - way[1:last])[::-1], (points[0] + off - 2 * (off @ tangent)[:, None] * tangent)[::-1]
+    return (parameter[0] - distance[1:last])[::-1], (points[0] + off - 2 * (off @ tangent)[:, None] * tangent)[::-1]
 
 
 def parameter_from_arc(curve: CubicSpline, end: float, spacing: float) -> tuple[Array, float]:

@@ -12,7 +12,7 @@ from artemis.motion.totals import mean, total
 from artemis.vehicle import Potentiometers
 
 ZERO_DIGITS, SLOPE_DIGITS = 4, 3
-"""Results are rounded to 0.1 mV (0.007 degrees) and 0.001 degrees per volt: less than they are spread."""
+"""Results are rounded to 0.1 mV (0.007 degrees) and 0.001 degrees per volt: less than their standard deviation."""
 
 STILL = 1e-9
 """A wheel whose angles differ by less than about the root of this [rad] did not turn."""
@@ -45,7 +45,7 @@ class Line(NamedTuple):
         """Voltage [V]; direction 0: in the middle of the play."""
         return self.volt + self.per_radian * angle + self.lag * direction
 
-    def spread(self, angle: float, direction: float = 0.0) -> float:
+    def std(self, angle: float, direction: float = 0.0) -> float:
         """Standard deviation of `at` [V]."""
         at = 1.0, angle, direction
         shares = [total(map(mul, row, at)) for row in self.covariance]
@@ -57,9 +57,9 @@ class SteeringFit:
     """What was found of one wheel. Pairs: both potentiometers."""
 
     calibration: Potentiometers
-    zero_spread_v: tuple[float, float]
+    zero_std_v: tuple[float, float]
     """Standard deviations of the means, like the next."""
-    slope_spread_deg_per_v: tuple[float, float]
+    slope_std_deg_per_v: tuple[float, float]
     backlash_deg: float
     """Play between motor and wheel, and what the analog inputs lag behind the encoder."""
     misfit_deg: float
@@ -71,8 +71,8 @@ class SteeringFit:
         return {
             "zero_v": list(self.calibration.zero_v),
             "slope_deg_per_v": list(self.calibration.slope_deg_per_v),
-            "zero_spread_v": list(self.zero_spread_v),
-            "slope_spread_deg_per_v": list(self.slope_spread_deg_per_v),
+            "zero_std_v": list(self.zero_std_v),
+            "slope_std_deg_per_v": list(self.slope_std_deg_per_v),
             "backlash_deg": self.backlash_deg,
             "misfit_deg": self.misfit_deg,
         }
@@ -130,7 +130,7 @@ def fitted(lines: tuple[Line, Line], straight: float, direction: float, known: P
         known: What the robot file said.
     """
     slopes = tuple(degrees(1.0) / line.per_radian for line in lines)
-    spreads = tuple(
+    stds = tuple(
         abs(slope / line.per_radian) * sqrt(line.covariance[1][1]) for slope, line in zip(slopes, lines, strict=True)
     )
     play = mean([-2.0 * line.lag / line.per_radian for line in lines])
@@ -142,8 +142,8 @@ def fitted(lines: tuple[Line, Line], straight: float, direction: float, known: P
     )
     return SteeringFit(
         calibration=calibration,
-        zero_spread_v=(lines[0].spread(straight, direction), lines[1].spread(straight, direction)),
-        slope_spread_deg_per_v=(spreads[0], spreads[1]),
+        zero_std_v=(lines[0].std(straight, direction), lines[1].std(straight, direction)),
+        slope_std_deg_per_v=(stds[0], stds[1]),
         backlash_deg=degrees(play),
         misfit_deg=degrees(max(line.misfit for line in lines)),
     )

@@ -1,8 +1,8 @@
 """How a drive follows a step, or the ramp that the gate makes of one: rise, overshoot, settling, errors. Pure.
 
 Terms as in textbooks of control (for example Ogata, Modern Control Engineering, 5th edition, 5.3): the rise goes from
-10 to 90 % of the way to where the drive comes to rest; the overshoot is what it goes beyond that, as a part of the
-way; it has settled once it stays within a band of so many per cent of the way. All times count from the moment at
+10 to 90 % of the step to where the drive comes to rest; the overshoot is what it goes beyond that, as a part of the
+step; it has settled once it stays within a band of so many per cent of the step. All times count from the moment at
 which the set-point begins to change.
 """
 
@@ -16,13 +16,13 @@ from artemis.errors import CalibrationError
 from artemis.motion.spline import Array
 
 BANDS = (0.05, 0.02)
-"""Of settling, as parts of the way."""
+"""Of settling, as parts of the step."""
 BEGUN, ARRIVED = 0.01, 0.99
-"""Parts of the set-point's way: from the first on it moves, at the second it is there."""
+"""Parts of the set-point's step: from the first on it moves, at the second it is there."""
 TAIL = 0.2
 """In this last part of the time that it is watched the drive has to rest; its mean there is where it rests."""
 MOVED = 0.1
-"""A drive that goes less than this part of the way does not follow."""
+"""A drive that goes less than this part of the step does not follow."""
 FEWEST = 10
 """Samples from the beginning of the step on."""
 
@@ -42,7 +42,7 @@ class StepResponse:
     rise: float | None
     """10 to 90 % [s]; this and the following are None where the drive did not follow."""
     overshoot: float | None
-    """As a part of the way, 0 or more."""
+    """As a part of the step, 0 or more."""
     settled_5: float | None
     """Stays within 5 % from then on [s]; None: not while it was watched."""
     settled_2: float | None
@@ -77,9 +77,9 @@ def step_response(time: Array, set_point: Array, value: Array, current: Array, m
     ramp, since = float(time[arrived - first] - time[0]), time - time[0]
     step, error = float(set_point[-1] - set_point[0]), set_point - value
     tail = since >= (1.0 - TAIL) * since[-1]
-    way = float(np.mean(value[tail])) - rest
-    shares = (value - rest) / way if abs(way) >= MOVED * abs(step) else None
-    follows = shares is not None and way * step > 0.0
+    distance = float(np.mean(value[tail])) - rest
+    shares = (value - rest) / distance if abs(distance) >= MOVED * abs(step) else None
+    follows = shares is not None and distance * step > 0.0
     settled = [_settled(since, shares, band) if shares is not None and follows else None for band in BANDS]
     return StepResponse(
         begin=float(time[0]),
@@ -113,17 +113,17 @@ def slope(time: Array, value: Array, width: float) -> Array:
 
 def _step(set_point: Array) -> tuple[int, int, int]:
     """Indices: the last sample before the set-point moves, the first at its farthest place, the last there."""
-    way = set_point - set_point[:1]
-    top = float(way[np.argmax(np.abs(way))]) if len(way) else 0.0
+    distance = set_point - set_point[:1]
+    top = float(distance[np.argmax(np.abs(distance))]) if len(distance) else 0.0
     if top == 0.0:
         raise CalibrationError("the set-point does not change")
-    shares = way / top
+    shares = distance / top
     there = np.flatnonzero(shares >= ARRIVED)
     return max(int(np.argmax(shares > BEGUN)) - 1, 0), int(there[0]), int(there[-1])
 
 
 def _reached(since: Array, shares: Array, share: float) -> float:
-    """When this part of the way was passed first [s], between two samples in proportion."""
+    """When this part of the step was passed first [s], between two samples in proportion."""
     index = int(np.argmax(shares >= share))
     if index == 0:
         return float(since[0])

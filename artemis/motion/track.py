@@ -18,14 +18,14 @@ from artemis.motion.route import Part, Route
 from artemis.motion.spline import Array
 from artemis.motion.totals import total
 from artemis.values import Pose
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 SPACING, ANGLE = 0.05, math.radians(5)
 """A point is kept so far from the last one [m], or turned by so much [rad]."""
 ALIKE = math.radians(60)
 """Ends of a closed path may differ in direction by this much [rad]."""
 SEAM = math.radians(30)
-"""The way from the end of a closed path to its start may differ from the direction there by this much [rad]."""
+"""The line from the end of a closed path to its start may differ from the direction there by this much [rad]."""
 TURNING = 0.01
 """So far back [m] is a change of direction; less is noise of a robot that stands."""
 SHORTEST = 0.3
@@ -86,12 +86,14 @@ class Track:
 
     def legs(self) -> list[tuple[list[Pose], bool]]:
         """The poses between two changes of direction, and whether they were driven backwards."""
-        way = np.cumsum([0.0, *(_way(before, pose) for before, pose in pairwise(self.poses))])
-        return [(self.poses[begin : end + 1], bool(way[end] < way[begin])) for begin, end in one_way(way)]
+        distance = np.cumsum([0.0, *(_way(before, pose) for before, pose in pairwise(self.poses))])
+        return [
+            (self.poses[begin : end + 1], bool(distance[end] < distance[begin])) for begin, end in one_way(distance)
+        ]
 
     def route(
         self,
-        robot: Robot,
+        robot: RobotFile,
         speed: float | None,
         close_within: float = 0.0,
         round_corners: float = 0.0,
@@ -137,7 +139,7 @@ class Track:
 def loop_end(poses: Sequence[Pose], close_within: float, backward: bool = False) -> int | None:
     """How many of the poses make a closed path, which goes on from the last of them to the first; None: none do.
 
-    The ends are at most `close_within` [m] apart, and look in about the same direction, as does the way between them:
+    The ends are at most `close_within` [m] apart, and look in about the same direction, as does the line between them:
     what was driven beyond the start is left out.
     """
     if not poses:
@@ -155,18 +157,18 @@ def loop_end(poses: Sequence[Pose], close_within: float, backward: bool = False)
     return None
 
 
-def one_way(way: Array) -> list[tuple[int, int]]:
-    """Stretches in which a signed way [m] only rises or only falls, but for `TURNING`."""
+def one_way(distance: Array) -> list[tuple[int, int]]:
+    """Stretches in which a signed distance [m] only rises or only falls, but for `TURNING`."""
     stretches: list[tuple[int, int]] = []
     begin = furthest = 0
     sign = 0.0
-    for index, value in enumerate(way.tolist()):
+    for index, value in enumerate(distance.tolist()):
         if sign == 0.0:
-            if abs(value - way[begin]) > TURNING:
-                sign, furthest = math.copysign(1.0, value - way[begin]), index
-        elif (value - way[furthest]) * sign > 0:
+            if abs(value - distance[begin]) > TURNING:
+                sign, furthest = math.copysign(1.0, value - distance[begin]), index
+        elif (value - distance[furthest]) * sign > 0:
             furthest = index
-        elif (way[furthest] - value) * sign > TURNING:
+        elif (distance[furthest] - value) * sign > TURNING:
             stretches.append((begin, furthest))
             begin, furthest, sign = furthest, index, -sign
     return [*stretches, (begin, furthest)] if sign else stretches

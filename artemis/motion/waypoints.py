@@ -16,7 +16,7 @@ from artemis.motion.route import Route, route_from_csv
 from artemis.motion.spline import Array
 from artemis.motion.track import Track, one_way
 from artemis.values import Pose
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 SLOWEST = 0.1
 """Least speed in a path file [m/s]: a robot that drives as slowly as when it was stopped never gets on."""
@@ -34,7 +34,7 @@ class Leg:
     """Which of the poses are its points."""
     backward: bool
     length: float
-    """Way [m]."""
+    """Distance [m]."""
 
 
 def legs_of(poses: Sequence[Pose], spacing: float) -> list[Leg]:
@@ -46,14 +46,14 @@ def legs_of(poses: Sequence[Pose], spacing: float) -> list[Leg]:
         return []
     x, y, heading = np.array([(pose.x, pose.y, pose.heading) for pose in poses]).T
     dx, dy = np.diff(x), np.diff(y)
-    way = np.append(0.0, np.cumsum(dx * np.cos(heading[:-1]) + dy * np.sin(heading[:-1])))
+    distance = np.append(0.0, np.cumsum(dx * np.cos(heading[:-1]) + dy * np.sin(heading[:-1])))
     return [
         Leg(
             kept=_thinned(poses, begin, end, spacing),
-            backward=bool(way[end] < way[begin]),
+            backward=bool(distance[end] < distance[begin]),
             length=float(np.hypot(dx[begin:end], dy[begin:end]).sum()),
         )
-        for begin, end in one_way(way)
+        for begin, end in one_way(distance)
     ]
 
 
@@ -76,7 +76,7 @@ def _apart(one: Pose, other: Pose) -> float:
 
 
 def check_extent(x: Array, y: Array, place: str = "") -> None:
-    """Refuse a way [m] that cannot be meant, before it fills the memory with samples; `place` begins the message.
+    """Refuse a distance [m] that cannot be meant, before it fills the memory with samples; `place` begins the message.
 
     Raises:
         ConfigError: it is too long, too short, or far off.
@@ -101,7 +101,7 @@ def drawn(
     """The smooth curve through points at least `MIN_STEP` apart, sampled at `spacing` [m]; else as `path_from_points`.
 
     Raises:
-        ConfigError: fewer than two points, too long a way, or one that reverses.
+        ConfigError: fewer than two points, too long a distance, or one that reverses.
     """
     if len(x) < 2:
         raise ConfigError(f"{len(x)} distinct points; expected at least 2")
@@ -192,7 +192,7 @@ def _from_segments(points: Array, begins: Array, ends: Array) -> Array:
     return np.asarray(np.hypot(*(away - share[:, None] * along).T))
 
 
-def highest_speed(path: Path, robot: Robot) -> tuple[float, int | None]:
+def highest_speed(path: Path, robot: RobotFile) -> tuple[float, int | None]:
     """Highest speed of the virtual front wheel [m/s] at which the steering keeps up, at most the robot's.
 
     Where the path has speeds of its own, these count if they are lower. And the sample of the path that bounds it;

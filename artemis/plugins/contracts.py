@@ -2,7 +2,7 @@
 
 A plugin is a class, registered as an entry point in its group (`artemis.inputs`, `artemis.followers`,
 `artemis.localizers`, `artemis.observers`). It has an inner pydantic model `Config` (a subclass of
-`artemis.config.Config`: the keys that a mission may write beside `plugin:`) and is made with `Plugin(config, setup)`.
+`artemis.config.Config`: the keys that a mission may write beside `plugin:`) and is made with `Plugin(config, context)`.
 All but observers run inside the tick: they must return within 15 ms, never wait, and take the time only from what they
 are given.
 """
@@ -20,7 +20,7 @@ from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.motion.path import Path
 from artemis.values import DriveCommand, OperatorInput, Pose, PoseFix, Snapshot, Tick, Tracking
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 if TYPE_CHECKING:
     from artemis.devices.can_bus import Traffic
@@ -30,12 +30,12 @@ CONTRACT = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Setup:
+class PluginContext:
     """What a plugin may know when it is made."""
 
     name: str
     """Its name in the mission (an input's key) or its plugin name."""
-    robot: Robot
+    robot: RobotFile
     folder: FilePath
     """Folder of the mission file: relative paths in the plugin's config start here."""
     files: Mapping[str, bytes] = field(default_factory=dict)

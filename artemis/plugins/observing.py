@@ -8,8 +8,8 @@ from threading import Condition, Thread
 from typing import Generic, TypeVar
 
 from artemis.devices.can_bus import Traffic
-from artemis.plugins.border import GARBAGE, PLUGIN_ERRORS, RAISED, Problem, told
 from artemis.plugins.contracts import Observer
+from artemis.plugins.guard import GARBAGE, PLUGIN_ERRORS, RAISED, Problem, told
 from artemis.values import Tick
 
 QUEUE_TICKS = 500

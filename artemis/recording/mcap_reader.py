@@ -29,9 +29,9 @@ from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
 from artemis.recording import schemas
 from artemis.recording.journal import Entry, JournalContent, Level, read_journal
-from artemis.recording.provenance import Resumption
+from artemis.recording.provenance import ResumePoint
 from artemis.recording.schemas import TickRecord
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 _RECORD = struct.Struct("<BQ")
 """Kind and length of a record (MCAP specification, "Records")."""
@@ -125,14 +125,14 @@ class Recording:
     # ----------------------------------------------------------------------------------------------------- content
 
     @cached_property
-    def robot(self) -> Robot:
+    def robot(self) -> RobotFile:
         """The robot that drove.
 
         Raises:
             RecordingError: its description is damaged.
         """
         try:
-            return Robot.model_validate_json(self.attachments["robot.json"])
+            return RobotFile.model_validate_json(self.attachments["robot.json"])
         except ValidationError as error:
             raise RecordingError(f"{self.path}: robot.json in it is damaged: {error}") from error
 
@@ -181,17 +181,17 @@ class Recording:
         return any(_PLACED in message.data for message in self._messages("/tick"))
 
     @cached_property
-    def resumption(self) -> Resumption | None:
+    def resume_point(self) -> ResumePoint | None:
         """The run that this one goes on with.
 
         Raises:
             RecordingError: its description is damaged.
         """
-        record = self.attachments.get("resumption.json")
+        record = self.attachments.get("resume_point.json")
         try:
-            return msgspec.json.decode(record, type=Resumption) if record is not None else None
+            return msgspec.json.decode(record, type=ResumePoint) if record is not None else None
         except _NOT_UNDERSTOOD as error:
-            raise RecordingError(f"{self.path}: resumption.json in it is damaged: {error}") from error
+            raise RecordingError(f"{self.path}: resume_point.json in it is damaged: {error}") from error
 
     def frames(self) -> Iterator[tuple[int, list[tuple[bool, Frame]]]]:
         """The index of each tick with frames, and these, each with "sent by us". Raises as `ticks` does."""

@@ -18,11 +18,11 @@ from artemis.clock import stopwatch
 from artemis.devices.can_bus import Traffic
 from artemis.errors import RecordingError
 from artemis.motion.poses import placed, seen_from
-from artemis.plugins.border import Problem
+from artemis.plugins.guard import Problem
 from artemis.plugins.observing import Beside
 from artemis.recording import schemas
-from artemis.recording.chronicle import Chronicle
 from artemis.recording.disk import Disk, Trouble, trouble
+from artemis.recording.event_log import EventLog
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_file import McapFile
 from artemis.recording.provenance import Provenance, made_with
@@ -73,7 +73,7 @@ class Recorder:
             RecordingError: the file cannot be made.
         """
         self._path, self._journal = path, journal
-        self._chronicle = Chronicle(nodes or {})
+        self._chronicle = EventLog(nodes or {})
         self._start = _nanoseconds(provenance.start)
         self._begun = stopwatch()
         self._index = self._pose_slot = -1
@@ -227,8 +227,8 @@ class Recorder:
             **made_with(),
         }
         self._writer.add_metadata("artemis", versions)
-        if provenance.resumption is not None:
-            self._attach("resumption.json", encode(provenance.resumption))
+        if provenance.resume_point is not None:
+            self._attach("resume_point.json", encode(provenance.resume_point))
         self._attach("mission.json", provenance.mission)
         self._attach("robot.json", provenance.robot)
         for name, content in provenance.files.items():

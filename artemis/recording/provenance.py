@@ -16,7 +16,7 @@ from artemis.values import Pose, Position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Resumption:
+class ResumePoint:
     """Where an earlier run stopped, and this one goes on."""
 
     run: str
@@ -43,7 +43,7 @@ class Provenance:
     """The resolved robot, JSON."""
     files: Mapping[str, bytes]
     """Contents of every file that the mission names, by the name there."""
-    resumption: Resumption | None = None
+    resume_point: ResumePoint | None = None
     """The run that is gone on with."""
 
 
@@ -68,7 +68,7 @@ def first_entries(
         "bus": msgspec.json.decode(provenance.mission).get("bus"),
     }
     entries = [Entry(time=0.0, kind="start", text=f"mission {mission}: {robot}", data=facts)]
-    if (resumed := provenance.resumption) is not None:
+    if (resumed := provenance.resume_point) is not None:
         pose = [resumed.pose.x, resumed.pose.y, resumed.pose.heading]
         data = {"run": resumed.run, "step": resumed.position.step, "done": resumed.position.done, "pose": pose}
         entries.append(Entry(time=0.0, kind="resume", text=f"goes on with {resumed.run}", data=data))

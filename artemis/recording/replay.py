@@ -1,4 +1,4 @@
-"""Replay: feed what was sensed to a new mind, and compare every command with the recorded one."""
+"""Replay: feed what was sensed to a new decision core, and compare every command with the recorded one."""
 
 from __future__ import annotations
 

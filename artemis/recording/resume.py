@@ -12,7 +12,7 @@ from artemis.errors import ConfigError, RecordingError
 from artemis.motion.track import Track
 from artemis.recording.journal import Entry, read_journal
 from artemis.recording.mcap_reader import Recording
-from artemis.recording.provenance import Resumption
+from artemis.recording.provenance import ResumePoint
 from artemis.recording.run_folder import RunFolder
 from artemis.recording.schemas import TickRecord
 from artemis.values import Mode, Pose, Request
@@ -31,7 +31,7 @@ _DRIVING = (Mode.TELEOP.value, Mode.FOLLOW.value)
 
 def where_it_stopped(
     run: Path, files: Mapping[str, bytes], steps: int, *, simulated: bool, root: Path
-) -> tuple[Resumption, list[str]]:
+) -> tuple[ResumePoint, list[str]]:
     """Step, progress and place at which a run stopped; and what an operator should know about them.
 
     Args:
@@ -53,8 +53,8 @@ def where_it_stopped(
 
 def _where_it_stopped(
     recording: Recording, run: Path, files: Mapping[str, bytes], steps: int, simulated: bool, root: Path
-) -> tuple[Resumption, list[str]]:
-    last, before = recording.last_tick(), recording.resumption
+) -> tuple[ResumePoint, list[str]]:
+    last, before = recording.last_tick(), recording.resume_point
     was_simulated = recording.mission.get("bus") == SIMULATION
     _check_files(recording, files)
     entries = recording.journal.entries if recording.journal else ()
@@ -79,14 +79,14 @@ def _where_it_stopped(
     pose, true_pose = Pose(), None
     if before or recording.places_robot():
         pose, true_pose = last.snapshot.pose.pose, last.true_pose
-    resumption = Resumption(
+    resume_point = ResumePoint(
         run=recording.path.resolve().parent.name,
         position=last.position,
         pose=pose,
         true_pose=true_pose,
         tracks=_tracks(run, recording, last.position.step),
     )
-    return resumption, notes
+    return resume_point, notes
 
 
 def unfinished_run(root: Path, mission: str, *, simulated: bool) -> tuple[Path, float] | None:
@@ -167,7 +167,7 @@ def _tracks(run: Path, recording: Recording, step: int) -> dict[str, Track]:
     Raises:
         ConfigError: ticks are missing of a path that is needed.
     """
-    before, steps = recording.resumption, recording.mission["steps"]
+    before, steps = recording.resume_point, recording.mission["steps"]
     records = {number: done["teleop"] for number, done in enumerate(steps) if (done.get("teleop") or {}).get("record")}
     tracks = deepcopy(before.tracks) if before else {}
     if not records:

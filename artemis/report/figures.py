@@ -146,7 +146,7 @@ def path_figure(run: Series) -> Figure:
 
 
 def cross_track_figure(run: Series) -> Figure:
-    """Distance from the path over time and over the way along it."""
+    """Distance from the path over time and over the distance along it."""
     figure, (over_time, over_arc) = stacked(run, 2, 2.1, sharex=False)
     for error, arc_length, color, label in (
         (run.true_cross_track, run.true_arc_length, TRUE, "true"),
@@ -270,9 +270,9 @@ def _trajectory(axes: Axes, poses: Array, color: str, label: str) -> None:
     x, y = poses[np.isfinite(poses[:, 0]), :2].T
     if len(x) == 0:
         return
-    way = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
-    step = max(float(np.ptp(x)), float(np.ptp(y)), way[-1] / 50) / 1000
-    kept = np.unique(np.append(np.unique(way // step if step > 0 else way, return_index=True)[1], len(x) - 1))
+    distance = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    step = max(float(np.ptp(x)), float(np.ptp(y)), distance[-1] / 50) / 1000
+    kept = np.unique(np.append(np.unique(distance // step if step > 0 else distance, return_index=True)[1], len(x) - 1))
     axes.plot(x[kept], y[kept], color=color, label=label)
 
 

@@ -1,4 +1,4 @@
-"""The figure of path files: their way from above, and their curvature with what a robot can do."""
+"""The figure of path files: from above, and their curvature with what a robot can do."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 
 from artemis.motion.path import Path
 from artemis.report.figures import ALARM, ESTIMATED, INK, LEFT, PATH, RIGHT, TRUE, WIDTH, thinned
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 COLORS = (ESTIMATED, TRUE, LEFT, RIGHT, PATH)
 ARROWS = 8
 """On each path."""
 
 
-def path_figure(paths: Mapping[str, Path], robot: Robot | None) -> Figure:
+def path_figure(paths: Mapping[str, Path], robot: RobotFile | None) -> Figure:
     """Paths by their names, with arrows in the direction of travel and a mark at the start; curvature over arc length.
 
     Call inside `figures.style`.

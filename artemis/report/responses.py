@@ -15,13 +15,13 @@ from artemis.motion.step_response import StepResponse, slope, step_response
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.values import Mode
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SPEED_WAY = 0.012
+SPEED_DISTANCE = 0.012
 """A wheel's speed is the slope of its position over the time in which it rolls so far [m]: halls are too coarse for
 less."""
 BEFORE = 0.05
@@ -90,17 +90,17 @@ def read_traces(recording: Recording, drives: Sequence[str], steps: Sequence[int
     return {key: _trace(key[0], recording.robot, np.array(found)) for key, found in rows.items()}
 
 
-def _set_point(tick: TickRecord, robot: Robot, name: str) -> float:
+def _set_point(tick: TickRecord, robot: RobotFile, name: str) -> float:
     points, drive = tick.set_points, robot.drives[name]
     if drive.role == "traction":
         return points.speed_left if drive.side == "left" else points.speed_right
     return points.steering_left if drive.side == "left" else points.steering_right
 
 
-def _trace(name: str, robot: Robot, table: Array) -> Trace:
+def _trace(name: str, robot: RobotFile, table: Array) -> Trace:
     time, told, position, current = table.T
     if robot.drives[name].role == "traction":
-        width = SPEED_WAY / max(float(np.max(np.abs(told))), SLOWEST)
+        width = SPEED_DISTANCE / max(float(np.max(np.abs(told))), SLOWEST)
         value = slope(time, position, width)
         return Trace(drive=name, unit="m/s", time=time, set_point=told, value=value, current=current, width=width)
     scale = degrees(1.0)

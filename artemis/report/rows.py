@@ -1,7 +1,7 @@
 """The numbers of a run: a row a tick; of a long run the rows that matter, so that it needs no more room than others.
 
 What stays of a stretch of a long run: its first and its last row, those with the lowest and the highest value of each
-column, those nearest behind moments that somebody names, and enough of them to draw the way.
+column, those nearest behind moments that somebody names, and enough of them to draw the path.
 """
 
 from __future__ import annotations
@@ -89,5 +89,5 @@ class Rows:
 
     def _places(self, block: Array) -> NDArray[np.int64]:
         steps = np.hypot(np.diff(block[:, self._x]), np.diff(block[:, self._y]))
-        way = np.append(0.0, np.cumsum(np.where(np.isnan(steps), 0.0, steps)))
-        return np.unique(way // max(APART, float(way[-1]) / PLACES), return_index=True)[1]
+        distance = np.append(0.0, np.cumsum(np.where(np.isnan(steps), 0.0, steps)))
+        return np.unique(distance // max(APART, float(distance[-1]) / PLACES), return_index=True)[1]

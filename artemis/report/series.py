@@ -19,7 +19,7 @@ from artemis.report.bus_load import BusLoad
 from artemis.report.cross_track import TruePlaces, routes_of
 from artemis.report.rows import Errors, Rows
 from artemis.values import DriveFeedback, Mode, Pose, SetPoints, Tracking
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 _DOING = (Mode.CALIBRATE.value, Mode.TELEOP.value, Mode.FOLLOW.value)
 
@@ -58,7 +58,7 @@ class Series:
     true: Array
     """True pose, likewise."""
     distance: float
-    """Way of the rear axle centre, forward and back [m]."""
+    """Distance of the rear axle centre, forward and back [m]."""
     speed: Array
     """Of the virtual front wheel [m/s], measured."""
     wheels: dict[str, Wheel]
@@ -262,7 +262,7 @@ def _followed(tracking: Tracking, set_points: SetPoints) -> tuple[float, ...]:
     return tracking.arc_length, tracking.cross_track, planned, feedforward, feedback
 
 
-def _wheels(table: Array, robot: Robot) -> dict[str, Wheel]:
+def _wheels(table: Array, robot: RobotFile) -> dict[str, Wheel]:
     wheels = {}
     for number, (name, drive) in enumerate(robot.drives.items()):
         set_point, measured = table[:, len(_COLUMNS) + 2 * number :].T[:2]

@@ -29,7 +29,7 @@ class Summary:
     real_time_factor: float | None
     """Run time through time on the wall."""
     distance: float
-    """Way of the rear axle centre."""
+    """Distance of the rear axle centre."""
     max_speed: float
     """Of the virtual front wheel."""
     max_wheel_speed: float
@@ -89,7 +89,7 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         max_late=_largest(run.late),
         steps=run.steps,
         faults=tuple(entry.text for entry in run.entries if entry.kind == "fault"),
-        resumed=recording.resumption.run if recording.resumption else None,
+        resumed=recording.resume_point.run if recording.resume_point else None,
     )
 
 

@@ -1,4 +1,4 @@
-"""Figures of a comparison with the truth: the way coloured by its error, errors over time and way, relative errors."""
+"""Figures of a comparison with the truth: the path coloured by its error, over time and distance, relative errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ERROR_COLORS = LinearSegmentedColormap.from_list("error", ["#2f7ed8", "#1b9e8a",
 
 
 def error_map(comparison: Comparison) -> Figure:
-    """The true way, and what the odometry believed, coloured by its distance from the true place at that moment."""
+    """The true path, and what the odometry believed, coloured by its distance from the true place at that moment."""
     figure = Figure(figsize=(WIDTH, 6.2), layout="constrained")
     axes = figure.add_subplot()
     rows = _spaced(comparison)
@@ -51,14 +51,14 @@ def error_map(comparison: Comparison) -> Figure:
 
 
 def error_figure(run: Series, comparison: Comparison) -> Figure:
-    """Distance and angle from the true pose over time and over the way."""
+    """Distance and angle from the true pose over time and over the distance."""
     torn = np.where(_after_gap(comparison), np.nan, 1.0)
     errors, turns = 1000 * torn * comparison.error, np.degrees(torn * comparison.heading_error)
     known = bool(np.isfinite(turns).any())
     figure, axes = stacked(run, 3 if known else 2, 1.7, sharex=False, sharey=False)
     axes[0].plot(*thinned(comparison.time, errors), color=ESTIMATED)
-    axes[-1].plot(*thinned(comparison.way, errors), color=ESTIMATED)
-    axes[-1].set_xlabel("way by the odometry [m]")
+    axes[-1].plot(*thinned(comparison.distance, errors), color=ESTIMATED)
+    axes[-1].set_xlabel("distance by the odometry [m]")
     for each in (axes[0], axes[-1]):
         each.set_ylabel("place [mm]")
         each.set_ylim(bottom=0.0)
@@ -71,12 +71,12 @@ def error_figure(run: Series, comparison: Comparison) -> Figure:
 
 
 def relative_figure(comparison: Comparison) -> Figure:
-    """Mean errors of the motion over stretches of the way, by their length, and the largest ones."""
+    """Mean errors of the motion over stretches of the distance, by their length, and the largest ones."""
     figure = Figure(figsize=(WIDTH, 2.6), layout="constrained")
-    ways, turns = figure.subplots(1, 2)
+    distances, turns = figure.subplots(1, 2)
     at = np.arange(len(comparison.relative))
     for axes, scale, label, errors in (
-        (ways, 100.0, "place [% of the way]", [each.translation for each in comparison.relative]),
+        (distances, 100.0, "place [% of the distance]", [each.translation for each in comparison.relative]),
         (turns, np.degrees(1.0), "heading [°/m]", [each.rotation for each in comparison.relative]),
     ):
         axes.bar(at, [scale * float(np.mean(each)) for each in errors], color=ESTIMATED, width=0.6)
@@ -93,14 +93,14 @@ def truth_drawn(run: Series, comparison: Comparison) -> Iterator[tuple[str, str,
     """Title, caption and SVG element of every figure that has something to show."""
     with style():
         caption = "Seen from above, in the frame of the truth: odometry coloured by its distance from the true place."
-        yield "Way and its error", caption, svg(error_map(comparison))
+        yield "Path and its error", caption, svg(error_map(comparison))
         yield (
             "Errors",
             "Distance from the true place, and angle left of the true heading.",
             svg(error_figure(run, comparison)),
         )
         if comparison.relative:
-            caption = "Error of the motion over stretches of the way, beginning anywhere: mean (bars) and largest."
+            caption = "Error of the motion over stretches of the distance, beginning anywhere: mean (bars) and largest."
             yield "Relative errors", caption, svg(relative_figure(comparison))
 
 
@@ -110,8 +110,8 @@ def _after_gap(comparison: Comparison) -> NDArray[np.bool_]:
 
 
 def _spaced(comparison: Comparison) -> NDArray[np.int64]:
-    """Rows that are about evenly spread over the way; the last one and those after gaps are among them."""
-    way = comparison.way
-    step = max(way[-1], 1e-3) / PIECES
-    evenly = np.unique(way // step, return_index=True)[1]
-    return np.unique(np.concatenate([evenly, np.flatnonzero(_after_gap(comparison)), [len(way) - 1]]))
+    """Rows that are about evenly spread over the distance; the last one and those after gaps are among them."""
+    distance = comparison.distance
+    step = max(distance[-1], 1e-3) / PIECES
+    evenly = np.unique(distance // step, return_index=True)[1]
+    return np.unique(np.concatenate([evenly, np.flatnonzero(_after_gap(comparison)), [len(distance) - 1]]))

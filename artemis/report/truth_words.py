@@ -7,7 +7,7 @@ from math import degrees
 import numpy as np
 
 from artemis.motion.clocks import RUN
-from artemis.motion.comparison import Comparison, Spread, spread
+from artemis.motion.comparison import Comparison, ErrorStatistics, statistics
 from artemis.values import Pose
 
 ALIGNMENTS = {
@@ -25,18 +25,18 @@ def comparison_rows(comparison: Comparison, source: str) -> list[tuple[str, str]
         ("clock", _clock(comparison)),
         ("point", _point(comparison.sensor)),
         ("alignment", _alignment(comparison)),
-        ("place [mm]", _spread(spread(comparison.error), 1000, 1)),
+        ("place [mm]", _statistics(statistics(comparison.error), 1000, 1)),
     ]
     heading = np.degrees(comparison.heading_error)
     if np.isfinite(heading).any():
         mean = float(np.mean(heading))
-        rows.append(("heading [°]", f"{_spread(spread(np.abs(heading)), 1, 2)}; mean with sign {mean:+.2f}"))
+        rows.append(("heading [°]", f"{_statistics(statistics(np.abs(heading)), 1, 2)}; mean with sign {mean:+.2f}"))
     for each in comparison.relative:
-        way, turn = 100 * each.translation, np.degrees(each.rotation)
-        text = f"{np.mean(way):.2f} % of the way, {np.max(way):.2f} % at most; {np.mean(turn):.2f} deg/m"
+        distance, turn = 100 * each.translation, np.degrees(each.rotation)
+        text = f"{np.mean(distance):.2f} % of the distance, {np.max(distance):.2f} % at most; {np.mean(turn):.2f} deg/m"
         rows.append((f"over {each.length:g} m", text))
     if not len(comparison.relative):
-        reason = "the truth knows no heading" if not np.isfinite(heading).any() else "the way is too short"
+        reason = "the truth knows no heading" if not np.isfinite(heading).any() else "the distance is too short"
         rows.append(("relative", f"not known: {reason}"))
     return rows
 
@@ -69,7 +69,7 @@ def _alignment(comparison: Comparison) -> str:
     )
 
 
-def _spread(errors: Spread, scale: float, digits: int) -> str:
+def _statistics(errors: ErrorStatistics, scale: float, digits: int) -> str:
     named = (("mean", errors.mean), ("median", errors.median), ("RMS", errors.rms), ("max", errors.max))
     words = [f"{name} {scale * value:.{digits}f}" for name, value in (*named, ("at the end", errors.end))]
     return ", ".join(words)

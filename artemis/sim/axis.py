@@ -305,13 +305,13 @@ class Axis:
             after = self._ramped(before, 0.0, dt)
         else:
             remaining = (self.target - self.demand_position) / self.counts_per_rpm_s  # rpm * s
-            way, towards = abs(remaining), before if remaining > 0.0 else -before
+            distance, towards = abs(remaining), before if remaining > 0.0 else -before
             brake = self.deceleration * dt
-            if -STILL_RPM < towards <= brake and way <= 0.5 * (abs(towards) * dt + 1.0 / self.counts_per_rpm_s):
+            if -STILL_RPM < towards <= brake and distance <= 0.5 * (abs(towards) * dt + 1.0 / self.counts_per_rpm_s):
                 self.demand_position, self.demand_velocity = self.target, 0.0
                 return
             # Fastest v from which, after this step at (before + v) / 2, the deceleration stops at the target.
-            square = 0.25 * brake * brake + self.deceleration * (2.0 * way - towards * dt)
+            square = 0.25 * brake * brake + self.deceleration * (2.0 * distance - towards * dt)
             stoppable = max(0.0, math.sqrt(square) - 0.5 * brake) if square > 0.0 else 0.0
             after = self._ramped(before, math.copysign(min(self.profile_velocity, stoppable), remaining), dt)
         self.demand_position += (before + after) * 0.5 * dt * self.counts_per_rpm_s

@@ -338,7 +338,7 @@ class SimBus:
 
 
 _Queued = tuple[int, int, int, Frame, Frame | None]
-"""A frame that wants the wire: its rank, the how-manieth it is, its station, the frame, and what the others hear."""
+"""A frame that wants the wire: rank, number in the order of sending, station, the frame, and what the others hear."""
 
 
 def _rank(frame: Frame) -> int:

@@ -39,7 +39,7 @@ class AbortCode(IntEnum):
     NMT_STATE = 0x0F00FFC0
 
 
-class Abort(ArtemisError):
+class AccessRefused(ArtemisError):
     """A request that the dictionary refuses; the SDO server turns it into an abort frame."""
 
     def __init__(self, code: int) -> None:
@@ -89,7 +89,7 @@ def key_of(index: int, sub: int) -> int:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
+class ObjectEntry:
     """One object."""
 
     index: int
@@ -124,10 +124,11 @@ class Entry:
 class Dictionary:
     """Values and rules of all objects of one drive.
 
-    Live objects have a `getter`; `checks` may refuse a value with `Abort`, `written` is told of one that was taken.
+    Live objects have a `getter`; `checks` may refuse a value with `AccessRefused`, `written` is told of one that was
+    taken.
     """
 
-    def __init__(self, entries: Sequence[Entry], power_off: Callable[[], bool]) -> None:
+    def __init__(self, entries: Sequence[ObjectEntry], power_off: Callable[[], bool]) -> None:
         self.entries = {entry.key: entry for entry in entries}
         self.values: dict[int, int] = {}
         """Stored numbers by `key_of`; what a live object holds is behind its getter."""
@@ -146,7 +147,7 @@ class Dictionary:
         self._indices = {entry.index for entry in entries}
         self._power_off = power_off
 
-    def find(self, index: int, sub: int) -> Entry:
+    def find(self, index: int, sub: int) -> ObjectEntry:
         """The object at this place.
 
         Raises:
@@ -154,7 +155,7 @@ class Dictionary:
         """
         entry = self.entries.get(key_of(index, sub))
         if entry is None:
-            raise Abort(AbortCode.NO_SUBINDEX if index in self._indices else AbortCode.NO_OBJECT)
+            raise AccessRefused(AbortCode.NO_SUBINDEX if index in self._indices else AbortCode.NO_OBJECT)
         return entry
 
     def number(self, index: int, sub: int = 0) -> int:
@@ -188,7 +189,7 @@ class Dictionary:
         """
         entry = self.find(index, sub)
         if entry.access == "wo":
-            raise Abort(AbortCode.WRITE_ONLY)
+            raise AccessRefused(AbortCode.WRITE_ONLY)
         self._refuse(entry.key)
         value = self.read(index, sub)
         return value if isinstance(value, bytes) else struct.pack("<" + FORMATS[entry.type], value)
@@ -207,17 +208,17 @@ class Dictionary:
         """
         entry = self.find(index, sub)
         if entry.access in ("ro", "const"):
-            raise Abort(AbortCode.READ_ONLY)
+            raise AccessRefused(AbortCode.READ_ONLY)
         self._refuse(entry.key)
         size = SIZES[entry.type]
         if not length_told or size == 1:
             data = data[:size]
         if len(data) != size:
-            raise Abort(AbortCode.TOO_LONG if len(data) > size else AbortCode.TOO_SHORT)
+            raise AccessRefused(AbortCode.TOO_LONG if len(data) > size else AbortCode.TOO_SHORT)
         value = int.from_bytes(data, "little", signed=entry.type in SIGNED)
         self._judge_range(entry, value)
         if entry.disabled_only and not self._power_off():
-            raise Abort(AbortCode.DEVICE_STATE)
+            raise AccessRefused(AbortCode.DEVICE_STATE)
         check = self.checks.get(entry.key)
         if check is not None:
             check(value)
@@ -255,17 +256,17 @@ class Dictionary:
             refusal.left -= 1
             if refusal.left <= 0:
                 del self.refusals[key]
-        raise Abort(refusal.code)
+        raise AccessRefused(refusal.code)
 
-    def _judge_range(self, entry: Entry, value: int) -> None:
+    def _judge_range(self, entry: ObjectEntry, value: int) -> None:
         if value > entry.maximum:
-            raise Abort(AbortCode.TOO_HIGH)
+            raise AccessRefused(AbortCode.TOO_HIGH)
         if value < entry.minimum:
-            raise Abort(AbortCode.TOO_LOW)
+            raise AccessRefused(AbortCode.TOO_LOW)
         if entry.choices is not None and value not in entry.choices:
-            raise Abort(AbortCode.RANGE)
+            raise AccessRefused(AbortCode.RANGE)
 
-    def _store(self, entry: Entry, value: int) -> None:
+    def _store(self, entry: ObjectEntry, value: int) -> None:
         self.values[entry.key] = value
         written = self.written.get(entry.key)
         if written is not None:

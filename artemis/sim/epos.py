@@ -123,7 +123,7 @@ class SimEpos:
         self._reset_node(now, DriveState.START)
 
     def power_off(self) -> None:
-        """Supply goes: the node is silent and deaf, the shaft coasts."""
+        """Supply goes: the node is silent and unresponsive, the shaft coasts."""
         self.nmt = self.axis.after_step = None
         self._power.start(DriveState.START)
         self.next_due = self._boot_end = math.inf

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from artemis.sim.dictionary import Abort, AbortCode, Dictionary, key_of
+from artemis.sim.dictionary import AbortCode, AccessRefused, Dictionary, key_of
 
 MILLISECOND = 1e-3
 TOGGLE = 0x80
@@ -131,9 +131,9 @@ class ErrorControl:
         def judge(value: int) -> None:
             producer = value >> 16 & 0xFF
             if value >> 24 or (value & 0xFFFF and not 1 <= producer <= 127):
-                raise Abort(AbortCode.RANGE)
+                raise AccessRefused(AbortCode.RANGE)
             other = self._dictionary.number(0x1016, 3 - sub)
             if value & 0xFFFF and other & 0xFFFF and other >> 16 == producer:
-                raise Abort(AbortCode.INCOMPATIBLE)
+                raise AccessRefused(AbortCode.INCOMPATIBLE)
 
         return judge

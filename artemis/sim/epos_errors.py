@@ -6,7 +6,7 @@ from enum import Enum
 from functools import partial
 from typing import NamedTuple
 
-from artemis.sim.dictionary import Abort, AbortCode, Dictionary, key_of
+from artemis.sim.dictionary import AbortCode, AccessRefused, Dictionary, key_of
 
 HISTORY_LENGTH = 5
 
@@ -23,46 +23,46 @@ class Reaction(Enum):
     POWER_OFF = "power off at once"
 
 
-class DeviceError(NamedTuple):
+class EposError(NamedTuple):
     """Bits in the error register 0x1001, and the reaction."""
 
     register: int
     reaction: Reaction
 
 
-GENERIC = DeviceError(0x01, Reaction.POWER_OFF)
+GENERIC = EposError(0x01, Reaction.POWER_OFF)
 """Also stands for codes that are not in the table."""
 
 ERRORS = {
     0x1000: GENERIC,
-    0x2310: DeviceError(0x02, Reaction.POWER_OFF),
-    OVER_VOLTAGE: DeviceError(0x04, Reaction.POWER_OFF),
-    UNDER_VOLTAGE: DeviceError(0x04, Reaction.POWER_OFF),
-    0x4210: DeviceError(0x08, Reaction.POWER_OFF),
-    0x5113: DeviceError(0x04, Reaction.POWER_OFF),
-    0x6100: DeviceError(0x20, Reaction.POWER_OFF),
-    0x6320: DeviceError(0x20, Reaction.POWER_OFF),
-    0x7320: DeviceError(0x20, Reaction.POWER_OFF),
-    0x8110: DeviceError(0x10, Reaction.QUICK_STOP),
-    0x8111: DeviceError(0x10, Reaction.QUICK_STOP),
-    CAN_PASSIVE: DeviceError(0x10, Reaction.QUICK_STOP),
-    LIFE_GUARD: DeviceError(0x10, Reaction.QUICK_STOP),
-    0x8150: DeviceError(0x10, Reaction.NONE),
-    0x81FD: DeviceError(0x10, Reaction.QUICK_STOP),
-    0x81FE: DeviceError(0x10, Reaction.QUICK_STOP),
-    0x81FF: DeviceError(0x10, Reaction.QUICK_STOP),
-    PDO_LENGTH: DeviceError(0x10, Reaction.QUICK_STOP),
-    FOLLOWING_ERROR: DeviceError(0x20, Reaction.QUICK_STOP),
-    0xFF01: DeviceError(0x80, Reaction.POWER_OFF),
-    0xFF02: DeviceError(0x80, Reaction.POWER_OFF),
-    0xFF03: DeviceError(0x80, Reaction.POWER_OFF),
-    HALL_NOT_FOUND: DeviceError(0x80, Reaction.POWER_OFF),
-    0xFF06: DeviceError(0x80, Reaction.QUICK_STOP),
-    0xFF07: DeviceError(0x80, Reaction.QUICK_STOP),
-    0xFF08: DeviceError(0x80, Reaction.QUICK_STOP),
-    POSITION_LIMIT: DeviceError(0x80, Reaction.QUICK_STOP),
-    0xFF0A: DeviceError(0x80, Reaction.POWER_OFF),
-    OVERLOADED: DeviceError(0x20, Reaction.POWER_OFF),
+    0x2310: EposError(0x02, Reaction.POWER_OFF),
+    OVER_VOLTAGE: EposError(0x04, Reaction.POWER_OFF),
+    UNDER_VOLTAGE: EposError(0x04, Reaction.POWER_OFF),
+    0x4210: EposError(0x08, Reaction.POWER_OFF),
+    0x5113: EposError(0x04, Reaction.POWER_OFF),
+    0x6100: EposError(0x20, Reaction.POWER_OFF),
+    0x6320: EposError(0x20, Reaction.POWER_OFF),
+    0x7320: EposError(0x20, Reaction.POWER_OFF),
+    0x8110: EposError(0x10, Reaction.QUICK_STOP),
+    0x8111: EposError(0x10, Reaction.QUICK_STOP),
+    CAN_PASSIVE: EposError(0x10, Reaction.QUICK_STOP),
+    LIFE_GUARD: EposError(0x10, Reaction.QUICK_STOP),
+    0x8150: EposError(0x10, Reaction.NONE),
+    0x81FD: EposError(0x10, Reaction.QUICK_STOP),
+    0x81FE: EposError(0x10, Reaction.QUICK_STOP),
+    0x81FF: EposError(0x10, Reaction.QUICK_STOP),
+    PDO_LENGTH: EposError(0x10, Reaction.QUICK_STOP),
+    FOLLOWING_ERROR: EposError(0x20, Reaction.QUICK_STOP),
+    0xFF01: EposError(0x80, Reaction.POWER_OFF),
+    0xFF02: EposError(0x80, Reaction.POWER_OFF),
+    0xFF03: EposError(0x80, Reaction.POWER_OFF),
+    HALL_NOT_FOUND: EposError(0x80, Reaction.POWER_OFF),
+    0xFF06: EposError(0x80, Reaction.QUICK_STOP),
+    0xFF07: EposError(0x80, Reaction.QUICK_STOP),
+    0xFF08: EposError(0x80, Reaction.QUICK_STOP),
+    POSITION_LIMIT: EposError(0x80, Reaction.QUICK_STOP),
+    0xFF0A: EposError(0x80, Reaction.POWER_OFF),
+    OVERLOADED: EposError(0x20, Reaction.POWER_OFF),
 }
 
 
@@ -120,4 +120,4 @@ class ErrorMemory:
 def _judge_cleared(number: int) -> None:
     """Object 0x1003:0 takes no number but 0."""
     if number:
-        raise Abort(AbortCode.RANGE)
+        raise AccessRefused(AbortCode.RANGE)

@@ -345,8 +345,8 @@ class Motion:
         elif self.mode in (PROFILE_POSITION, HOMING):
             axis.halted = False
             axis.deceleration = float(self._dictionary.number(0x6084))
-            way = axis.velocity * abs(axis.velocity) / (2.0 * axis.deceleration) * axis.counts_per_rpm_s
-            axis.regulate(Regulation.PROFILE, float(floor(axis.position + way + 0.5)))
+            distance = axis.velocity * abs(axis.velocity) / (2.0 * axis.deceleration) * axis.counts_per_rpm_s
+            axis.regulate(Regulation.PROFILE, float(floor(axis.position + distance + 0.5)))
         else:
             axis.deceleration = float(self._dictionary.number(0x6084))
             axis.regulate(Regulation.VELOCITY, 0.0)  # diagnostic, master encoder, step/direction: stands still

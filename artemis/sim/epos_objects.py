@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
-from artemis.sim.dictionary import SIGNED, SIZES, Entry, Type
+from artemis.sim.dictionary import SIGNED, SIZES, ObjectEntry, Type
 
 I8, I16, I32, U8, U16, U32 = Type.I8, Type.I16, Type.I32, Type.U8, Type.U16, Type.U32
 
@@ -62,11 +62,11 @@ def _row(
     low: int | None = None,
     high: int | None = None,
     choices: frozenset[int] | None = None,
-) -> Entry:
+) -> ObjectEntry:
     bits = 8 * SIZES[kind]
     lowest, highest = (-(1 << bits - 1), (1 << bits - 1) - 1) if kind in SIGNED else (0, (1 << bits) - 1)
     access, *rest = marks.split()
-    return Entry(
+    return ObjectEntry(
         index=index,
         sub=sub,
         type=kind,
@@ -83,7 +83,7 @@ def _row(
 
 
 @cache
-def objects(node_id: int, hardware_version: int, firmware: int, serial_number: int) -> tuple[Entry, ...]:
+def objects(node_id: int, hardware_version: int, firmware: int, serial_number: int) -> tuple[ObjectEntry, ...]:
     """All objects of one drive as it leaves the factory.
 
     Args:
@@ -103,7 +103,7 @@ def objects(node_id: int, hardware_version: int, firmware: int, serial_number: i
     return tuple(rows)
 
 
-def _communication(node_id: int) -> list[Entry]:
+def _communication(node_id: int) -> list[ObjectEntry]:
     return [
         _row(0x1000, 0, U32, "ro", 0x00020192),
         _row(0x1001, 0, U8, "ro"),
@@ -127,10 +127,10 @@ def _communication(node_id: int) -> list[Entry]:
     ]
 
 
-def _identity(node_id: int, hardware_version: int, firmware: int, serial_number: int) -> list[Entry]:
+def _identity(node_id: int, hardware_version: int, firmware: int, serial_number: int) -> list[ObjectEntry]:
     last_digits = int(f"{serial_number % 10**8:d}", 16)  # the last 8 decimal digits, written as hexadecimal ones
     return [
-        Entry(index=0x1008, sub=0, type=Type.STRING, access="const", default=b"EPOS"),
+        ObjectEntry(index=0x1008, sub=0, type=Type.STRING, access="const", default=b"EPOS"),
         _row(0x1018, 1, U32, "ro", 0x000000FB),
         _row(0x1018, 2, U32, "ro", hardware_version << 16),
         _row(0x1018, 3, U32, "ro", firmware << 16),
@@ -146,7 +146,7 @@ def _identity(node_id: int, hardware_version: int, firmware: int, serial_number:
     ]
 
 
-def _process_data(node_id: int) -> list[Entry]:
+def _process_data(node_id: int) -> list[ObjectEntry]:
     rows = []
     for number in range(4):
         rows += [
@@ -163,7 +163,7 @@ def _process_data(node_id: int) -> list[Entry]:
     return rows
 
 
-def _setup() -> list[Entry]:
+def _setup() -> list[ObjectEntry]:
     return [
         _row(0x2008, 0, U16, "rw cfg dis"),
         *(_row(0x200C, sub, U32, "rw cfg") for sub in range(1, 5)),
@@ -196,7 +196,7 @@ def _setup() -> list[Entry]:
     ]
 
 
-def _profile() -> list[Entry]:
+def _profile() -> list[ObjectEntry]:
     indices = ((0x6089, I8, 0), (0x608A, U8, 0xAC), (0x608B, I8, 0), (0x608C, U8, 0xA4), (0x608D, I8, 0))
     return [
         _row(0x6040, 0, U16, "rw R T"),
@@ -233,7 +233,7 @@ def _profile() -> list[Entry]:
     ]
 
 
-def _motor(hardware: Hardware) -> list[Entry]:
+def _motor(hardware: Hardware) -> list[ObjectEntry]:
     continuous, output = hardware.continuous_current, hardware.output_current
     gains = ((0x60F6, (400, 120)), (0x60F9, (400, 120)), (0x60FB, (150, 10, 200)))
     return [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from artemis.sim.dictionary import Abort, AbortCode, Dictionary, key_of
+from artemis.sim.dictionary import AbortCode, AccessRefused, Dictionary, key_of
 from artemis.sim.epos_objects import VOLATILE
 from artemis.sim.epos_pdo import ProcessData
 
@@ -64,7 +64,7 @@ class ParameterMemory:
 def _judge_signature(signature: int) -> Callable[[int], None]:
     def judge(value: int) -> None:
         if value != signature:
-            raise Abort(AbortCode.CANNOT_STORE)
+            raise AccessRefused(AbortCode.CANNOT_STORE)
 
     return judge
 
@@ -74,11 +74,11 @@ def judge_motor_and_sensor(dictionary: Dictionary) -> None:
 
     def judge_sensor(sensor: int) -> None:
         if sensor == SENSOR_HALL and dictionary.number(0x6402) != MOTOR_BLOCK:
-            raise Abort(AbortCode.INCOMPATIBLE)
+            raise AccessRefused(AbortCode.INCOMPATIBLE)
 
     def judge_motor(motor: int) -> None:
         if motor != MOTOR_BLOCK and dictionary.number(0x2210, 2) == SENSOR_HALL:
-            raise Abort(AbortCode.INCOMPATIBLE)
+            raise AccessRefused(AbortCode.INCOMPATIBLE)
 
     dictionary.checks[key_of(0x2210, 2)] = judge_sensor
     dictionary.checks[key_of(0x6402, 0)] = judge_motor

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection
 
 from artemis.devices.can_bus import Frame
 from artemis.motion.totals import total
-from artemis.sim.dictionary import FORMATS, SIZES, Abort, AbortCode, Dictionary, key_of
+from artemis.sim.dictionary import FORMATS, SIZES, AbortCode, AccessRefused, Dictionary, key_of
 from artemis.sim.epos_objects import MAPPING_PLACES, TPDO_COB_IDS
 
 COUNT = 4
@@ -186,7 +186,7 @@ class ProcessData:
         def judge(mapped: int) -> None:
             self._judge_nmt()
             if self._dictionary.number(index, 0):
-                raise Abort(AbortCode.UNSUPPORTED_ACCESS)
+                raise AccessRefused(AbortCode.UNSUPPORTED_ACCESS)
             if mapped:
                 self._judge_mapped(mapped, receive=index < 0x1A00)
 
@@ -199,20 +199,20 @@ class ProcessData:
             for mapped in places:
                 self._judge_mapped(mapped, receive=index < 0x1A00)
             if total(mapped & 0xFF for mapped in places) > LONGEST_BITS:
-                raise Abort(AbortCode.PDO_TOO_LONG)
+                raise AccessRefused(AbortCode.PDO_TOO_LONG)
 
         return judge
 
     def _judge_nmt(self) -> None:
         if not self._pre_operational():
-            raise Abort(AbortCode.NMT_STATE)
+            raise AccessRefused(AbortCode.NMT_STATE)
 
     def _judge_mapped(self, mapped: int, *, receive: bool) -> None:
         entry = self._dictionary.entries.get(mapped >> 8)
         if entry is None or not (entry.receive if receive else entry.transmit):
-            raise Abort(AbortCode.NOT_MAPPABLE)
+            raise AccessRefused(AbortCode.NOT_MAPPABLE)
         if mapped & 0xFF != 8 * SIZES[entry.type]:
-            raise Abort(AbortCode.NOT_MAPPABLE)
+            raise AccessRefused(AbortCode.NOT_MAPPABLE)
 
 
 def _take_effect(received: Collection[tuple[ReceivePdo, tuple[int, ...]]]) -> None:
@@ -229,7 +229,7 @@ def _judge_identifier(cob_id: int) -> None:
     """Bits 10 to 0 are 0x181 to 0x57F, or 0 in a PDO that is not valid; bits 29 to 11 are 0."""
     allowed = LOWEST_ID <= cob_id & 0x7FF <= HIGHEST_ID or (cob_id & INVALID and not cob_id & 0x7FF)
     if cob_id & 0x3FFFF800 or not allowed:
-        raise Abort(AbortCode.RANGE)
+        raise AccessRefused(AbortCode.RANGE)
 
 
 def _packer(dictionary: Dictionary, index: int) -> tuple[struct.Struct, list[int]]:

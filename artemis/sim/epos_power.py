@@ -44,7 +44,7 @@ POWER_OFF = {
 """States in which objects that need a disabled power stage may be written."""
 
 
-class Command(Enum):
+class DeviceCommand(Enum):
     """Device control commands (firmware specification, 14.59)."""
 
     SHUTDOWN = "shutdown"
@@ -55,36 +55,36 @@ class Command(Enum):
 
 
 TRANSITIONS = {
-    (DriveState.SWITCH_ON_DISABLED, Command.SHUTDOWN): DriveState.READY,
-    (DriveState.READY, Command.SWITCH_ON): DriveState.SWITCHED_ON,
-    (DriveState.READY, Command.ENABLE): DriveState.REFRESH,  # through Switched On
-    (DriveState.READY, Command.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,
-    (DriveState.READY, Command.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
-    (DriveState.SWITCHED_ON, Command.ENABLE): DriveState.REFRESH,
-    (DriveState.SWITCHED_ON, Command.SHUTDOWN): DriveState.READY,
-    (DriveState.SWITCHED_ON, Command.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,
-    (DriveState.SWITCHED_ON, Command.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
-    (DriveState.OPERATION_ENABLE, Command.SWITCH_ON): DriveState.SWITCHED_ON,
-    (DriveState.OPERATION_ENABLE, Command.SHUTDOWN): DriveState.READY,
-    (DriveState.OPERATION_ENABLE, Command.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
-    (DriveState.OPERATION_ENABLE, Command.QUICK_STOP): DriveState.QUICK_STOP_ACTIVE,
-    (DriveState.QUICK_STOP_ACTIVE, Command.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
-    (DriveState.QUICK_STOP_ACTIVE, Command.ENABLE): DriveState.OPERATION_ENABLE,
+    (DriveState.SWITCH_ON_DISABLED, DeviceCommand.SHUTDOWN): DriveState.READY,
+    (DriveState.READY, DeviceCommand.SWITCH_ON): DriveState.SWITCHED_ON,
+    (DriveState.READY, DeviceCommand.ENABLE): DriveState.REFRESH,  # through Switched On
+    (DriveState.READY, DeviceCommand.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.READY, DeviceCommand.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.SWITCHED_ON, DeviceCommand.ENABLE): DriveState.REFRESH,
+    (DriveState.SWITCHED_ON, DeviceCommand.SHUTDOWN): DriveState.READY,
+    (DriveState.SWITCHED_ON, DeviceCommand.QUICK_STOP): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.SWITCHED_ON, DeviceCommand.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.OPERATION_ENABLE, DeviceCommand.SWITCH_ON): DriveState.SWITCHED_ON,
+    (DriveState.OPERATION_ENABLE, DeviceCommand.SHUTDOWN): DriveState.READY,
+    (DriveState.OPERATION_ENABLE, DeviceCommand.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.OPERATION_ENABLE, DeviceCommand.QUICK_STOP): DriveState.QUICK_STOP_ACTIVE,
+    (DriveState.QUICK_STOP_ACTIVE, DeviceCommand.DISABLE_VOLTAGE): DriveState.SWITCH_ON_DISABLED,
+    (DriveState.QUICK_STOP_ACTIVE, DeviceCommand.ENABLE): DriveState.OPERATION_ENABLE,
 }
 """Transitions 2 to 12 and 16 (firmware specification, 8.1.2); the automatic ones and faults are in `PowerStage`."""
 
 
-def command_of(controlword: int) -> Command | None:
+def command_of(controlword: int) -> DeviceCommand | None:
     """Which command a controlword gives; None when its low byte has none of the patterns (bit 7 set)."""
     if controlword & 0x80:
         return None
     if not controlword & 0x02:
-        return Command.DISABLE_VOLTAGE
+        return DeviceCommand.DISABLE_VOLTAGE
     if not controlword & 0x04:
-        return Command.QUICK_STOP
+        return DeviceCommand.QUICK_STOP
     if not controlword & 0x01:
-        return Command.SHUTDOWN
-    return Command.ENABLE if controlword & 0x08 else Command.SWITCH_ON
+        return DeviceCommand.SHUTDOWN
+    return DeviceCommand.ENABLE if controlword & 0x08 else DeviceCommand.SWITCH_ON
 
 
 class PowerStage:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from artemis.sim.dictionary import Abort, AbortCode, Dictionary
+from artemis.sim.dictionary import AbortCode, AccessRefused, Dictionary
 
 FRAME_LENGTH = 8
 SEGMENT_LENGTH = 7
@@ -58,8 +58,8 @@ class SdoServer:
                 return self._next_upload(request)
             if specifier == DOWNLOAD_SEGMENT:
                 return self._next_download(request)
-            raise Abort(AbortCode.COMMAND_SPECIFIER)
-        except Abort as abort:
+            raise AccessRefused(AbortCode.COMMAND_SPECIFIER)
+        except AccessRefused as abort:
             return self._refuse(request, abort.code)
 
     def _refuse(self, request: bytes, code: int) -> bytes:
@@ -89,7 +89,7 @@ class SdoServer:
             self._dictionary.download(index, sub, request[4 : 4 + length], length_told=length_told)
         else:
             if self._dictionary.find(index, sub).access in ("ro", "const"):
-                raise Abort(AbortCode.READ_ONLY)
+                raise AccessRefused(AbortCode.READ_ONLY)
             length_total = int.from_bytes(request[4:8], "little") if length_told else None
             self._transfer = _Transfer(index=index, sub=sub, upload=False, data=b"", length=length_total)
         return b"\x60" + request[1:4] + bytes(4)
@@ -97,9 +97,9 @@ class SdoServer:
     def _running(self, request: bytes, *, upload: bool) -> _Transfer:
         transfer = self._transfer
         if transfer is None or transfer.upload is not upload:
-            raise Abort(AbortCode.COMMAND_SPECIFIER)
+            raise AccessRefused(AbortCode.COMMAND_SPECIFIER)
         if request[0] & TOGGLE != transfer.toggle:
-            raise Abort(AbortCode.TOGGLE_BIT)
+            raise AccessRefused(AbortCode.TOGGLE_BIT)
         return transfer
 
     def _next_upload(self, request: bytes) -> bytes:
@@ -120,10 +120,10 @@ class SdoServer:
         answer = bytes((0x20 | transfer.toggle,)) + bytes(7)
         transfer.toggle ^= TOGGLE
         if len(transfer.data) > LONGEST_WRITE:
-            raise Abort(AbortCode.TOO_LONG)
+            raise AccessRefused(AbortCode.TOO_LONG)
         if command & LAST:
             if transfer.length is not None and transfer.length != len(transfer.data):
-                raise Abort(AbortCode.WRONG_LENGTH)
+                raise AccessRefused(AbortCode.WRONG_LENGTH)
             self._dictionary.download(transfer.index, transfer.sub, transfer.data)
             self._transfer = None
         return answer

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import degrees, radians
 
 from artemis.motion.poses import placed, seen_from
-from artemis.sim.world import TrueRobot, World
+from artemis.sim.world import PlantParameters, World
 from artemis.values import Pose, Tick
 
 
@@ -23,12 +23,12 @@ class Truth:
         return seen_from(self._origin, self._world.pose)
 
 
-def origin_of(true: TrueRobot) -> Pose:
+def origin_of(true: PlantParameters) -> Pose:
     """Where the machine stands when a mission begins."""
     return Pose(x=true.x_m, y=true.y_m, heading=radians(true.heading_deg))
 
 
-def moved_to(true: TrueRobot, origin: Pose, pose: Pose) -> TrueRobot:
+def moved_to(true: PlantParameters, origin: Pose, pose: Pose) -> PlantParameters:
     """The same machine at `pose`, seen from `origin` in the world."""
     there = placed(origin, pose)
     return true.model_copy(update={"x_m": there.x, "y_m": there.y, "heading_deg": degrees(there.heading)})

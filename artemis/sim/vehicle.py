@@ -47,11 +47,11 @@ class Vehicle:
             steering: Angles of the left and right front wheel [rad], left positive.
             dice: Draws each driven wheel's loss in each step.
             pose: x, y [m] and heading [rad] of the rear axle's centre.
-            slip: Share of its way that a driven wheel loses, on average.
+            slip: Share of its distance that a driven wheel loses, on average.
         """
         self.x, self.y, self.heading = pose
-        self.way = 0.0
-        """Way of the rear axle's centre in the last step [m], forward positive."""
+        self.distance = 0.0
+        """Distance of the rear axle's centre in the last step [m], forward positive."""
         self.turn = 0.0
         """Change of the heading in the last step [rad]."""
         self._chassis = chassis
@@ -59,38 +59,38 @@ class Vehicle:
         self._slip = slip
         self._dice = dice
 
-    def move(self, steering_left: float, steering_right: float, way_left: float, way_right: float) -> None:
+    def move(self, steering_left: float, steering_right: float, distance_left: float, distance_right: float) -> None:
         """Move one step.
 
         Args:
             steering_left: Angle of the left front wheel after the step [rad].
             steering_right: Angle of the right front wheel after the step [rad].
-            way_left: What the left driven wheel rolled in the step [m], forward positive.
-            way_right: What the right driven wheel rolled in the step [m].
+            distance_left: What the left driven wheel rolled in the step [m], forward positive.
+            distance_right: What the right driven wheel rolled in the step [m].
         """
         turned_left, turned_right = steering_left - self._left, steering_right - self._right
-        if way_left == way_right == turned_left == turned_right == 0.0:
-            self.way = self.turn = 0.0
+        if distance_left == distance_right == turned_left == turned_right == 0.0:
+            self.distance = self.turn = 0.0
             return
         if self._slip:
-            way_left *= 1.0 - self._dice.uniform(0.0, 2.0 * self._slip)
-            way_right *= 1.0 - self._dice.uniform(0.0, 2.0 * self._slip)
+            distance_left *= 1.0 - self._dice.uniform(0.0, 2.0 * self._slip)
+            distance_right *= 1.0 - self._dice.uniform(0.0, 2.0 * self._slip)
         left, right = 0.5 * (self._left + steering_left), 0.5 * (self._right + steering_right)
         self._left, self._right = steering_left, steering_right
         if self._chassis.front_driven:
             scrub = self._chassis.scrub_radius
             fit = fit_front_driven(
-                self._chassis, left, right, way_left + scrub * turned_left, way_right - scrub * turned_right
+                self._chassis, left, right, distance_left + scrub * turned_left, distance_right - scrub * turned_right
             )
         else:
-            fit = fit_rear_driven(self._chassis, left, right, way_left, way_right)
-        self.way, self.turn = fit
+            fit = fit_rear_driven(self._chassis, left, right, distance_left, distance_right)
+        self.distance, self.turn = fit
         self._roll(*fit)
 
-    def _roll(self, way: float, turn: float) -> None:
-        """Move along an arc of length `way` [m] that turns by `turn` [rad]: exact for constant curvature."""
+    def _roll(self, distance: float, turn: float) -> None:
+        """Move along an arc of length `distance` [m] that turns by `turn` [rad]: exact for constant curvature."""
         half = 0.5 * turn
-        chord = way * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
+        chord = distance * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
         self.x += chord * math.cos(self.heading + half)
         self.y += chord * math.sin(self.heading + half)
         self.heading += turn
@@ -99,13 +99,13 @@ class Vehicle:
 def fit_front_driven(
     chassis: Chassis, left: float, right: float, roll_left: float, roll_right: float
 ) -> tuple[float, float]:
-    """Motion of a front-driven vehicle: way of the rear axle's centre [m] and change of heading [rad].
+    """Motion of a front-driven vehicle: distance of the rear axle's centre [m] and change of heading [rad].
 
     Args:
         chassis: The vehicle's measures.
         left: Angle of the left front wheel [rad].
         right: Angle of the right front wheel [rad].
-        roll_left: Rolled way of the left front wheel [m], without what its turning about the kingpin rolls.
+        roll_left: Rolled distance of the left front wheel [m], without what its turning about the kingpin rolls.
         roll_right: The same of the right one.
     """
     length, scrub = chassis.wheelbase, chassis.scrub_radius
@@ -125,16 +125,16 @@ def fit_front_driven(
 
 
 def fit_rear_driven(
-    chassis: Chassis, left: float, right: float, way_left: float, way_right: float
+    chassis: Chassis, left: float, right: float, distance_left: float, distance_right: float
 ) -> tuple[float, float]:
-    """Motion of a rear-driven vehicle: way of the rear axle's centre [m] and change of heading [rad].
+    """Motion of a rear-driven vehicle: distance of the rear axle's centre [m] and change of heading [rad].
 
     Args:
         chassis: The vehicle's measures.
         left: Angle of the left front wheel [rad].
         right: Angle of the right front wheel [rad].
-        way_left: Rolled way of the left rear wheel [m].
-        way_right: The same of the right one.
+        distance_left: Rolled distance of the left rear wheel [m].
+        distance_right: The same of the right one.
     """
     length, half_track = chassis.wheelbase, 0.5 * chassis.track
     half = half_track - chassis.scrub_radius
@@ -145,7 +145,7 @@ def fit_rear_driven(
     ahead = 2.0 + sin_left * sin_left + sin_right * sin_right
     side = -sin_left * grip_left - sin_right * grip_right
     square = 2.0 * half_track * half_track + grip_left * grip_left + grip_right * grip_right
-    along = way_left + way_right
-    about = half_track * (way_right - way_left)
+    along = distance_left + distance_right
+    about = half_track * (distance_right - distance_left)
     determinant = ahead * square - side * side
     return (along * square - about * side) / determinant, (ahead * about - side * along) / determinant

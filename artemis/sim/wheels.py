@@ -7,7 +7,7 @@ import random
 from dataclasses import dataclass
 
 from artemis.sim.axis import Axis
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ class SteeredWheel:
 
     def __init__(
         self,
-        robot: Robot,
+        robot: RobotFile,
         name: str,
         axis: Axis,
         *,
@@ -116,9 +116,9 @@ class SteeredWheel:
 
 
 class DrivenWheel:
-    """One driven wheel: motor counts to true way."""
+    """One driven wheel: motor counts to true distance."""
 
-    def __init__(self, robot: Robot, name: str, axis: Axis, *, scale: float) -> None:
+    def __init__(self, robot: RobotFile, name: str, axis: Axis, *, scale: float) -> None:
         """`scale`: true metres per count as a multiple of the robot file's."""
         drive = robot.drives[name]
         self._axis = axis
@@ -129,9 +129,9 @@ class DrivenWheel:
     def roll(self) -> float:
         """What the wheel has rolled since the last call [m], forward positive."""
         position = self._axis.position
-        way = (position - self._position) * self._metres_per_count
+        distance = (position - self._position) * self._metres_per_count
         self._position = position
-        return way
+        return distance
 
     def spin(self, slip: float) -> None:
         """Turn faster than the ground goes by: this share of what it turns is lost; 0: grips again."""

@@ -14,7 +14,7 @@ from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.vehicle import Chassis, Vehicle
 from artemis.sim.wheels import DrivenWheel, SteeredWheel
 from artemis.values import Pose
-from artemis.vehicle import Pair, Positive, Robot
+from artemis.vehicle import Pair, Positive, RobotFile
 
 LONGEST_STEP = 5e-3
 """Axes and vehicle move in equal steps of this length or less (a twentieth more, if that saves a step) [s]."""
@@ -36,7 +36,7 @@ class Supply(Config):
     """Of all drives together."""
 
 
-class TrueRobot(Config):
+class PlantParameters(Config):
     """What is true of the simulated machine and the software does not know. None: as the robot file says."""
 
     steering_zero_left_deg: float = 0.0
@@ -60,7 +60,7 @@ class TrueRobot(Config):
     potentiometer_noise_v: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation."""
     slip: Annotated[float, Field(ge=0, lt=0.5)] = 0.0
-    """Share of its way that a driven wheel loses, on average."""
+    """Share of its distance that a driven wheel loses, on average."""
     start_steering_left_deg: float = 7.0
     """True wheel angle at power-up."""
     start_steering_right_deg: float = -4.0
@@ -76,8 +76,8 @@ class World:
 
     def __init__(
         self,
-        robot: Robot,
-        true: TrueRobot | None = None,
+        robot: RobotFile,
+        true: PlantParameters | None = None,
         *,
         seed: int = 1,
         start: float = 0.0,
@@ -92,7 +92,7 @@ class World:
             start: Time of power-on [s].
             settings: How the drives behave.
         """
-        true = true or TrueRobot()
+        true = true or PlantParameters()
         self.time = start
         self.battery_v = true.supply.battery_v
         """Of the batteries without load [V]; 0: their switch is open, as the emergency stop's."""
@@ -110,7 +110,7 @@ class World:
         for node in self.nodes:
             node.power_on(start)
 
-    def _place(self, robot: Robot, true: TrueRobot, axes: dict[str, Axis]) -> None:
+    def _place(self, robot: RobotFile, true: PlantParameters, axes: dict[str, Axis]) -> None:
         def named(role: str) -> list[str]:
             return [robot.drive_at(role, side)[0] for side in ("left", "right")]
 
@@ -165,7 +165,7 @@ class World:
     @property
     def speed(self) -> float:
         """True speed of the virtual front wheel [m/s], forward positive."""
-        forward = self._vehicle.way
+        forward = self._vehicle.distance
         sideways = self._vehicle.turn * self.chassis.wheelbase
         return math.copysign(math.hypot(forward, sideways), forward) / self._last_step
 

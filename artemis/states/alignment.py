@@ -94,7 +94,7 @@ def enable(wish: Wish, snapshot: Snapshot) -> Routine:
 
 
 def switch_off(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
-    """Yield `wish`, which switches off, until no drive is on. A deaf one is switched off by SDO, or by our silence."""
+    """Yield `wish`, which switches off, until no drive is on. An unresponsive one: by SDO, or by our silence."""
     begun, heartbeat = snapshot.time, wish.heartbeat
     halted: set[str] = set()
     snapshot = yield replace(wish, phase="switching off")

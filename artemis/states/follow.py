@@ -12,7 +12,7 @@ from artemis.errors import ConfigError
 from artemis.motion.route import Route
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Following
-from artemis.states.gains import Shaking
+from artemis.states.gains import OscillationDetector
 from artemis.states.mode import ON
 from artemis.states.parts import PartByPart
 from artemis.states.plan import FollowStep, Shared
@@ -22,7 +22,7 @@ from artemis.values import DriveCommand, Event, Fault, Pose, Severity, Snapshot,
 START_DISTANCE, START_ANGLE = 1.0, math.radians(60)
 """A path is not begun from further away or more askew than this [m, rad] (PTH-05)."""
 ARMING_WAY, CONVERGENCE_WAY = 1.0, 5.0
-"""The limit of the cross-track error counts once it was kept while the robot drove the first way [m], at the latest
+"""The limit of the cross-track error counts once it was kept while the robot drove the first so much [m], at the latest
 after the second."""
 SLACK, SLOWEST = 10.0, 0.05
 """A path may take twice its time, at the second speed [m/s] where the follower tells none, and for each of its parts
@@ -43,13 +43,15 @@ class FollowMode:
         self._way = self._outside = 0.0
         self._armed = False
         self._over: float | None = None
-        self._shaking: Shaking | None = None
+        self._shaking: OscillationDetector | None = None
         self._spent, self._longest = 0.0, inf
 
     def enter(self, snapshot: Snapshot) -> None:
         """Begin what is left of the path, unless the follower is on its way already."""
         step = self.shared.current
-        self._shaking = Shaking(self.shared.plan, tried, snapshot) if (tried := self.shared.results.tried) else None
+        self._shaking = (
+            OscillationDetector(self.shared.plan, tried, snapshot) if (tried := self.shared.results.tried) else None
+        )
         self._fault, self._last, self._armed, self._over = None, None, False, None
         if not isinstance(step, FollowStep):
             return
@@ -113,7 +115,7 @@ class FollowMode:
         return route.rest(self.shared.position.done)
 
     def _off_path(self, tracking: Tracking, distance: float, limit: float) -> Fault | None:
-        """Too far away to begin (PTH-05), or lost on the way (PTH-06); `distance`: way of the robot [m]."""
+        """Too far away to begin (PTH-05), or lost on the way (PTH-06); `distance`: of the robot [m]."""
         away = abs(tracking.cross_track)
         if self._last is None:
             if away > START_DISTANCE or abs(tracking.heading_error) > START_ANGLE:
@@ -127,7 +129,7 @@ class FollowMode:
         return catalogue.fault("PTH-06", "", _seen(tracking)) if self._armed and away > limit else None
 
     def _overrun(self, tracking: Tracking, end: float, distance: float) -> Fault | None:
-        """Under way for too long, or driven on after the end of a part; `distance`: way of the robot [m]."""
+        """Under way for too long, or driven on after the end of a part; `distance`: of the robot [m]."""
         if self._spent > self._longest:
             return catalogue.fault("PTH-08", "", f"{tracking.arc_length:.2f} m after {self._spent:.0f} s")
         if end - tracking.arc_length > AT_END:

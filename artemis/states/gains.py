@@ -24,7 +24,7 @@ SWING, MOST_SWINGS, SWING_TIME = radians(1.0), 5, 2.0
 """A wheel swings whose error turned back by so much [rad] more often than so within so long [s]: a step that comes to
 rest makes one to four."""
 SHAKE = 0.002
-"""The same of a driven wheel [m], of its way against that of its set-points: counts are too coarse for its speed."""
+"""The same of a driven wheel [m], of its distance against that of its set-points: its speed is too coarse."""
 
 
 class GainsStep(CalibrateStep, frozen=True, kw_only=True):
@@ -62,7 +62,7 @@ def try_gains(shared: Shared, step: GainsStep, snapshot: Snapshot) -> Routine:
     return snapshot
 
 
-class Swings:
+class OscillationCounter:
     """How often the error of one wheel has turned back. On a ramp it swings about its lag: zero is no matter."""
 
     def __init__(self, size: float) -> None:
@@ -106,12 +106,12 @@ def _switch_off(wish: Wish, names: Container[str], snapshot: Snapshot) -> Routin
     return snapshot
 
 
-def _swings(plan: Plan) -> dict[str, Swings]:
-    return {name: Swings(SWING) for name in plan.drives("steering")}
+def _swings(plan: Plan) -> dict[str, OscillationCounter]:
+    return {name: OscillationCounter(SWING) for name in plan.drives("steering")}
 
 
 def _hold(
-    plan: Plan, wanted: float, seconds: float, phase: str, swings: Mapping[str, Swings], snapshot: Snapshot
+    plan: Plan, wanted: float, seconds: float, phase: str, swings: Mapping[str, OscillationCounter], snapshot: Snapshot
 ) -> Routine:
     """Have the wheels at the virtual angle `wanted` [rad] for so long; one that swings is a fault.
 
@@ -136,14 +136,14 @@ def _errors(plan: Plan, snapshot: Snapshot) -> Iterator[tuple[str, float]]:
             yield drive.name, told[described.side] - drive.position
 
 
-class Shaking:
+class OscillationDetector:
     """Watches the driven wheels with gains on trial, at each tick in which the robot drives."""
 
     def __init__(self, plan: Plan, tried: Container[str], snapshot: Snapshot) -> None:
         """`tried`: names of the drives that have them."""
         self._robot, self._time = plan.robot, snapshot.time
-        self._ways = {d.name: d.position for d in snapshot.sensed.drives if d.name in tried}
-        self._swings = {name: Swings(SHAKE) for name in plan.drives("traction") if name in self._ways}
+        self._distances = {d.name: d.position for d in snapshot.sensed.drives if d.name in tried}
+        self._swings = {name: OscillationCounter(SHAKE) for name in plan.drives("traction") if name in self._distances}
 
     def look(self, snapshot: Snapshot) -> Fault | None:
         """A wheel that swings, to and fro by `SHAKE` or more."""
@@ -152,8 +152,8 @@ class Shaking:
         for drive in snapshot.sensed.drives:
             if drive.name in self._swings:
                 left = self._robot.drives[drive.name].side == "left"
-                self._ways[drive.name] += (points.speed_left if left else points.speed_right) * dt
-                often = self._swings[drive.name].count(snapshot.time, self._ways[drive.name] - drive.position)
+                self._distances[drive.name] += (points.speed_left if left else points.speed_right) * dt
+                often = self._swings[drive.name].count(snapshot.time, self._distances[drive.name] - drive.position)
                 if often > MOST_SWINGS:
                     seen = f"swings: {often} turns by {1000 * SHAKE:g} mm or more in {SWING_TIME:g} s; less P or I"
                     return catalogue.fault("CAL-01", drive.name, seen)

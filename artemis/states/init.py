@@ -89,7 +89,7 @@ class InitMode(RoutineMode):
         snapshot = yield from self._until(_off, WAKING, "COM-08", "no process data after configuration", snapshot)
         for _ in range(HEARTBEATS):
             last_beat = snapshot.time
-            snapshot = _sound((yield WAKING))
+            snapshot = require_healthy((yield WAKING))
         missed: set[str] = set()
 
         def is_lost(drive: DriveFeedback) -> bool:
@@ -127,7 +127,7 @@ class InitMode(RoutineMode):
         while True:
             snapshot = yield wish
             if snapshot.time < earliest:
-                _sound(snapshot)
+                require_healthy(snapshot)
             waiting = [drive for drive in snapshot.sensed.drives if not done(drive)]
             if not waiting:
                 return snapshot
@@ -137,7 +137,7 @@ class InitMode(RoutineMode):
                 raise Failed(SILENT, catalogue.fault(id, waiting[0].name, seen))
 
 
-def _sound(snapshot: Snapshot) -> Snapshot:
+def require_healthy(snapshot: Snapshot) -> Snapshot:
     """The snapshot.
 
     Raises:

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.perception import STANDING_TIME
-from artemis.states.plan import Plan, Shared, Stop
+from artemis.states.plan import DriveStop, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import (
     RESETS,
@@ -172,17 +172,17 @@ def come_to_rest(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
     driven wheel is not heard any more. What stood a moment ago may just have begun to move: standing counts after a
     while.
 
-    A driven wheel whose drive is deaf would go on as it was told last: it is stopped by SDO. Where that fails, too,
-    our heartbeat is withheld, so that every drive stops by itself.
+    A driven wheel whose drive is unresponsive would go on as it was told last: it is stopped by SDO. Where that fails,
+    too, our heartbeat is withheld, so that every drive stops by itself.
     """
-    stop = shared.bring_up.stop = shared.bring_up.stop or Stop(snapshot.time)
+    stop = shared.bring_up.stop = shared.bring_up.stop or DriveStop(snapshot.time)
     while True:
         passed = snapshot.time - stop.begun
         halts = [result for result in snapshot.sensed.results if result.kind is JobKind.HALT]
         stop.heartbeat = stop.heartbeat and all(result.ok for result in halts)
-        deaf = [name for name in shared.plan.drives("traction") if _is_deaf(snapshot, name, passed)]
-        jobs = shared.bring_up.jobs(JobKind.HALT, [name for name in deaf if name not in stop.halted])
-        stop.halted.update(deaf)
+        unresponsive = [name for name in shared.plan.drives("traction") if _is_unresponsive(snapshot, name, passed)]
+        jobs = shared.bring_up.jobs(JobKind.HALT, [name for name in unresponsive if name not in stop.halted])
+        stop.halted.update(unresponsive)
         limit = ROLLING_TIME if _is_heard(shared.plan, snapshot) else shared.plan.stop_time
         if not jobs and (passed >= limit or (snapshot.standing and passed >= STANDING_TIME)):
             shared.bring_up.stop = None
@@ -191,16 +191,16 @@ def come_to_rest(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
         snapshot = yield replace(told, jobs=jobs, heartbeat=wish.heartbeat and stop.heartbeat)
 
 
-DEAF = 0.1
-"""A drive whose feedback is older than this [s], or that is still enabled so long after it was stopped, is deaf."""
+UNRESPONSIVE = 0.1
+"""A drive whose feedback is older than this [s], or still enabled so long after it was stopped, is unresponsive."""
 
 
-def _is_deaf(snapshot: Snapshot, name: str, passed: float) -> bool:
+def _is_unresponsive(snapshot: Snapshot, name: str, passed: float) -> bool:
     """Whether a drive takes no process data, `passed` [s] after the stop began."""
     drive = next(drive for drive in snapshot.sensed.drives if drive.name == name)
-    if drive.nmt is not Nmt.OPERATIONAL or drive.age is None or drive.age > DEAF:
+    if drive.nmt is not Nmt.OPERATIONAL or drive.age is None or drive.age > UNRESPONSIVE:
         return True
-    return drive.state is DriveState.OPERATION_ENABLE and passed >= DEAF
+    return drive.state is DriveState.OPERATION_ENABLE and passed >= UNRESPONSIVE
 
 
 def _is_heard(plan: Plan, snapshot: Snapshot) -> bool:

@@ -17,11 +17,11 @@ from msgspec.structs import replace
 from artemis.motion.angles import wrap
 from artemis.motion.route import Part, Route
 from artemis.motion.totals import total
-from artemis.plugins.border import PLUGIN_ERRORS, plain_following, told
 from artemis.plugins.contracts import Follower, Following
+from artemis.plugins.guard import PLUGIN_ERRORS, plain_following, told
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, Fault, Pose, SetPoints, Snapshot
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 STEERED = math.radians(6)
 """Before the robot drives off, its wheels are turned so near to where the follower wants them [rad]."""
@@ -67,7 +67,7 @@ class PartByPart:
         end: Arc length at which the present part ends [m].
     """
 
-    def __init__(self, follower: Follower, route: Route, driven: float, robot: Robot) -> None:
+    def __init__(self, follower: Follower, route: Route, driven: float, robot: RobotFile) -> None:
         """`route` is what is left of a longer one, of which so much is `driven` [m]."""
         self._follower, self._route, self._driven = follower, route, driven
         self._limit = math.radians(robot.limits.steering_deg)

@@ -16,7 +16,7 @@ from artemis.motion.track import Track
 from artemis.plugins.contracts import Follower
 from artemis.supervision.policy import Policies
 from artemis.values import Job, JobKind, Pose, Position, Wish
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 
 class CalibrateStep(Struct, frozen=True, kw_only=True):
@@ -81,7 +81,7 @@ def with_followers(steps: Iterable[Step], change: Callable[[Follower], Follower]
 
 
 @dataclass(slots=True)
-class Stop:
+class DriveStop:
     """A stop by the drives under way. A mode that begins it anew goes on with it: its time does not begin again."""
 
     begun: float
@@ -94,7 +94,7 @@ class Stop:
 class Plan(Struct, frozen=True, kw_only=True):
     """What a run is to do; it never changes."""
 
-    robot: Robot
+    robot: RobotFile
     steps: tuple[Step, ...]
     policies: Policies = {}
     """What the mission says about single faults."""
@@ -140,7 +140,7 @@ class BringUp:
     """A person stopped the robot, or a fault that may not go on by itself: nothing but a person's arm lets it go on."""
     taken: bool = False
     """Wheels with new potentiometers were taken as they were found: from then on they may have been turned."""
-    stop: Stop | None = None
+    stop: DriveStop | None = None
     """None: no stop by the drives is under way."""
     resets: dict[str, str] = field(default_factory=dict)
     """NMT reset that a drive needs before it is brought up again: `communication` or `node`."""

@@ -290,7 +290,7 @@ def _told(plan: Plan, fits: Mapping[str, SteeringFit]) -> Iterator[str]:
             shift = (zero - old.zero_v[number]) * slope
             yield (
                 f"{side} {number + 1}: zero {old.zero_v[number]:.4f} -> {zero:.4f} V ({shift:+.2f} deg, "
-                f"+- {abs(fit.zero_spread_v[number] * slope):.3f}), slope {old.slope_deg_per_v[number]:.3f} -> "
-                f"{slope:.3f} deg/V (+- {fit.slope_spread_deg_per_v[number]:.3f})"
+                f"+- {abs(fit.zero_std_v[number] * slope):.3f}), slope {old.slope_deg_per_v[number]:.3f} -> "
+                f"{slope:.3f} deg/V (+- {fit.slope_std_deg_per_v[number]:.3f})"
             )
         yield f"{side}: backlash {fit.backlash_deg:.2f} deg, off the line by {fit.misfit_deg:.3f} deg at most"

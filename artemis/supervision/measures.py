@@ -13,7 +13,7 @@ from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.perception import stale_age
 from artemis.motion.totals import total
 from artemis.values import DriveFeedback, OperatorInput, Sensed, Wish
-from artemis.vehicle import OPERATING_MODES, Robot
+from artemis.vehicle import OPERATING_MODES, RobotFile
 
 Reading = tuple[str, str, float, str]
 """Row, device, value, what was seen."""
@@ -56,7 +56,7 @@ class Rate:
 class DriveMeasures:
     """Each drive against what is expected of it: heard, in the right state, in the right mode."""
 
-    def __init__(self, robot: Robot, tick: float) -> None:
+    def __init__(self, robot: RobotFile, tick: float) -> None:
         self._stale = stale_age(tick)
         self._slack = self._stale - stale_age(0.0)
         self._traction = {name for name, drive in robot.drives.items() if drive.role == "traction"}

@@ -8,15 +8,15 @@ from artemis.drive_states import DriveState
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
 from artemis.supervision.measures import Reading
 from artemis.values import DriveFeedback, JobKind, JobResult
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 _NEVER = nan, nan
 
 
-class SteeredWheel:
+class SteeredWheelMonitor:
     """Remembers whether its drive knows the wheel's angle, and when its potentiometers changed last."""
 
-    def __init__(self, robot: Robot, side: str, blind: bool) -> None:
+    def __init__(self, robot: RobotFile, side: str, blind: bool) -> None:
         """`blind`: the calibration of the potentiometers means nothing."""
         self._name, drive = robot.drive_at("steering", side)
         self._output_current_ma = drive.motor.output_current_ma

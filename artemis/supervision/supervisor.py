@@ -15,7 +15,7 @@ from artemis.supervision.measures import FAULT_STATES, DriveMeasures, HostMeasur
 from artemis.supervision.policy import Policies, stricter
 from artemis.supervision.wheels import Wheels
 from artemis.values import Action, Fault, Mode, Request, Sensed, SetPoints, Severity, Verdict, Wish
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 STANDING = 0.01
 """Automatic recovery needs a robot that moves no faster than this [m/s]."""
@@ -51,7 +51,7 @@ class _Latched:
 class Supervisor:
     """Runs the measures at each tick, latches what they find, and gives the worst reaction."""
 
-    def __init__(self, robot: Robot, tick: float, policies: Policies | None = None, blind: bool = False) -> None:
+    def __init__(self, robot: RobotFile, tick: float, policies: Policies | None = None, blind: bool = False) -> None:
         """`tick` is the tick's period [s]; `policies` make rows stricter; `blind`: the potentiometers are new."""
         policies = policies or {}
         self._rows: Mapping[str, Row] = stricter(policies)

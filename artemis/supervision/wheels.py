@@ -11,12 +11,12 @@ from artemis.drive_states import POWERED, DriveState, Goal
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.perception import stale_age
 from artemis.supervision.measures import Reading
-from artemis.supervision.steered import SteeredWheel
+from artemis.supervision.steered import SteeredWheelMonitor
 from artemis.values import Action, DriveFeedback, Sensed, SetPoints, Wish
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 SPEED_TIME, SLIP_TIME = 0.04, 0.2
-"""A wheel's speed is its way over this time [s]: halls are too coarse for less (0.2 mm a count)."""
+"""A wheel's speed is its distance over this time [s]: halls are too coarse for less (0.2 mm a count)."""
 ANSWER_TIME = 0.2
 """What was commanded in this time [s] may still be on its way to the wheel."""
 TRAIL_TIME = 0.1
@@ -53,14 +53,14 @@ class Wheels:
     _asked_columns: tuple[tuple[float, ...], ...]
     """`_asked` in columns, of a tick in which the wheels are driven."""
 
-    def __init__(self, robot: Robot, tick: float, blind: bool = False) -> None:
+    def __init__(self, robot: RobotFile, tick: float, blind: bool = False) -> None:
         """`blind`: the calibration of the potentiometers means nothing."""
         self._limits, self._stale = robot.limits, stale_age(tick)
         self._car = Ackermann(robot.geometry)
-        self._steered = [SteeredWheel(robot, side, blind) for side in ("left", "right")]
+        self._steered = [SteeredWheelMonitor(robot, side, blind) for side in ("left", "right")]
         self._by_place = itemgetter(*robot.places)
         self._moments: deque[tuple[float, float, float]] = deque()
-        """Time [s], ways of both wheels [m]."""
+        """Time [s], distances of both wheels [m]."""
         self._asked: deque[tuple[float, float, float]] = deque()
         """Time [s], speeds of both wheels [m/s]."""
         self._planned = 0.0

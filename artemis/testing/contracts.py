@@ -27,11 +27,11 @@ from artemis.motion.angles import difference
 from artemis.motion.limits import Gate, is_sane
 from artemis.motion.odometry import move
 from artemis.motion.path import Path, path_from_points
-from artemis.plugins.border import LATE, is_in_range, is_whole_input, plain_following
-from artemis.plugins.contracts import Follower, Following, InputDevice, Setup
+from artemis.plugins.contracts import Follower, Following, InputDevice, PluginContext
+from artemis.plugins.guard import LATE, is_in_range, is_whole_input, plain_following
 from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, breaches
 from artemis.values import LocatedPose, Odometry, OperatorInput, Pose, Sensed, SetPoints, Snapshot, Verdict
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 NAME = "tried"
@@ -42,7 +42,7 @@ TRIES = 20
 """The quickest of so many calls counts: what else the computer does takes no part."""
 BEYOND = 1.02
 """Commands may be so far beyond the robot's limits without a warning (RUN-12)."""
-ROBOT = Robot.model_validate(load(FilePath(__file__).with_name("artemis.yaml")).data)
+ROBOT = RobotFile.model_validate(load(FilePath(__file__).with_name("artemis.yaml")).data)
 
 
 class PluginContract:
@@ -55,11 +55,11 @@ class PluginContract:
     """Its keys, as a mission writes them beside `plugin:`."""
     files: Mapping[str, bytes] = {}
     """Contents of the files that the options name."""
-    robot: Robot = ROBOT
+    robot: RobotFile = ROBOT
 
-    def given(self) -> Setup:
+    def given(self) -> PluginContext:
         """What a new plugin may know. Override for a device that needs more of it."""
-        return Setup(name=NAME, robot=self.robot, folder=FilePath(), files=self.files)
+        return PluginContext(name=NAME, robot=self.robot, folder=FilePath(), files=self.files)
 
     def make(self) -> Any:  # noqa: ANN401  (a plugin of the group; another class would be found by the first test)
         """A new plugin, made as artemis makes it."""
@@ -120,7 +120,7 @@ class InputContract(PluginContract):
     def test_samples_are_whole(self) -> None:
         """Every answer is an OperatorInput with the right types in it, and carries its name in the mission."""
         for now, sample in self.samples():
-            assert sample.source == NAME, f"read({now:.2f}) gave the source {sample.source!r}, not setup.name (PLG-06)"
+            assert sample.source == NAME, f"read({now:.2f}) has the source {sample.source!r}, not context.name (PLG-06)"
 
     def test_samples_are_in_range(self) -> None:
         """Numbers are finite, axes within -1 and 1, no age is negative, and the wish is within the robot's limits."""
@@ -198,7 +198,7 @@ class InputContract(PluginContract):
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class TrialDrive:
     """A drive along a path: what the follower was shown, what it answered, and where the robot came to rest."""
 
     path: Path
@@ -218,7 +218,7 @@ class FollowerContract(PluginContract):
     patience: float = 300.0
     """So long it may take for ten metres [s], of run time."""
 
-    def drive(self, path: Path, begin: Pose | None = None, follower: Follower | None = None) -> Drive:
+    def drive(self, path: Path, begin: Pose | None = None, follower: Follower | None = None) -> TrialDrive:
         """Drive along `path` to the end; `begin`: where the robot stands first, its start if left out."""
         car = _Car(self.robot, begin or _start_of(path))
         follower = follower or self.make()
@@ -232,7 +232,7 @@ class FollowerContract(PluginContract):
             assert is_sane(answer.command), f"not finite: {answer.command} (RUN-11)"
             steps.append((snapshot, answer))
             car.obey(answer)
-        return Drive(path, steps, car.pose)
+        return TrialDrive(path, steps, car.pose)
 
     def test_follows_a_straight(self) -> None:
         """From its start."""
@@ -303,7 +303,7 @@ class FollowerContract(PluginContract):
         took = _quickest(follower.step, snapshots[:TRIES])
         assert took <= LATE, f"step() takes {took * 1000:.0f} ms, {LATE * 1000:.0f} are allowed (PTH-09)"
 
-    def _assert_near(self, drive: Drive) -> None:
+    def _assert_near(self, drive: TrialDrive) -> None:
         near = 0.0
         for snapshot, _ in drive.steps:
             pose = snapshot.pose.pose
@@ -311,7 +311,7 @@ class FollowerContract(PluginContract):
             near, away = true.arc_length, abs(true.cross_track)
             assert away <= self.nearness, f"{away:.2f} m from the path at {near:.2f} m of it; {self.nearness} are fine"
 
-    def _assert_repeats(self, drive: Drive, follower: Follower, who: str) -> None:
+    def _assert_repeats(self, drive: TrialDrive, follower: Follower, who: str) -> None:
         follower.start(drive.path, drive.steps[0][0])
         for snapshot, first in drive.steps:
             again = follower.step(snapshot)
@@ -321,7 +321,7 @@ class FollowerContract(PluginContract):
 class _Car:
     """A robot that does what leaves the gate, one tick later; the pose of its rear axle is exact."""
 
-    def __init__(self, robot: Robot, pose: Pose) -> None:
+    def __init__(self, robot: RobotFile, pose: Pose) -> None:
         self.pose = pose
         self._gate, self._wheelbase = Gate(robot, PERIOD), robot.geometry.wheelbase_m
         self._wanted = self._done = SetPoints()

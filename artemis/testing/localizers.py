@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from artemis.clock import stopwatch
-from artemis.plugins.border import LATE, plain_fixes
 from artemis.plugins.contracts import Localizer
+from artemis.plugins.guard import LATE, plain_fixes
 from artemis.plugins.registry import LOCALIZERS
 from artemis.testing.contracts import PERIOD, PluginContract
 from artemis.values import PoseFix

@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 
 from artemis.clock import stopwatch
-from artemis.plugins.contracts import Observer, Setup
+from artemis.plugins.contracts import Observer, PluginContext
 from artemis.plugins.registry import OBSERVERS
 from artemis.supervision.catalogue import ROWS
 from artemis.testing.contracts import NAME, PERIOD, PluginContract
@@ -40,7 +40,7 @@ class ObserverContract(PluginContract):
     folder: FilePath | None = None
     """Of the run; set while there is one."""
 
-    def given(self) -> Setup:
+    def given(self) -> PluginContext:
         """What a new observer may know: the run's folder, too."""
         return replace(super().given(), run=self.folder)
 
@@ -58,17 +58,19 @@ class ObserverContract(PluginContract):
     def ticks(self) -> Iterator[Tick]:
         """A robot that drives along the x axis; at first it is told nothing of a path."""
         for index in range(round(self.duration / PERIOD)):
-            way, time = SPEED * index * PERIOD, index * PERIOD
+            distance, time = SPEED * index * PERIOD, index * PERIOD
             snapshot = Snapshot(
                 sensed=Sensed(index=index, time=time),
                 dt=PERIOD if index else 0.0,
-                odometry=Odometry(pose=Pose(x=way), speed=SPEED, distance=way),
-                pose=LocatedPose(pose=Pose(x=way)),
+                odometry=Odometry(pose=Pose(x=distance), speed=SPEED, distance=distance),
+                pose=LocatedPose(pose=Pose(x=distance)),
                 standing=False,
                 set_points=SetPoints(speed=SPEED),
                 verdict=Verdict(),
             )
-            tracking = Tracking(arc_length=way, length=SPEED * self.duration, cross_track=0.0) if time > 1.0 else None
+            tracking = (
+                Tracking(arc_length=distance, length=SPEED * self.duration, cross_track=0.0) if time > 1.0 else None
+            )
             wish = Wish(phase="following", tracking=tracking)
             yield Tick(snapshot=snapshot, mode=Mode.FOLLOW, wish=wish, set_points=SetPoints(speed=SPEED))
 
@@ -80,7 +82,7 @@ class ObserverContract(PluginContract):
                 for problem in observer.take_problems():
                     id, name, words = problem
                     assert id in ROWS, f"take_problems() gave {problem!r}: no such row of the fault table (PLG-06)"
-                    assert name == NAME, f"take_problems() gave {problem!r}, not setup.name (PLG-06)"
+                    assert name == NAME, f"take_problems() gave {problem!r}, not context.name (PLG-06)"
                     assert isinstance(words, str), f"take_problems() gave {problem!r} (PLG-06)"
 
     def test_keeps_up(self) -> None:

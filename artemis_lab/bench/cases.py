@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.bench.plant import Conditions, bicycle
 
 RATE = 38.0
@@ -25,7 +25,7 @@ class Case:
     steering_rate_deg_s: float | None = RATE
     """Of the virtual wheel; None: the robot as its file says, each wheel within its own rate."""
 
-    def robot(self, robot: Robot) -> Robot:
+    def robot(self, robot: RobotFile) -> RobotFile:
         """The robot of this case."""
         return robot if self.steering_rate_deg_s is None else bicycle(robot, self.steering_rate_deg_s)
 

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline  # scipy has no types
 from artemis.motion.path import Path, path_from_points
 from artemis.motion.spline import Array
 from artemis.values import Pose
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 SPACING = 0.005
 """Of a course's points [m]: a chord of the tightest curve is 10 um off."""
@@ -86,7 +86,7 @@ def five_courses() -> tuple[Course, ...]:
 # ---------------------------------------------------------------------------------------------- random ones
 
 
-def random_course(seed: int, robot: Robot) -> Course:
+def random_course(seed: int, robot: RobotFile) -> Course:
     """A course that the robot can drive; the kind goes round with the seed.
 
     Chains of clothoids, splines through random points, legs with kinks of up to 90 degrees, closed loops, closed

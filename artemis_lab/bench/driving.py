@@ -11,9 +11,9 @@ from artemis.errors import ConfigError
 from artemis.plugins.contracts import Follower
 from artemis.states.parts import flipped, flipped_command
 from artemis.values import Pose, Snapshot
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.bench.courses import Course
-from artemis_lab.bench.judge import Figures, Reference, Track, judge
+from artemis_lab.bench.judge import Figures, ReferenceLine, RunTrack, judge
 from artemis_lab.bench.plant import Conditions, Plant
 
 LOST = 2.0
@@ -24,21 +24,21 @@ SLOWEST, SLACK = 0.2, 20.0
 """A run may take the time of its course at this mean speed [m/s], and this [s]."""
 
 
-class Refused(Exception):
+class FollowerRefused(Exception):
     """The follower does not begin, and says why."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Driven:
+class RunOutcome:
     """What came of a run."""
 
-    track: Track
+    track: RunTrack
     figures: Figures
     problem: str = ""
     """Why it did not finish (`lost: ...`, `late: ...`, `elsewhere: ...`); empty if it did."""
 
 
-def drive(follower: Follower, course: Course, robot: Robot, conditions: Conditions, seed: int = 1) -> Driven:
+def drive(follower: Follower, course: Course, robot: RobotFile, conditions: Conditions, seed: int = 1) -> RunOutcome:
     """Drive a course from its start to where the follower has finished and the robot stands.
 
     `robot` moves as its file says, but for `conditions`. Whatever the follower raises is passed on.
@@ -48,15 +48,15 @@ def drive(follower: Follower, course: Course, robot: Robot, conditions: Conditio
     """
     turned = math.pi if conditions.backward else 0.0
     start = course.start(conditions.start_offset, conditions.start_heading + turned)
-    plant, log = Plant(robot, conditions, start, seed), Log(course)
+    plant, log = Plant(robot, conditions, start, seed), RunLog(course)
     snapshot = _seen(plant, conditions)
     try:
         follower.start(course.path(), snapshot)
     except ConfigError as error:
-        raise Refused(error) from error
+        raise FollowerRefused(error) from error
     while True:
         following = follower.step(snapshot)
-        log.add(plant.time, plant.pose, plant.way, plant.speed, following.command.steering)
+        log.add(plant.time, plant.pose, plant.distance, plant.speed, following.command.steering)
         if log.problem or (following.finished and snapshot.standing):
             return log.driven(conditions.period)
         command = following.command
@@ -68,7 +68,7 @@ def _seen(plant: Plant, conditions: Conditions) -> Snapshot:
     return flipped(plant.snapshot()) if conditions.backward else plant.snapshot()
 
 
-class Log:
+class RunLog:
     """Writes a run down, tick by tick.
 
     Attributes:
@@ -76,17 +76,17 @@ class Log:
     """
 
     def __init__(self, course: Course) -> None:
-        self._course, self._reference = course, Reference(course)
+        self._course, self._reference = course, ReferenceLine(course)
         self._longest = self._reference.length / SLOWEST + SLACK
         self._rows: list[tuple[float, ...]] = []
         self.problem = ""
 
-    def add(self, time: float, pose: Pose, way: float, speed: float, steering: float) -> None:
-        """A tick: time [s], true pose, way of the rear axle [m], speed [m/s], commanded angle [rad]."""
+    def add(self, time: float, pose: Pose, distance: float, speed: float, steering: float) -> None:
+        """A tick: time [s], true pose, distance of the rear axle [m], speed [m/s], commanded angle [rad]."""
         arc, error = self._reference.locate(pose.x, pose.y)
-        self._rows.append((time, pose.x, pose.y, way, arc, error, speed, steering))
+        self._rows.append((time, pose.x, pose.y, distance, arc, error, speed, steering))
         if abs(error) > LOST:
-            self.problem = f"lost: {abs(error):.1f} m from the course after {way:.1f} m"
+            self.problem = f"lost: {abs(error):.1f} m from the course after {distance:.1f} m"
         elif time - self._rows[0][0] > self._longest:
             self.problem = f"late: at {arc:.1f} of {self._reference.length:.1f} m after {self._longest:.0f} s"
 
@@ -95,12 +95,14 @@ class Log:
         """Something is written down."""
         return bool(self._rows)
 
-    def driven(self, period: float) -> Driven:
+    def driven(self, period: float) -> RunOutcome:
         """The whole run; `period` of the ticks [s]."""
-        time, x, y, way, arcs, errors, speed, angles = np.array(self._rows).T
-        time, way = time - time[0], way - way[0]
-        track = Track(time=time, x=x, y=y, way=way, arc_length=arcs, cross_track=errors, speed=speed, steering=angles)
+        time, x, y, distance, arcs, errors, speed, angles = np.array(self._rows).T
+        time, distance = time - time[0], distance - distance[0]
+        track = RunTrack(
+            time=time, x=x, y=y, distance=distance, arc_length=arcs, cross_track=errors, speed=speed, steering=angles
+        )
         problem = self.problem
         if not problem and abs(self._reference.length - arcs[-1]) > AT_END:
             problem = f"elsewhere: finished at {arcs[-1]:.2f} of {self._reference.length:.2f} m"
-        return Driven(track=track, figures=judge(track, self._course, period), problem=problem)
+        return RunOutcome(track=track, figures=judge(track, self._course, period), problem=problem)

@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 
 from artemis.report.figures import INK, PATH, WIDTH, thinned
 from artemis_lab.bench.courses import Course
-from artemis_lab.bench.judge import Track
+from artemis_lab.bench.judge import RunTrack
 
 LINEAR = 10.0
 """Errors below are drawn to scale, larger ones logarithmically [mm]: followers differ by two orders of magnitude."""
 
 
-def course_figure(course: Course, tracks: Mapping[str, Track], title: str) -> Figure:
+def course_figure(course: Course, tracks: Mapping[str, RunTrack], title: str) -> Figure:
     """The course from above with the followers' tracks; cross-track error over arc length. Call inside `style`."""
     figure = Figure(figsize=(WIDTH, 8.6), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=(1.6, 1.0))

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path as FilePath
 
-from artemis.plugins.border import PLUGIN_ERRORS, told
-from artemis.plugins.contracts import Follower, Setup
+from artemis.plugins.contracts import Follower, PluginContext
+from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.plugins.registry import FOLLOWERS, listing, load
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.bench import full_stack
 from artemis_lab.bench.cases import CASES, CLEAN, NOISY, Case, random_case
 from artemis_lab.bench.courses import Course, five_courses, random_course
-from artemis_lab.bench.driving import Driven, Refused, drive
-from artemis_lab.bench.judge import Figures, Track
+from artemis_lab.bench.driving import FollowerRefused, RunOutcome, drive
+from artemis_lab.bench.judge import Figures, RunTrack
 from artemis_lab.bench.python_robotics import REFERENCES, reference
 
 SPEED = 0.7
@@ -38,14 +38,14 @@ class Task:
     """One of the five; `random-SEED`."""
     case: str
     """One of `CASES`, `FRAMES` or `RANDOM`."""
-    robot: Robot
+    robot: RobotFile
     seed: int
     checkout: FilePath | None = None
     """Of PythonRobotics."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class Measurement:
     """What came of a task."""
 
     task: Task
@@ -53,7 +53,7 @@ class Row:
     """None: it did not drive to its end."""
     problem: str = ""
     """Why: `refused`, `raised`, `lost`, `late` or `elsewhere`, a colon, and words."""
-    track: Track | None = None
+    track: RunTrack | None = None
     """Of what goes into a figure."""
 
 
@@ -65,7 +65,7 @@ def installed() -> list[str]:
 def tasks(
     followers: Iterable[str],
     courses: Iterable[str],
-    robot: Robot,
+    robot: RobotFile,
     *,
     seed: int,
     frames: bool,
@@ -87,10 +87,10 @@ def tasks(
             yield Task(follower=follower, course=course, case=RANDOM, robot=robot, seed=number, checkout=checkout)
 
 
-def run_all(given: Iterable[Task], finished: Callable[[Row], None]) -> list[Row]:
+def run_all(given: Iterable[Task], finished: Callable[[Measurement], None]) -> list[Measurement]:
     """Do every run, as many at once as there are processors; each is told to `finished` as it ends."""
     given = list(given)
-    rows: dict[int, Row] = {}
+    rows: dict[int, Measurement] = {}
     fresh = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(os.cpu_count() or 1, len(given)), mp_context=fresh) as pool:
         futures = {pool.submit(run, task): index for index, task in enumerate(given)}
@@ -100,19 +100,21 @@ def run_all(given: Iterable[Task], finished: Callable[[Row], None]) -> list[Row]
     return [rows[index] for index in range(len(given))]
 
 
-def run(task: Task) -> Row:
+def run(task: Task) -> Measurement:
     """Do one run; whatever the follower does is part of the result."""
     try:
         driven = _drive(task)
-    except Refused as refusal:
-        return Row(task=task, figures=None, problem=f"refused: {refusal}")
+    except FollowerRefused as refusal:
+        return Measurement(task=task, figures=None, problem=f"refused: {refusal}")
     except PLUGIN_ERRORS as error:  # the follower's: a stranger's code may raise anything
-        return Row(task=task, figures=None, problem=f"raised: {told(error)}")
+        return Measurement(task=task, figures=None, problem=f"raised: {told(error)}")
     figures = None if driven.problem else driven.figures
-    return Row(task=task, figures=figures, problem=driven.problem, track=driven.track if task.case == CLEAN else None)
+    return Measurement(
+        task=task, figures=figures, problem=driven.problem, track=driven.track if task.case == CLEAN else None
+    )
 
 
-def _drive(task: Task) -> Driven:
+def _drive(task: Task) -> RunOutcome:
     course, case = _course(task), random_case(task.seed) if task.case == RANDOM else CASES.get(task.case)
     if case is None:
         return full_stack.drive(task.follower, options(task.follower, task.robot), course, task.robot, task.seed)
@@ -126,17 +128,17 @@ def _course(task: Task) -> Course:
     return next(course for course in five_courses() if course.name == task.course)
 
 
-def follower(task: Task, robot: Robot, case: Case) -> Follower:
+def follower(task: Task, robot: RobotFile, case: Case) -> Follower:
     """The follower of a task, new."""
     if task.follower in REFERENCES and task.checkout is not None:
         return reference(task.follower, task.checkout, robot, case.conditions.period, SPEED)
     plugin = load(FOLLOWERS, task.follower)
     config = plugin.Config.model_validate(options(task.follower, robot))
-    made: Follower = plugin(config, Setup(name=task.follower, robot=robot, folder=FilePath()))
+    made: Follower = plugin(config, PluginContext(name=task.follower, robot=robot, folder=FilePath()))
     return made
 
 
-def options(name: str, robot: Robot) -> dict[str, float]:
+def options(name: str, robot: RobotFile) -> dict[str, float]:
     """What a mission would write beside `plugin:`: the speed, if it takes one; all else has its default."""
     fields = load(FOLLOWERS, name).Config.model_fields
     return {"speed_m_s": min(SPEED, robot.limits.speed_m_s)} if "speed_m_s" in fields else {}

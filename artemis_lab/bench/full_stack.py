@@ -21,9 +21,9 @@ from artemis.mission.loading import load_mission
 from artemis.sim.truth import Truth
 from artemis.sim.world import World
 from artemis.values import Fault, Mode, Pose, Tick
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.bench.courses import Course
-from artemis_lab.bench.driving import Driven, Log, Refused
+from artemis_lab.bench.driving import FollowerRefused, RunLog, RunOutcome
 
 ROUNDED = 0.2
 """So far from a corner [m] the path may go where the robot cannot do it; where it cannot steer fast enough, it slows
@@ -34,14 +34,14 @@ class _TooLong(Exception):
     """The run leads nowhere."""
 
 
-def drive(follower: str, options: Mapping[str, float], course: Course, robot: Robot, seed: int) -> Driven:
+def drive(follower: str, options: Mapping[str, float], course: Course, robot: RobotFile, seed: int) -> RunOutcome:
     """Run a mission that follows the course; the true pose is judged, from where the path begins.
 
     Raises:
         Refused: `artemis check` would refuse the mission, with its words.
     """
     course = _from_start(course)
-    log, truths, faults = Log(course), list[Truth](), dict[Fault, None]()
+    log, truths, faults = RunLog(course), list[Truth](), dict[Fault, None]()
 
     def witness(world: World) -> World:
         truths.append(Truth(world, Pose()))
@@ -61,13 +61,13 @@ def drive(follower: str, options: Mapping[str, float], course: Course, robot: Ro
         try:
             loaded = load_mission(source)
         except ConfigError as error:
-            raise Refused("; ".join(problem.replace(folder, "") for problem in error.problems)) from error
+            raise FollowerRefused("; ".join(problem.replace(folder, "") for problem in error.problems)) from error
         try:
             failed = run_mission(loaded, source, watch=watch, witness=witness).failed
         except* _TooLong:
             failed = False
         if failed and not log.begun:
-            raise Refused(_words(faults))
+            raise FollowerRefused(_words(faults))
         driven = log.driven(1 / loaded.mission.tick_hz)
     return replace(driven, problem=f"stopped: {_words(faults)}") if failed else driven
 
@@ -81,7 +81,7 @@ def _from_start(course: Course) -> Course:
 
 
 def _write(
-    folder: FilePath, follower: str, options: Mapping[str, float], course: Course, robot: Robot, seed: int
+    folder: FilePath, follower: str, options: Mapping[str, float], course: Course, robot: RobotFile, seed: int
 ) -> FilePath:
     """Lay the files of the mission."""
     rows = [f"{x:.5f},{y:.5f}" for x, y in course.points]

@@ -15,10 +15,10 @@ WINDOW = 0.5
 SETTLED = 0.02
 """Cross-track error of a settled robot [m]."""
 RUN_IN, RUN_OUT = 3.0, 3.0
-"""Way after which the steady figures begin, and way at the end of which the residual is taken [m]."""
+"""Distance after which the steady figures begin, and distance at the end of which the residual is taken [m]."""
 
 
-class Reference:
+class ReferenceLine:
     """A course to measure distances from; goes on straight before its beginning and after its end."""
 
     def __init__(self, course: Course) -> None:
@@ -51,17 +51,17 @@ class Reference:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Track:
+class RunTrack:
     """A run, tick by tick: arrays of shape (n,), true values.
 
-    `arc_length` and `cross_track` [m] are against the course, `way` [m] is that of the rear axle's centre, `steering`
-    [rad] what the follower commanded, `speed` [m/s] that of the virtual front wheel.
+    `arc_length` and `cross_track` [m] are against the course, `distance` [m] is that of the rear axle's centre,
+    `steering` [rad] what the follower commanded, `speed` [m/s] that of the virtual front wheel.
     """
 
     time: Array
     x: Array
     y: Array
-    way: Array
+    distance: Array
     arc_length: Array
     cross_track: Array
     speed: Array
@@ -70,7 +70,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figures:
-    """Of one run. Errors in m. Means are over the way: standing still counts for nothing."""
+    """Of one run. Errors in m. Means are over the distance: standing still counts for nothing."""
 
     rms: float
     max: float
@@ -79,7 +79,7 @@ class Figures:
     steady_max: float
     residual: float
     """RMS over the last `RUN_OUT` metres."""
-    settling_way: float
+    settling_distance: float
     """Arc length from the start (or the kink) until it stays within `SETTLED`; infinite: never."""
     overshoot: float
     """Largest error on the other side than the start's offset; 0 for a course without."""
@@ -89,13 +89,13 @@ class Figures:
     """Greatest change of the commanded angle [rad/s]."""
 
 
-def judge(track: Track, course: Course, period: float) -> Figures:
+def judge(track: RunTrack, course: Course, period: float) -> Figures:
     """The figures of a run; what lies beyond the end of the course does not count."""
     error, arc = np.abs(track.cross_track), track.arc_length
     on_course = arc <= course.length
     error = np.where(on_course, error, 0.0)
-    weight = np.where(on_course, np.append(np.diff(track.way), 0.0), 0.0)
-    steady, late = track.way >= RUN_IN, arc >= course.length - RUN_OUT
+    weight = np.where(on_course, np.append(np.diff(track.distance), 0.0), 0.0)
+    steady, late = track.distance >= RUN_IN, arc >= course.length - RUN_OUT
     outside = np.flatnonzero(error > SETTLED)
     settled = 0.0
     if len(outside):
@@ -109,7 +109,7 @@ def judge(track: Track, course: Course, period: float) -> Figures:
         steady_rms=_rms(error[steady], weight[steady]),
         steady_max=float(error[steady].max(initial=0.0)),
         residual=_rms(error[late], weight[late]),
-        settling_way=max(settled, 0.0),
+        settling_distance=max(settled, 0.0),
         overshoot=overshoot,
         time=float(track.time[-1]),
         steering_rate=float(np.max(np.abs(np.diff(track.steering)), initial=0.0)) / period,

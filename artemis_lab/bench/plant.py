@@ -16,7 +16,7 @@ from artemis.motion.angles import wrap
 from artemis.motion.limits import Gate
 from artemis.motion.odometry import move
 from artemis.values import DriveCommand, LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 SUB_STEPS = 4
 """Of a period: in each the steering angle counts as constant, which errs by 0.03 mm in 7 m."""
@@ -41,9 +41,9 @@ class Conditions:
     steering_zero: float = 0.0
     """True angle of the wheel where 0 is measured [rad]."""
     wheel_scale: float = 1.0
-    """True way per measured way."""
+    """True distance per measured distance."""
     slip: float = 0.0
-    """Share of its way that the wheel loses on average; it loses as much of its turn, drawn apart (it slides out)."""
+    """Share of its distance that the wheel loses on average; as much of its turn, drawn apart (it slides out)."""
     steering_rate: float = math.inf
     """What the wheel truly steers with [rad/s], where that is less than the robot file says."""
     start_speed: float = 0.7
@@ -56,7 +56,7 @@ class Conditions:
     """The rear is ahead: the follower sees, and commands, the robot that drives the other end ahead."""
 
 
-def bicycle(robot: Robot, steering_rate_deg_s: float) -> Robot:
+def bicycle(robot: RobotFile, steering_rate_deg_s: float) -> RobotFile:
     """The robot with all front wheels in one: steering rate and speed limits are the virtual wheel's."""
     geometry = robot.geometry.model_copy(update={"track_m": NARROW, "scrub_radius_m": 0.0})
     limits = robot.limits.model_copy(update={"steering_rate_wheel_deg_s": steering_rate_deg_s})
@@ -72,13 +72,13 @@ class Plant:
         set_points: What left the gate last.
         speed: Of the virtual front wheel, as the drives measure it [m/s].
         steering: Measured angle of the virtual front wheel [rad].
-        way: True way of the rear axle's centre [m], counted up both ways.
+        distance: True distance of the rear axle's centre [m], counted up both ways.
     """
 
-    def __init__(self, robot: Robot, conditions: Conditions, start: Pose, seed: int) -> None:
+    def __init__(self, robot: RobotFile, conditions: Conditions, start: Pose, seed: int) -> None:
         """Roll straight on at `start` with the start's speed; its offsets are already in `start`."""
         limits = robot.limits
-        self.pose, self.time, self.way = start, 0.0, 0.0
+        self.pose, self.time, self.distance = start, 0.0, 0.0
         speed = min(conditions.start_speed, limits.speed_m_s)
         self.speed, self.steering = -speed if conditions.backward else speed, 0.0
         self.set_points = SetPoints(speed=self.speed, speed_left=self.speed, speed_right=self.speed)
@@ -91,7 +91,7 @@ class Plant:
         self._pending: deque[tuple[float, SetPoints]] = deque()
         self._ticks, self._distance, self._rolled = 0, 0.0, self.speed * conditions.period
         ticks = math.ceil(STANDING_TIME / conditions.period)
-        self._ways = deque([math.inf] * ticks, maxlen=ticks)
+        self._distances = deque([math.inf] * ticks, maxlen=ticks)
 
     def snapshot(self) -> Snapshot:
         """What a follower sees now. Asked once a tick: it draws the noise of the pose."""
@@ -108,7 +108,7 @@ class Plant:
             dt=noise.period,
             pose=LocatedPose(pose=pose),
             odometry=Odometry(pose=pose, speed=speed, steering=self.steering, distance=self._distance),
-            standing=sum(self._ways) <= STANDING_WAY,
+            standing=sum(self._distances) <= STANDING_WAY,
             set_points=self.set_points,
             verdict=Verdict(),
         )
@@ -130,10 +130,10 @@ class Plant:
             moment = until
         self._ticks += 1
         self.time = self._ticks * conditions.period
-        self._ways.append(abs(self._rolled))
+        self._distances.append(abs(self._rolled))
 
     def _advance(self, duration: float, kept_way: float, kept_turn: float) -> None:
-        """Let a time [s] pass in which the target stays, with these shares of way and turn."""
+        """Let a time [s] pass in which the target stays, with these shares of distance and turn."""
         count = max(1, math.ceil(duration / self._conditions.period * SUB_STEPS - 1e-9))
         dt = duration / count
         zero, scale = self._conditions.steering_zero, self._conditions.wheel_scale * kept_way
@@ -146,10 +146,10 @@ class Plant:
             rolled, angle = (speed + self.speed) / 2 * dt, (steering + self.steering) / 2
             self._rolled += rolled
             self._distance += rolled * math.cos(angle)
-            way, angle = rolled * scale, angle + zero
-            advance = way * math.cos(angle)
-            self.pose = move(self.pose, advance, way * math.sin(angle) / self._wheelbase * kept_turn)
-            self.way += abs(advance)
+            distance, angle = rolled * scale, angle + zero
+            advance = distance * math.cos(angle)
+            self.pose = move(self.pose, advance, distance * math.sin(angle) / self._wheelbase * kept_turn)
+            self.distance += abs(advance)
 
 
 def _towards(value: float, target: float, change: float) -> float:

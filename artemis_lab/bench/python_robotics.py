@@ -28,8 +28,8 @@ from artemis.motion.path import Path
 from artemis.plugins.contracts import Follower, Following
 from artemis.plugins.followers.progress import BRAKING, Progress
 from artemis.values import DriveCommand, Snapshot
-from artemis.vehicle import Robot
-from artemis_lab.bench.driving import Refused
+from artemis.vehicle import RobotFile
+from artemis_lab.bench.driving import FollowerRefused
 
 Theirs: TypeAlias = Any
 """A module of the checkout, or a value of one."""
@@ -38,15 +38,15 @@ SPACING = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Reference:
+class PeerTracker:
     """One of their trackers: file in the checkout, class of the adapter, constants that differ from theirs."""
 
     file: str
-    adapter: Callable[[Theirs, Robot, float, float], Follower]
+    adapter: Callable[[Theirs, RobotFile, float, float], Follower]
     constants: dict[str, Any] = field(default_factory=dict)
 
 
-def reference(name: str, checkout: FilePath, robot: Robot, period: float, speed: float) -> Follower:
+def reference(name: str, checkout: FilePath, robot: RobotFile, period: float, speed: float) -> Follower:
     """One of `REFERENCES` for a robot, ticks of `period` [s] and a speed of the virtual front wheel [m/s].
 
     Raises:
@@ -56,14 +56,14 @@ def reference(name: str, checkout: FilePath, robot: Robot, period: float, speed:
     file = checkout / entry.file
     spec = importlib.util.spec_from_file_location(f"python_robotics_{file.stem}", file)
     if spec is None or spec.loader is None or not file.is_file():
-        raise Refused(f"{file} is not there; expected a checkout of PythonRobotics")
+        raise FollowerRefused(f"{file} is not there; expected a checkout of PythonRobotics")
     module = importlib.util.module_from_spec(spec)
     if str(checkout) not in sys.path:
         sys.path.append(str(checkout))
     try:
         spec.loader.exec_module(module)
     except ImportError as error:
-        raise Refused(f"{file.name}: {error}") from error
+        raise FollowerRefused(f"{file.name}: {error}") from error
     for constant, value in entry.constants.items():
         setattr(module, constant, value)
     return entry.adapter(module, robot, period, speed)
@@ -74,9 +74,9 @@ class _Tracker(ABC):
 
     Config: ClassVar[type[Config]] = Config
     beyond: ClassVar[float] = 0.6
-    """Way by which the path is continued [m]: for a front axle, which is there first."""
+    """Distance by which the path is continued [m]: for a front axle, which is there first."""
 
-    def __init__(self, module: Theirs, robot: Robot, period: float, speed: float) -> None:
+    def __init__(self, module: Theirs, robot: RobotFile, period: float, speed: float) -> None:
         self._module, self._speed, self._period = module, min(speed, robot.limits.speed_m_s), period
         self._deceleration = BRAKING * robot.limits.deceleration_m_s2
         self._wheelbase, self._limit = robot.geometry.wheelbase_m, math.radians(robot.limits.steering_deg)
@@ -198,13 +198,13 @@ _STANLEY = _PATH_TRACKING + "stanley_control/stanley_control.py"
 _LQR = _PATH_TRACKING + "lqr_steer_control/lqr_steer_control.py"
 _MPC = _PATH_TRACKING + "model_predictive_speed_and_steer_control/model_predictive_speed_and_steer_control.py"
 REFERENCES = {
-    "[PR] pure pursuit": Reference(_PURE_PURSUIT, _PurePursuit),
-    "[PR] pure pursuit, 0.7 m": Reference(_PURE_PURSUIT, _PurePursuit, {"Lfc": 0.7, "k": 0.0}),
-    "[PR] Stanley": Reference(_STANLEY, _Stanley),
-    "[PR] LQR steer": Reference(_LQR, _Lqr),
-    "[PR] LQR steer, Q 3 0 0.3 0": Reference(_LQR, _Lqr, {"Q": np.diag([3.0, 0.0, 0.3, 0.0])}),
-    "[PR] MPC": Reference(_MPC, _Mpc),
-    "[PR] MPC, Q 10 10 0.5 1, Rd 0.1": Reference(
+    "[PR] pure pursuit": PeerTracker(_PURE_PURSUIT, _PurePursuit),
+    "[PR] pure pursuit, 0.7 m": PeerTracker(_PURE_PURSUIT, _PurePursuit, {"Lfc": 0.7, "k": 0.0}),
+    "[PR] Stanley": PeerTracker(_STANLEY, _Stanley),
+    "[PR] LQR steer": PeerTracker(_LQR, _Lqr),
+    "[PR] LQR steer, Q 3 0 0.3 0": PeerTracker(_LQR, _Lqr, {"Q": np.diag([3.0, 0.0, 0.3, 0.0])}),
+    "[PR] MPC": PeerTracker(_MPC, _Mpc),
+    "[PR] MPC, Q 10 10 0.5 1, Rd 0.1": PeerTracker(
         _MPC,
         _Mpc,
         {"Q": np.diag([10, 10, 0.5, 1.0]), "Qf": np.diag([10, 10, 0.5, 1.0]), "Rd": np.diag([0.1, 0.1])},

@@ -11,7 +11,7 @@ from artemis.motion.path import SPACING, Path
 from artemis.motion.spline import Array
 from artemis.plugins.contracts import Follower
 from artemis.values import Pose
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.bench.plant import Conditions, Plant
 
 SIZES = (1_000, 1_000_000)
@@ -36,7 +36,7 @@ def weaving_path(samples: int) -> Path:
     return Path(x, y, heading, curvature, spacing=SPACING)
 
 
-def step_times(followers: Iterable[Follower], path: Path, robot: Robot) -> Array:
+def step_times(followers: Iterable[Follower], path: Path, robot: RobotFile) -> Array:
     """Time that each step takes [s], shape (n,), n <= `STEPS`, the quickest of the same followers' equal runs.
 
     They drive from the start of the path.
@@ -46,7 +46,7 @@ def step_times(followers: Iterable[Follower], path: Path, robot: Robot) -> Array
     return np.asarray(np.min([times[:count] for times in took], axis=0)[WARM:])
 
 
-def _round(follower: Follower, path: Path, robot: Robot) -> Array:
+def _round(follower: Follower, path: Path, robot: RobotFile) -> Array:
     plant = Plant(robot, Conditions(), Pose(), seed=1)
     follower.start(path, plant.snapshot())
     took: list[float] = []

@@ -13,7 +13,7 @@ import numpy as np
 
 from artemis.motion.spline import Array
 from artemis_lab.bench.cases import CASES, CLEAN, NOISY
-from artemis_lab.bench.followers import FRAMES, RANDOM, Row
+from artemis_lab.bench.followers import FRAMES, RANDOM, Measurement
 from artemis_lab.bench.judge import Figures
 
 RATES = {
@@ -48,10 +48,10 @@ class Grid:
         return "\n".join([self.title, "", *lines, ""])
 
 
-class Results:
+class ResultTable:
     """Rows by follower, course and case."""
 
-    def __init__(self, rows: Sequence[Row]) -> None:
+    def __init__(self, rows: Sequence[Measurement]) -> None:
         self._rows = {(row.task.follower, row.task.course, row.task.case): row for row in rows}
         self.rows = rows
         self.followers = list(dict.fromkeys(row.task.follower for row in rows))
@@ -65,12 +65,12 @@ class Results:
         return row.problem.partition(":")[0] if row.figures is None else show(row.figures)
 
 
-def grids(rows: Sequence[Row], steps: Mapping[str, Mapping[int, Array]]) -> list[Grid]:
+def grids(rows: Sequence[Measurement], steps: Mapping[str, Mapping[int, Array]]) -> list[Grid]:
     """All tables of a bench, without lines and tables of what was not run.
 
     `steps`: step times [s] by follower and points of the path.
     """
-    results = Results(rows)
+    results = ResultTable(rows)
     made = [_at_rate(results, *entry) for entry in RATES.items()]
     made += [_disturbed(results), _frames(results), _random(results), _steps(steps)]
     measured = [replace(grid, rows=[row for row in grid.rows if set(row[1:]) != {"-"}]) for grid in made]
@@ -83,9 +83,9 @@ COLUMNS: list[tuple[str, str, bool, Callable[[Figures], str]]] = [
     ("circle", "RMS/max", False, lambda run: f"{_mm(run.rms)}/{_mm(run.max)}"),
     ("circle", "steady RMS", False, lambda run: _mm(run.steady_rms)),
     ("corner", "RMS/max", False, lambda run: f"{_mm(run.rms)}/{_mm(run.max)}"),
-    ("corner", "settled [m]", False, lambda run: _metres(run.settling_way)),
+    ("corner", "settled [m]", False, lambda run: _metres(run.settling_distance)),
     ("corner", "time [s]", False, lambda run: f"{run.time:.1f}"),
-    ("straight", "settled [m]", False, lambda run: _metres(run.settling_way)),
+    ("straight", "settled [m]", False, lambda run: _metres(run.settling_distance)),
     ("straight", "overshoot", False, lambda run: _mm(run.overshoot)),
     ("figure-eight", "noise: RMS", True, lambda run: _mm(run.steady_rms)),
     ("slalom", "noise: RMS", True, lambda run: _mm(run.steady_rms)),
@@ -96,7 +96,7 @@ COLUMNS: list[tuple[str, str, bool, Callable[[Figures], str]]] = [
 """Course, heading, with noise or clean, and what is shown."""
 
 
-def _at_rate(results: Results, rate: str, cases: tuple[str, str]) -> Grid:
+def _at_rate(results: ResultTable, rate: str, cases: tuple[str, str]) -> Grid:
     columns = [column for column in COLUMNS if column[0] in results.courses]
     return Grid(
         title=f"Cross-track error [mm], steering rate {rate}. Noise: 5 mm, 0.25 deg, steering zero 1 deg; after 3 m.",
@@ -108,7 +108,7 @@ def _at_rate(results: Results, rate: str, cases: tuple[str, str]) -> Grid:
     )
 
 
-def _disturbed(results: Results) -> Grid:
+def _disturbed(results: ResultTable) -> Grid:
     cases = [case for case in CASES if case not in {name for pair in RATES.values() for name in pair[1:]}]
     cases.insert(1, NOISY)
     return Grid(
@@ -125,7 +125,7 @@ def _disturbed(results: Results) -> Grid:
     )
 
 
-def _frames(results: Results) -> Grid:
+def _frames(results: ResultTable) -> Grid:
     def shown(run: Figures) -> str:
         return f"{_mm(run.rms)}/{_mm(run.max)}, {run.time:.1f} s"
 
@@ -139,7 +139,7 @@ def _frames(results: Results) -> Grid:
     )
 
 
-def _random(results: Results) -> Grid:
+def _random(results: ResultTable) -> Grid:
     rows = []
     for name in results.followers:
         mine = [row for row in results.rows if row.task.case == RANDOM and row.task.follower == name]
@@ -165,7 +165,7 @@ def _steps(steps: Mapping[str, Mapping[int, Array]]) -> Grid:
     )
 
 
-def problems(rows: Iterable[Row], most: int = 40) -> list[str]:
+def problems(rows: Iterable[Measurement], most: int = 40) -> list[str]:
     """What did not go to its end, in words: the same words of one follower once, and at most so many lines."""
     found: dict[tuple[str, str], list[str]] = {}
     for row in rows:
@@ -178,7 +178,7 @@ def problems(rows: Iterable[Row], most: int = 40) -> list[str]:
     return lines[:most] + ([f"and {len(lines) - most} more problems"] if len(lines) > most else [])
 
 
-def as_csv(rows: Iterable[Row]) -> str:
+def as_csv(rows: Iterable[Measurement]) -> str:
     """One line for each run, in SI units."""
     units = {"time": "s", "steering_rate": "rad_s"}
     names = [field.name for field in fields(Figures)]
@@ -195,8 +195,8 @@ def _mm(metres: float) -> str:
     return f"{metres * 1000:.1f}" if metres < 0.0995 else f"{metres * 1000:.0f}"
 
 
-def _metres(way: float) -> str:
-    return f"{way:.2f}" if math.isfinite(way) else "never"
+def _metres(distance: float) -> str:
+    return f"{distance:.2f}" if math.isfinite(distance) else "never"
 
 
 def _microseconds(times: Array | None) -> str:

@@ -21,7 +21,7 @@ from artemis.values import Tick
 from artemis_lab.campaign.monitor import judge
 from artemis_lab.campaign.monitor.evidence import Evidence, Injected, Stick, Violation
 from artemis_lab.campaign.monitor.faults import seen
-from artemis_lab.campaign.monitor.journal_reader import Journal
+from artemis_lab.campaign.monitor.journal_reader import ReadJournal
 from artemis_lab.campaign.scenario import Scenario
 from artemis_lab.campaign.witness import Witness
 
@@ -108,7 +108,7 @@ def run_scenario(
     if outcome is None:
         witness.go_on_alone(ALONE)
     (run,) = (folder / loaded.mission.record).iterdir()
-    evidence = _evidence(given, loaded, witness, end, Journal(run / "journal.jsonl"), outcome)
+    evidence = _evidence(given, loaded, witness, end, ReadJournal(run / "journal.jsonl"), outcome)
     violations = [*_unexpected(given, failures, evidence, end), *judge(evidence)]
     if replayed:
         difference = replay(Recording(run), core_from(loaded)).difference
@@ -160,7 +160,7 @@ def _unexpected(given: Scenario, failures: list[BaseException], evidence: Eviden
 
 
 def _evidence(
-    given: Scenario, loaded: LoadedMission, witness: Witness, end: float, journal: Journal, outcome: Outcome | None
+    given: Scenario, loaded: LoadedMission, witness: Witness, end: float, journal: ReadJournal, outcome: Outcome | None
 ) -> Evidence:
     return Evidence(
         robot=loaded.robot,
@@ -175,7 +175,7 @@ def _evidence(
     )
 
 
-def _injected(given: Scenario, journal: Journal, end: float) -> list[Injected]:
+def _injected(given: Scenario, journal: ReadJournal, end: float) -> list[Injected]:
     """What was made to happen until the end; later than planned where the whole process stood still."""
     noted = list(journal.of("injected"))
     found = []
@@ -190,7 +190,7 @@ def _injected(given: Scenario, journal: Journal, end: float) -> list[Injected]:
     return found
 
 
-def _acts(given: Scenario, journal: Journal) -> list[tuple[float, str]]:
+def _acts(given: Scenario, journal: ReadJournal) -> list[tuple[float, str]]:
     """What the operator did; later than planned where the whole process stood still, and the operator in it."""
     stood_still = max((fault.get("seconds", 0.0) for fault in given.faults), default=0.0)
     heard = list(journal.of("request"))

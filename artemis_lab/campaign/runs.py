@@ -25,7 +25,7 @@ from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
 from artemis.mission.schema import FileName
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.campaign.one_run import Result, run_scenario
 from artemis_lab.campaign.scenario import scenario
 
@@ -61,7 +61,7 @@ class Campaign:
     """A campaign that may run."""
 
     words: CampaignWords
-    robot: Robot
+    robot: RobotFile
     robot_source: bytes
     """Content of the robot file."""
     folder: Path
@@ -85,7 +85,7 @@ def load_campaign(path: Path) -> Campaign:
     """
     words = load_model(path, CampaignWords)
     file = path.parent / words.robot
-    robot, source = load_model(file, Robot), file.read_bytes()
+    robot, source = load_model(file, RobotFile), file.read_bytes()
     same = json.dumps([words.first_seed, words.runs]).encode() + source
     name = f"{words.campaign}-{sha256(same).hexdigest()[:8]}"
     return Campaign(words=words, robot=robot, robot_source=source, folder=path.parent / words.results / name)
@@ -94,7 +94,7 @@ def load_campaign(path: Path) -> Campaign:
 # ---------------------------------------------------------------------------------------------- one seed
 
 
-def run_seed(seed: int, robot: Robot, source: bytes) -> Result:
+def run_seed(seed: int, robot: RobotFile, source: bytes) -> Result:
     """Run one seed in a folder that is gone afterwards: what a worker does. `source`: the robot file's content."""
     own_process = threading.current_thread() is threading.main_thread()
     if own_process:
@@ -113,7 +113,7 @@ def run_seed(seed: int, robot: Robot, source: bytes) -> Result:
 # ---------------------------------------------------------------------------------------------- all seeds
 
 
-class Results:
+class ResultFile:
     """The file of finished runs, one line each: what is in it does not have to be run again."""
 
     def __init__(self, folder: Path) -> None:
@@ -141,7 +141,7 @@ class Results:
 
 
 def run_campaign(
-    campaign: Campaign, results: Results, finished: Callable[[Result], None], stop: Callable[[], bool]
+    campaign: Campaign, results: ResultFile, finished: Callable[[Result], None], stop: Callable[[], bool]
 ) -> bool:
     """Do every run that is not in `results` yet; each is added as it ends, and told to `finished`.
 
@@ -205,7 +205,7 @@ def _leave_interrupts_alone() -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
+class FaultTotals:
     """What became of one kind of fault in all runs."""
 
     id: str
@@ -221,7 +221,7 @@ class Line:
     """Runs with it in which an invariant broke."""
 
 
-def table(results: Iterable[Result]) -> list[Line]:
+def table(results: Iterable[Result]) -> list[FaultTotals]:
     """One line for each kind of fault that happened."""
     runs: Counter[str] = Counter()
     failed: Counter[str] = Counter()
@@ -237,7 +237,7 @@ def table(results: Iterable[Result]) -> list[Line]:
         worst, within = max(latencies.get(id, [(-1.0, -1.0)]), key=lambda pair: pair[0] / abs(pair[1]))
         told = worst >= 0.0
         lines.append(
-            Line(
+            FaultTotals(
                 id=id,
                 runs=runs[id],
                 judged=len(latencies.get(id, ())),

@@ -14,7 +14,7 @@ from artemis.motion.path import check_drivable, path_from_csv
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Kind
 from artemis.supervision.policy import WATCHED
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.injections.stage import Lasting, Needs
 from artemis_lab.injections.table import INJECTIONS
 
@@ -82,7 +82,7 @@ class Scenario:
         return path
 
 
-def scenario(seed: int, robot: Robot) -> Scenario:
+def scenario(seed: int, robot: RobotFile) -> Scenario:
     """The scenario of a seed for a robot: always the same, until something is added here or to the injections."""
     dice = random.Random(seed)
     draw = _follow if dice.uniform(0, 1) < 0.6 else _teleop
@@ -138,7 +138,7 @@ Part = tuple[list[dict[str, Any]], dict[str, str], dict[str, Any], float]
 """Steps, files, inputs, and about how long the run takes [s]."""
 
 
-def _follow(dice: random.Random, robot: Robot) -> Part:
+def _follow(dice: random.Random, robot: RobotFile) -> Part:
     shape = dice.choice((_straight, _straight, _straight, _arc, _arc, _slalom, _eight, _circle))
     points, speed, laps, length = shape(dice)
     table = "x,y\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in points)
@@ -165,7 +165,7 @@ def _straight(dice: random.Random) -> Shape:
 def _arc(dice: random.Random) -> Shape:
     speed = round(dice.uniform(0.15, 0.45), 2)
     length, radius = max(0.5, speed * dice.uniform(2.0, 5.0)), dice.choice((-1, 1)) * dice.uniform(3.0, 6.0)
-    return _sampled(lambda way: 1.0 / radius, length), speed, 1, length
+    return _sampled(lambda distance: 1.0 / radius, length), speed, 1, length
 
 
 def _circle(dice: random.Random) -> Shape:
@@ -180,7 +180,7 @@ def _slalom(dice: random.Random) -> Shape:
     speed, wave, side = round(dice.uniform(0.15, 0.28), 2), dice.uniform(3.0, 4.0), dice.choice((-1, 1))
     length, width = max(0.6, speed * dice.uniform(3.0, 5.0)), dice.uniform(0.03, 0.08)
     strength = side * width * (math.tau / wave) ** 2
-    return _sampled(lambda way: strength * math.sin(math.tau * way / wave), length), speed, 1, length
+    return _sampled(lambda distance: strength * math.sin(math.tau * distance / wave), length), speed, 1, length
 
 
 def _eight(dice: random.Random) -> Shape:
@@ -188,7 +188,7 @@ def _eight(dice: random.Random) -> Shape:
     speed, side = round(dice.uniform(0.15, 0.28), 2), dice.choice((-1, 1))
     length = max(1.0, speed * 5.0)
     strength = side * dice.uniform(0.2, 0.4)
-    return _sampled(lambda way: strength * math.sin(math.tau * way / length), length), speed, 1, length
+    return _sampled(lambda distance: strength * math.sin(math.tau * distance / length), length), speed, 1, length
 
 
 def _sampled(curvature: Callable[[float], float], length: float) -> list[tuple[float, float]]:
@@ -202,7 +202,7 @@ def _sampled(curvature: Callable[[float], float], length: float) -> list[tuple[f
     return points[::3]
 
 
-def _teleop(dice: random.Random, robot: Robot) -> Part:
+def _teleop(dice: random.Random, robot: RobotFile) -> Part:
     """A person at a stick; rows: time, x to the right, y ahead, enable button."""
     time = BRING_UP
     rows: list[tuple[float, float, float, int]] = [(0.0, 0.0, 0.0, 0)]
@@ -228,7 +228,7 @@ def _teleop(dice: random.Random, robot: Robot) -> Part:
 # ---------------------------------------------------------------------------------------------- what goes wrong
 
 
-def _faults(dice: random.Random, robot: Robot, length: float, *, by_hand: bool) -> list[dict[str, Any]]:
+def _faults(dice: random.Random, robot: RobotFile, length: float, *, by_hand: bool) -> list[dict[str, Any]]:
     """In all phases of the run; more than one may be there at once."""
     number = dice.choices((0, 1, 2, 3, 4), (12, 48, 22, 12, 6))[0]
     fitting = [id for id in INJECTIONS if id not in NOT_DRAWN and _fits(id, by_hand)]
@@ -253,7 +253,7 @@ def _fits(id: str, by_hand: bool) -> bool:
     return not id.startswith(_PLUGIN) or not by_hand
 
 
-def _fault(dice: random.Random, robot: Robot, id: str, at: float) -> dict[str, Any]:
+def _fault(dice: random.Random, robot: RobotFile, id: str, at: float) -> dict[str, Any]:
     injection = INJECTIONS[id]
     fault: dict[str, Any] = {"at_s": at, "inject": id}
     if injection.needs in _ROLES:

@@ -10,7 +10,7 @@ from artemis.devices.can_bus import Frame
 from artemis.sim.axis import Regulation
 from artemis.sim.bus import Node
 from artemis.sim.world import World
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 SIDES = ("left", "right")
 
@@ -47,7 +47,7 @@ class Look(NamedTuple):
 class Witness:
     """Stands around the world where the bus expects it: one more station that only listens, and eyes on the machine."""
 
-    def __init__(self, world: World, robot: Robot) -> None:
+    def __init__(self, world: World, robot: RobotFile) -> None:
         self.heard: list[Heard] = []
         self.looks: list[Look] = []
         self.nodes: Sequence[Node] = [*world.nodes, _Ear(self.heard)]
@@ -58,8 +58,8 @@ class Witness:
         ]
         self._wheels = []
         for side, drive in zip(SIDES, self._drives, strict=False):
-            way = robot.metres_per_count(side) * drive.axis.counts_per_rpm_s
-            self._wheels.append((drive.axis, -way if robot.drives[drive.name].mirrored else way))
+            distance = robot.metres_per_count(side) * drive.axis.counts_per_rpm_s
+            self._wheels.append((drive.axis, -distance if robot.drives[drive.name].mirrored else distance))
 
     @property
     def time(self) -> float:

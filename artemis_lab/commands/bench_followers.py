@@ -12,23 +12,23 @@ from rich.progress import Progress
 from artemis.errors import ConfigError, similar
 from artemis.mission.loading import load_model
 from artemis.motion.spline import Array
-from artemis.plugins.border import PLUGIN_ERRORS, told
+from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.report.figures import style
 from artemis.testing.contracts import ROBOT
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.bench.cases import CASES, CLEAN
 from artemis_lab.bench.courses import five_courses
-from artemis_lab.bench.driving import Refused
+from artemis_lab.bench.driving import FollowerRefused
 from artemis_lab.bench.figures import course_figure
-from artemis_lab.bench.followers import Row, Task, follower, installed, run_all, tasks
-from artemis_lab.bench.judge import Track
+from artemis_lab.bench.followers import Measurement, Task, follower, installed, run_all, tasks
+from artemis_lab.bench.judge import RunTrack
 from artemis_lab.bench.python_robotics import REFERENCES
 from artemis_lab.bench.step_time import ROUNDS, SIZES, step_times, weaving_path
 from artemis_lab.bench.tables import as_csv, grids, problems
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class Selection:
     """What is to be measured. Nothing in a list: all there are."""
 
     followers: Sequence[str]
@@ -40,7 +40,7 @@ class Choice:
     checkout: Path | None
 
 
-def measure(choice: Choice, output: Path) -> None:
+def measure(choice: Selection, output: Path) -> None:
     """Do all runs, print the tables, and leave them with the figures in `output`.
 
     Raises:
@@ -49,7 +49,7 @@ def measure(choice: Choice, output: Path) -> None:
     known = [*installed(), *(REFERENCES if choice.checkout is not None else ())]
     followers = _chosen("follower", choice.followers, known)
     courses = _chosen("course", choice.courses, [course.name for course in five_courses()])
-    robot = ROBOT if choice.robot is None else load_model(choice.robot, Robot)
+    robot = ROBOT if choice.robot is None else load_model(choice.robot, RobotFile)
     given = list(
         tasks(
             followers,
@@ -91,7 +91,7 @@ def _chosen(kind: str, names: Sequence[str], known: Sequence[str]) -> Sequence[s
 
 
 def _step_times(
-    followers: Sequence[str], robot: Robot, checkout: Path | None, notes: list[str]
+    followers: Sequence[str], robot: RobotFile, checkout: Path | None, notes: list[str]
 ) -> dict[str, dict[int, Array]]:
     """Step times of all followers, one after the other; of the outside reference only on the short path, once."""
     found: dict[str, dict[int, Array]] = {name: {} for name in followers}
@@ -108,12 +108,12 @@ def _step_times(
                 made = [follower(task, machine, case) for _ in range(1 if outside else ROUNDS)]
                 found[name][size] = step_times(made, path, machine)
             except PLUGIN_ERRORS as error:  # the follower's: a stranger's code may raise anything
-                words = error if isinstance(error, Refused) else told(error)
+                words = error if isinstance(error, FollowerRefused) else told(error)
                 notes.append(f"{name}, step time, {size} points: {words}")
     return found
 
 
-def _draw(rows: Sequence[Row], output: Path) -> None:
+def _draw(rows: Sequence[Measurement], output: Path) -> None:
     """A figure for each course that was driven."""
     for course in five_courses():
         tracks = _tracks(rows, course.name)
@@ -123,5 +123,5 @@ def _draw(rows: Sequence[Row], output: Path) -> None:
                 figure.savefig(output / f"{course.name}.png", dpi=120, facecolor="white")
 
 
-def _tracks(rows: Sequence[Row], course: str) -> dict[str, Track]:
+def _tracks(rows: Sequence[Measurement], course: str) -> dict[str, RunTrack]:
     return {row.task.follower: row.track for row in rows if row.task.course == course and row.track is not None}

@@ -17,7 +17,7 @@ from artemis.commands.live import LiveView
 from artemis.devices.can_bus import Traffic
 from artemis.values import Tick
 from artemis_lab.campaign.one_run import Result, run_scenario
-from artemis_lab.campaign.runs import Campaign, Results, load_campaign, run_campaign, table
+from artemis_lab.campaign.runs import Campaign, ResultFile, load_campaign, run_campaign, table
 from artemis_lab.campaign.scenario import MISSION, scenario
 
 SHOWN = 20
@@ -31,7 +31,7 @@ def run_all(file: Path) -> int:
         ConfigError: the campaign is refused.
     """
     campaign = load_campaign(file)
-    results = Results(campaign.folder)
+    results = ResultFile(campaign.folder)
     if all(seed in results.finished for seed in campaign.seeds):
         results.forget()  # it was finished: begin anew
     elif results.finished:
@@ -115,7 +115,7 @@ def _signals() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
-def _conclude(file: Path, campaign: Campaign, results: Results) -> None:
+def _conclude(file: Path, campaign: Campaign, results: ResultFile) -> None:
     """The table, and every seed that failed, each with its mission laid out to be run alone."""
     shown = Table(title=f"campaign {campaign.words.campaign}: {len(results.finished)} runs")
     for heading in ("fault", "runs", "had to be noticed", "slowest", "allowed", "failed runs"):

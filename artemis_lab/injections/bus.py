@@ -92,7 +92,7 @@ class Raised(Config):
     """None: always from now on."""
 
 
-class Refused(Lasting):
+class SendRefused(Lasting):
     """How often sending is refused."""
 
     times: Count | None = 3
@@ -164,7 +164,7 @@ def _fail_to_read(stage: Stage, node: str | None, p: Raised) -> None:
     stage.bus.fail_receive(DeviceLost("CAN", "cannot be read: told to"), p.times)
 
 
-def _refuse(stage: Stage, node: str | None, p: Refused) -> Undo:
+def _refuse(stage: Stage, node: str | None, p: SendRefused) -> Undo:
     stage.bus.fail_send(DeviceBusy("CAN", "transmit buffer full"), p.times)
     return lambda: stage.bus.fail_send(DeviceBusy("CAN", "never"), 0)
 
@@ -186,6 +186,6 @@ BUS_INJECTIONS: dict[str, Injection] = {
     "COM-22": Injection("the adapter is unplugged", _lose("unplugged"), parameters=Lasting),
     "COM-23": Injection("the adapter is unplugged and comes back", _replug, parameters=Replug),
     "COM-24": Injection("reading from the adapter fails", _fail_to_read, parameters=Raised),
-    "COM-25": Injection("the transmit buffer is full", _refuse, parameters=Refused),
+    "COM-25": Injection("the transmit buffer is full", _refuse, parameters=SendRefused),
     "COM-29": Injection("nothing is heard from any drive", _silence, parameters=Lasting),
 }

@@ -55,7 +55,7 @@ UNKNOWN = 0x9999
 """An error code that no EPOS has."""
 
 
-class Emergency(Config):
+class DriveError(Config):
     """An error of the drive."""
 
     code: Word
@@ -131,7 +131,7 @@ class ObjectOf(Lasting):
         return self
 
 
-class Refusal(ObjectOf):
+class RefusedObject(ObjectOf):
     """An object, and the code with which its requests are aborted."""
 
     index: Index = 0x1017
@@ -146,7 +146,7 @@ class RefusedRelease(Lasting):
     code: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] = ABORT_GENERAL
 
 
-class Frames(Lasting):
+class FrameCount(Lasting):
     """How many frames; two of process data belong to each SYNC."""
 
     count: Count | None = None
@@ -172,11 +172,11 @@ class WrongNode(Lasting):
     answers: Literal["nothing", "another product"] = "nothing"
 
 
-def _report(stage: Stage, node: str | None, p: Emergency) -> None:
+def _report(stage: Stage, node: str | None, p: DriveError) -> None:
     stage.drive(node).emergency(p.code, stage.now, heard=p.heard)
 
 
-def _emcy_codes(codes: tuple[int, ...]) -> type[Emergency]:
+def _emcy_codes(codes: tuple[int, ...]) -> type[DriveError]:
     """Parameters of a row with these codes; the first is the default."""
 
     def check(code: int) -> int:
@@ -184,7 +184,7 @@ def _emcy_codes(codes: tuple[int, ...]) -> type[Emergency]:
             raise ValueError(f"expected {' or '.join(f'0x{known:04X}' for known in codes)}, found 0x{code:04X}")
         return code
 
-    return create_model("Emergency", __base__=Emergency, code=(Annotated[int, AfterValidator(check)], codes[0]))
+    return create_model("Emergency", __base__=DriveError, code=(Annotated[int, AfterValidator(check)], codes[0]))
 
 
 def _row(text: str, codes: tuple[int, ...]) -> Injection:
@@ -236,7 +236,7 @@ def _keep_target(stage: Stage, node: str | None, p: StaleTarget) -> None:
     stage.once_booted(drive, lambda: drive.poke(index, 0, p.target))
 
 
-def _abort(stage: Stage, node: str | None, p: Refusal) -> Undo:
+def _abort(stage: Stage, node: str | None, p: RefusedObject) -> Undo:
     return stage.drive(node).failures.refuse_object(p.index, p.sub, p.code, p.count)
 
 
@@ -244,8 +244,8 @@ def _refuse_release(stage: Stage, node: str | None, p: RefusedRelease) -> Undo:
     return stage.drive(node).failures.refuse_object(0x1016, 1, p.code)
 
 
-def _mute(kind: Speech) -> Callable[[Stage, str | None, Frames], Undo]:
-    def mute(stage: Stage, node: str | None, p: Frames) -> Undo:
+def _mute(kind: Speech) -> Callable[[Stage, str | None, FrameCount], Undo]:
+    def mute(stage: Stage, node: str | None, p: FrameCount) -> Undo:
         return stage.drive(node).failures.impede(kind, count=p.count)
 
     return mute
@@ -304,7 +304,7 @@ DRIVE_INJECTIONS: dict[str, Injection] = {
         "drive reports an unknown error",
         _report,
         Needs.DRIVE,
-        create_model("UnknownEmergency", __base__=Emergency, code=(Word, UNKNOWN)),
+        create_model("UnknownEmergency", __base__=DriveError, code=(Word, UNKNOWN)),
     ),
     "DRV-32": Injection("EMCY frame of the wrong length", _damaged, Needs.DRIVE, DamagedEmergency),
     "DRV-33": Injection("EMCY frames without end", _storm, Needs.DRIVE, Storm),
@@ -314,15 +314,15 @@ DRIVE_INJECTIONS: dict[str, Injection] = {
     "COM-04": Injection("drive shows another mode of operation", _show_mode, Needs.DRIVE, WrongMode),
     "COM-05": Injection("drive shows a meaningless statusword", _show_statusword, Needs.DRIVE, WrongStatusword),
     "COM-06": Injection("drive kept a target", _keep_target, Needs.DRIVE, StaleTarget),
-    "COM-07": Injection("drive aborts SDO requests for an object", _abort, Needs.DRIVE, Refusal),
-    "COM-08": Injection("drive answers no SDO request", _mute(Speech.SDO), Needs.DRIVE, Frames),
+    "COM-07": Injection("drive aborts SDO requests for an object", _abort, Needs.DRIVE, RefusedObject),
+    "COM-08": Injection("drive answers no SDO request", _mute(Speech.SDO), Needs.DRIVE, FrameCount),
     "COM-09": Injection("drive answers SDO requests too late", _answer_late, Needs.DRIVE, LateAnswer),
     "COM-10": Injection("drive confirms writes of an object and drops them", _ignore_write, Needs.DRIVE, ObjectOf),
-    "COM-11": Injection("drive sends no feedback", _mute(Speech.PROCESS_DATA), Needs.DRIVE, Frames),
+    "COM-11": Injection("drive sends no feedback", _mute(Speech.PROCESS_DATA), Needs.DRIVE, FrameCount),
     "COM-19": Injection("a second node with the same id speaks", _speak_twice, Needs.DRIVE, Lasting),
     "COM-26": Injection("drive restarts", _reboot, Needs.DRIVE),
     "COM-27": Injection("drive leaves the NMT state Operational", _change_nmt, Needs.DRIVE, NewNmt),
-    "COM-28": Injection("drive sends no heartbeat", _mute(Speech.HEARTBEAT), Needs.DRIVE, Frames),
+    "COM-28": Injection("drive sends no heartbeat", _mute(Speech.HEARTBEAT), Needs.DRIVE, FrameCount),
     "COM-30": Injection("drive does not watch the host", _ignore_heartbeats, Needs.SOME_DRIVE, Lasting),
     "COM-32": Injection("no drive has power", _nobody, Needs.NOTHING, Lasting),
     "COM-33": Injection("node is missing, or another product", _be_another, Needs.DRIVE, WrongNode),

@@ -82,7 +82,7 @@ class FaultBus:
         self._dice = random.Random(seed)
         self._rules: list[_Active] = []
         self._inbox: list[tuple[float, int, Frame]] = []
-        """Heap of what the host gets: when [s], the how-manieth, what."""
+        """Heap of what the host gets: when [s], the number in order, what."""
         self._order = 0
         self._overtaken: dict[Direction, list[tuple[int, Frame]]] = {direction: [] for direction in Direction}
         self._send_errors: Iterator[Exception] = iter(())

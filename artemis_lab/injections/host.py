@@ -38,7 +38,7 @@ class BadValue(Input):
     value: Literal["nan", "inf", "beyond the stop", "a text as number"] = "nan"
 
 
-class Wish(Input):
+class WishedMotion(Input):
     """What its axes wish for."""
 
     speed_m_s: float = 0.3
@@ -146,7 +146,7 @@ def _bad_value(p: BadValue) -> InputBehaviour:
     return bad_plugins.becomes(speed=wrong)
 
 
-def _wish(p: Wish, **changes: Any) -> InputBehaviour:  # noqa: ANN401 (values of any field)
+def _wish(p: WishedMotion, **changes: Any) -> InputBehaviour:  # noqa: ANN401 (values of any field)
     steering = math.radians(p.steering_deg)
     return bad_plugins.becomes(speed=p.speed_m_s, steering=steering, neutral=False, age=0.0, **changes)
 
@@ -241,12 +241,12 @@ HOST_INJECTIONS: dict[str, Injection] = {
     "INP-04": _input("input falls silent while it commands", lambda _: bad_plugins.freezes()),
     "INP-05": _input("input repeats its last report", lambda _: bad_plugins.freezes()),
     "INP-06": _input("input sends a bad value", _bad_value, BadValue),
-    "INP-07": _input("axes do not rest", _wish, Wish),
-    "INP-08": _input("axes jump", lambda p: bad_plugins.jumps(p.speed_m_s), Wish),
+    "INP-07": _input("axes do not rest", _wish, WishedMotion),
+    "INP-08": _input("axes jump", lambda p: bad_plugins.jumps(p.speed_m_s), WishedMotion),
     "INP-09": _input("enable button is released", lambda _: bad_plugins.becomes(enabled=False)),
     "INP-10": _input("enable button is tied down", lambda _: bad_plugins.becomes(enabled=True, neutral=False)),
     "INP-11": _input("stop button is pressed", lambda _: _press(Request.QUICKSTOP)),
-    "INP-12": _input("input wants to drive", lambda p: _wish(p, enabled=True), Wish),
+    "INP-12": _input("input wants to drive", lambda p: _wish(p, enabled=True), WishedMotion),
     "PLG-02": _plugin("plugin raises", _raise),
     "PLG-03": _plugin("plugin answers late", _answer_late, Late),
     "PLG-04": _plugin(

@@ -14,7 +14,7 @@ from artemis.mission.schema import InjectedFault
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry
 from artemis.states.plan import Step, with_followers
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.injections.bad_plugins import BadFollower, BadInput, FollowerBehaviour
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.fault_bus import FaultBus
@@ -34,7 +34,9 @@ def parameters(id: str) -> type[Config] | None:
     return INJECTIONS[id].parameters if id in INJECTIONS else None
 
 
-def problems(fault: InjectedFault, robot: Robot | None, inputs: Collection[str], follows: bool) -> Iterator[Problem]:
+def problems(
+    fault: InjectedFault, robot: RobotFile | None, inputs: Collection[str], follows: bool
+) -> Iterator[Problem]:
     """What is wrong with a fault, but for its parameters' own values."""
     id = fault.inject
     if id in NOT_INJECTED:
@@ -46,7 +48,7 @@ def problems(fault: InjectedFault, robot: Robot | None, inputs: Collection[str],
         yield from _check_plugin(fault, INJECTIONS[id], inputs, follows)
 
 
-def _check_node(fault: InjectedFault, injection: Injection, robot: Robot | None) -> Iterator[Problem]:
+def _check_node(fault: InjectedFault, injection: Injection, robot: RobotFile | None) -> Iterator[Problem]:
     id, node, needs = fault.inject, fault.node, injection.needs
     if needs is Needs.NOTHING:
         if node is not None:

@@ -40,7 +40,7 @@ class Fade(Lasting):
 
 
 class Slip(Lasting):
-    """Share of its way that the wheel loses."""
+    """Share of its distance that the wheel loses."""
 
     slip: Annotated[float, Field(gt=0, lt=0.9)] = 0.4
 
@@ -58,7 +58,7 @@ class Kept(Config):
     zero_uv: Annotated[int, Field(ge=1, le=5_000_000)] = 2_600_000
 
 
-class Jump(Lasting):
+class PositionJump(Lasting):
     """Which bit of the position is wrong, and in how many readings."""
 
     bit: Annotated[int, Field(ge=0, le=31)] = 20
@@ -169,7 +169,7 @@ def _count_from(stage: Stage, node: str | None, p: Counter) -> None:
     stage.drive(node).failures.count_on_from((1 << 31) - p.before_wrap)
 
 
-def _jump(stage: Stage, node: str | None, p: Jump) -> Undo:
+def _jump(stage: Stage, node: str | None, p: PositionJump) -> Undo:
     left = p.count
 
     def shown(position: int) -> int:
@@ -283,7 +283,7 @@ MOTION_INJECTIONS: dict[str, Injection] = {
     "RUN-05": Injection("driven wheel spins", _spin, Needs.TRACTION, Slip),
     "RUN-06": Injection("one driven wheel's drive switches itself off", _switch_off, Needs.TRACTION),
     "RUN-09": Injection("position counter is near its end", _count_from, Needs.DRIVE, Counter),
-    "RUN-10": Injection("position jumps", _jump, Needs.DRIVE, Jump),
+    "RUN-10": Injection("position jumps", _jump, Needs.DRIVE, PositionJump),
     "STE-01": Injection("steering drive hears no set-point", _ignore_set_points, Needs.STEERING, Lasting),
     "STE-02": Injection("steering is blocked", _block("steering"), Needs.STEERING, Lasting),
     "STE-03": Injection("a potentiometer is off", _offset, Needs.STEERING, Offset),

@@ -15,7 +15,7 @@ from artemis.drive_states import Nmt
 from artemis.sim.epos import SimEpos
 from artemis.sim.world import World
 from artemis.values import Request
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.injections.bad_plugins import BadFollower, BadInput, FollowerBehaviour
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.fault_bus import FaultBus, Rule
@@ -30,7 +30,7 @@ Count = Annotated[int, Field(ge=1)]
 class Stage:
     """A running simulation, as far as things may go wrong in it."""
 
-    robot: Robot
+    robot: RobotFile
     world: World
     bus: FaultBus
     loop: asyncio.AbstractEventLoop

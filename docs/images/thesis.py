@@ -35,7 +35,7 @@ from artemis.motion.truth import as_tum
 from artemis.recording.mcap_reader import Recording
 from artemis.report.figures import ESTIMATED, INK, TRUE, style
 from artemis.values import Mode, Pose
-from artemis.vehicle import Geometry, Robot
+from artemis.vehicle import Geometry, RobotFile
 from artemis.yaml_file import load
 
 HERE = Path(__file__).parent
@@ -131,7 +131,7 @@ def calibrated(missions: Path, machine: Errors) -> Errors:
     file = missions / "robots" / "calibrated.yaml"
     file.write_bytes((missions / "robots" / "artemis.yaml").read_bytes())
     calibrate_with_truth([recording.path.parent], [str(tracked)], None, [], None, file)
-    before, after = recording.robot, Robot.model_validate(load(file).data)
+    before, after = recording.robot, RobotFile.model_validate(load(file).data)
     told = {"scrub_radius_m": before.geometry.scrub_radius_m, **machine}
     for side in ("left", "right"):
         old, new = before.potentiometers(side), after.potentiometers(side)

@@ -17,7 +17,7 @@ from artemis import clock
 from artemis.devices.drive import Drives
 from artemis.mission.loading import load_mission
 from artemis.planning import plan_from
-from artemis.plugins.border import Border
+from artemis.plugins.guard import PluginGuard
 from artemis.robot import Core, Robot
 from artemis.sim.bus import SimBus
 from artemis.sim.world import World
@@ -66,7 +66,7 @@ def calls() -> dict[str, float]:
                     sys.setprofile(None)
                     robot.request(Request.END)
 
-            robot = Robot(Core(plan_from(loaded), period), drives, Border({}, loop.time), period, observe)
+            robot = Robot(Core(plan_from(loaded), period), drives, PluginGuard({}, loop.time), period, observe)
             await robot.run()
             recorder.close("done")
             bus.close()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from artemis.build import kind_of_build
 from artemis.clock import stopwatch
-from artemis_lab.campaign.runs import Results, load_campaign, run_campaign
+from artemis_lab.campaign.runs import ResultFile, load_campaign, run_campaign
 
 from .composition import MISSIONS
 from .measure import Row
@@ -26,7 +26,7 @@ def rows() -> list[Row]:
         words.write_text(f"campaign: bench\nrobot: ../robots/artemis.yaml\nruns: {RUNS}\n")
         campaign = load_campaign(words)
         worked, begun = _worked(), stopwatch()
-        run_campaign(campaign, Results(campaign.folder), lambda result: None, lambda: False)
+        run_campaign(campaign, ResultFile(campaign.folder), lambda result: None, lambda: False)
         took = stopwatch() - begun
         busy = (_worked() - worked) / took / (os.cpu_count() or 1)
     speed = 60.0 * RUNS / took

@@ -21,8 +21,8 @@ from artemis.devices.drive import Drives
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.motion.path import Path
 from artemis.planning import plan_from
-from artemis.plugins.border import Border
 from artemis.plugins.contracts import Follower, Following, InputDevice
+from artemis.plugins.guard import PluginGuard
 from artemis.recording.journal import Journal
 from artemis.recording.mcap_writer import Recorder
 from artemis.recording.provenance import Provenance
@@ -156,7 +156,7 @@ def timed_run(mission: FilePath) -> TimedRobot:
         robot = TimedRobot(
             Core(plan, period),
             drives,
-            Border({}, loop.time),
+            PluginGuard({}, loop.time),
             period,
             lambda tick: recorder.observe(tick, drives.wire.take_traffic(0.0)),
         )
@@ -217,7 +217,7 @@ def watched_run(
             drives.wire.take_traffic(0.0)
             see(tick)
 
-        robot = Robot(Core(plan_from(loaded), period), drives, Border(inputs or {}, loop.time), period, observe)
+        robot = Robot(Core(plan_from(loaded), period), drives, PluginGuard(inputs or {}, loop.time), period, observe)
         see = prepare(robot, bus, loop)
         await robot.run()
         bus.close()

@@ -19,11 +19,11 @@ import numpy as np
 from artemis.motion.path import Path
 from artemis.motion.pose_filter import PoseFilter
 from artemis.motion.spline import Array
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.followers import frenet
 from artemis.testing.contracts import ROBOT
 from artemis.values import Odometry, Pose
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.bench.courses import Course, five_courses
 from artemis_lab.bench.driving import drive
 from artemis_lab.bench.plant import Conditions
@@ -42,7 +42,7 @@ class Unfiltered(PoseFilter):
         self.pose = pose
 
 
-def unplanned(path: Path, robot: Robot, speed: float) -> Array:
+def unplanned(path: Path, robot: RobotFile, speed: float) -> Array:
     return np.full(len(path.x), speed)
 
 
@@ -63,8 +63,8 @@ PARTS: dict[str, Callable[[], object]] = {
 
 def figure(course: Course, conditions: Conditions, delay: float) -> str:
     """Error on a course, as words."""
-    setup = Setup(name="frenet", robot=PLANT, folder=FilePath())
-    follower = frenet.FrenetFollower(frenet.FrenetConfig(speed_m_s=0.7, delay_s=delay), setup)
+    context = PluginContext(name="frenet", robot=PLANT, folder=FilePath())
+    follower = frenet.FrenetFollower(frenet.FrenetConfig(speed_m_s=0.7, delay_s=delay), context)
     driven = drive(follower, course, PLANT, conditions)
     if driven.problem:
         return driven.problem.partition(":")[0]

@@ -22,7 +22,7 @@ from artemis.motion.limits import Gate
 from artemis.sim.axis import Axis
 from artemis.sim.epos import SimEpos
 from artemis.values import DriveCommand, SetPoints
-from artemis.vehicle import Drive, Robot
+from artemis.vehicle import Drive, RobotFile
 
 from .composition import FIGURE_EIGHT
 from .measure import columns
@@ -91,7 +91,7 @@ class Tracking:
 class Rig:
     """The left steering drive, enabled in one mode, with the frames it gets counted."""
 
-    def __init__(self, robot: Robot, drive: Drive, way: Way) -> None:
+    def __init__(self, robot: RobotFile, drive: Drive, way: Way) -> None:
         self.way, self.drive = way, drive
         self.axis = Axis(drive)
         self.node = SimEpos(drive, self.axis, name="steer-left")
@@ -107,7 +107,7 @@ class Rig:
         self._raised = False
         self.frames = 0
 
-    def _configure(self, robot: Robot) -> None:
+    def _configure(self, robot: RobotFile) -> None:
         set_point = POSITION_SETTING if self.way.mode < 0 else TARGET_POSITION
         places = [
             *((setting.object, setting.value) for setting in settings(robot, self.drive)),
@@ -167,7 +167,7 @@ class Rig:
         self.node.receive(frame, self.now)
 
 
-def gated(robot: Robot, wish: Wish, seconds: float) -> Iterator[float]:
+def gated(robot: RobotFile, wish: Wish, seconds: float) -> Iterator[float]:
     """The left wheel's set-point [deg] of each tick."""
     gate, points = Gate(robot, PERIOD), SetPoints()
     for number in range(round(seconds / PERIOD)):
@@ -175,7 +175,7 @@ def gated(robot: Robot, wish: Wish, seconds: float) -> Iterator[float]:
         yield math.degrees(points.steering_left)
 
 
-def track(robot: Robot, way: Way, wish: Wish, seconds: float, steady: tuple[float, float]) -> Tracking:
+def track(robot: RobotFile, way: Way, wish: Wish, seconds: float, steady: tuple[float, float]) -> Tracking:
     """Let the drive follow a wish; `steady`: the time [s] in which the reference's rate may be compared."""
     _, drive = robot.drive_at("steering", "left")
     rig = Rig(robot, drive, way)
@@ -204,7 +204,7 @@ def track(robot: Robot, way: Way, wish: Wish, seconds: float, steady: tuple[floa
     )
 
 
-def lines(robot: Robot) -> list[tuple[str, ...]]:
+def lines(robot: RobotFile) -> list[tuple[str, ...]]:
     """The table's cells."""
     cells: list[tuple[str, ...]] = [
         ("wish", "mode", "error RMS", "max", "rate ripple", "set-points", "frames", "in the drive")

@@ -19,7 +19,7 @@ from artemis.devices.drive import Drives
 from artemis.devices.epos_objects import RECEIVED, SENT
 from artemis.drive_states import Nmt
 from artemis.mission.loading import load_mission
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 from .composition import FIGURE_EIGHT, TimedRobot, missions, timed_run
 from .measure import Row, interleaved, microseconds, middle_and_tail, percentile
@@ -82,7 +82,7 @@ def exchange() -> tuple[float, float]:
     return ours, theirs
 
 
-def _answers(robot: Robot) -> list[Frame]:
+def _answers(robot: RobotFile) -> list[Frame]:
     """Both PDOs of each drive."""
     values = {"traction": ((0x0337, 4711), (150, -820, 3)), "steering": ((0x0337, -4711), (2510, 2480, 95, -1))}
     frames = []
@@ -113,7 +113,7 @@ class _NoBus:
         """Nothing to close."""
 
 
-def _our_cycle(robot: Robot, answers: list[Frame]) -> Callable[[], object]:
+def _our_cycle(robot: RobotFile, answers: list[Frame]) -> Callable[[], object]:
     bus = _NoBus(answers)
     drives = Drives(robot, bus)
     heartbeat = heartbeat_frame(robot.host_node_id, Nmt.OPERATIONAL)
@@ -140,7 +140,7 @@ class _TheirWire(canopen.Network):
         self.sent += 1
 
 
-def _their_cycle(robot: Robot, answers: list[Frame]) -> Callable[[], object]:
+def _their_cycle(robot: RobotFile, answers: list[Frame]) -> Callable[[], object]:
     """The same frames by the package's PDO maps: every mapped object is set, or read, as a number in drive units."""
     wire = _TheirWire()
     received: list[Any] = []

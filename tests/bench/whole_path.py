@@ -34,7 +34,7 @@ from artemis.plugins.inputs.profiles import profile_named
 from artemis.sim.world import World
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import Mode, Request, Tick
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 from .composition import MISSIONS, WatchedBus
 
@@ -171,7 +171,7 @@ class _Hand:
         self._set_points: dict[int, bytes] = {}
         self._waits_for_stop = False
 
-    def machine(self, robot: Robot) -> tuple[WatchedBus, World]:
+    def machine(self, robot: RobotFile) -> tuple[WatchedBus, World]:
         loop = asyncio.get_running_loop()
         world = World(robot, start=loop.time())
         bus = WatchedBus(world, robot.bitrate, loop)

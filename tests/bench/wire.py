@@ -20,7 +20,7 @@ from artemis.sim.epos import SimSettings
 from artemis.sim.wire import frame_bits
 from artemis.sim.world import World
 from artemis.values import Job, JobKind
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 from .composition import FIGURE_EIGHT, missions
 from .measure import Row, milliseconds
@@ -81,7 +81,7 @@ class _Listening:
         return frames
 
 
-def configure(robot: Robot, names: list[str], *, answer_time: float) -> tuple[float, float, int]:
+def configure(robot: RobotFile, names: list[str], *, answer_time: float) -> tuple[float, float, int]:
     """Configure drives at once: virtual time from the first SDO request to the last answer, wire time [s], frames."""
 
     async def main() -> tuple[float, float, int]:

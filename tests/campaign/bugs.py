@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import heartbeat_frame
-from artemis.devices.epos_state import Command
+from artemis.devices.epos_state import Controlword
 from artemis.drive_states import Goal, Nmt
 from artemis.states.alignment import enable
 from artemis.states.init import RESETTING, WAKING
@@ -161,7 +161,7 @@ def _only_left_stops(original: Any) -> Any:
     """The right driven wheel never gets a quick stop: it is sent what it was sent last."""
 
     def send(self: Any, frame: Frame) -> None:
-        if frame.id in (0x202, 0x302) and frame.data[0] == Command.QUICK_STOP:
+        if frame.id in (0x202, 0x302) and frame.data[0] == Controlword.QUICK_STOP:
             frame = getattr(self, "last_right", frame)
         elif frame.id == 0x202:
             self.last_right = frame
@@ -351,7 +351,7 @@ BUGS: tuple[Bug, ...] = (
         "only the left wheel is stopped",
         "silent drive",
         "I8",
-        {"artemis.devices.wire_end.WireEnd.send": _only_left_stops, **OPEN},
+        {"artemis.devices.bus_gateway.BusGateway.send": _only_left_stops, **OPEN},
     ),
     Bug("heartbeats come from a timer", "by hand", "I7", {"artemis.robot.Robot.run": _beating}),
     Bug("steering is let go in motion", "silent drive", "I8", {"artemis.devices.drive.controlword": _steering_let_go}),

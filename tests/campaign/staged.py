@@ -93,8 +93,8 @@ def _line(bend: float) -> list[tuple[float, float]]:
     x = y = heading = 0.0
     points = [(x, y)]
     for number in range(round(length / step)):
-        way = (number + 0.5) * step
-        heading += bend * min(1.0, way / 0.6, (length - way) / 0.6) * step
+        distance = (number + 0.5) * step
+        heading += bend * min(1.0, distance / 0.6, (length - distance) / 0.6) * step
         x, y = x + step * math.cos(heading), y + step * math.sin(heading)
         points.append((x, y))
     return points
@@ -194,7 +194,7 @@ SCENARIOS: dict[str, Scenario] = {
     "driven by somebody else before the bring-up": drive(
         fault("EST-01", 0.0, duration_s=1.9), fault("SYS-10", 4.0, RIGHT), acts=[(2.3, "acknowledge"), (6.0, "end")]
     ),
-    "deaf on a slope": follow(
+    "unresponsive on a slope": follow(
         fault("RUN-02", 10.1), fault("COM-27", 10.4, "steer-right"), acts=[(15.0, "acknowledge"), (17.0, "end")]
     ),
     "two lost together": drive(

@@ -15,7 +15,7 @@ from campaign_files import write_campaign
 
 from artemis_lab.campaign.monitor.evidence import Violation
 from artemis_lab.campaign.one_run import Result
-from artemis_lab.campaign.runs import Results, load_campaign, run_seed, table
+from artemis_lab.campaign.runs import ResultFile, load_campaign, run_seed, table
 
 ARTEMIS = [sys.executable, "-m", "artemis", "campaign"]
 SLICE = 16
@@ -71,7 +71,7 @@ def test_broken_invariant_is_told_with_what_runs_it_alone(tmp_path: Path) -> Non
     path = write_campaign(tmp_path, runs=2, workers=1)
     campaign = load_campaign(path)
     broken = Violation("I4", 6.5, "stopped too late")
-    Results(campaign.folder).add(Result(seed=1, status=1, time_s=9.0, injected=("DRV-02",), violations=(broken,)))
+    ResultFile(campaign.folder).add(Result(seed=1, status=1, time_s=9.0, injected=("DRV-02",), violations=(broken,)))
 
     done = artemis_campaign(path)
 
@@ -132,6 +132,6 @@ def test_cluster_that_loses_a_worker_finds_what_one_computer_finds(tmp_path: Pat
 
     assert sorted(seeds_in(results)) == list(range(1, 7))
     here = {seed: run_seed(seed, campaign.robot, campaign.robot_source) for seed in campaign.seeds}
-    found = Results(campaign.folder).finished
+    found = ResultFile(campaign.folder).finished
     assert found == here
     assert table(found.values()) == table(here.values())

@@ -18,7 +18,7 @@ from artemis.errors import ConfigError
 from artemis_lab.campaign import runs
 from artemis_lab.campaign.monitor.evidence import Violation
 from artemis_lab.campaign.one_run import Result
-from artemis_lab.campaign.runs import Line, Results, load_campaign, run_campaign, table
+from artemis_lab.campaign.runs import FaultTotals, ResultFile, load_campaign, run_campaign, table
 
 
 class Here(Executor):
@@ -45,7 +45,7 @@ def never() -> bool:
 
 def test_every_seed_is_run_once(tmp_path: Path) -> None:
     campaign = load_campaign(write_campaign(tmp_path, runs=10, first_seed=5))
-    results, told = Results(campaign.folder), []
+    results, told = ResultFile(campaign.folder), []
 
     assert run_campaign(campaign, results, lambda result: told.append(result.seed), never)
 
@@ -58,9 +58,9 @@ def test_interrupted_campaign_goes_on_where_it_stopped(tmp_path: Path) -> None:
     first: list[int] = []
     second: list[int] = []
 
-    done = run_campaign(campaign, Results(campaign.folder), lambda r: first.append(r.seed), lambda: len(first) >= 4)
+    done = run_campaign(campaign, ResultFile(campaign.folder), lambda r: first.append(r.seed), lambda: len(first) >= 4)
     assert not done
-    results = Results(campaign.folder)
+    results = ResultFile(campaign.folder)
     assert sorted(results.finished) == sorted(first)
     assert run_campaign(campaign, results, lambda r: second.append(r.seed), never)
 
@@ -83,10 +83,10 @@ def test_dead_worker_ends_the_campaign_and_names_the_seeds_under_way(
     campaign = load_campaign(write_campaign(tmp_path, runs=10))
 
     with pytest.raises(BrokenProcessPool) as died:
-        run_campaign(campaign, Results(campaign.folder), lambda _: None, never)
+        run_campaign(campaign, ResultFile(campaign.folder), lambda _: None, never)
 
     assert died.value.__notes__ == ["under way were the seeds 2"]
-    assert sorted(Results(campaign.folder).finished) == [1]
+    assert sorted(ResultFile(campaign.folder).finished) == [1]
 
 
 def test_run_that_never_ends_shows_where_it_is_and_dies() -> None:
@@ -109,7 +109,7 @@ runs.run_seed(1, None, b"")
 
 @pytest.mark.parametrize("cut", range(0, 200, 7))
 def test_torn_results_lose_only_the_last_run(cut: int, tmp_path: Path) -> None:
-    results = Results(tmp_path)
+    results = ResultFile(tmp_path)
     violation = Violation("I4", 6.5, "too far")
     results.add(Result(seed=1, status=1, time_s=7.0, injected=("DRV-02",), violations=(violation,)))
     whole = results.path.read_bytes()
@@ -117,11 +117,11 @@ def test_torn_results_lose_only_the_last_run(cut: int, tmp_path: Path) -> None:
     content = results.path.read_bytes()
     results.path.write_bytes(content[: max(len(whole), len(content) - 1 - cut)])
 
-    again = Results(tmp_path)
+    again = ResultFile(tmp_path)
     again.add(Result(seed=3, status=None, time_s=3.0))
 
     assert [json.loads(line)["seed"] for line in again.path.read_text().splitlines()] == [1, 3]
-    assert Results(tmp_path).finished[1].violations == (violation,)
+    assert ResultFile(tmp_path).finished[1].violations == (violation,)
 
 
 def test_another_robot_or_other_seeds_are_another_campaign(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_table_has_a_line_for_every_fault() -> None:
     ]
 
     assert table(results) == [
-        Line(id="", runs=1, judged=0, worst=None, within=None, failed=0),
-        Line(id="COM-11", runs=2, judged=0, worst=None, within=None, failed=1),
-        Line(id="DRV-02", runs=2, judged=2, worst=0.03, within=0.04, failed=0),
+        FaultTotals(id="", runs=1, judged=0, worst=None, within=None, failed=0),
+        FaultTotals(id="COM-11", runs=2, judged=0, worst=None, within=None, failed=1),
+        FaultTotals(id="DRV-02", runs=2, judged=2, worst=0.03, within=0.04, failed=0),
     ]

@@ -10,7 +10,7 @@ from staged import ROBOT
 from artemis.mission.loading import load_mission, load_model
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Kind
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.campaign.monitor.expected import EXPECTED, When
 from artemis_lab.campaign.monitor.faults import AUTOMATIC, BY_ITSELF, FINAL
 from artemis_lab.campaign.one_run import run_scenario
@@ -21,27 +21,27 @@ SEEDS = range(400)
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_model(ROBOT, Robot)
+def robot() -> RobotFile:
+    return load_model(ROBOT, RobotFile)
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_every_scenario_is_a_mission_that_may_run(seed: int, robot: Robot, tmp_path: Path) -> None:
+def test_every_scenario_is_a_mission_that_may_run(seed: int, robot: RobotFile, tmp_path: Path) -> None:
     load_mission(scenario(seed, robot).write(tmp_path, ROBOT.read_bytes()))
 
 
-def test_seed_says_everything(robot: Robot) -> None:
+def test_seed_says_everything(robot: RobotFile) -> None:
     assert scenario(7, robot) == scenario(7, robot)
     assert scenario(7, robot) != scenario(8, robot)
 
 
-def test_every_injection_is_drawn_or_says_why_not(robot: Robot) -> None:
+def test_every_injection_is_drawn_or_says_why_not(robot: RobotFile) -> None:
     drawn = {fault["inject"] for seed in range(3000) for fault in scenario(seed, robot).faults}
 
     assert drawn == set(INJECTIONS) - set(NOT_DRAWN)
 
 
-def test_scenarios_are_of_all_kinds(robot: Robot) -> None:
+def test_scenarios_are_of_all_kinds(robot: RobotFile) -> None:
     scenarios = [scenario(seed, robot) for seed in SEEDS]
 
     assert {next(iter(given.mission["steps"][-1])) for given in scenarios} == {"follow", "teleop"}
@@ -77,7 +77,7 @@ def test_monitor_is_never_milder_than_the_table_that_runs() -> None:
     assert all(ROWS[id].recovery.kind is Kind.ITSELF for id in BY_ITSELF)
 
 
-def test_same_seed_leaves_the_same_journal(robot: Robot, tmp_path: Path) -> None:
+def test_same_seed_leaves_the_same_journal(robot: RobotFile, tmp_path: Path) -> None:
     journals = []
     for name in ("first", "second"):
         run_scenario(scenario(2, robot), ROBOT.read_bytes(), tmp_path / name)

@@ -16,7 +16,7 @@ from pydantic import ConfigDict
 
 from artemis.config import Config
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Following, Setup
+from artemis.plugins.contracts import Following, PluginContext
 from artemis.plugins.followers.indiveri import IndiveriConfig, IndiveriFollower
 from artemis.testing import contracts
 from artemis.testing.contracts import FollowerContract, InputContract, PluginContract
@@ -52,8 +52,8 @@ class GoodInput:
 
     Config: ClassVar[type[Config]] = GoodConfig
 
-    def __init__(self, config: GoodConfig, setup: Setup) -> None:
-        self.config, self.name = config, setup.name
+    def __init__(self, config: GoodConfig, context: PluginContext) -> None:
+        self.config, self.name = config, context.name
         self.moved = False
         self.closed = 0
 
@@ -71,8 +71,8 @@ class GoodInput:
 class GoodFollower(IndiveriFollower):
     Config: ClassVar[type[Config]] = GoodConfig
 
-    def __init__(self, config: GoodConfig, setup: Setup) -> None:
-        super().__init__(IndiveriConfig(speed_m_s=0.6), setup)
+    def __init__(self, config: GoodConfig, context: PluginContext) -> None:
+        super().__init__(IndiveriConfig(speed_m_s=0.6), context)
 
 
 class Watch:
@@ -194,7 +194,7 @@ BAD_INPUTS: dict[str, tuple[type[Any], dict[str, str]]] = {
     "gives text": (says(lambda sample, _: replace(sample, speed=TEXT)), dict.fromkeys(SAMPLING, "PLG-06")),
     "has its own name": (
         says(lambda sample, _: replace(sample, source="pad")),
-        {"test_samples_are_whole": "'pad', not setup.name"},
+        {"test_samples_are_whole": "'pad', not context.name"},
     ),
     "gives no number": (
         says(lambda sample, _: replace(sample, steering=math.inf)),
@@ -323,8 +323,8 @@ class EachAnother(GoodFollower):
 
     made = count()
 
-    def __init__(self, config: GoodConfig, setup: Setup) -> None:
-        super().__init__(config, setup)
+    def __init__(self, config: GoodConfig, context: PluginContext) -> None:
+        super().__init__(config, context)
         self.own = 1e-9 * next(self.made)
 
     def step(self, snapshot: Snapshot) -> Following:
@@ -380,7 +380,7 @@ BAD_FOLLOWERS: dict[str, tuple[type[Any], dict[str, str]]] = {
     "jumps back": (finishes(jumps_back), {"test_finishes_at_the_end": "and then no longer"}),
     "counts right positive": (tells(cross_track=lambda left: -left), {"test_tracking_is_true": "cross_track"}),
     "counts degrees": (tells(heading_error=math.degrees), {"test_tracking_is_true": "heading_error"}),
-    "does not count its way": (tells(arc_length=lambda _: 0.0), {"test_tracking_is_true": "arc_length"}),
+    "does not count its distance": (tells(arc_length=lambda _: 0.0), {"test_tracking_is_true": "arc_length"}),
     "tells another length": (tells(length=lambda length: length - 1.0), {"test_tracking_is_true": "length"}),
     "is each another": (EachAnother, {"test_same_snapshots_give_same_commands": "a second follower"}),
     "is not reset": (NeverReset, {"test_start_begins_anew": "started again"}),
@@ -395,7 +395,7 @@ def test_a_bad_follower_fails(what: str) -> None:
 
 
 def test_every_test_of_the_suites_is_seen_to_fail() -> None:
-    """Each alone, by some plugin; but for those of the ways, which fail together."""
+    """Each alone, by some plugin; but for those of the distances, which fail together."""
     alone = {
         name
         for _, expected in (*BAD_INPUTS.values(), *BAD_FOLLOWERS.values())

@@ -28,7 +28,7 @@ from artemis.plugins.followers.indiveri import IndiveriConfig
 from artemis.plugins.inputs.scripted import ScriptedConfig
 from artemis.plugins.registry import CONTRACTS as PLUGIN_CONTRACTS
 from artemis.plugins.registry import load
-from artemis.sim.world import TrueRobot
+from artemis.sim.world import PlantParameters
 from artemis.states.machine import mermaid
 from artemis.testing.localizers import LocalizerContract
 from artemis_lab.injections.stage import Needs
@@ -206,7 +206,7 @@ def parts(annotation: object) -> Iterator[type[BaseModel]]:
 
 @pytest.mark.parametrize(
     "model",
-    [schema.Mission, vehicle.Robot, TrueRobot, ScriptedConfig, IndiveriConfig],
+    [schema.Mission, vehicle.RobotFile, PlantParameters, ScriptedConfig, IndiveriConfig],
     ids=lambda model: model.__name__,
 )
 def test_every_key_of_a_file_is_in_the_docs(model: type[BaseModel]) -> None:
@@ -245,7 +245,7 @@ def test_plugin_of_the_docs_is_what_the_command_writes(tmp_path: Path) -> None:
 STOP_OF_THE_STICK = """
     def test_a_press_of_stop_wakes_and_counts_once(self) -> None:
         woken = []
-        self.given = lambda: Setup(name="stick", robot=self.robot, folder=Path(), wake=lambda: woken.append(1))
+        self.given = lambda: PluginContext(name="stick", robot=self.robot, folder=Path(), wake=lambda: woken.append(1))
         device = self.make()
         for line in (b"0 0 0 1\\n", b"0 0 0 1\\n", b"0 0 damaged\\n"):
             device.take(line)
@@ -253,7 +253,7 @@ STOP_OF_THE_STICK = """
         assert (woken, device.read(0.2).age) == ([1], 0.2)
 
 
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.values import Request
 """
 

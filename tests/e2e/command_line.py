@@ -32,7 +32,7 @@ WRITE_CONSUMER_HEARTBEAT = bytes.fromhex("23161001")
 
 
 def write_mission(folder: Path, *, name: str = "mission.yaml", bus: str = "simulation", more: str = "") -> Path:
-    """A straight way of 1.5 m at 0.3 m/s; `more` is YAML for its end."""
+    """A straight distance of 1.5 m at 0.3 m/s; `more` is YAML for its end."""
     (folder / "robots").mkdir(exist_ok=True)
     (folder / "paths").mkdir(exist_ok=True)
     shutil.copy(ROBOT, folder / "robots")

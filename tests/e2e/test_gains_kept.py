@@ -24,7 +24,7 @@ from command_line import (
 )
 
 from artemis.mission.loading import load_model
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
 
@@ -84,8 +84,8 @@ def test_gains_that_are_kept_are_in_the_drive_s_memory_and_in_the_robot_file(tmp
         assert done.returncode == 0, done.stdout + done.stderr
         assert f"kept        steer-left: stored, and in {robot}" in done.stdout
         assert position_gains(port, restart=True) == (200, 10, 250)
-    gains = {name: drive.gains for name, drive in load_model(robot, Robot).drives.items()}
-    known = load_model(ROBOT, Robot).drives
+    gains = {name: drive.gains for name, drive in load_model(robot, RobotFile).drives.items()}
+    known = load_model(ROBOT, RobotFile).drives
     assert gains.pop("steer-left") == known["steer-left"].gains.model_copy(update={"position": (200, 10, 250)})  # type: ignore[union-attr]  # it has some
     assert gains == {name: known[name].gains for name in gains}
 

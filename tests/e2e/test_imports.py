@@ -1,4 +1,4 @@
-"""What a run does not need is not imported on its way: it would delay the start, and take memory, for nothing."""
+"""What a run does not need is not imported on its distance: it would delay the start, and take memory, for nothing."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ import pytest
 from command_line import MISSIONS, ROBOT, artemis, artemis_here, only_run
 
 from artemis import cli
-from artemis.commands.path_record import Choice, Drawing, record_path
+from artemis.commands.path_record import Drawing, RecordedPart, record_path
 from artemis.commands.path_show import show_paths
 from artemis.errors import ConfigError, RecordingError
 from artemis.motion.path import path_from_csv
@@ -63,7 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def record(
     folder: Path,
     output: Path,
-    choice: Choice = Choice(),  # noqa: B008  (frozen)
+    choice: RecordedPart = RecordedPart(),  # noqa: B008  (frozen)
     drawing: Drawing = Drawing(),  # noqa: B008
     speed: float | None = None,
 ) -> int:
@@ -83,12 +83,12 @@ def refused(arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytes
 
 
 def test_a_run_becomes_a_file_with_its_reversals(folder: Path, tmp_path: Path) -> None:
-    done = artemis("path", "record", folder / "run", "-o", tmp_path / "way.csv")
+    done = artemis("path", "record", folder / "run", "-o", tmp_path / "distance.csv")
     assert done.returncode == 0, done.stderr
-    assert [file.name for file in tmp_path.iterdir()] == ["way.csv"]
-    text = (tmp_path / "way.csv").read_text()
+    assert [file.name for file in tmp_path.iterdir()] == ["distance.csv"]
+    text = (tmp_path / "distance.csv").read_text()
     assert re.search(
-        r"way\.csv: \d\.\d\d m, driven forwards, backwards, 9\.\d+ s to 2\d\.\d\d s of the run", done.stdout
+        r"distance\.csv: \d\.\d\d m, driven forwards, backwards, 9\.\d+ s to 2\d\.\d\d s of the run", done.stdout
     )
     assert "left out: 0.0" in done.stdout
     head = [line for line in text.splitlines() if line.startswith("#")]
@@ -101,26 +101,26 @@ def test_a_run_becomes_a_file_with_its_reversals(folder: Path, tmp_path: Path) -
     assert re.fullmatch(r"# Length [\d.]+ m; a point every 0\.05 m; smoothing 0\.3 m;", head[2])
     assert re.fullmatch(r"# read again, the curve is at most [\d.]+ mm from what was driven\.", head[3])
     assert "# Where the headings point against the way it is driven backwards." in head
-    there, back = route_from_csv(text, "way.csv").parts
+    there, back = route_from_csv(text, "distance.csv").parts
     assert (there.backward, back.backward) == (False, True)
     assert (there.path.x[0], there.path.y[0]) == pytest.approx((0.0, 0.0), abs=0.01)
     assert min(there.path.length, back.path.length) > 1.0
 
 
 def test_a_file_that_is_there_is_kept_unless_forced(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "way.csv").write_text("mine")
-    kept = artemis_here("path", "record", folder / "run", "-o", tmp_path / "way.csv")
+    (tmp_path / "distance.csv").write_text("mine")
+    kept = artemis_here("path", "record", folder / "run", "-o", tmp_path / "distance.csv")
     assert kept.returncode == 2
-    assert kept.stderr == f"{tmp_path}/way.csv: is there already; another name, or --force\n"
-    assert (tmp_path / "way.csv").read_text() == "mine"
-    forced = artemis_here("path", "record", folder / "run", "-o", tmp_path / "way.csv", "--force")
+    assert kept.stderr == f"{tmp_path}/distance.csv: is there already; another name, or --force\n"
+    assert (tmp_path / "distance.csv").read_text() == "mine"
+    forced = artemis_here("path", "record", folder / "run", "-o", tmp_path / "distance.csv", "--force")
     assert forced.returncode == 0
-    assert (tmp_path / "way.csv").read_text().startswith("# Path of the centre")
-    assert [file.name for file in tmp_path.iterdir()] == ["way.csv"]
+    assert (tmp_path / "distance.csv").read_text().startswith("# Path of the centre")
+    assert [file.name for file in tmp_path.iterdir()] == ["distance.csv"]
 
 
 def test_a_time_of_the_run_can_be_chosen(folder: Path, tmp_path: Path) -> None:
-    assert record(folder, tmp_path / "part.csv", Choice(begin=10.0, end=13.0)) == 0
+    assert record(folder, tmp_path / "part.csv", RecordedPart(begin=10.0, end=13.0)) == 0
     (line,) = re.findall(r"driven, forwards, ([\d.]+) s to ([\d.]+) s", (tmp_path / "part.csv").read_text())
     assert (float(line[0]), float(line[1])) == pytest.approx((10.0, 13.0), abs=0.05)
 
@@ -128,7 +128,7 @@ def test_a_time_of_the_run_can_be_chosen(folder: Path, tmp_path: Path) -> None:
 def test_spacing_and_speeds_are_as_asked(folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "part.csv"
     drawing = Drawing(spacing=0.2, with_speed=True)
-    assert record_path(folder / "run", file, Choice(begin=9.0, end=13.0), drawing) == 0
+    assert record_path(folder / "run", file, RecordedPart(begin=9.0, end=13.0), drawing) == 0
     rows = [line.split(",") for line in file.read_text().splitlines() if line[:1] in "-0123456789"]
     steps = [math.dist(map(float, a[:2]), map(float, b[:2])) for a, b in itertools.pairwise(rows)]
     assert max(steps) < 0.2005
@@ -142,24 +142,24 @@ def test_a_speed_that_is_too_fast_for_the_steering_is_a_failure(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "bend.csv"
-    assert record(folder, file, Choice(begin=10.0, end=17.0), speed=0.7) == 1
+    assert record(folder, file, RecordedPart(begin=10.0, end=17.0), speed=0.7) == 1
     assert "too fast at" in capsys.readouterr().out
     file.unlink()
-    assert record(folder, file, Choice(begin=10.0, end=17.0), speed=0.1) == 0
+    assert record(folder, file, RecordedPart(begin=10.0, end=17.0), speed=0.1) == 0
     file.unlink()
-    assert record(folder, file, Choice(begin=10.0, end=17.0), speed=5.0) == 1
+    assert record(folder, file, RecordedPart(begin=10.0, end=17.0), speed=5.0) == 1
     assert "more than the robot can" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("choice", "words"),
     [
-        (Choice(begin=100.0), "nothing was driven; choose another time"),
-        (Choice(begin=9.0, end=9.5), "at most 0.0"),
-        (Choice(name="eight"), "no path 'eight' was recorded; no step of its mission has `record:`"),
+        (RecordedPart(begin=100.0), "nothing was driven; choose another time"),
+        (RecordedPart(begin=9.0, end=9.5), "at most 0.0"),
+        (RecordedPart(name="eight"), "no path 'eight' was recorded; no step of its mission has `record:`"),
     ],
 )
-def test_what_is_no_path_is_refused(folder: Path, tmp_path: Path, choice: Choice, words: str) -> None:
+def test_what_is_no_path_is_refused(folder: Path, tmp_path: Path, choice: RecordedPart, words: str) -> None:
     with pytest.raises(ConfigError, match=re.escape(words)):
         record(folder, tmp_path / "out.csv", choice)
     assert list(tmp_path.iterdir()) == []
@@ -181,7 +181,7 @@ def test_values_without_sense_are_refused(
     folder: Path, tmp_path: Path, option: str, drawing: Drawing, speed: float | None
 ) -> None:
     with pytest.raises(ConfigError, match=f"--{option} .*: expected"):
-        record(folder, tmp_path / "out.csv", Choice(), drawing, speed)
+        record(folder, tmp_path / "out.csv", RecordedPart(), drawing, speed)
 
 
 def test_a_recording_that_was_cut_gives_what_is_whole(
@@ -190,14 +190,14 @@ def test_a_recording_that_was_cut_gives_what_is_whole(
     whole = (folder / "run" / "recording.mcap").read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) * 6 // 10])
-    assert record_path(cut, tmp_path / "part.csv", Choice(), Drawing()) == 0
+    assert record_path(cut, tmp_path / "part.csv", RecordedPart(), Drawing()) == 0
     assert "the recording is not whole: the file is cut off" in capsys.readouterr().out
     (file,) = tmp_path.glob("part*.csv")
     assert "# The recording is not whole: the file is cut off" in file.read_text()
     assert path_from_csv(file.read_text(), "part.csv").length > 0.3
     cut.write_bytes(whole[:1000])
     with pytest.raises(RecordingError, match="nothing of a run can be read"):
-        record_path(cut, tmp_path / "none.csv", Choice(), Drawing())
+        record_path(cut, tmp_path / "none.csv", RecordedPart(), Drawing())
 
 
 def test_name_and_time_are_not_mixed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -285,9 +285,9 @@ def poses() -> str:
 @pytest.mark.parametrize(
     ("name", "make", "length"),
     [
-        ("way.gpx", gpx, 67.0),
-        ("way.yaml", poses, 12.9),
-        ("way.csv", lambda: "x;y\n0;0\n5;0\n9;3\n", 10.2),
+        ("distance.gpx", gpx, 67.0),
+        ("distance.yaml", poses, 12.9),
+        ("distance.csv", lambda: "x;y\n0;0\n5;0\n9;3\n", 10.2),
     ],
 )
 def test_a_file_of_others_becomes_a_path_that_a_mission_accepts(
@@ -316,7 +316,7 @@ def test_a_file_of_others_becomes_a_path_that_a_mission_accepts(
         ("w.gpx", "<gpx>\n<trk>", [], "w.gpx:2:6: not XML: no element found"),
         ("w.yaml", "poses:\n- {x: 1}\n", [], "w.yaml:2:3: poses[0].y: expected a number, found none"),
         ("w.csv", "x,y\n1,\n", [], "w.csv:2:3: y: expected a finite number, found ''"),
-        ("w.csv", "x,y\n0,0\n1,0\n0,0.01\n", ["--closed"], "w.csv:3:1: the way reverses here, so it cannot be"),
+        ("w.csv", "x,y\n0,0\n1,0\n0,0.01\n", ["--closed"], "w.csv:3:1: the path reverses here, so it cannot be"),
         ("w.kml", "<kml/>", [], "w.kml: its suffix says nothing of its format; choose with --format csv|gpx|nav2"),
         ("w.csv", "x,y\n", ["--format", "kml"], "w.csv: no format 'kml'; choose with --format csv|gpx|nav2"),
         ("w.csv", "0,0\n1,0\n", ["--smoothing", "9"], "--smoothing 9: expected 0 to 5 m"),

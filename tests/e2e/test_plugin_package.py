@@ -80,9 +80,9 @@ def test_a_new_package_works_at_once(kind: str, environment: Environment, tmp_pa
     assert_left_at_rest(run)
     assert Recording(run).ticks()
     assert kind != "observer" or len((run / "seen.txt").read_text().splitlines()) == 9
-    way = re.search(r"^distance +(\d+\.\d+) m", shown["artemis run mission.yaml"], re.MULTILINE)
-    assert way
-    assert float(way[1]) > 2.0
+    distance = re.search(r"^distance +(\d+\.\d+) m", shown["artemis run mission.yaml"], re.MULTILINE)
+    assert distance
+    assert float(distance[1]) > 2.0
 
 
 def test_code_of_a_new_package_is_clean(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
 
 FAULT = "simulation:\n  faults: [{at_s: 9.0, inject: DRV-25, node: steer-left}]\n"
-"""Half-way along the path; a run that has only the rest of it before it is done earlier."""
+"""Halfway along the path; a run that has only the rest of it before it is done earlier."""
 
 
 def label(output: str, name: str) -> str:
@@ -147,15 +147,15 @@ def test_a_run_killed_in_real_time_is_gone_on_with_where_it_was(tmp_path: Path) 
     done = driven(killed)
     with started("run", mission, "--resume", killed) as process:
         said = read_until(process, "follow     following")
-        (resumed,) = [run for run in runs(tmp_path) if Recording(run).resumption]
+        (resumed,) = [run for run in runs(tmp_path) if Recording(run).resume_point]
         wait_until_driven(process, resumed, done + 0.3)
     assert f"step 2 (follow), {done:.2f} m of it done" in label(said, "resuming")
     assert "the recording is not whole: the file is cut off" in said
 
 
-def wait_until_driven(process: subprocess.Popen[str], run: Path, way: float) -> None:
+def wait_until_driven(process: subprocess.Popen[str], run: Path, distance: float) -> None:
     """Until the process has recorded that so much of the path [m] is done."""
-    while driven(run) < way:
+    while driven(run) < distance:
         if process.poll() is not None:
             said = stream(process.stdout).read()
             skip_if_late(said)

@@ -82,8 +82,8 @@ def test_the_changing_line_shows_the_way_and_fits_the_terminal(tmp_path: Path) -
     for columns, shown in lines.items():
         assert max(map(len, shown)) < columns
     motion = r" +\d+\.\d\d s  follow     [+-]0\.\d\d m/s +[+-]\d+\.\d°"
-    way = r"  cross-track +[+-]\d+ mm +\d+\.\d of \d+\.\d m  [█░]+"
-    assert all(re.fullmatch(motion + way, line) for line in lines[110]), lines
+    distance = r"  cross-track +[+-]\d+ mm +\d+\.\d of \d+\.\d m  [█░]+"
+    assert all(re.fullmatch(motion + distance, line) for line in lines[110]), lines
 
 
 def test_a_fault_is_red_unless_colour_is_not_wanted(tmp_path: Path) -> None:

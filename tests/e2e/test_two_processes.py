@@ -29,7 +29,7 @@ from command_line import (
 
 from artemis.mission.loading import load_model
 from artemis.recording.mcap_reader import Recording
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 pytestmark = pytest.mark.realtime
 
@@ -52,8 +52,8 @@ def port() -> int:
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_model(ROBOT, Robot)
+def robot() -> RobotFile:
+    return load_model(ROBOT, RobotFile)
 
 
 @contextmanager
@@ -118,7 +118,9 @@ def lost_contacts(run: Path) -> int:
     return sum(frame.id & 0x780 == 0x080 and frame.data[:2] == b"\x30\x81" for frame in frames)
 
 
-def test_a_mission_is_done_against_simulated_drives_in_another_process(tmp_path: Path, port: int, robot: Robot) -> None:
+def test_a_mission_is_done_against_simulated_drives_in_another_process(
+    tmp_path: Path, port: int, robot: RobotFile
+) -> None:
     with simulated_robot(port) as drives:
         done = artemis("run", udp_mission(tmp_path, port))
         skip_if_late(done.stdout)
@@ -135,7 +137,7 @@ def test_a_mission_is_done_against_simulated_drives_in_another_process(tmp_path:
     assert_left_at_rest(run)
 
 
-def test_a_mission_that_is_refused_sends_no_frame(tmp_path: Path, port: int, robot: Robot) -> None:
+def test_a_mission_that_is_refused_sends_no_frame(tmp_path: Path, port: int, robot: RobotFile) -> None:
     ids = {drive.node_id for drive in robot.drives.values()}
     with listener(port) as third, simulated_robot(port):
         refused = artemis("run", udp_mission(tmp_path, port, more="tick_hz: 5\n"))
@@ -149,7 +151,7 @@ def test_a_mission_that_is_refused_sends_no_frame(tmp_path: Path, port: int, rob
 
 
 def test_a_host_that_is_killed_while_driving_is_noticed_and_every_drive_stops(
-    tmp_path: Path, port: int, robot: Robot
+    tmp_path: Path, port: int, robot: RobotFile
 ) -> None:
     wheel = robot.drive_at("traction", "left")[1].node_id
     ids = [drive.node_id for drive in robot.drives.values()]

@@ -34,7 +34,7 @@ from artemis.recording.mcap_file import MAGIC
 from artemis.recording.mcap_reader import Recording
 from artemis.sim.axis import Axis
 from artemis.sim.epos import SimEpos
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 from .fuzzing import Target, mutate_bytes, mutate_text
@@ -42,7 +42,7 @@ from .fuzzing import Target, mutate_bytes, mutate_text
 TESTS = Path(__file__).parents[1]
 MISSIONS = TESTS.parent / "missions"
 GOOD = TESTS / "broken" / "good"
-ROBOT = Robot.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
+ROBOT = RobotFile.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
 DRIVE = ROBOT.drives["steer-left"]
 NODE = DRIVE.node_id
 MILLISECOND = 0.001
@@ -278,7 +278,7 @@ class ReadRecording:
             for read in (recording.ticks_and_frames, recording.frames, recording.entries):
                 with suppress(RecordingError):
                     list(read())
-            for name in ("robot", "mission", "files", "resumption"):
+            for name in ("robot", "mission", "files", "resume_point"):
                 with suppress(RecordingError):
                     getattr(recording, name)
             recording.places_robot()

@@ -24,7 +24,7 @@ from artemis.drive_states import DriveState
 from artemis.mission.loading import load_model
 from artemis.sim.server import serve
 from artemis.sim.world import World
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 from .drives import Trip, WatchedBus, WatchedDrive, WatchedWorld
 
@@ -171,7 +171,7 @@ def play(cases: Sequence[Case], jobs: int) -> Iterator[Outcome]:
 
 def play_one(case: Case) -> Outcome:
     """Play a case with the drives in this process."""
-    robot = load_model(MISSIONS / "robots" / "artemis.yaml", Robot)
+    robot = load_model(MISSIONS / "robots" / "artemis.yaml", RobotFile)
     outcome = Outcome(case=case)
     while not outcome.undecided:
         with TemporaryDirectory() as folder:
@@ -182,7 +182,7 @@ def play_one(case: Case) -> Outcome:
     return outcome
 
 
-async def _attempt(robot: Robot, folder: Path, outcome: Outcome) -> str:
+async def _attempt(robot: RobotFile, folder: Path, outcome: Outcome) -> str:
     """Let one host drive and die, and judge what happened; or why it did not live until then."""
     case, port, start = outcome.case, free_port(), asyncio.get_running_loop().time()
     bus = WatchedBus(words(port), robot.host_node_id)

@@ -311,8 +311,8 @@ def judge(run: Path) -> str:
     armed = next(time for time, mode, _ in moving if time > stopped and mode == "teleop")
     if pushed := [time for time, _, speed in moving if stopped + 0.3 < time < armed and speed > 2 * STANDS]:
         raise Wrong(f"it moved at {pushed[0]:.2f} s, before it was armed again at {armed:.2f} s")
-    way = max(speed for _, _, speed in moving)
-    return f"up to {way:.2f} m/s; unplugged, it stood {stopped - lost:.2f} s after that was noticed"
+    distance = max(speed for _, _, speed in moving)
+    return f"up to {distance:.2f} m/s; unplugged, it stood {stopped - lost:.2f} s after that was noticed"
 
 
 def main() -> int:

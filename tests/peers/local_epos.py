@@ -30,7 +30,7 @@ from canopen.objectdictionary.datatypes import (
 from canopen.sdo.exceptions import SdoAbortedError
 
 from artemis.devices.can_bus import Frame
-from artemis.vehicle import Drive, Robot
+from artemis.vehicle import Drive, RobotFile
 
 SYNC, HEARTBEAT = 0x080, 0x700
 NOT_VALID = 1 << 31
@@ -170,7 +170,7 @@ class Beat:
 class LocalEpos(canopen.LocalNode):
     """One drive of the robot file on the wire, powered and in Pre-Operational."""
 
-    def __init__(self, wire: Wire, robot: Robot, drive: Drive, *, angle: float = 0.0) -> None:
+    def __init__(self, wire: Wire, robot: RobotFile, drive: Drive, *, angle: float = 0.0) -> None:
         """`angle`: where a steered wheel truly stands [rad]."""
         super().__init__(drive.node_id, described())
         self.drive, self.status, self.position = drive, DISABLED, 0.0
@@ -208,7 +208,7 @@ class LocalEpos(canopen.LocalNode):
         entry: Any = self.sdo[index]
         return int(entry[sub].raw if isinstance(self.object_dictionary[index], ODRecord) else entry.raw)
 
-    def _measure_angle(self, robot: Robot, angle: float) -> None:
+    def _measure_angle(self, robot: RobotFile, angle: float) -> None:
         calibration, counts = robot.potentiometers(self.drive.side), self.drive.sensor.counts_per_turn
         sign = -1 if self.drive.mirrored else 1
 

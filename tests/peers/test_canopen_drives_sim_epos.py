@@ -19,7 +19,7 @@ from artemis.devices.can_bus import Frame
 from artemis.drive_states import DriveState, Nmt
 from artemis.sim.axis import Axis
 from artemis.sim.epos import SimEpos
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 STEP = 0.001
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
@@ -113,7 +113,7 @@ class Wire(canopen.Network):
 
 
 def wire(*names: str, booted: bool = True) -> Wire:
-    robot = Robot.model_validate(yaml.safe_load(ROBOT.read_text(encoding="utf-8")))
+    robot = RobotFile.model_validate(yaml.safe_load(ROBOT.read_text(encoding="utf-8")))
     drives = [robot.drives[name] for name in names]
     network = Wire(*(SimEpos(drive, Axis(drive), name=name) for name, drive in zip(names, drives, strict=True)))
     if booted:

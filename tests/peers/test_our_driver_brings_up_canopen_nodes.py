@@ -15,7 +15,7 @@ from artemis.clock import run
 from artemis.devices.drive import Drives
 from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.mission.loading import load_mission
-from artemis.plugins.border import Border
+from artemis.plugins.guard import PluginGuard
 from artemis.robot import Core, Robot
 from artemis.states.mode import ON, STOPPING
 from artemis.states.plan import Plan
@@ -33,7 +33,7 @@ from artemis.values import (
     Verdict,
     Wish,
 )
-from artemis.vehicle import Robot as RobotFile
+from artemis.vehicle import RobotFile
 
 ROBOT = load_mission(Path(__file__).parents[2] / "missions" / "figure_eight.yaml").robot
 PERIOD = 0.02
@@ -249,7 +249,7 @@ def test_the_whole_bring_up_reaches_ready_and_ends_in_order() -> None:
         plan = Plan(robot=ROBOT, steps=())
         ticks: list[Tick] = []
         core = Core(plan, PERIOD)
-        robot = Robot(core, bench.drives, Border({}, asyncio.get_running_loop().time), PERIOD, ticks.append)
+        robot = Robot(core, bench.drives, PluginGuard({}, asyncio.get_running_loop().time), PERIOD, ticks.append)
         await robot.run()
 
         modes = list(dict.fromkeys(tick.mode for tick in ticks))

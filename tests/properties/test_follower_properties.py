@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from artemis.motion.angles import wrap
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Follower, Setup
+from artemis.plugins.contracts import Follower, PluginContext
 from artemis.plugins.registry import FOLLOWERS, load
 from artemis.testing.contracts import ROBOT, FollowerContract
 from artemis.values import DriveCommand, LocatedPose, Pose, Snapshot
@@ -26,7 +26,7 @@ TICKS = 90
 def made(name: str) -> Follower:
     plugin = load(FOLLOWERS, name)
     follower: Follower = plugin(
-        plugin.Config(speed_m_s=0.6), Setup(name=name, robot=ROBOT, folder=FollowerContract().given().folder)
+        plugin.Config(speed_m_s=0.6), PluginContext(name=name, robot=ROBOT, folder=FollowerContract().given().folder)
     )
     return follower
 

@@ -13,18 +13,18 @@ from hypothesis import strategies as st
 from artemis.devices.hid.descriptor import parse_descriptor
 from artemis.devices.hid.port import HidInfo
 from artemis.errors import DeviceLost, HidError
-from artemis.plugins.border import is_whole_input
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.guard import is_whole_input
 from artemis.plugins.inputs.gamepad import GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.profiles import profile_named
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import Request
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 ROOT = Path(__file__).parents[2]
-ROBOT = Robot.model_validate(load(ROOT / "missions" / "robots" / "artemis.yaml").data)
+ROBOT = RobotFile.model_validate(load(ROOT / "missions" / "robots" / "artemis.yaml").data)
 SETTINGS = settings(derandomize=True, deadline=None)
 NAMES = {"logitech-extreme-3d-pro": "logitech_extreme_3d_pro", "sony-dualshock-4-usb": "dualshock4_usb"}
 
@@ -57,8 +57,8 @@ class Watched:
         self.info = HidInfo("/dev/hidraw0", key.bus, key.vendor, key.product, "", name, 0)
         self.hid, self.now = FakeHid(), 0.0
         self.plugged = self.frozen = False
-        setup = Setup(name="stick", robot=ROBOT, folder=ROOT)
-        self.plugin = GamepadInput(config, setup, self.hid)
+        context = PluginContext(name="stick", robot=ROBOT, folder=ROOT)
+        self.plugin = GamepadInput(config, context, self.hid)
         self.values: dict[str, int] = {}
         self.stops = 0
         self.rested = False
@@ -82,11 +82,11 @@ class Watched:
 
     def send(self, x: float, y: float, down: frozenset[str]) -> None:
         levels = {self.profile.buttons[role]: 1 for role in down}
-        for role, way in (("x", x), ("y", -y)):
+        for role, distance in (("x", x), ("y", -y)):
             axis = self.profile.axes[role]
             assert axis.centre is not None
-            end = axis.maximum if way > 0 else axis.minimum
-            levels[axis.field] = round(axis.centre + abs(way) * (end - axis.centre))
+            end = axis.maximum if distance > 0 else axis.minimum
+            levels[axis.field] = round(axis.centre + abs(distance) * (end - axis.centre))
         number = next(field.report_id for field in self.descriptor.fields if field.name == "x")
         whole = 0
         for field in self.descriptor.fields:
@@ -114,11 +114,11 @@ class Watched:
         """Everything that was sent last is released."""
         if not self.values or self.values.get(self.profile.buttons["enable"]):
             return False
-        ways = []
+        distances = []
         for axis in self.profile.axes.values():
             assert axis.centre is not None
-            ways.append((self.values[axis.field] - axis.centre) / (axis.maximum - axis.centre))
-        return math.hypot(*ways) < 0.08  # of both gates, with what rounding does
+            distances.append((self.values[axis.field] - axis.centre) / (axis.maximum - axis.centre))
+        return math.hypot(*distances) < 0.08  # of both gates, with what rounding does
 
     def tick(self, passed: float) -> None:
         self.now += passed

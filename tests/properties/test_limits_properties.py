@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.limits import Gate, is_sane
 from artemis.values import Action, DriveCommand, SetPoints
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 SETTINGS = settings(derandomize=True, deadline=None, max_examples=max(200, settings().max_examples))
 FILE = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
-ARTEMIS = Robot.model_validate(yaml.safe_load(FILE.read_text(encoding="utf-8")))
+ARTEMIS = RobotFile.model_validate(yaml.safe_load(FILE.read_text(encoding="utf-8")))
 DT_MAX = 0.1
 TOLERANCE = 1e-9
 
 
-def variant(geometry: dict[str, object], **limits: float) -> Robot:
+def variant(geometry: dict[str, object], **limits: float) -> RobotFile:
     return ARTEMIS.model_copy(
         update={
             "geometry": ARTEMIS.geometry.model_copy(update=geometry),
@@ -60,7 +60,7 @@ def counted(dt: float) -> float:
     return min(dt, DT_MAX) if dt > 0.0 else 0.0
 
 
-def check_limits(robot: Robot, command: DriveCommand, last: SetPoints, made: SetPoints, dt: float) -> None:
+def check_limits(robot: RobotFile, command: DriveCommand, last: SetPoints, made: SetPoints, dt: float) -> None:
     """Everything that must hold from one tick to the next."""
     limits = robot.limits
     assert all(isfinite(getattr(made, name)) for name in SetPoints.__struct_fields__)
@@ -79,7 +79,9 @@ def check_limits(robot: Robot, command: DriveCommand, last: SetPoints, made: Set
 
 @SETTINGS
 @given(st.sampled_from(ROBOTS), st.lists(steps, min_size=1, max_size=60))
-def test_limits_hold_for_any_sequence(robot: Robot, sequence: list[tuple[DriveCommand, float, float, bool]]) -> None:
+def test_limits_hold_for_any_sequence(
+    robot: RobotFile, sequence: list[tuple[DriveCommand, float, float, bool]]
+) -> None:
     gate, car, last = Gate(robot, DT_MAX / 2), Ackermann(robot.geometry), SetPoints()
     for command, dt, ceiling, stop in sequence:
         made = gate.limit(command, last, dt, ceiling, stop)
@@ -94,7 +96,7 @@ def test_limits_hold_for_any_sequence(robot: Robot, sequence: list[tuple[DriveCo
     st.lists(st.tuples(tame, tame), min_size=1, max_size=8),
     st.sampled_from([0.005, 0.02, 0.1]),
 )
-def test_limits_hold_for_commands_that_last(robot: Robot, wishes: list[tuple[float, float]], dt: float) -> None:
+def test_limits_hold_for_commands_that_last(robot: RobotFile, wishes: list[tuple[float, float]], dt: float) -> None:
     gate, last = Gate(robot, DT_MAX / 2), SetPoints()
     for speed, steering in wishes:
         command = DriveCommand(speed=speed, steering=steering)
@@ -107,7 +109,7 @@ def test_limits_hold_for_commands_that_last(robot: Robot, wishes: list[tuple[flo
 @SETTINGS
 @given(st.sampled_from(ROBOTS), st.lists(steps, max_size=20), commands, st.floats(0.001, 0.1), ceilings)
 def test_stops_are_never_slowed(
-    robot: Robot,
+    robot: RobotFile,
     before: list[tuple[DriveCommand, float, float, bool]],
     command: DriveCommand,
     dt: float,
@@ -135,7 +137,7 @@ def test_stops_are_never_slowed(
     st.sampled_from([0.01, 0.02, 0.04]),
 )
 def test_feasible_command_is_reached_exactly(
-    robot: Robot, before: list[tuple[float, float]], speed_share: float, steering_share: float, dt: float
+    robot: RobotFile, before: list[tuple[float, float]], speed_share: float, steering_share: float, dt: float
 ) -> None:
     gate, car, last = Gate(robot, DT_MAX / 2), Ackermann(robot.geometry), SetPoints()
     for speed, steering in before:
@@ -157,7 +159,7 @@ def test_feasible_command_is_reached_exactly(
 @SETTINGS
 @given(st.sampled_from(ROBOTS), angles, angles, st.lists(st.tuples(commands, st.floats(0.001, 0.1)), max_size=20), tame)
 def test_limits_hold_and_wheels_align_from_any_angles(
-    robot: Robot, left: float, right: float, sequence: list[tuple[DriveCommand, float]], target: float
+    robot: RobotFile, left: float, right: float, sequence: list[tuple[DriveCommand, float]], target: float
 ) -> None:
     gate, car = Gate(robot, DT_MAX / 2), Ackermann(robot.geometry)
     last = SetPoints(steering=car.steering_from_wheel_angles(left, right), steering_left=left, steering_right=right)

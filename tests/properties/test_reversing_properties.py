@@ -50,13 +50,15 @@ def test_the_flip_is_its_own_inverse(odometry: Odometry, set_points: SetPoints) 
     assert flipped_command(flipped_command(command)) == command
 
 
-@given(pose=poses, way=st.floats(-0.5, 0.5), steering=st.floats(-1.0, 1.0))
-def test_a_car_that_reverses_moves_as_its_flipped_twin_drives_ahead(pose: Pose, way: float, steering: float) -> None:
-    def driven(begin: Pose, way: float, steering: float) -> Pose:
-        return move(begin, way * math.cos(steering), way * math.sin(steering) / ROBOT.geometry.wheelbase_m)
+@given(pose=poses, distance=st.floats(-0.5, 0.5), steering=st.floats(-1.0, 1.0))
+def test_a_car_that_reverses_moves_as_its_flipped_twin_drives_ahead(
+    pose: Pose, distance: float, steering: float
+) -> None:
+    def driven(begin: Pose, distance: float, steering: float) -> Pose:
+        return move(begin, distance * math.cos(steering), distance * math.sin(steering) / ROBOT.geometry.wheelbase_m)
 
     seen = flipped(snapshot(odometry=Odometry(pose=pose)))
-    one, twin = driven(pose, way, steering), driven(seen.odometry.pose, -way, -steering)
+    one, twin = driven(pose, distance, steering), driven(seen.odometry.pose, -distance, -steering)
     assert (twin.x, twin.y) == pytest.approx((one.x, one.y), abs=1e-9)
     assert math.cos(twin.heading - one.heading) == pytest.approx(-1.0)
 
@@ -67,10 +69,10 @@ def random_route(dice: np.random.Generator) -> Route:
     backward, parts = bool(dice.integers(2)), []
     for _ in range(dice.integers(1, 4)):
         curvature, length = dice.uniform(-1.2, 1.2), dice.uniform(0.6, 1.5)
-        way = (-1 if backward else 1) * length / 40
+        distance = (-1 if backward else 1) * length / 40
         line = [pose]
         for _ in range(40):
-            line.append(move(line[-1], way, way * curvature))
+            line.append(move(line[-1], distance, distance * curvature))
         pose = line[-1]
         x, y = np.array([(p.x, p.y) for p in line]).T
         parts.append(Part(path=path_from_points(x, y, between_halts=True), backward=backward))

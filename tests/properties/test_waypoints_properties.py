@@ -35,10 +35,10 @@ def drives(draw: st.DrawFn) -> list[Pose]:
     x, y, heading = draw(st.floats(-50, 50)), draw(st.floats(-50, 50)), draw(st.floats(-math.pi, math.pi))
     poses = [Pose(x=x, y=y, heading=heading)]
     stretches = st.tuples(st.floats(-0.012, 0.012), st.floats(-3, 3), st.integers(1, 150))
-    for way, curvature, ticks in draw(st.lists(stretches, min_size=1, max_size=6)):
+    for distance, curvature, ticks in draw(st.lists(stretches, min_size=1, max_size=6)):
         for _ in range(ticks):
-            heading += way * curvature
-            x, y = x + way * math.cos(heading), y + way * math.sin(heading)
+            heading += distance * curvature
+            x, y = x + distance * math.cos(heading), y + distance * math.sin(heading)
             poses.append(Pose(x=x, y=y, heading=math.remainder(heading, math.tau)))
     return poses
 
@@ -118,9 +118,9 @@ def test_a_track_lies_as_far_apart_as_on_a_sphere(latitude: float, longitude: fl
     lon = longitude + math.degrees(east / 6.371e6 / math.cos(math.radians(latitude)))
     lon = (lon + 180) % 360 - 180
     text = f'<gpx><trkpt lat="{latitude!r}" lon="{longitude!r}"/><trkpt lat="{lat!r}" lon="{lon!r}"/></gpx>'
-    way = read_gpx(text.encode(), "f")
-    assert abs(way.x[1] - east) < 1e-4 + 0.012 * abs(east)  # the Earth is flattened by a third of a percent
-    assert abs(way.y[1] - north) < 1e-4 + 0.012 * abs(north)
+    distance = read_gpx(text.encode(), "f")
+    assert abs(distance.x[1] - east) < 1e-4 + 0.012 * abs(east)  # the Earth is flattened by a third of a percent
+    assert abs(distance.y[1] - north) < 1e-4 + 0.012 * abs(north)
 
 
 any_text = st.one_of(

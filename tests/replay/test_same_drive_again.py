@@ -16,7 +16,7 @@ from test_gamepad_drives import DONE, DRIVE, ENABLE, Desk
 from artemis.commands.replay import replay_run
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.keyboard import KeyboardConfig, KeyboardInput
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
@@ -59,13 +59,13 @@ def by_keys(folder: Path) -> Run:
         listeners.append(listener)
         return True
 
-    setup = Setup(
+    context = PluginContext(
         name="stick",
         robot=load_mission(mission).robot,
         folder=folder,
         typed=listen,
     )
-    rig = Rig(mission, input=KeyboardInput(KeyboardConfig(), setup))
+    rig = Rig(mission, input=KeyboardInput(KeyboardConfig(), context))
     for index in range(500):
         rig.at(index * 0.04 + 0.003, lambda: listeners[0](THERE))
     typed = ((0.5, TELLS_RELEASE), (10.0, UP), (11.0, LEFT), (12.0, LET_GO[1]), (13.0, LET_GO[0]), (15.0, b"d"))

@@ -20,7 +20,7 @@ from artemis.planning import is_fast
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import encode
 from artemis.values import Tick
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.campaign.scenario import scenario
 
 HERE = Path(__file__).parents[2]
@@ -56,7 +56,7 @@ def of_mission(name: str) -> str:
 def of_seed(seed: int) -> str:
     """Of a run of the fault campaign, with how its program failed if it did."""
     robot_file = MISSIONS / "robots" / "artemis.yaml"
-    given = scenario(seed, load_model(robot_file, Robot))
+    given = scenario(seed, load_model(robot_file, RobotFile))
 
     def watch(tick: Tick, _: object) -> None:
         if given.killed_at is not None and tick.snapshot.time >= given.killed_at:

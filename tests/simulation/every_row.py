@@ -50,7 +50,7 @@ class Setting(NamedTuple):
     moves: bool = True
     stick: Sequence[tuple[float, float, float, int]] = ((0.0, 0.0, 0.0, 0),)
     """Time, x, y, enable button."""
-    way: float = 3.0
+    distance: float = 3.0
     """Length of the path [m]."""
 
 
@@ -76,7 +76,7 @@ SETTINGS = {
     "swinging": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_SWINGING),
     "following": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW),
     "held": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.QUICKSTOP),
-    "following to the end": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW, way=0.8),
+    "following to the end": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW, distance=0.8),
 }
 """When it happens is just after a tick has read and written: so the next one that can notice it is furthest away."""
 
@@ -153,7 +153,7 @@ def play(
     simulation: dict[str, Any] = {"faults": faults}
     if scene.operator:
         simulation["operator"] = [{"at_s": time, "do": what} for time, what in scene.operator]
-    files = {"stick.csv": table(*setting.stick), "line.csv": straight(setting.way)}
+    files = {"stick.csv": table(*setting.stick), "line.csv": straight(setting.distance)}
     mission = write_mission(folder, setting.steps, files, inputs=inputs, simulation=simulation)
     rig = Rig(mission, longest=scene.longest)
     prepare(rig)

@@ -19,17 +19,17 @@ from artemis.drive_states import DriveState, Nmt
 from artemis.errors import DeviceBusy, DeviceLost
 from artemis.sim.bus import SimBus
 from artemis.sim.epos import SimEpos
-from artemis.sim.world import TrueRobot, World
+from artemis.sim.world import PlantParameters, World
 from artemis.values import Request
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.injections.fault_bus import FaultBus
 from artemis_lab.injections.stage import Stage, Undo
 from artemis_lab.injections.table import inject
 
-ROBOT = Robot.model_validate(
+ROBOT = RobotFile.model_validate(
     yaml.safe_load((Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").read_text())
 )
-STRAIGHT = TrueRobot(start_steering_left_deg=0.0, start_steering_right_deg=0.0)
+STRAIGHT = PlantParameters(start_steering_left_deg=0.0, start_steering_right_deg=0.0)
 TICK = 0.02
 SYNC, HEARTBEAT, EMERGENCY, SDO_ANSWER, SDO_REQUEST = Frame(0x080), 0x700, 0x080, 0x580, 0x600
 ENABLE = (0x0006, 0x000F)

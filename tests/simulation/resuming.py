@@ -1,4 +1,4 @@
-"""What tests of `--resume` share: short runs that end half-way, and what is left of them."""
+"""What tests of `--resume` share: short runs that end halfway, and what is left of them."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
 from artemis.recording.journal import Entry, read_journal
 from artemis.recording.mcap_reader import Recording
-from artemis.recording.provenance import Resumption
+from artemis.recording.provenance import ResumePoint
 from artemis.recording.schemas import TickRecord
 from artemis.sim.bus import SimBus
-from artemis.sim.world import TrueRobot, World
+from artemis.sim.world import PlantParameters, World
 from artemis.values import Mode, Request, Tick
 
 FAR, HALF, LONGEST = 1.5, 0.75, 120.0
@@ -73,9 +73,9 @@ def run(
         if asked and until(tick):
             asyncio.get_running_loop().call_soon(asked.pop(), Request.END)
 
-    found = resumption(mission, resume, simulate) if resume else None
+    found = resume_point(mission, resume, simulate) if resume else None
     outcome = app.run_mission(
-        loaded, mission, simulate=simulate, watch=watch, operator=operator, resumption=found, parts=parts
+        loaded, mission, simulate=simulate, watch=watch, operator=operator, resume_point=found, parts=parts
     )
     return Done(outcome, ticks)
 
@@ -86,7 +86,7 @@ def of_a_robot(mission: Path) -> Callable[[], tuple[FrameBus, None]]:
 
     def machine() -> tuple[FrameBus, None]:
         loop = asyncio.get_running_loop()
-        return SimBus(World(robot, TrueRobot(), seed=1, start=loop.time()), robot.bitrate, loop), None
+        return SimBus(World(robot, PlantParameters(), seed=1, start=loop.time()), robot.bitrate, loop), None
 
     return machine
 
@@ -103,14 +103,14 @@ def line(folder: Path) -> Path:
     return write_mission(folder, STEPS, {"line.csv": straight(FAR)})
 
 
-def resumption(mission: Path, run: Path, simulate: bool = False) -> Resumption:
+def resume_point(mission: Path, run: Path, simulate: bool = False) -> ResumePoint:
     return app.resumption_from(load_mission(mission), mission, run, simulate)[0]
 
 
 def refused(mission: Path, run: Path, simulate: bool = False) -> str:
     """Why; empty if it is not."""
     try:
-        resumption(mission, run, simulate)
+        resume_point(mission, run, simulate)
     except ConfigError as error:
         return str(error)
     return ""

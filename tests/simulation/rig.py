@@ -47,7 +47,7 @@ from artemis.recording.replay import Replayed, replay
 from artemis.robot import Core, Robot
 from artemis.sim.bus import Disturb
 from artemis.sim.epos import SimEpos, SimSettings
-from artemis.sim.world import TrueRobot
+from artemis.sim.world import PlantParameters
 from artemis.states.plan import Plan, Results, with_followers
 from artemis.values import Fault, Mode, Pose, Request, Tick
 
@@ -212,7 +212,7 @@ class Rig:
         *,
         follower: Follower | None = None,
         input: InputDevice | None = None,
-        true_robot: TrueRobot | None = None,
+        true_robot: PlantParameters | None = None,
         settings: SimSettings | None = None,
         disturb: Disturb | None = None,
         world: WatchedWorld | None = None,

@@ -35,7 +35,7 @@ def shows(*ids: str) -> Callable[[Proof], Proof]:
 
 
 def decisions(done: Run) -> list[object]:
-    """All that left the host's mind, tick by tick."""
+    """All that left the host's decision core, tick by tick."""
     return [(s.time, s.mode, s.tick.wish.command.action, s.tick.set_points) for s in done.seen]
 
 

@@ -11,13 +11,13 @@ from rig import Rig, Run, Seen, write_mission
 
 from artemis.drive_states import DriveState
 from artemis.sim.epos import SimEpos
-from artemis.sim.world import TrueRobot
+from artemis.sim.world import PlantParameters
 from artemis.values import Mode
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 LEFT, RIGHT = "steer-left", "steer-right"
 SIDES = ("left", "right")
-HIDDEN = TrueRobot(
+HIDDEN = PlantParameters(
     steering_zero_left_deg=0.8,
     steering_zero_right_deg=-1.3,
     potentiometer_slopes_left=(1.02, 0.99),
@@ -26,7 +26,7 @@ HIDDEN = TrueRobot(
     backlash_deg=0.3,
 )
 REFERENCE = {"left": 0.8, "right": -1.3}
-PLAIN = TrueRobot(steering_zero_left_deg=0.8, steering_zero_right_deg=-1.3)
+PLAIN = PlantParameters(steering_zero_left_deg=0.8, steering_zero_right_deg=-1.3)
 LEFT_ALONE: dict[str, Any] = {"wheels": "left", "reference_deg": {"left": 0.8}}
 MEMORY = 0x200C
 Act = Callable[[Rig], None]
@@ -34,7 +34,7 @@ Act = Callable[[Rig], None]
 
 def calibrate(
     folder: Path,
-    true: TrueRobot = HIDDEN,
+    true: PlantParameters = HIDDEN,
     simulation: dict[str, Any] | None = None,
     limits: dict[str, str] | None = None,
     **words: Any,  # noqa: ANN401
@@ -49,7 +49,7 @@ def calibrate(
     return Rig(mission, true_robot=true, longest=120.0)
 
 
-def true_calibration(robot: Robot, true: TrueRobot, side: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def true_calibration(robot: RobotFile, true: PlantParameters, side: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Zeros [V] and slopes [degrees per volt] of the machine."""
     known = robot.potentiometers(side)
     factors = getattr(true, f"potentiometer_slopes_{side}")
@@ -65,7 +65,7 @@ def memory(drive: SimEpos) -> tuple[int, ...]:
     return tuple(int(n) - (1 << 32) if int(n) >= 1 << 31 else int(n) for n in found)
 
 
-def assert_recovered(run: Run, true: TrueRobot, error_deg: float = 0.06) -> None:
+def assert_recovered(run: Run, true: PlantParameters, error_deg: float = 0.06) -> None:
     """Within what the potentiometers' coarseness leaves; and not by chance: the robot file is further away."""
     for side in SIDES:
         found = run.results.steering[side].calibration

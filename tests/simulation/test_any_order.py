@@ -14,12 +14,12 @@ from rig import MISSIONS, WatchedBus, WatchedWorld
 from artemis import clock
 from artemis.config import Config
 from artemis.devices.drive import Drives
-from artemis.plugins.border import Border
+from artemis.plugins.guard import PluginGuard
 from artemis.robot import Core, Robot
 from artemis.states.plan import Plan, TeleopStep
 from artemis.supervision.catalogue import ROWS
 from artemis.values import Mode, OperatorInput, Request, Severity, Tick
-from artemis.vehicle import Robot as RobotFile
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 from artemis_lab.injections.bad_plugins import BadInput
 from artemis_lab.injections.fault_bus import FaultBus
@@ -73,9 +73,9 @@ class AnyOrder(RuleBasedStateMachine):
 
     async def start(self, plan: Plan, stick: BadInput, seed: int) -> None:
         self.bus = FaultBus(self.wire, seed=seed)
-        border = Border({"stick": stick}, self.loop.time)
+        guard = PluginGuard({"stick": stick}, self.loop.time)
         drives = Drives(ROBOT, self.bus)
-        self.robot = Robot(Core(plan, PERIOD), drives, border, PERIOD, self.observe, lambda time: True)
+        self.robot = Robot(Core(plan, PERIOD), drives, guard, PERIOD, self.observe, lambda time: True)
         self.stage = Stage(
             robot=ROBOT, world=self.world, bus=self.bus, loop=self.loop, inputs={"stick": stick}, request=self.ask
         )

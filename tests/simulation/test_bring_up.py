@@ -30,7 +30,7 @@ from artemis.devices.can_bus import Frame
 from artemis.drive_states import DriveState
 from artemis.mission.loading import load_mission
 from artemis.sim.epos import SimSettings
-from artemis.sim.world import TrueRobot
+from artemis.sim.world import PlantParameters
 from artemis.values import Mode
 
 ENABLE = 0x000F
@@ -78,7 +78,7 @@ def test_crooked_wheels_are_straight_after_init_though_their_encoders_started_at
 def test_a_hidden_steering_zero_turns_the_true_wheels_by_exactly_that_error(
     tmp_path: Path, plain: Run, zeros: tuple[float, float]
 ) -> None:
-    true = TrueRobot(steering_zero_left_deg=zeros[0], steering_zero_right_deg=zeros[1])
+    true = PlantParameters(steering_zero_left_deg=zeros[0], steering_zero_right_deg=zeros[1])
     seen = run(write_mission(tmp_path, [WAIT]), true_robot=true)
     honest, shifted = aligned(plain), aligned(seen)
     assert [b - a for a, b in zip(honest, shifted, strict=True)] == pytest.approx(zeros, abs=0.1)
@@ -86,7 +86,7 @@ def test_a_hidden_steering_zero_turns_the_true_wheels_by_exactly_that_error(
 
 @pytest.mark.parametrize("starts", [(0.0, 0.0), (-25.0, 20.0), (40.0, 48.0)])
 def test_wheels_are_straightened_from_wherever_they_stand(tmp_path: Path, starts: tuple[float, float]) -> None:
-    true = TrueRobot(start_steering_left_deg=starts[0], start_steering_right_deg=starts[1])
+    true = PlantParameters(start_steering_left_deg=starts[0], start_steering_right_deg=starts[1])
     seen = run(write_mission(tmp_path, [WAIT]), true_robot=true)
     assert seen.status == 0
     assert all(abs(angle) < 0.5 for angle in aligned(seen))
@@ -217,7 +217,7 @@ def step(world: WatchedWorld, dt: float) -> None:
 def test_drives_found_moving_and_enabled_are_stopped_first_and_brought_up_from_scratch(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, [CALIBRATE, follow()])
     loaded = load_mission(mission)
-    world = WatchedWorld(loaded.robot, TrueRobot())
+    world = WatchedWorld(loaded.robot, PlantParameters())
     left_running(world, rpm=500)
     assert {node.state for node in world.nodes} == {DriveState.OPERATION_ENABLE}
     speed = world.speed

@@ -14,7 +14,7 @@ from artemis.commands.run import run_and_report
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
 from artemis.recording.mcap_reader import Recording
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 HIDDEN = {
@@ -54,7 +54,7 @@ def driven(folder: Path, name: str, steps: str, true: dict[str, float], seed: in
 
 
 def error_at_end(run: Path) -> tuple[float, float]:
-    """Of the odometry [m], and the way [m]."""
+    """Of the odometry [m], and the distance [m]."""
     last = Recording(run).last_tick()
     assert last is not None
     assert last.true_pose is not None
@@ -62,7 +62,7 @@ def error_at_end(run: Path) -> tuple[float, float]:
     return hypot(pose.x - true.x, pose.y - true.y), last.snapshot.odometry.distance
 
 
-def seen_by(robot: Robot, old: Robot) -> dict[str, float]:
+def seen_by(robot: RobotFile, old: RobotFile) -> dict[str, float]:
     """The same machine as `HIDDEN`, as deviations from another robot file."""
     true = dict(HIDDEN)
     for side in ("left", "right"):
@@ -78,15 +78,15 @@ def test_a_calibrated_robot_knows_where_it_is(tmp_path: Path, capsys: pytest.Cap
     for folder in ("robots", "inputs", "paths"):
         shutil.copytree(MISSIONS / folder, tmp_path / folder)
     file = tmp_path / "robots" / "artemis.yaml"
-    old = load_model(file, Robot)
+    old = load_model(file, RobotFile)
     before, _ = error_at_end(driven(tmp_path, "before", EIGHT, HIDDEN, 3))
     run = driven(tmp_path, "weaving", WEAVING, HIDDEN, 1)
     capsys.readouterr()
 
     calibrate_with_truth([run], ["simulation"], None, [], None, file)
     told = capsys.readouterr().out
-    robot = load_model(file, Robot)
-    after, way = error_at_end(driven(tmp_path, "after", EIGHT, seen_by(robot, old), 4))
+    robot = load_model(file, RobotFile)
+    after, distance = error_at_end(driven(tmp_path, "after", EIGHT, seen_by(robot, old), 4))
 
     assert "zero difference" in told
     assert "--store" in told
@@ -95,7 +95,7 @@ def test_a_calibrated_robot_knows_where_it_is(tmp_path: Path, capsys: pytest.Cap
     assert robot.geometry.wheelbase_m == pytest.approx(0.566, rel=3e-3)
     assert robot.potentiometers("left").scale == pytest.approx(1.004, abs=1.5e-3)
     assert before > 0.1
-    assert after < 0.002 * way
+    assert after < 0.002 * distance
     with pytest.raises(ConfigError, match="drive again"):
         calibrate_with_truth([run], ["simulation"], None, [], None, file)
 

@@ -26,7 +26,7 @@ from steering_rig import (
 
 from artemis.drive_states import DriveState, Nmt
 from artemis.motion.potentiometers import memory_numbers
-from artemis.sim.world import TrueRobot
+from artemis.sim.world import PlantParameters
 from artemis.values import Mode
 
 
@@ -182,7 +182,7 @@ def test_a_key_that_bounces_accepts_once(tmp_path: Path) -> None:
 
 
 def test_new_potentiometers_are_calibrated_though_the_robot_file_knows_nothing_of_them(tmp_path: Path) -> None:
-    true = TrueRobot(
+    true = PlantParameters(
         steering_zero_left_deg=25.0,
         steering_zero_right_deg=-30.0,
         potentiometer_slopes_left=(0.7, -1.2),
@@ -199,7 +199,7 @@ def test_new_potentiometers_are_calibrated_though_the_robot_file_knows_nothing_o
 
 
 def test_new_potentiometers_by_hand(tmp_path: Path) -> None:
-    true = TrueRobot(steering_zero_left_deg=25.0, steering_zero_right_deg=-30.0)
+    true = PlantParameters(steering_zero_left_deg=25.0, steering_zero_right_deg=-30.0)
     acts = jogs(
         *((3.6 + 0.1 * number, "right_degree") for number in range(7)),
         (6.0, "accept"),

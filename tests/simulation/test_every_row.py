@@ -42,7 +42,7 @@ COVERED = {
     "MIS-07": "unit/test_mission.py::test_the_fastest_step_must_stop_within_the_stop_distance",
     "PLG-01": "unit/test_registry.py::test_broken_plugin_tells_its_reason_and_harms_nobody",
     "PLG-05": "unit/test_host.py::test_growth_beyond_its_limit_is_told",
-    "PLG-07": "unit/test_wire_end.py::test_what_must_not_leave_is_held_back_and_told_with_its_place_in_the_program",
+    "PLG-07": "unit/test_bus_gateway.py::test_what_must_not_leave_is_held_back_and_told_with_its_place_in_the_program",
     "SYS-06": "host_death/test_host_death.py::test_every_drive_stops_in_time_when_the_host_dies",
     "SYS-08": "unit/test_journal.py::test_of_a_killed_run_nothing_is_lost",
     "DSK-01": "simulation/test_failing_disk.py"

@@ -39,7 +39,7 @@ def run(
     act: Callable[[Tick], None] = lambda tick: None,
     **simulation: object,
 ) -> tuple[app.Outcome, list[Tick]]:
-    """A short way; `act` sees every tick."""
+    """A short distance; `act` sees every tick."""
     mission = write_mission(folder, STEPS, simulation=simulation)
     ticks: list[Tick] = []
 

@@ -13,7 +13,7 @@ PATH = (MISSIONS / "paths" / "figure_eight.csv").read_text()
 
 @pytest.mark.parametrize(
     ("plugin", "nearness"),
-    [("pure_pursuit", 0.08), ("stanley", 0.22)],  # cut corners; and the rear axle inside the front axle's way
+    [("pure_pursuit", 0.08), ("stanley", 0.22)],  # cut corners; and the rear axle inside the front axle's distance
 )
 def test_a_follower_drives_the_figure_eight(tmp_path: Path, plugin: str, nearness: float) -> None:
     follow = {"path": "eight.csv", "follower": {"plugin": plugin, "speed_m_s": 0.4}}

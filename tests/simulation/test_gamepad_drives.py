@@ -12,7 +12,7 @@ from rig import BRAKING, CALIBRATE, MISSIONS, STICK, TELEOP, TICK, Rig, Run, sta
 
 from artemis.devices.hid.port import HidInfo
 from artemis.mission.loading import load_mission
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.gamepad import GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.held import GONE
@@ -30,7 +30,7 @@ REST, ENABLE, STOP, DONE = 0, 1 << 0, 1 << 1, 1 << 10
 
 def report(x: float = 0.0, y: float = 0.0, buttons: int = 0) -> bytes:
     """Seven bytes: x and y (10 bits, y to the operator), hat, twist, buttons 1 to 8, slider, buttons 9 to 12."""
-    raw_x, raw_y = (round(508 + way * (515 if way > 0 else 508)) for way in (x, -y))
+    raw_x, raw_y = (round(508 + distance * (515 if distance > 0 else 508)) for distance in (x, -y))
     head = raw_x | raw_y << 10 | 8 << 20
     return head.to_bytes(3, "little") + bytes((128, buttons & 0xFF, 0, buttons >> 8))
 
@@ -44,8 +44,8 @@ class Desk:
         self.hid = FakeHid()
         self.hid.plug(INFO, self.raw)
         mission = write_mission(folder, [CALIBRATE, TELEOP], {"stick.csv": stick((0, 0, 0, 0))}, inputs=STICK, **keys)
-        setup = Setup(name="stick", robot=load_mission(mission).robot, folder=folder, wake=self._wake)
-        plugin = GamepadInput(GamepadConfig(profile="logitech-extreme-3d-pro"), setup, self.hid)
+        context = PluginContext(name="stick", robot=load_mission(mission).robot, folder=folder, wake=self._wake)
+        plugin = GamepadInput(GamepadConfig(profile="logitech-extreme-3d-pro"), context, self.hid)
         self.rig = Rig(mission, input=plugin)
         self.at(1.0)
 

@@ -31,7 +31,7 @@ from artemis.devices.can_bus import Frame
 from artemis.drive_states import DriveState, Nmt
 from artemis.mission.loading import load_mission
 from artemis.sim.epos import SimSettings
-from artemis.sim.world import TrueRobot
+from artemis.sim.world import PlantParameters
 from artemis.values import JobKind, Mode, Request
 
 OFF, QUICK_STOP, ENABLE = 0x00, 0x0B, 0x0F
@@ -56,7 +56,9 @@ def step(world: WatchedWorld, seconds: float) -> None:
 
 def left_running(mission: Path) -> WatchedWorld:
     """A robot that drives straight ahead, as a run leaves it that was killed before the drives watched it."""
-    world = WatchedWorld(load_mission(mission).robot, TrueRobot(start_steering_left_deg=0, start_steering_right_deg=0))
+    world = WatchedWorld(
+        load_mission(mission).robot, PlantParameters(start_steering_left_deg=0, start_steering_right_deg=0)
+    )
     step(world, 0.1)
     for name in DRIVES:
         drive = world.drive(name)
@@ -220,17 +222,17 @@ def test_an_end_request_leaves_drives_at_rest_that_answer_slowly(tmp_path: Path,
 
 
 def test_a_drive_that_cannot_be_released_is_named_and_the_others_are_at_rest(tmp_path: Path) -> None:
-    deaf = False
+    unresponsive = False
 
     def disturb(frame: Frame, _now: float) -> tuple[Frame | None, float]:
-        return (None if deaf and frame.id == SDO_REQUEST + NODE["steer-right"] else frame), 0.0
+        return (None if unresponsive and frame.id == SDO_REQUEST + NODE["steer-right"] else frame), 0.0
 
-    def deafen() -> None:
-        nonlocal deaf
-        deaf = True
+    def stop_answering() -> None:
+        nonlocal unresponsive
+        unresponsive = True
 
     rig = Rig(write_mission(tmp_path, [WAIT]), disturb=disturb)
-    seen = rig.when(lambda s: s.mode is Mode.END, deafen).run()
+    seen = rig.when(lambda s: s.mode is Mode.END, stop_answering).run()
     assert seen.is_done
     assert (seen.status, seen.fault_ids, seen.faults[0].device) == (1, ["COM-34"], "steer-right")
     seen.world.nodes = [node for node in seen.world.nodes if node.name != "steer-right"]

@@ -16,7 +16,7 @@ from rig import CALIBRATE, NODE, SET_POINTS, STEERING, STICK, TELEOP, TRACTION, 
 from artemis.devices.epos_objects import Units
 from artemis.mission.loading import load_mission
 from artemis.motion.path import path_from_csv
-from artemis.sim.world import TrueRobot
+from artemis.sim.world import PlantParameters
 from artemis.values import Mode
 
 MARGIN = 1.02
@@ -78,7 +78,7 @@ WAVE = "x,y\n" + "".join(f"{i / 20:.3f},{0.15 * (1 - math.cos(1.5 * i / 20)):.4f
 degrees = st.floats(-3.0, 3.0)
 scales = st.floats(0.95, 1.05)
 true_robots = st.builds(
-    TrueRobot,
+    PlantParameters,
     steering_zero_left_deg=degrees,
     steering_zero_right_deg=degrees,
     wheel_scale_left=scales,
@@ -97,9 +97,9 @@ true_robots = st.builds(
 @pytest.mark.exhaustive
 @pytest.mark.slow
 @settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
-@example(TrueRobot(steering_zero_left_deg=3.0, steering_zero_right_deg=3.0, slip=0.05))
+@example(PlantParameters(steering_zero_left_deg=3.0, steering_zero_right_deg=3.0, slip=0.05))
 @given(true_robots)
-def test_no_plausible_machine_leaves_the_path_by_more_than_its_limit_without_a_stop(true: TrueRobot) -> None:
+def test_no_plausible_machine_leaves_the_path_by_more_than_its_limit_without_a_stop(true: PlantParameters) -> None:
     with tempfile.TemporaryDirectory() as folder:
         seen = run(write_mission(Path(folder), [CALIBRATE, follow(0.3)], {"line.csv": WAVE}), true_robot=true)
         assert seen.status == 0 or seen.faults  # nothing else ends it

@@ -183,14 +183,14 @@ def test_a_run_that_was_broken_off_is_gone_on_with_on_the_map(tmp_path: Path) ->
     broken = rig.run_until_killed()
     (folder,) = (tmp_path / "runs").iterdir()
     loaded = load_mission(mission)
-    resumption, _ = app.resumption_from(loaded, mission, folder)
+    resume_point, _ = app.resumption_from(loaded, mission, folder)
     there = broken.ticks[-1].snapshot.pose.pose
-    assert resumption.pose.x == pytest.approx(there.x, abs=0.2)
+    assert resume_point.pose.x == pytest.approx(there.x, abs=0.2)
     done: list[Any] = []
-    app.run_mission(loaded, mission, resumption=resumption, watch=lambda tick, traffic: done.append(tick))
+    app.run_mission(loaded, mission, resume_point=resume_point, watch=lambda tick, traffic: done.append(tick))
     first = next(tick for tick in done if tick.mode is Mode.FOLLOW)
     assert first.snapshot.pose.frame == "map"
-    assert first.snapshot.pose.pose.x == pytest.approx(resumption.pose.x, abs=0.05)
+    assert first.snapshot.pose.pose.x == pytest.approx(resume_point.pose.x, abs=0.05)
     assert done[-1].snapshot.pose.pose.x == pytest.approx(6.0, abs=0.06)
     assert not done[-1].snapshot.pose.lost
 

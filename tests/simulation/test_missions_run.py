@@ -71,7 +71,7 @@ ELSEWHERE = (
     "record_and_return.yaml",
     "three_point_turn.yaml",
     "calibration_pattern.yaml",
-    *(f"return_to_start_{way}.yaml" for way in ("ccw", "cw")),
+    *(f"return_to_start_{distance}.yaml" for distance in ("ccw", "cw")),
     *(f"thesis_{name}.yaml" for name in ("circles", "stop_and_steer", "slow", "fast", "every_angle", "hysteresis")),
     *(f"follow_{course}.yaml" for course in ("circle", "corner", "figure_eight", "slalom", "straight")),
 )

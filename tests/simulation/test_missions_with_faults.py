@@ -19,7 +19,7 @@ from artemis.errors import ConfigError
 from artemis.mission import injector, load_mission, mission_schema
 from artemis.mission.injector import FaultInjector, Simulated
 from artemis.mission.schema import InjectedFault
-from artemis.plugins.contracts import InputDevice, Setup
+from artemis.plugins.contracts import InputDevice, PluginContext
 from artemis.plugins.inputs.scripted import ScriptedConfig, ScriptedInput
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry, read_journal
@@ -174,7 +174,7 @@ def test_injector_wraps_the_inputs_of_a_run_where_they_lie() -> None:
     async def main() -> None:
         world = World(robot)
         bus = lab.failing_bus(SimBus(world, robot.bitrate, asyncio.get_running_loop()), seed=0)
-        device = ScriptedInput(ScriptedConfig(file="stick.csv"), setup)
+        device = ScriptedInput(ScriptedConfig(file="stick.csv"), context)
         inputs: dict[str, InputDevice] = {"stick": device}
         noted: list[Entry] = []
         run = Simulated(robot=robot, world=world, bus=bus, disk=Disk(), inputs=inputs, request=lambda request: None)
@@ -184,5 +184,7 @@ def test_injector_wraps_the_inputs_of_a_run_where_they_lie() -> None:
             bus.send(Frame(0x080))
         assert [entry.text for entry in noted] == ["COM-22: the adapter is unplugged"]
 
-    setup = Setup(name="stick", robot=robot, folder=Path(), files={"stick.csv": b"time_s,x,y,enable\n0,0,0,0\n"})
+    context = PluginContext(
+        name="stick", robot=robot, folder=Path(), files={"stick.csv": b"time_s,x,y,enable\n0,0,0,0\n"}
+    )
     run_loop(main(), simulated=True)

@@ -16,7 +16,7 @@ from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
 from artemis.plugins import registry
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.values import Severity, Tick
@@ -30,10 +30,10 @@ class Witness:
     Config: ClassVar[type[Config]] = Config
     made: ClassVar[list[Witness]] = []
 
-    def __init__(self, config: object, setup: Setup) -> None:
+    def __init__(self, config: object, context: PluginContext) -> None:
         self.ticks: list[Tick] = []
         self.frames = self.closed = 0
-        self.run, self.name = setup.run, setup.name
+        self.run, self.name = context.run, context.name
         self.made.append(self)
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
@@ -131,7 +131,7 @@ def test_one_that_cannot_be_closed_is_told_in_the_journal(tmp_path: Path) -> Non
 def test_observers_are_closed_when_the_run_breaks_off(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, STEPS, observers={"one": {"plugin": "witness"}})
     loaded = load_mission(mission)
-    given = Witness(Config(), Setup(name="given", robot=loaded.robot, folder=tmp_path))
+    given = Witness(Config(), PluginContext(name="given", robot=loaded.robot, folder=tmp_path))
 
     def watch(tick: Tick, traffic: Traffic) -> None:
         if tick.snapshot.sensed.index == 20:

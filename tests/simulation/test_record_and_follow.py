@@ -1,4 +1,4 @@
-"""A way that is shown by hand is recorded, kept, and followed in the same run; and as a file in another one."""
+"""A distance that is shown by hand is recorded, kept, and followed in the same run; and as a file in another one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from rig import CALIBRATE, MISSIONS, Run, run, write_mission
 
-from artemis.commands.path_record import Choice, Drawing, record_path
+from artemis.commands.path_record import Drawing, RecordedPart, record_path
 from artemis.motion.path import path_from_csv
 from artemis.values import Mode, Request
 
@@ -92,7 +92,7 @@ def test_a_path_file_of_the_run_is_followed_by_another_run(
     assert seen.outcome is not None
     file = tmp_path / "mission" / "loop.csv"
     file.parent.mkdir()
-    status = record_path(seen.outcome.run.path, file, Choice(name="shown"), Drawing(close_within=1.0), speed=0.3)
+    status = record_path(seen.outcome.run.path, file, RecordedPart(name="shown"), Drawing(close_within=1.0), speed=0.3)
     assert status == 0
     assert "closed" in capsys.readouterr().out
     by_hand = poses_between(seen, *presses(seen))
@@ -164,7 +164,7 @@ def test_a_path_by_its_name_is_what_the_run_has_kept(
 ) -> None:
     seen = shown_with(*presses_at)
     assert seen.outcome is not None
-    record_path(seen.outcome.run.path, tmp_path / "again.csv", Choice(name="shown"), Drawing())
+    record_path(seen.outcome.run.path, tmp_path / "again.csv", RecordedPart(name="shown"), Drawing())
     again, written = points((tmp_path / "again.csv").read_text()), points(kept(seen).read_text())
     assert math.dist(again[0], written[0]) < 1e-3
     assert math.dist(again[-1], written[-1]) < 0.06

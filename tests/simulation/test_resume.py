@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from resuming import FAR, HALF, STEPS, Done, driven, line, of_a_robot, refused, resumption, run, waited
+from resuming import FAR, HALF, STEPS, Done, driven, line, of_a_robot, refused, resume_point, run, waited
 from rig import CALIBRATE, follow, straight, write_mission
 
 from artemis import app
@@ -27,7 +27,7 @@ def mission(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def first(mission: Path) -> Done:
-    """Ended by somebody half-way."""
+    """Ended by somebody halfway."""
     return run(mission, until=driven(HALF))
 
 
@@ -113,7 +113,7 @@ def test_a_wait_is_gone_on_with_for_the_time_that_was_left(tmp_path: Path) -> No
 def test_a_run_that_stopped_before_it_moved_is_gone_on_with_from_the_start(tmp_path: Path) -> None:
     mission = line(tmp_path)
     first = run(mission, until=lambda tick: tick.snapshot.time > 1.0)
-    found = resumption(mission, first.folder)
+    found = resume_point(mission, first.folder)
 
     assert (found.position, found.pose) == (Position(), Pose())
     assert run(mission, first.folder).outcome.exit_status == 0
@@ -127,9 +127,9 @@ def test_a_stopped_run_whose_process_goes_on_needs_no_resumption(tmp_path: Path)
 
     assert done.outcome.exit_status == 0
     assert Mode.QUICKSTOP in {tick.mode for tick in done.ticks}
-    ways = done.arc_lengths()
-    assert min(after - before for before, after in itertools.pairwise(ways)) > -0.01
-    assert ways[-1] == pytest.approx(FAR, abs=0.03)
+    distances = done.arc_lengths()
+    assert min(after - before for before, after in itertools.pairwise(distances)) > -0.01
+    assert distances[-1] == pytest.approx(FAR, abs=0.03)
 
 
 # ---------------------------------------------------------------------------------------------- what it leaves behind
@@ -142,10 +142,10 @@ def test_the_resumed_run_names_the_one_before_in_journal_and_recording(first: Do
     assert resume.data["run"] == first.folder.name
     assert resume.data["step"] == 1
     assert resume.data["done"] == first.arc_lengths()[-1]
-    found = Recording(second.folder).resumption
+    found = Recording(second.folder).resume_point
     assert found is not None
     assert found.run == first.folder.name
-    assert Recording(first.folder).resumption is None
+    assert Recording(first.folder).resume_point is None
 
 
 def test_a_resumed_run_replays_bit_for_bit(first: Done, second: Done) -> None:
@@ -184,23 +184,23 @@ def test_a_run_that_was_killed_is_gone_on_with_as_far_as_it_is_recorded(tmp_path
 def test_a_recording_cut_anywhere_is_refused_or_gone_on_with_from_what_is_whole(copied: tuple[Path, Path]) -> None:
     mission, folder = copied
     recording = folder / "recording.mcap"
-    whole, at_most = recording.read_bytes(), resumption(mission, folder).position.done
+    whole, at_most = recording.read_bytes(), resume_point(mission, folder).position.done
     done: list[float] = []
     for size in range(0, len(whole), len(whole) // 60):
         recording.write_bytes(whole[:size])
         if not done and size < len(whole) // 2 and (found := refused(mission, folder)):
             assert "leave --resume away to start afresh" in found
         else:
-            done.append(resumption(mission, folder).position.done)
+            done.append(resume_point(mission, folder).position.done)
     assert done == sorted(done)
     assert 0.5 < done[-1] <= at_most
 
 
 def test_where_a_real_robot_stands_is_not_guessed(tmp_path: Path) -> None:
-    """The recording ends when it had driven half its way; the journal knows that it went on."""
+    """The recording ends when it had driven half its distance; the journal knows that it went on."""
     mission = line(tmp_path)
     first = run(mission, until=driven(HALF), parts=app.Parts(machine=of_a_robot(mission)))
-    assert resumption(mission, first.folder).true_pose is None
+    assert resume_point(mission, first.folder).true_pose is None
     whole = (first.folder / "recording.mcap").read_bytes()
     (first.folder / "recording.mcap").write_bytes(whole[: len(whole) * 6 // 10])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from resuming import Done, driven, refused, resumption, run
+from resuming import Done, driven, refused, resume_point, run
 from rig import CALIBRATE, MISSIONS, write_mission
 
 from artemis.commands.replay import replay_run
@@ -90,7 +90,7 @@ def test_a_killed_run_has_recorded_what_was_driven(mission: Path, tmp_path: Path
 def test_a_path_that_is_being_recorded_is_gone_on_with(mission: Path) -> None:
     """Half of it in each run; the press of the button that began it was in the first."""
     first = run(mission, until=lambda tick: tick.mode is Mode.TELEOP and tick.snapshot.time > 20.0)
-    track = resumption(mission, first.folder).tracks["shown"]
+    track = resume_point(mission, first.folder).tracks["shown"]
     assert track.by_button is True
     assert Track(poses=track.poses).as_csv() == kept(first)
     assert len(track.poses) > 20

@@ -13,7 +13,7 @@ import pytest
 import resuming
 from rig import CALIBRATE, MISSIONS, Run, run, straight, write_mission
 
-from artemis.commands.path_record import Choice, Drawing, record_path
+from artemis.commands.path_record import Drawing, RecordedPart, record_path
 from artemis.commands.replay import replay_run
 from artemis.motion.route import route_from_csv
 from artemis.recording.mcap_reader import Recording
@@ -58,9 +58,9 @@ def test_a_three_point_turn_is_driven_to_its_end(turned: Run) -> None:
 
 
 def test_its_arc_length_counts_on_and_it_stands_at_each_reversal(turned: Run) -> None:
-    ways = arc_lengths(turned)
-    assert all(later > sooner - 0.01 for sooner, later in itertools.pairwise(ways))
-    assert ways[-1] == pytest.approx(3.663, abs=0.03)
+    distances = arc_lengths(turned)
+    assert all(later > sooner - 0.01 for sooner, later in itertools.pairwise(distances))
+    assert distances[-1] == pytest.approx(3.663, abs=0.03)
     lengths = [s.tick.wish.tracking.length for s in turned.in_mode(Mode.FOLLOW) if s.tick.wish.tracking]
     assert max(lengths) - min(lengths) < 1e-6
     for cusp in (1.504, 2.159):
@@ -176,7 +176,7 @@ def test_what_was_shown_to_and_fro_is_followed_so_and_becomes_one_file(
     kept = (seen.outcome.run.path / "paths/shown.csv").read_text()
     assert [part.backward for part in route_from_csv(kept, "shown.csv").parts] == [False, True, False]
     file = tmp_path / "again.csv"
-    assert record_path(seen.outcome.run.path, file, Choice(name="shown"), Drawing(), speed=0.2) == 0
+    assert record_path(seen.outcome.run.path, file, RecordedPart(name="shown"), Drawing(), speed=0.2) == 0
     assert "driven forwards, backwards, forwards, " in capsys.readouterr().out
     made = route_from_csv(file.read_text(), "again.csv")
     assert [part.backward for part in made.parts] == [False, True, False]

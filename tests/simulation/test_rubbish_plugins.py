@@ -94,7 +94,7 @@ def assert_ended_in_order(seen: Run) -> None:
 
 
 class Ahead:
-    """A follower that drives straight ahead. What it says of its way is up to `cross_track` and `stops`."""
+    """A follower that drives straight ahead. What it says of its distance is up to `cross_track` and `stops`."""
 
     Config: ClassVar[type[Config]] = Config
 

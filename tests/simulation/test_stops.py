@@ -83,8 +83,8 @@ def test_after_a_stop_request_the_robot_stands_within_its_braking_distance(stopp
     before = max((t for t in stopped.world.history if t.time <= at), key=lambda t: t.time)
     assert before.speed == pytest.approx(SPEED, rel=0.05)
     assert stopped.stands_from() - at < SPEED / BRAKING + 0.03
-    way = math.hypot(stopped.world.pose.x - before.pose.x, stopped.world.pose.y - before.pose.y)
-    assert way < SPEED**2 / (2 * BRAKING) + 0.02
+    distance = math.hypot(stopped.world.pose.x - before.pose.x, stopped.world.pose.y - before.pose.y)
+    assert distance < SPEED**2 / (2 * BRAKING) + 0.02
 
 
 def test_the_wheels_hold_their_angle_until_the_robot_stands(stopped: Run) -> None:

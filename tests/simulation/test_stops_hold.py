@@ -92,7 +92,7 @@ def words(seen: Run, begin: float, end: float, *names: str) -> list[int]:
 
 
 def way_from(seen: Run, time: float) -> float:
-    """True way from some time to the end of the run [m]."""
+    """True distance from some time to the end of the run [m]."""
     return seen.world.pose.x - seen.truth_at(time).pose.x
 
 

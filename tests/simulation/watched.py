@@ -10,9 +10,9 @@ from artemis.devices.epos_objects import Units
 from artemis.drive_states import DriveState
 from artemis.sim.bus import Disturb, SimBus
 from artemis.sim.epos import SimEpos, SimSettings
-from artemis.sim.world import TrueRobot, World
+from artemis.sim.world import PlantParameters, World
 from artemis.values import Pose
-from artemis.vehicle import Robot as RobotFile
+from artemis.vehicle import RobotFile
 
 TRACTION, STEERING = ("traction-left", "traction-right"), ("steer-left", "steer-right")
 DRIVES = TRACTION + STEERING
@@ -43,7 +43,7 @@ class WatchedWorld(World):
     def __init__(
         self,
         robot: RobotFile,
-        true: TrueRobot | None = None,
+        true: PlantParameters | None = None,
         *,
         seed: int = 1,
         start: float = 0.0,
@@ -79,7 +79,7 @@ class WatchedWorld(World):
 
 
 class WatchedBus(SimBus):
-    """Writes down when the host sends and what it receives; may go deaf and dumb as after the host's death."""
+    """Writes down when the host sends and what it receives; may go unresponsive and dumb as after the host's death."""
 
     dead = False
 

@@ -56,10 +56,10 @@ def drive(
 
     Args:
         values: what the machine hides.
-        seed: of the way, the slip, the tracker.
+        seed: of the distance, the slip, the tracker.
         duration: of the drive [s].
         largest: angle of the virtual front wheel [deg].
-        slip: share of its way that a driven wheel loses on average.
+        slip: share of its distance that a driven wheel loses on average.
         noise: standard deviations of the tracker [m, rad].
         hertz: ticks a second.
         on_axle: the tracker is at the rear axle's centre, not anywhere.
@@ -70,13 +70,13 @@ def drive(
     counted = counted_by_drives(speed, steering)
     poses = moved(machine, counted, slip, dice)
     ticks = np.arange(0, len(time), round(1 / hertz / STEP))
-    ways = np.round(counted[ticks, :2] / COUNT) * COUNT
+    distances = np.round(counted[ticks, :2] / COUNT) * COUNT
     angles = np.round(counted[ticks, 2:] / STEERING_COUNT) * STEERING_COUNT
     log = WheelLog(
         name=f"drive {seed}",
         time=time[ticks],
-        way_left=ways[:, 0],
-        way_right=ways[:, 1],
+        distance_left=distances[:, 0],
+        distance_right=distances[:, 1],
         steering_left=angles[:, 0],
         steering_right=angles[:, 1],
     )
@@ -101,16 +101,16 @@ def _commanded(dice: random.Random, duration: float, largest: float) -> tuple[Ar
 
 
 def counted_by_drives(speed: Array, steering: Array) -> Array:
-    """Ways [m] and angles [rad] of both sides, as drives count them that keep the wheels a pair; shape (n, 4)."""
+    """Distances [m] and angles [rad] of both sides, as drives count them that keep the wheels a pair; shape (n, 4)."""
     car = Ackermann(DESCRIBED)
     angles = np.array([car.wheel_angles(each) for each in steering])
-    counted, ways = np.zeros((len(speed), 4)), np.zeros(2)
+    counted, distances = np.zeros((len(speed), 4)), np.zeros(2)
     counted[0, 2:] = angles[0]
     for step in range(1, len(speed)):
         turned = angles[step] - angles[step - 1]
         middle, rolled = (steering[step] + steering[step - 1]) / 2, speed[step] * STEP
-        ways = ways + car.wheel_speeds(rolled, middle, *turned)
-        counted[step] = *ways, *angles[step]
+        distances = distances + car.wheel_speeds(rolled, middle, *turned)
+        counted[step] = *distances, *angles[step]
     return counted
 
 
@@ -118,7 +118,7 @@ def moved(machine: Kinematics, counted: Array, slip: float, dice: random.Random)
     """Poses of the rear axle's centre of a machine whose drives counted so; shape (n, 3)."""
     left, right = machine.zero_left, machine.zero_right
     angles = (counted[:, 2:] - (left, right)) * (machine.scale_left, machine.scale_right)
-    ways = np.diff(counted[:, :2], axis=0) * (machine.way_left, machine.way_right) / (1.0 - slip)
+    distances = np.diff(counted[:, :2], axis=0) * (machine.distance_left, machine.distance_right) / (1.0 - slip)
     chassis = Chassis(
         wheelbase=machine.wheelbase,
         track=machine.track,
@@ -127,8 +127,8 @@ def moved(machine: Kinematics, counted: Array, slip: float, dice: random.Random)
     )
     vehicle = Vehicle(chassis, steering=(angles[0, 0], angles[0, 1]), slip=slip, dice=dice)
     poses = np.zeros((len(counted), 3))
-    for step, (angle, way) in enumerate(zip(angles[1:].tolist(), ways.tolist(), strict=True), 1):
-        vehicle.move(*angle, *way)
+    for step, (angle, distance) in enumerate(zip(angles[1:].tolist(), distances.tolist(), strict=True), 1):
+        vehicle.move(*angle, *distance)
         poses[step] = vehicle.x, vehicle.y, vehicle.heading
     return poses
 

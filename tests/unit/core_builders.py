@@ -41,10 +41,10 @@ from artemis.values import (
     Verdict,
     Wish,
 )
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
-ROBOT = Robot.model_validate(load(FilePath(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
+ROBOT = RobotFile.model_validate(load(FilePath(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
 PERIOD = 0.02
 TRACTION, STEERING = ("traction-left", "traction-right"), ("steer-left", "steer-right")
 NAMES = (*TRACTION, *STEERING)
@@ -127,16 +127,16 @@ def shared(*steps: Step, done: float = 0.0, **state: Any) -> Shared:
 class ObedientDrives:
     """Drives that do at once what a wish asks for, with wheels that stand and roll as the set-points say.
 
-    Those that are `deaf` do not notice a lost heartbeat, `lazy` ones change no state; `changes` is what a drive says
-    instead of the truth.
+    Those that are `unresponsive` do not notice a lost heartbeat, `lazy` ones change no state; `changes` is what a drive
+    says instead of the truth.
     """
 
     def __init__(self, state: DriveState = DriveState.SWITCH_ON_DISABLED) -> None:
         self.states = dict.fromkeys(NAMES, state)
         self.angles = {"steer-left": math.radians(7.0), "steer-right": math.radians(-4.0)}
-        self.ways = dict.fromkeys(TRACTION, 0.0)
+        self.distances = dict.fromkeys(TRACTION, 0.0)
         self.changes: dict[str, dict[str, Any]] = {name: {} for name in NAMES}
-        self.deaf: set[str] = set()
+        self.unresponsive: set[str] = set()
         self.lazy: set[str] = set()
         self._beats_missed = dict.fromkeys(NAMES, -math.inf)
 
@@ -149,7 +149,7 @@ class ObedientDrives:
         if wish.exchange and name not in self.lazy:
             self.states[name] = _next(self.states[name], wish.traction if name in TRACTION else wish.steering)
         self._beats_missed[name] = 0.0 if wish.heartbeat else self._beats_missed[name] + 1.0
-        if self._beats_missed[name] == WATCH and wish.exchange and name not in self.deaf:
+        if self._beats_missed[name] == WATCH and wish.exchange and name not in self.unresponsive:
             self.states[name], emergencies = DriveState.FAULT, (LOST_HEARTBEAT,)
         said: dict[str, Any] = {"state": self.states[name], "emergencies": emergencies}
         side = ROBOT.drives[name].side
@@ -161,8 +161,8 @@ class ObedientDrives:
             said["potentiometers"] = volts(side, self.angles[name])
         else:
             if obeys:
-                self.ways[name] += PERIOD * (points.speed_left if side == "left" else points.speed_right)
-            said["position"] = self.ways[name]
+                self.distances[name] += PERIOD * (points.speed_left if side == "left" else points.speed_right)
+            said["position"] = self.distances[name]
         return drive(name, **{**said, **self.changes[name]})
 
 

@@ -15,14 +15,14 @@ def integrated(time: Array, speed: Array, turn_rate: Array) -> Trajectory:
     """From the origin on, with a step's mean speed [m/s] and turn rate [rad/s]."""
     dt = np.diff(time)
     heading = np.append(0.0, np.cumsum(dt * (turn_rate[1:] + turn_rate[:-1]) / 2))
-    way = dt * (speed[1:] + speed[:-1]) / 2
+    distance = dt * (speed[1:] + speed[:-1]) / 2
     middle = (heading[1:] + heading[:-1]) / 2
-    x, y = (np.append(0.0, np.cumsum(way * part)) for part in (np.cos(middle), np.sin(middle)))
+    x, y = (np.append(0.0, np.cumsum(distance * part)) for part in (np.cos(middle), np.sin(middle)))
     return Trajectory(time=time, poses=np.column_stack([x, y, heading]))
 
 
 def driven(seed: int, *, scale: float = 1.0, bend: float = 0.0) -> Trajectory:
-    """A drive of a minute, 50 poses a second; with its way scaled and its turns off by `bend` [rad/m]: its odometry."""
+    """A drive of a minute, 50 poses a second; distance scaled and turns off by `bend` [rad/m]: its odometry."""
     random = np.random.default_rng(seed)
     time = np.arange(0.0, DURATION, 0.02)
     moving = np.clip(np.minimum(time - 3.0, DURATION - 4.0 - time) / 1.5, 0.0, 1.0)

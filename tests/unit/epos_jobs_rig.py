@@ -17,20 +17,20 @@ from artemis.devices.epos_jobs import EposJobs
 from artemis.errors import ProtocolError
 from artemis.sim.bus import SimBus
 from artemis.sim.epos import SimEpos, SimSettings
-from artemis.sim.world import TrueRobot, World
-from artemis.vehicle import Robot
+from artemis.sim.world import PlantParameters, World
+from artemis.vehicle import RobotFile
 
 WATCH = 127 << 16 | 200
 """Object 0x1016:1: our node, 200 ms."""
 LEFT, RIGHT, STEER_LEFT, STEER_RIGHT = "traction-left", "traction-right", "steer-left", "steer-right"
 PER_DEGREE = 2000 * 946 / 360
-STRAIGHT = TrueRobot(start_steering_left_deg=0.0, start_steering_right_deg=0.0)
+STRAIGHT = PlantParameters(start_steering_left_deg=0.0, start_steering_right_deg=0.0)
 
 
 class Rig:
     """A powered robot, our side of its bus, and the jobs of one drive."""
 
-    def __init__(self, name: str, robot: Robot, settings: SimSettings | None) -> None:
+    def __init__(self, name: str, robot: RobotFile, settings: SimSettings | None) -> None:
         loop = asyncio.get_running_loop()
         self.world = World(ROBOT, STRAIGHT, start=loop.time(), settings=settings)
         self.bus = SimBus(self.world, 1_000_000, loop)
@@ -79,7 +79,7 @@ class Rig:
 
 
 def on(
-    name: str, test: Callable[[Rig], Awaitable[None]], *, robot: Robot = ROBOT, settings: SimSettings | None = None
+    name: str, test: Callable[[Rig], Awaitable[None]], *, robot: RobotFile = ROBOT, settings: SimSettings | None = None
 ) -> None:
     async def main() -> None:
         rig = Rig(name, robot, settings)
@@ -90,7 +90,7 @@ def on(
     run(main(), simulated=True)
 
 
-def changed(name: str, **drive: object) -> Robot:
+def changed(name: str, **drive: object) -> RobotFile:
     """The robot file with another description of one drive."""
     return ROBOT.model_copy(update={"drives": {**ROBOT.drives, name: ROBOT.drives[name].model_copy(update=drive)}})
 

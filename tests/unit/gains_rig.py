@@ -13,7 +13,7 @@ import pytest
 from artemis.commands import calibrate_gains as command
 from artemis.motion.step_response import StepResponse
 from artemis.values import JobKind
-from artemis.vehicle import Gains, Robot
+from artemis.vehicle import Gains, RobotFile
 
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 LEFT, RIGHT, DRIVEN = "steer-left", "steer-right", "traction-left"
@@ -58,7 +58,7 @@ def storing(
             pass
 
     async def store(
-        robot: Robot, bus: Bus, kind: JobKind, wanted: Mapping[str, tuple[int, ...]], told: Callable[[str], None]
+        robot: RobotFile, bus: Bus, kind: JobKind, wanted: Mapping[str, tuple[int, ...]], told: Callable[[str], None]
     ) -> None:
         assert kind is JobKind.WRITE_GAINS
         for index, (name, numbers) in enumerate(wanted.items()):

@@ -9,17 +9,17 @@ from hid_devices import DESCRIPTORS, DEVICES
 from artemis.devices.hid.descriptor import Descriptor, parse_descriptor
 from artemis.devices.hid.port import HidInfo
 from artemis.errors import DeviceLost
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.gamepad import GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.profiles import SHIPPED, Profile, profile_named
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import OperatorInput, Request
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 MISSIONS = Path(__file__).parents[2] / "missions"
-ROBOT = Robot.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
+ROBOT = RobotFile.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
 TICK = 0.02
 NAMES = sorted(path.stem for path in SHIPPED.glob("*.yaml"))
 
@@ -70,8 +70,8 @@ class Pad:
         self.release()
         if plugged:
             self.hid.plug(self.info, self.raw)
-        setup = Setup(name="stick", robot=ROBOT, folder=MISSIONS, wake=self._wake)
-        self.plugin = GamepadInput(GamepadConfig.model_validate({"profile": profile, **keys}), setup, self.hid)
+        context = PluginContext(name="stick", robot=ROBOT, folder=MISSIONS, wake=self._wake)
+        self.plugin = GamepadInput(GamepadConfig.model_validate({"profile": profile, **keys}), context, self.hid)
 
     def _wake(self) -> None:
         self.woken += 1
@@ -92,8 +92,8 @@ class Pad:
                 begin = axis.maximum if axis.inverted else axis.minimum
                 self.levels[axis.field] = round(begin + share * (axis.maximum - axis.minimum))
             else:
-                way = axis.maximum - axis.centre if share > 0 else axis.centre - axis.minimum
-                self.levels[axis.field] = round(axis.centre + share * way)
+                distance = axis.maximum - axis.centre if share > 0 else axis.centre - axis.minimum
+                self.levels[axis.field] = round(axis.centre + share * distance)
 
     def press(self, *roles: str, down: bool = True) -> None:
         """Press buttons by their roles, or release them."""

@@ -14,7 +14,7 @@ from artemis.motion.odometry import move
 from artemis.motion.path import Path, path_from_points
 from artemis.motion.route import Part, Route
 from artemis.planning import made
-from artemis.plugins.contracts import Follower, Following, Setup
+from artemis.plugins.contracts import Follower, Following, PluginContext
 from artemis.plugins.registry import FOLLOWERS, load
 from artemis.states.parts import PartByPart
 from artemis.values import Odometry, Pose, SetPoints, Snapshot
@@ -23,8 +23,8 @@ from artemis.values import Odometry, Pose, SetPoints, Snapshot
 def follower(name: str = "indiveri", speed: float = 0.3) -> Follower:
     """A built-in one."""
     plugin = load(FOLLOWERS, name)
-    setup = Setup(name=name, robot=ROBOT, folder=FilePath())
-    new: Follower = made(plugin, plugin.Config.model_validate({"speed_m_s": speed}), setup)
+    context = PluginContext(name=name, robot=ROBOT, folder=FilePath())
+    new: Follower = made(plugin, plugin.Config.model_validate({"speed_m_s": speed}), context)
     return new
 
 
@@ -48,9 +48,9 @@ class Car:
     def obey(self, following: Following) -> None:
         """One tick passes."""
         self.rolls, self.points = self.points, GATE.limit(following.command, self.points, PERIOD)
-        way, angle = self.rolls.speed * PERIOD, self.rolls.steering
-        self.distance += way * math.cos(angle)
-        self.pose = move(self.pose, way * math.cos(angle), way * math.sin(angle) / ROBOT.geometry.wheelbase_m)
+        distance, angle = self.rolls.speed * PERIOD, self.rolls.steering
+        self.distance += distance * math.cos(angle)
+        self.pose = move(self.pose, distance * math.cos(angle), distance * math.sin(angle) / ROBOT.geometry.wheelbase_m)
         self.ticks += 1
 
 
@@ -72,8 +72,8 @@ def drive(driver: PartByPart, car: Car, *, longest: float = 120.0) -> list[tuple
 
 def bend(turn: float, radius: float, begin: Pose, *, backward: bool = False) -> Path:
     """An arc of the rear axle that turns the robot by `turn` [rad] from `begin` on."""
-    way = (-1 if backward else 1) * abs(turn) * radius
-    poses = [move(begin, way * share, turn * share) for share in np.linspace(0.0, 1.0, 21).tolist()]
+    distance = (-1 if backward else 1) * abs(turn) * radius
+    poses = [move(begin, distance * share, turn * share) for share in np.linspace(0.0, 1.0, 21).tolist()]
     return path_from_points(np.array([p.x for p in poses]), np.array([p.y for p in poses]), between_halts=True)
 
 

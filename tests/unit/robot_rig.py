@@ -1,4 +1,4 @@
-"""A robot with a scripted mind on a fake bus, on virtual time: a rig for tests of its loop."""
+"""A robot with a scripted decision core on a fake bus, on virtual time: a rig for tests of its loop."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from artemis.clock import SimulatedLoop, run
 from artemis.config import Config
 from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
-from artemis.plugins.border import Border
+from artemis.plugins.guard import PluginGuard
 from artemis.robot import Core, Robot
 from artemis.states.mode import ON
 from artemis.values import Job, JobResult, Mode, OperatorInput, Request, Sensed, SetPoints, Tick, Wish
@@ -63,7 +63,7 @@ class StubInput:
 
 
 class Rig:
-    """A robot with a scripted mind on a fake bus."""
+    """A robot with a scripted decision core on a fake bus."""
 
     def __init__(self, script: Callable[[Sensed], Wish] = lambda sensed: ON, **inputs: Callable[[float], Any]) -> None:
         self.core = ScriptedCore(script)
@@ -89,9 +89,9 @@ class Rig:
         self.loop, self.bus.clock = loop, loop.time
         self.bus.arrived = [Frame(0x181 + node, ENABLED) for node in range(4)]
         drives = SlowDrives(ROBOT, self.bus)
-        border = Border(self.inputs, loop.time)
+        guard = PluginGuard(self.inputs, loop.time)
         self.robot = Robot(
-            self.core, drives, border, PERIOD, lambda tick: self.observe(tick), lambda time: self.attended(time)
+            self.core, drives, guard, PERIOD, lambda tick: self.observe(tick), lambda time: self.attended(time)
         )
         for time, act in self.acts:
             loop.call_at(time, act)

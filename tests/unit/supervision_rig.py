@@ -32,7 +32,7 @@ from artemis.values import (
     Verdict,
     Wish,
 )
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 CAR = Ackermann(ROBOT.geometry)
 DRIVING = Wish(traction=Goal.ENABLED, steering=Goal.ENABLED)
@@ -62,13 +62,13 @@ def points(speed: float = 0.0, steering: float = 0.0) -> SetPoints:
 class Watch:
     """Ticks of a robot under supervision. What a test does not say is well, and as it was."""
 
-    def __init__(self, policies: Policies | None = None, *, tick: float = PERIOD, robot: Robot = ROBOT) -> None:
+    def __init__(self, policies: Policies | None = None, *, tick: float = PERIOD, robot: RobotFile = ROBOT) -> None:
         self.supervisor = Supervisor(robot, tick, policies)
         self.period = tick
         self.time = 0.0
         self.mode = Mode.FOLLOW
         self.wish, self.points = DRIVING, points()
-        self.ways, self.angles = [0.0, 0.0], [0.0, 0.0]
+        self.distances, self.angles = [0.0, 0.0], [0.0, 0.0]
         self.speeds: tuple[float, float] = (0.0, 0.0)
         """Of the driven wheels [m/s]."""
         self.rates: tuple[float, float] = (0.0, 0.0)
@@ -79,7 +79,7 @@ class Watch:
 
     def sense(self, **changes: Any) -> Sensed:
         """What the edge hands in now."""
-        places = [*self.ways, *self.angles]
+        places = [*self.distances, *self.angles]
         velocities = [*self.speeds, *self.rates]
         told = tuple(
             replace(WELL[name], **{**self._truth(name, place, velocity), **self.changes[name]})
@@ -92,7 +92,7 @@ class Watch:
         """The next tick, `after` so many seconds; `changes` of what is sensed."""
         dt = self.period if after is None else after
         self.time += dt
-        self.ways = [way + speed * dt for way, speed in zip(self.ways, self.speeds, strict=True)]
+        self.distances = [distance + speed * dt for distance, speed in zip(self.distances, self.speeds, strict=True)]
         self.angles = [angle + rate * dt for angle, rate in zip(self.angles, self.rates, strict=True)]
         self.verdict = self.supervisor.judge(self.sense(**changes), self.wish, self.mode, self.points)
         return self.verdict
@@ -176,7 +176,7 @@ class Road(Watch):
     def tick(self, *, after: float | None = None, **changes: Any) -> Verdict:
         dt = PERIOD if after is None else after
         self.time += dt
-        self.ways = [way + speed * dt for way, speed in zip(self.ways, self.speeds, strict=True)]
+        self.distances = [distance + speed * dt for distance, speed in zip(self.distances, self.speeds, strict=True)]
         self.angles = [angle + rate * dt for angle, rate in zip(self.angles, self.rates, strict=True)]
         read = list(self.wheels.read(self.sense(**changes), self.wish, self.points, self.stops))
         self.seen = {(id, device): value for id, device, value, _ in read}

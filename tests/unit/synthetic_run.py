@@ -15,7 +15,7 @@ from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.path import path_from_csv
 from artemis.recording.journal import Journal
 from artemis.recording.mcap_writer import Recorder
-from artemis.recording.provenance import Provenance, Resumption, first_entries
+from artemis.recording.provenance import Provenance, ResumePoint, first_entries
 from artemis.values import (
     DriveCommand,
     DriveFeedback,
@@ -38,7 +38,7 @@ from artemis.values import (
     Verdict,
     Wish,
 )
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 START = datetime(2026, 3, 1, 12, 0, 0, 250000, tzinfo=UTC)
@@ -59,8 +59,8 @@ class Observed:
     true_pose: Pose
 
 
-def robot() -> Robot:
-    return Robot.model_validate(load(Path(__file__).parents[2] / "missions/robots/artemis.yaml").data)
+def robot() -> RobotFile:
+    return RobotFile.model_validate(load(Path(__file__).parents[2] / "missions/robots/artemis.yaml").data)
 
 
 def provenance() -> Provenance:
@@ -76,7 +76,7 @@ def run(laps: int = 1, *, hz: float = 50.0, fault_at: float | None = None) -> It
     """Init until 1.5 s, ready until 2 s, then the circle; after the laps 0.5 s of ready and the end."""
     length = path_from_csv(CIRCLE, "circle.csv").with_laps(laps).length
     steering = math.atan(robot().geometry.wheelbase_m / RADIUS)
-    way = 0.0
+    distance = 0.0
     ended = None
     for index in range(10_000_000):
         time = index / hz
@@ -85,13 +85,13 @@ def run(laps: int = 1, *, hz: float = 50.0, fault_at: float | None = None) -> It
         elif time < 2.0:
             mode = Mode.INIT if time < 1.5 else Mode.READY
         else:
-            mode = Mode.FOLLOW if way < length else Mode.READY
-        if mode is Mode.READY and way >= length:
+            mode = Mode.FOLLOW if distance < length else Mode.READY
+        if mode is Mode.READY and distance >= length:
             ended = time if ended is None else ended
         finished = ended is not None and time > ended + 0.5
         speed = SPEED * min(1.0, time - 2.0) if mode is Mode.FOLLOW else 0.0
-        way += speed * math.cos(steering) / hz
-        yield _observed(index, time, Mode.END if finished else mode, way, length, speed, steering)
+        distance += speed * math.cos(steering) / hz
+        yield _observed(index, time, Mode.END if finished else mode, distance, length, speed, steering)
         if finished or (fault_at is not None and time > fault_at + 1.0):
             return
 
@@ -103,9 +103,9 @@ def record(
     threaded: bool = False,
     outcome: str = "done",
     journal: Journal | None = None,
-    resumption: Resumption | None = None,
+    resume_point: ResumePoint | None = None,
 ) -> Path:
-    made_from = replace(provenance(), resumption=resumption)
+    made_from = replace(provenance(), resume_point=resume_point)
     recorder = Recorder(path, made_from, threaded=threaded, journal=journal)
     for entry in first_entries("circle", "ARTEMIS", made_from, None) if journal else []:
         recorder.note(entry)
@@ -116,26 +116,26 @@ def record(
 
 
 def _observed(
-    index: int, time: float, mode: Mode, way: float, length: float, speed: float, steering: float
+    index: int, time: float, mode: Mode, distance: float, length: float, speed: float, steering: float
 ) -> Observed:
-    offset = 0.06 * math.exp(-way) + 0.01 * math.sin(3.0 * way)
-    angle, radius = way / RADIUS, RADIUS - offset
+    offset = 0.06 * math.exp(-distance) + 0.01 * math.sin(3.0 * distance)
+    angle, radius = distance / RADIUS, RADIUS - offset
     estimated = Pose(
         x=radius * math.sin(angle), y=RADIUS - radius * math.cos(angle), heading=math.remainder(angle, math.tau)
     )
-    drift = 0.002 * way
+    drift = 0.002 * distance
     true = Pose(
         x=estimated.x * math.cos(drift) - estimated.y * math.sin(drift),
         y=estimated.x * math.sin(drift) + estimated.y * math.cos(drift),
         heading=estimated.heading + drift,
     )
-    set_points = _set_points(speed, steering if mode is Mode.FOLLOW else 0.0, way)
+    set_points = _set_points(speed, steering if mode is Mode.FOLLOW else 0.0, distance)
     sensed = _sensed(index, time, mode, set_points)
     faults = (
         Fault(id="DRV-25", severity=Severity.OFF, text="steer-left: following error <too large>", device="steer-left"),
     )
     verdict = Verdict(severity=Severity.OFF, faults=faults, to_fault=True) if mode is Mode.FAULT else Verdict()
-    odometry = Odometry(pose=estimated, speed=speed, steering=set_points.steering, distance=way, slip=0.001)
+    odometry = Odometry(pose=estimated, speed=speed, steering=set_points.steering, distance=distance, slip=0.001)
     snapshot = Snapshot(
         sensed=sensed,
         dt=0.02 if index else 0.0,
@@ -152,15 +152,15 @@ def _observed(
         steering=Goal.ENABLED if time >= 1.0 else Goal.DISABLED,
         jobs=(Job(id=1, kind=JobKind.CONFIGURE, drive="traction-left"),) if index == 20 else (),
         phase=("listen" if time < 0.3 else "configure" if time < 1.0 else "align") if mode is Mode.INIT else "",
-        tracking=Tracking(arc_length=min(way, length), length=length, cross_track=offset) if driving else None,
+        tracking=Tracking(arc_length=min(distance, length), length=length, cross_track=offset) if driving else None,
         finished=mode is Mode.END,
     )
     tick = Tick(snapshot=snapshot, mode=mode, wish=wish, set_points=set_points)
     return Observed(tick=tick, frames=_frames(index, time, sensed), true_pose=true)
 
 
-def _set_points(speed: float, steering: float, way: float) -> SetPoints:
-    wave = steering * (1.0 + 0.15 * math.sin(2.0 * way))
+def _set_points(speed: float, steering: float, distance: float) -> SetPoints:
+    wave = steering * (1.0 + 0.15 * math.sin(2.0 * distance))
     return SetPoints(
         speed=speed,
         steering=wave,

@@ -74,7 +74,7 @@ def test_at_a_constant_angle_it_drives_the_exact_circle() -> None:
     car = run(plant(Conditions(start_speed=0.0)), DriveCommand(steering=angle), 20)
     assert car.pose == Pose()
     run(car, DriveCommand(speed=0.7, steering=angle), 100)
-    turned = car.way / 2.0
+    turned = car.distance / 2.0
     assert car.pose.x == pytest.approx(2.0 * math.sin(turned), abs=1e-9)
     assert car.pose.y == pytest.approx(2.0 - 2.0 * math.cos(turned), abs=1e-9)
     assert car.pose.heading == pytest.approx(turned)
@@ -95,9 +95,9 @@ def test_finer_steps_change_hundredths_of_a_millimetre(monkeypatch: pytest.Monke
 
 def test_it_drives_backwards() -> None:
     car = run(plant(Conditions(start_speed=0.0)), DriveCommand(speed=-0.3), 60)
-    assert car.pose.x == pytest.approx(-car.way)
+    assert car.pose.x == pytest.approx(-car.distance)
     assert car.snapshot().odometry.speed == pytest.approx(-0.3)
-    assert car.snapshot().odometry.distance == pytest.approx(-car.way)
+    assert car.snapshot().odometry.distance == pytest.approx(-car.distance)
 
 
 def test_limits_are_the_virtual_wheels_for_a_bicycle_and_each_wheels_else() -> None:
@@ -135,7 +135,7 @@ def test_slip_loses_its_share_of_way_and_turn() -> None:
     steered = run(plant(Conditions(slip=0.1, start_speed=0.0)), DriveCommand(steering=angle), 20)
     car = run(steered, DriveCommand(speed=0.7, steering=angle), 600)
     seen = car.snapshot().odometry.distance
-    assert car.way == pytest.approx(0.9 * seen, rel=0.01)
+    assert car.distance == pytest.approx(0.9 * seen, rel=0.01)
     laps = round(0.9 * seen / 2.0 / math.tau)
     assert car.pose.heading + laps * math.tau == pytest.approx(0.81 * seen / 2.0, rel=0.02)
 

@@ -13,7 +13,7 @@ import pytest
 from artemis.testing.contracts import ROBOT
 from artemis_lab.bench import followers
 from artemis_lab.bench.cases import CASES, CLEAN, NOISY, random_case
-from artemis_lab.bench.followers import FRAMES, RANDOM, Row, Task, installed, run, tasks
+from artemis_lab.bench.followers import FRAMES, RANDOM, Measurement, Task, installed, run, tasks
 from artemis_lab.bench.judge import Figures
 from artemis_lab.bench.python_robotics import REFERENCES
 from artemis_lab.bench.step_time import step_times, weaving_path
@@ -25,7 +25,7 @@ FIGURES = Figures(
     steady_rms=0.004,
     steady_max=0.05,
     residual=0.001,
-    settling_way=math.inf,
+    settling_distance=math.inf,
     overshoot=0.0,
     time=13.25,
     steering_rate=0.5,
@@ -48,13 +48,13 @@ def test_a_grid_as_text_and_as_markdown() -> None:
 
 def test_tables_show_figures_and_the_kind_of_a_problem() -> None:
     rows = [
-        Row(task=task(), figures=FIGURES),
-        Row(task=task(case=NOISY), figures=None, problem="lost: 2.1 m from the course"),
-        Row(task=task(course="corner"), figures=FIGURES),
-        Row(task=task(case=FRAMES), figures=FIGURES),
-        Row(task=task(case=RANDOM, course="random-1"), figures=FIGURES),
-        Row(task=task(case=RANDOM, course="random-2"), figures=None, problem="refused: too sharp"),
-        Row(task=task(case=RANDOM, course="random-3"), figures=None, problem="late: at 1 of 2 m"),
+        Measurement(task=task(), figures=FIGURES),
+        Measurement(task=task(case=NOISY), figures=None, problem="lost: 2.1 m from the course"),
+        Measurement(task=task(course="corner"), figures=FIGURES),
+        Measurement(task=task(case=FRAMES), figures=FIGURES),
+        Measurement(task=task(case=RANDOM, course="random-1"), figures=FIGURES),
+        Measurement(task=task(case=RANDOM, course="random-2"), figures=None, problem="refused: too sharp"),
+        Measurement(task=task(case=RANDOM, course="random-3"), figures=None, problem="late: at 1 of 2 m"),
     ]
     fast, disturbed, frames, random, steps = grids(rows, {"stanley": {1000: np.array([1e-5, 2e-5, 3e-5])}})
     shown = dict(zip(fast.head, fast.rows[0], strict=True))
@@ -71,8 +71,8 @@ def test_tables_show_figures_and_the_kind_of_a_problem() -> None:
 
 def test_csv_has_a_line_for_each_run_in_si_units() -> None:
     rows = [
-        Row(task=task(), figures=FIGURES),
-        Row(task=task(case=NOISY), figures=None, problem='raised: KeyError("a, b")'),
+        Measurement(task=task(), figures=FIGURES),
+        Measurement(task=task(case=NOISY), figures=None, problem='raised: KeyError("a, b")'),
     ]
     first, second = csv.DictReader(io.StringIO(as_csv(rows)))
     assert (first["follower"], first["course"], first["case"]) == ("stanley", "circle", CLEAN)
@@ -82,9 +82,9 @@ def test_csv_has_a_line_for_each_run_in_si_units() -> None:
 
 
 def test_the_same_problem_is_told_once() -> None:
-    rows = [Row(task=task(case=case), figures=None, problem="raised: KeyError()") for case in CASES]
+    rows = [Measurement(task=task(case=case), figures=None, problem="raised: KeyError()") for case in CASES]
     assert problems(rows) == [f"stanley, circle, clean and {len(CASES) - 1} more: raised: KeyError()"]
-    many = [Row(task=task(name=str(number)), figures=None, problem="lost") for number in range(50)]
+    many = [Measurement(task=task(name=str(number)), figures=None, problem="lost") for number in range(50)]
     assert problems(many, most=3)[-1] == "and 47 more problems"
 
 

@@ -17,7 +17,7 @@ ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 def cart(folder: Path) -> Path:
     file = folder / "cart.yaml"
     file.write_text(
-        "machine: cart\ncolumns: [time, way, steering]\ncounts: running\nmetres_per_count: 0.001\n"
+        "machine: cart\ncolumns: [time, distance, steering]\ncounts: running\nmetres_per_count: 0.001\n"
         "radians_per_steering_unit: 0.0174532925\nwheelbase_m: 1.0\n"
     )
     return file
@@ -27,8 +27,8 @@ def loop(folder: Path, side: int, zero: float = 1.0, wheelbase: float = 1.03) ->
     """A table of a cart that truly drives a circle of 2 m and counts with a false zero [deg] and wheelbase."""
     file = folder / f"loop{side}.csv"
     angle = side * np.degrees(np.arctan(wheelbase / 2.0)) + zero
-    way = 2 * pi * np.hypot(2.0, wheelbase)
-    rows = [f"{0.1 * n:.1f},{1000 * way * n / 400:.3f},{angle:.6f}" for n in range(401)]
+    distance = 2 * pi * np.hypot(2.0, wheelbase)
+    rows = [f"{0.1 * n:.1f},{1000 * distance * n / 400:.3f},{angle:.6f}" for n in range(401)]
     file.write_text("\n".join(rows))
     return file
 

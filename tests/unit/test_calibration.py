@@ -24,7 +24,7 @@ from artemis.mission.loading import load_model
 from artemis.motion.odometry import Odometer
 from artemis.motion.potentiometers import wheel_angles
 from artemis.motion.trajectory import Trajectory
-from artemis.vehicle import Geometry, Potentiometers, Robot
+from artemis.vehicle import Geometry, Potentiometers, RobotFile
 
 DATA = Path(__file__).parents[1] / "data" / "odometry"
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
@@ -35,9 +35,9 @@ def odometer_poses(log: WheelLog, geometry: Geometry) -> np.ndarray:
     odometer = Odometer(geometry)
     odometer.update(0.0, 0.0, float(log.steering_left[0]), float(log.steering_right[0]), 0.02)
     poses = [(0.0, 0.0, 0.0)]
-    ways = np.diff(log.way_left), np.diff(log.way_right)
+    distances = np.diff(log.distance_left), np.diff(log.distance_right)
     angles = log.steering_left[1:], log.steering_right[1:]
-    for left, right, steer_left, steer_right in np.column_stack([*ways, *angles]).tolist():
+    for left, right, steer_left, steer_right in np.column_stack([*distances, *angles]).tolist():
         pose = odometer.update(left, right, steer_left, steer_right, 0.02).pose
         poses.append((pose.x, pose.y, pose.heading))
     return np.array(poses)
@@ -48,8 +48,8 @@ def one_wheel_log(seed: int) -> WheelLog:
     return WheelLog(
         name="one wheel",
         time=log.time,
-        way_left=log.way_left,
-        way_right=log.way_left,
+        distance_left=log.distance_left,
+        distance_right=log.distance_left,
         steering_left=log.steering_left,
         steering_right=log.steering_left,
     )
@@ -80,12 +80,12 @@ class TestDeadReckoning:
         counted = counted_by_drives(np.full(len(time), 0.7), steering)
         poses = moved(BASE, counted, 0.0, random.Random(1))
         ticks = np.arange(0, len(time), 7)
-        ways, angles = np.round(counted[ticks, :2] / COUNT) * COUNT, counted[ticks, 2:]
+        distances, angles = np.round(counted[ticks, :2] / COUNT) * COUNT, counted[ticks, 2:]
         log = WheelLog(
             name="weaving",
             time=time[ticks],
-            way_left=ways[:, 0],
-            way_right=ways[:, 1],
+            distance_left=distances[:, 0],
+            distance_right=distances[:, 1],
             steering_left=angles[:, 0],
             steering_right=angles[:, 1],
         )
@@ -110,7 +110,12 @@ class TestDeadReckoning:
         machine = Kinematics(wheelbase=1.0, kingpin_distance=0.5, scrub_radius=0.0, front_driven=False)
         left, right = np.full(500, np.arctan2(1.0, 1.75)), np.full(500, np.arctan2(1.0, 2.25))
         log = WheelLog(
-            name="", time=time, way_left=1.75 * time, way_right=2.25 * time, steering_left=left, steering_right=right
+            name="",
+            time=time,
+            distance_left=1.75 * time,
+            distance_right=2.25 * time,
+            steering_left=left,
+            steering_right=right,
         )
 
         poses = dead_reckoned(log, machine)
@@ -124,9 +129,9 @@ class TestNoise:
         dice = np.random.default_rng(1)
         steps = np.column_stack([np.full(6, 0.1), np.zeros(6), np.full(6, 0.3)])
         poses = np.zeros((7, 3))
-        for number, (way, _, turn) in enumerate(steps):
+        for number, (distance, _, turn) in enumerate(steps):
             x, y, heading = poses[number]
-            poses[number + 1] = x + way * np.cos(heading), y + way * np.sin(heading), heading + turn
+            poses[number + 1] = x + distance * np.cos(heading), y + distance * np.sin(heading), heading + turn
         exact = motions(poses)
         sigmas = np.array([1e-3, 2e-3])
         drawn = []
@@ -163,7 +168,7 @@ class TestFit:
 
         assert abs(degrees(error["zero"])) < 0.05
         assert abs(error["scale"]) < 1e-3
-        assert abs(error["way"]) < 1e-3
+        assert abs(error["distance"]) < 1e-3
         assert abs(error["wheelbase"]) < 3e-3
         assert found.sensor == (0.0, 0.0, 0.0)
 
@@ -214,8 +219,8 @@ class TestFit:
         log = WheelLog(
             name="still",
             time=log.time,
-            way_left=np.zeros(len(log.time)),
-            way_right=np.zeros(len(log.time)),
+            distance_left=np.zeros(len(log.time)),
+            distance_right=np.zeros(len(log.time)),
             steering_left=np.zeros(len(log.time)),
             steering_right=np.zeros(len(log.time)),
         )
@@ -281,10 +286,15 @@ class TestClosing:
     def closed(self, values: dict[str, float], sense: float, seed: int) -> Closed:
         count = 2000
         steering = sense * np.clip(np.sin(np.linspace(0.0, 4 * pi, count)) + 0.75, 0.0, 0.6)
-        way = np.linspace(0.0, 12.0, count)
+        distance = np.linspace(0.0, 12.0, count)
         time = np.linspace(0.0, 40.0, count)
         log = WheelLog(
-            name=str(seed), time=time, way_left=way, way_right=way, steering_left=steering, steering_right=steering
+            name=str(seed),
+            time=time,
+            distance_left=distance,
+            distance_right=distance,
+            steering_left=steering,
+            steering_right=steering,
         )
         one = Kinematics(wheelbase=0.56, kingpin_distance=0.0, scrub_radius=0.0)
         x, y, heading = dead_reckoned(log, altered(one, values))[-1]
@@ -292,7 +302,7 @@ class TestClosing:
         return Closed(log=log, end=(x + noise[0], y + noise[1], heading + noise[2]))
 
     def test_both_directions_tell_zero_and_wheelbase(self) -> None:
-        values = {"zero": radians(0.8), "wheelbase": 0.02, "way": 0.005}
+        values = {"zero": radians(0.8), "wheelbase": 0.02, "distance": 0.005}
         runs = [self.closed(values, sense, seed) for seed, sense in enumerate([1.0, -1.0, 1.0, -1.0])]
         one = Kinematics(wheelbase=0.56, kingpin_distance=0.0, scrub_radius=0.0)
 
@@ -312,7 +322,7 @@ class TestClosing:
 
 class TestRobotFile:
     def test_a_shifted_zero_makes_the_straight_wheel_show_0(self) -> None:
-        robot = load_model(ROBOT, Robot)
+        robot = load_model(ROBOT, RobotFile)
         wheel = robot.potentiometers("left")
         straight = tuple(zero + 0.7 / slope for zero, slope in zip(wheel.zero_v, wheel.slope_deg_per_v, strict=True))
         assert np.degrees(wheel_angles((straight[0], straight[1]), wheel)) == pytest.approx(0.7)
@@ -326,7 +336,7 @@ class TestRobotFile:
         assert np.degrees(wheel_angles((straight[0], straight[1]), shifted)) == pytest.approx(0.0, abs=1e-3)
 
     def test_all_keys(self) -> None:
-        robot = load_model(ROBOT, Robot)
+        robot = load_model(ROBOT, RobotFile)
         values = {each.name: each.band for each in TWO_WHEELS}
 
         found = changes(robot, altered(Kinematics.of(robot.geometry), values))
@@ -338,7 +348,7 @@ class TestRobotFile:
         assert found["calibration", "traction", "right_m_per_count"] == pytest.approx(2.1276596e-4 * 1.015)
 
     def test_nothing_fitted_changes_nothing(self) -> None:
-        robot = load_model(ROBOT, Robot)
+        robot = load_model(ROBOT, RobotFile)
 
         assert changes(robot, Kinematics.of(robot.geometry)) == {}
 
@@ -347,7 +357,7 @@ class TestMachineFile:
     def machine(self, **changed: object) -> Machine:
         plain = {
             "machine": "m",
-            "columns": ["time", "way", "steering"],
+            "columns": ["time", "distance", "steering"],
             "counts": "running",
             "metres_per_count": -0.01,
             "radians_per_steering_unit": pi / 180,
@@ -361,7 +371,7 @@ class TestMachineFile:
         log, truth = log_from_table("t; counts; angle\n" + rows, "run.csv", self.machine(steering_zero=10.0))
 
         assert truth is None
-        assert log.way_left[-1] == pytest.approx(0.11)
+        assert log.distance_left[-1] == pytest.approx(0.11)
         assert np.degrees(log.steering_right[-1]) == pytest.approx(11.0)
 
     def test_problems_tell_the_place(self) -> None:
@@ -373,10 +383,10 @@ class TestMachineFile:
     @pytest.mark.parametrize(
         ("changed", "words"),
         [
-            ({"columns": ["time", "way", "-"]}, "steering is missing"),
-            ({"columns": ["time", "way", "steering", "way_left"]}, "way_left is not of"),
-            ({"columns": ["time", "way", "steering", "way"]}, "twice"),
-            ({"columns": ["time", "way", "steering", "true_x"]}, "true_x and true_y"),
+            ({"columns": ["time", "distance", "-"]}, "steering is missing"),
+            ({"columns": ["time", "distance", "steering", "distance_left"]}, "distance_left is not of"),
+            ({"columns": ["time", "distance", "steering", "distance"]}, "twice"),
+            ({"columns": ["time", "distance", "steering", "true_x"]}, "true_x and true_y"),
             ({"metres_per_count": 0.0}, "worth 0"),
             ({"track_m": 0.4}, "left and a right"),
         ],
@@ -395,4 +405,4 @@ def test_rows_have_left_right_and_mean() -> None:
     assert (
         float(rows["steering zero, mean [deg]"].half_width) < 0.1 < float(rows["steering zero left [deg]"].half_width)
     )
-    assert float(rows["metres per count left"].fitted) == pytest.approx(2e-4 * found.machine.way_left, rel=1e-4)
+    assert float(rows["metres per count left"].fitted) == pytest.approx(2e-4 * found.machine.distance_left, rel=1e-4)

@@ -10,7 +10,7 @@ from drives import cut, driven, integrated, tracked
 from scipy.optimize import minimize
 
 from artemis.errors import ConfigError
-from artemis.motion.comparison import ALIGNMENTS, Alignment, Comparison, best_origin, compare, spread
+from artemis.motion.comparison import ALIGNMENTS, Alignment, Comparison, best_origin, compare, statistics
 from artemis.motion.trajectory import Trajectory
 from artemis.values import Pose
 
@@ -80,8 +80,8 @@ def test_no_other_place_fits_better_than_the_best_fit() -> None:
     found = compared(estimated, truth)
     by_search = minimize(rms, np.array([3.0, -4.0, found.origin.heading + 0.3]), method="Nelder-Mead", tol=1e-12)
 
-    assert spread(found.error).rms == pytest.approx(by_search.fun, rel=1e-6)
-    assert spread(found.error).rms == pytest.approx(
+    assert statistics(found.error).rms == pytest.approx(by_search.fun, rel=1e-6)
+    assert statistics(found.error).rms == pytest.approx(
         rms(np.array([found.origin.x, found.origin.y, found.origin.heading]))
     )
 
@@ -91,21 +91,21 @@ def test_relative_errors_are_those_of_matrices(seed: int) -> None:
     estimated, truth = wandering(seed)
     found = compared(estimated, truth, alignment="start")
     steps = np.hypot(*np.diff(estimated.poses[:, :2], axis=0).T)
-    way = np.append(0.0, np.cumsum(steps))
+    distance = np.append(0.0, np.cumsum(steps))
 
     for each in found.relative:
-        begins = sorted({int(np.argmax(way >= s)) for s in np.linspace(0.0, way[-1] - each.length, 1000)})
+        begins = sorted({int(np.argmax(distance >= s)) for s in np.linspace(0.0, distance[-1] - each.length, 1000)})
         translation, rotation = [], []
         for begin in begins:
-            far = np.flatnonzero(way - way[begin] >= each.length)
+            far = np.flatnonzero(distance - distance[begin] >= each.length)
             if not len(far):
                 continue
             end = int(far[0])
             own = np.linalg.inv(matrix(estimated.poses[begin])) @ matrix(estimated.poses[end])
             true = np.linalg.inv(matrix(truth.poses[begin])) @ matrix(truth.poses[end])
             error = np.linalg.inv(true) @ own
-            translation.append(math.hypot(error[0, 2], error[1, 2]) / (way[end] - way[begin]))
-            rotation.append(abs(math.atan2(error[1, 0], error[0, 0])) / (way[end] - way[begin]))
+            translation.append(math.hypot(error[0, 2], error[1, 2]) / (distance[end] - distance[begin]))
+            rotation.append(abs(math.atan2(error[1, 0], error[0, 0])) / (distance[end] - distance[begin]))
         np.testing.assert_allclose(each.translation, translation, atol=1e-12)
         np.testing.assert_allclose(each.rotation, rotation, atol=1e-12)
     assert [each.length for each in found.relative][:3] == [0.5, 1.0, 2.0]
@@ -154,7 +154,7 @@ def test_an_unknown_clock_costs_little() -> None:
 
     found = compared(driven(6), truth, same_clock=False)
 
-    assert spread(found.error).rms < 0.003
+    assert statistics(found.error).rms < 0.003
     assert (found.time[0], found.time[-1]) == pytest.approx((0.0, 60.0), abs=0.2)
 
 
@@ -170,8 +170,8 @@ def test_poses_are_compared_where_both_are_known() -> None:
     assert not gap.any()
     assert 10.0 <= found.time[0] < 10.1
     assert 29.8 < found.time[-1] <= 30.0
-    assert found.way[0] == 0.0
-    assert found.way[-1] == pytest.approx(5.8, abs=1.0)
+    assert found.distance[0] == 0.0
+    assert found.distance[-1] == pytest.approx(5.8, abs=1.0)
 
 
 def test_what_the_truth_saw_before_the_run_counts_for_nothing() -> None:
@@ -186,7 +186,7 @@ def test_without_true_headings_there_are_places_only() -> None:
 
     found = compared(driven(2), truth)
 
-    assert spread(found.error).rms < 0.005
+    assert statistics(found.error).rms < 0.005
     assert np.isnan(found.heading_error).all()
     assert found.relative == ()
     with pytest.raises(ConfigError, match="by the start needs the true heading"):
@@ -218,7 +218,7 @@ def test_nothing_in_common_is_refused_with_both_times() -> None:
 
 
 def test_errors_in_a_few_numbers() -> None:
-    found = spread(np.array([3.0, 0.0, 1.0, 2.0]))
+    found = statistics(np.array([3.0, 0.0, 1.0, 2.0]))
 
     assert (found.mean, found.median, found.max, found.end) == (1.5, 1.5, 3.0, 2.0)
     assert found.rms == pytest.approx(math.sqrt(3.5))

@@ -1,4 +1,4 @@
-"""The robot's mind as a whole, with drives that obey: judgement, mode, wish and gate in one tick."""
+"""The decision core as a whole, with drives that obey: judgement, mode, wish and gate in one tick."""
 
 # ruff: noqa: ANN401  (changes are handed on to `dataclasses.replace` as they are)
 
@@ -364,7 +364,7 @@ def test_drives_are_watched_while_the_robot_waits_for_its_arm(name: str) -> None
 def test_pose_counts_from_where_the_wheels_were_aligned() -> None:
     live = Live(WaitStep(seconds=1.0))
     live.until(lambda tick: tick.wish.exchange)
-    live.drives.ways = dict.fromkeys(TRACTION, 0.3)  # pushed by hand
+    live.drives.distances = dict.fromkeys(TRACTION, 0.3)  # pushed by hand
     assert live.until(lambda tick: tick.snapshot.odometry.distance > 0.29).mode is Mode.INIT
     assert live.until(Mode.READY).snapshot.odometry.pose == Pose()
 

@@ -14,17 +14,17 @@ from artemis.commands import devices
 from artemis.devices.can_bus import Frame, detected_adapters
 from artemis.devices.hid.identity import Identity
 from artemis.devices.hid.port import HidInfo
-from artemis.devices.inventory import Node, ask_nodes
+from artemis.devices.inventory import NodeReport, ask_nodes
 from artemis.drive_states import Nmt
 from artemis.errors import ConfigError, DeviceLost
 from artemis.sim.bus import SimBus
 from artemis.sim.world import World
 from artemis.testing.fake_hid import FakeHid
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 MISSIONS = Path(__file__).parents[2] / "missions"
-ROBOT = Robot.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
+ROBOT = RobotFile.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
 UNKNOWN = HidInfo("/dev/hidraw0", "usb", 0x1234, 0x5678, "S1", "Unknown Stick", 0, 0x10004)
 
 
@@ -176,7 +176,7 @@ def test_whatever_a_back_end_raises_says_that_adapters_cannot_be_found(monkeypat
         detected_adapters()
 
 
-async def _asked(silent: str) -> tuple[list[Node], list[Frame]]:
+async def _asked(silent: str) -> tuple[list[NodeReport], list[Frame]]:
     """The drives' answers while one is without power, and another reported an error; and all frames of ours."""
     loop = asyncio.get_running_loop()
     world = World(ROBOT, start=loop.time())

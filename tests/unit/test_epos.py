@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from artemis.devices.can_bus import Frame
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_objects import UNREADABLE
-from artemis.devices.epos_state import Command
+from artemis.devices.epos_state import Controlword
 from artemis.drive_states import DriveState, Nmt
 from artemis.errors import ProtocolError
 
@@ -22,7 +22,7 @@ COUNTS_PER_METRE = 4700.0
 """47 counts per centimetre."""
 COUNTS_PER_DEGREE = 2000 * 946 / 360
 """Encoder counts of a motor turn, gear, degrees."""
-ON = Command.ENABLE_OPERATION
+ON = Controlword.ENABLE_OPERATION
 
 
 def epos(name: str) -> EposDrive:
@@ -75,7 +75,7 @@ def test_frames_remember_the_controlword_for_the_next_edge() -> None:
     drive.set_point_frame(0x80, 0.0)
     assert drive.last_controlword == 0x80
     drive.stop_frame()
-    assert drive.last_controlword == Command.QUICK_STOP
+    assert drive.last_controlword == Controlword.QUICK_STOP
 
 
 # ---------------------------------------------------------------------------------------------- feedback in
@@ -293,8 +293,8 @@ def test_set_point_beyond_the_end_of_the_counter_wraps_as_the_counter_does() -> 
     assert struct.unpack("<Hi", frame.data)[1] == -0x80000000 + 52555
 
 
-@pytest.mark.parametrize(("counts", "way"), [(9494, 0.02), (9541, 0.03), (0, 0.02), (-47, 0.01)])
-def test_restarted_drive_has_counted_on_or_from_zero(counts: int, way: float) -> None:
+@pytest.mark.parametrize(("counts", "distance"), [(9494, 0.02), (9541, 0.03), (0, 0.02), (-47, 0.01)])
+def test_restarted_drive_has_counted_on_or_from_zero(counts: int, distance: float) -> None:
     drive = epos("traction-left")
     drive.on_status(status(9400))
     drive.on_details(Frame(0x281, bytes(7)))
@@ -302,9 +302,9 @@ def test_restarted_drive_has_counted_on_or_from_zero(counts: int, way: float) ->
     drive.restart()
     assert drive.feedback(0.02).age is None, "not heard since"
     drive.on_status(status(counts, time=0.04))
-    assert drive.feedback(0.04).position == pytest.approx(way)
+    assert drive.feedback(0.04).position == pytest.approx(distance)
     drive.on_status(status(counts + 94, time=0.06))
-    assert drive.feedback(0.06).position == pytest.approx(way + 0.02)
+    assert drive.feedback(0.06).position == pytest.approx(distance + 0.02)
 
 
 def test_way_of_a_restarted_drive_is_no_jump() -> None:

@@ -13,7 +13,7 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.epos_objects import Units
 from artemis.drive_states import DriveState, Nmt
 from artemis.errors import DeviceError, DeviceRestarted, DeviceTimeout, NotKept
-from artemis.sim.dictionary import Abort, AbortCode, key_of
+from artemis.sim.dictionary import AbortCode, AccessRefused, key_of
 from artemis.sim.epos import SimSettings
 from artemis.values import Job, JobKind
 
@@ -338,7 +338,7 @@ def test_drive_that_is_off_and_cannot_stop_watching_leaves_the_exchange_all_the_
 
 
 def _refuse(value: int) -> None:
-    raise Abort(AbortCode.DEVICE_STATE)
+    raise AccessRefused(AbortCode.DEVICE_STATE)
 
 
 def test_disarming_a_drive_in_fault_leaves_it_without() -> None:

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from artemis.devices.epos_state import COMMANDS, Command, controlword, state_from_statusword
+from artemis.devices.epos_state import COMMANDS, Controlword, controlword, state_from_statusword
 from artemis.drive_states import DriveState, Goal
 
 STATUSWORDS = {
@@ -26,11 +26,11 @@ STATUSWORDS = {
 """EPOS firmware specification 2010, 8.1.1, table 1: bits 15 to 0."""
 
 CONTROLWORDS = {
-    Command.DISABLE_VOLTAGE: "xxxx xx0x",
-    Command.SHUTDOWN: "0xxx x110",
-    Command.QUICK_STOP: "0xxx x01x",
-    Command.ENABLE_OPERATION: "0xxx 1111",
-    Command.FAULT_RESET: "1xxx xxxx",
+    Controlword.DISABLE_VOLTAGE: "xxxx xx0x",
+    Controlword.SHUTDOWN: "0xxx x110",
+    Controlword.QUICK_STOP: "0xxx x01x",
+    Controlword.ENABLE_OPERATION: "0xxx 1111",
+    Controlword.FAULT_RESET: "1xxx xxxx",
 }
 """14.59: bits 7 to 0."""
 
@@ -74,12 +74,12 @@ def test_every_state_but_unknown_has_a_pattern() -> None:
 
 
 @pytest.mark.parametrize(("command", "pattern"), CONTROLWORDS.items())
-def test_every_command_has_the_bits_of_the_specification(command: Command, pattern: str) -> None:
+def test_every_command_has_the_bits_of_the_specification(command: Controlword, pattern: str) -> None:
     assert command in words(pattern)
 
 
 def test_every_command_is_specified() -> None:
-    assert set(CONTROLWORDS) == set(Command)
+    assert set(CONTROLWORDS) == set(Controlword)
 
 
 def test_every_state_has_the_expected_command_for_every_goal() -> None:
@@ -92,12 +92,12 @@ def test_every_state_has_the_expected_command_for_every_goal() -> None:
 
 @pytest.mark.parametrize("goal", Goal)
 def test_a_drive_whose_state_means_nothing_is_never_switched_on(goal: Goal) -> None:
-    assert controlword(DriveState.UNKNOWN, goal) in (Command.DISABLE_VOLTAGE, Command.QUICK_STOP)
+    assert controlword(DriveState.UNKNOWN, goal) in (Controlword.DISABLE_VOLTAGE, Controlword.QUICK_STOP)
 
 
 @pytest.mark.parametrize(("state", "goal"), list(itertools.product(DriveState, Goal)))
 def test_a_fault_is_reset_only_where_that_is_the_goal(state: DriveState, goal: Goal) -> None:
-    reset = bool(controlword(state, goal) & Command.FAULT_RESET)
+    reset = bool(controlword(state, goal) & Controlword.FAULT_RESET)
     assert reset is (state is DriveState.FAULT and goal is Goal.FAULT_RESET)
 
 

@@ -15,8 +15,8 @@ from artemis.testing.contracts import ROBOT
 
 
 def corner() -> Route:
-    way = np.arange(0.0, 4.0, 0.05)
-    x, y = np.concatenate([way, np.full(81, 4.0)]), np.concatenate([0 * way, np.arange(81) * 0.05])
+    distance = np.arange(0.0, 4.0, 0.05)
+    x, y = np.concatenate([distance, np.full(81, 4.0)]), np.concatenate([0 * distance, np.arange(81) * 0.05])
     return Route((Part(path=path_from_points(x, y)),))
 
 

@@ -11,14 +11,14 @@ import pytest
 
 from artemis.errors import ConfigError
 from artemis.motion.path import Path, path_from_points
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.followers.frenet import APPROACH, FrenetConfig, FrenetFollower, law
 from artemis.testing.contracts import ROBOT, FollowerContract
 from artemis.values import LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis_lab.bench.cases import random_case
 from artemis_lab.bench.courses import five_courses, random_course
-from artemis_lab.bench.driving import Driven, drive
+from artemis_lab.bench.driving import RunOutcome, drive
 from artemis_lab.bench.plant import Conditions, bicycle
 
 COURSES = {course.name: course for course in five_courses()}
@@ -32,9 +32,9 @@ class TestFrenet(FollowerContract):
     options: Mapping[str, object] = {"speed_m_s": 0.4}
 
 
-def follower(robot: Robot = ROBOT, speed: float = 0.7, **options: float) -> FrenetFollower:
-    setup = Setup(name="frenet", robot=robot, folder=TestFrenet().given().folder)
-    return FrenetFollower(FrenetConfig(speed_m_s=speed, **options), setup)
+def follower(robot: RobotFile = ROBOT, speed: float = 0.7, **options: float) -> FrenetFollower:
+    context = PluginContext(name="frenet", robot=robot, folder=TestFrenet().given().folder)
+    return FrenetFollower(FrenetConfig(speed_m_s=speed, **options), context)
 
 
 def at(pose: Pose, *, speed: float = 0.0, steering: float = 0.0, told: float | None = None) -> Snapshot:
@@ -72,17 +72,17 @@ def test_beside_a_curve_it_asks_for_the_parallel_curve() -> None:
 @pytest.mark.parametrize("askew_deg", [0.0, 60.0, -90.0, 179.0])
 def test_wheels_without_inertia_come_onto_the_path_without_overshoot(offset: float, askew_deg: float) -> None:
     e, psi, step = offset, math.radians(askew_deg), 0.002
-    way, settled_at, other_side = 0.0, 0.0, 0.0
+    distance, settled_at, other_side = 0.0, 0.0, 0.0
     aligned = False
-    while way < 12.0:
+    while distance < 12.0:
         psi += law(e, psi, 0.0, 0.5, 4.0) * step
         e += math.sin(psi) * step
-        way += step
+        distance += step
         aligned = aligned or abs(psi + math.atan(e / 0.5)) < 0.01
         if aligned:
             other_side = max(other_side, -e * math.copysign(1.0, offset))
         if abs(e) > 0.02:
-            settled_at = way
+            settled_at = distance
     assert abs(e) < 1e-4
     assert settled_at < 9.0
     assert other_side < 0.002 or abs(askew_deg) > 0.0
@@ -153,7 +153,7 @@ def test_the_approach_fits_the_robot() -> None:
 # ---------------------------------------------------------------------------------------------- the figures
 
 
-def driven(name: str, rate: float, conditions: Conditions, seed: int = 1) -> Driven:
+def driven(name: str, rate: float, conditions: Conditions, seed: int = 1) -> RunOutcome:
     robot = bicycle(ROBOT, rate)
     result = drive(follower(robot), COURSES[name], robot, conditions, seed)
     assert result.problem == ""
@@ -172,9 +172,9 @@ def test_clean(rate: float) -> None:
     corner = driven("corner", rate, CLEAN).figures
     assert corner.rms <= 0.025
     assert corner.max <= 0.115
-    assert corner.settling_way <= 1.5
+    assert corner.settling_distance <= 1.5
     straight = driven("straight", rate, CLEAN).figures
-    assert straight.settling_way <= 2.5
+    assert straight.settling_distance <= 2.5
     assert straight.overshoot <= 0.005
 
 
@@ -196,7 +196,7 @@ def test_never_lost_on_random_courses(seed: int) -> None:
     assert result.figures.steady_rms <= 0.025
 
 
-def robot_with(geometry: dict[str, object], limits: dict[str, object]) -> Robot:
+def robot_with(geometry: dict[str, object], limits: dict[str, object]) -> RobotFile:
     changed = {"geometry": ROBOT.geometry.model_copy(update=geometry), "limits": ROBOT.limits.model_copy(update=limits)}
     return ROBOT.model_copy(update=changed)
 

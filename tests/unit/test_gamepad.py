@@ -15,8 +15,8 @@ from pydantic import ValidationError
 from artemis.devices.hid.descriptor import parse_descriptor
 from artemis.devices.hid.port import HidInfo
 from artemis.errors import ConfigError, DeviceLost, HidError
-from artemis.plugins.border import Border
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.guard import PluginGuard
 from artemis.plugins.inputs.controls import Controls
 from artemis.plugins.inputs.gamepad import FIND, GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
@@ -282,12 +282,12 @@ def test_garbage_is_out_of_range_for_the_border_and_changes_nothing() -> None:
     pad.move(gas=0.5)
     pad.send()
     good = pad.tick()
-    border = Border({"stick": pad.plugin}, lambda: 0.0)
+    guard = PluginGuard({"stick": pad.plugin}, lambda: 0.0)
     for _ in range(5):
         pad.hid.send(b"\x08\x00")
         pad.now += TICK
-        border.read(pad.now)
-    assert [id for id, *_ in border.take_problems()] == ["INP-06"]
+        guard.read(pad.now)
+    assert [id for id, *_ in guard.take_problems()] == ["INP-06"]
     assert pad.tick() == good
 
 
@@ -359,8 +359,8 @@ def test_readers_thread_wakes_the_run_before_anybody_reads(monkeypatch: pytest.M
     hid = Announcing()
     monkeypatch.setattr("artemis.plugins.inputs.gamepad.Hidraw", lambda: hid)
     hid.plug(pad.info, pad.raw)
-    setup = Setup(name="stick", robot=ROBOT, folder=MISSIONS, wake=woken.set)
-    plugin = GamepadInput(GamepadConfig(profile="logitech-extreme-3d-pro"), setup)
+    context = PluginContext(name="stick", robot=ROBOT, folder=MISSIONS, wake=woken.set)
+    plugin = GamepadInput(GamepadConfig(profile="logitech-extreme-3d-pro"), context)
     assert opened.wait(20.0)
     pad.press("quickstop")
     hid.send(encode(pad.descriptor, 0, pad.levels))
@@ -387,8 +387,8 @@ def test_hard_brake_stops_and_wakes() -> None:
 
 
 def make(hid: FakeHid, **keys: object) -> GamepadInput:
-    setup = Setup(name="stick", robot=ROBOT, folder=MISSIONS, files={"mine.yaml": profile_text()})
-    return GamepadInput(GamepadConfig.model_validate(keys), setup, hid)
+    context = PluginContext(name="stick", robot=ROBOT, folder=MISSIONS, files={"mine.yaml": profile_text()})
+    return GamepadInput(GamepadConfig.model_validate(keys), context, hid)
 
 
 def profile_text() -> bytes:
@@ -482,8 +482,8 @@ class TestContract(InputContract):
 
     def make(self) -> GamepadInput:
         self.pad = Pad("logitech-extreme-3d-pro")
-        setup = Setup(name=contracts.NAME, robot=self.robot, folder=MISSIONS)
-        return GamepadInput(GamepadConfig.model_validate(self.options), setup, self.pad.hid)
+        context = PluginContext(name=contracts.NAME, robot=self.robot, folder=MISSIONS)
+        return GamepadInput(GamepadConfig.model_validate(self.options), context, self.pad.hid)
 
     def move(self, device: object) -> None:
         self.pad.press("enable")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from pad import Pad
 
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.gamepad import GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.keyboard import KeyboardInput
@@ -37,7 +37,7 @@ class TestGamepadThatAlwaysReports(TestGamepad):
 class TestKeyboard(InputContract):
     plugin = KeyboardInput
 
-    def given(self) -> Setup:
+    def given(self) -> PluginContext:
         return replace(super().given(), typed=self._typed)
 
     def _typed(self, listener: Callable[[bytes], None]) -> bool:

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from artemis.errors import ConfigError
 from artemis.motion.path import Path, path_from_csv, path_from_points
-from artemis.plugins.contracts import Follower, Following, Setup
+from artemis.plugins.contracts import Follower, Following, PluginContext
 from artemis.plugins.followers.indiveri import IndiveriConfig, IndiveriFollower, curvature, gain
 from artemis.values import LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 MISSIONS = FilePath(__file__).parents[2] / "missions"
@@ -33,9 +33,9 @@ def shipped(name: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def setup() -> Setup:
-    robot = Robot.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
-    return Setup(name="indiveri", robot=robot, folder=MISSIONS)
+def context() -> PluginContext:
+    robot = RobotFile.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
+    return PluginContext(name="indiveri", robot=robot, folder=MISSIONS)
 
 
 @dataclass
@@ -84,8 +84,8 @@ class Run:
         return [answer.tracking.cross_track for answer in self.answers]
 
 
-def drive(setup: Setup, path: Path, config: IndiveriConfig, robot: Bicycle, limit_s: float = 200.0) -> Run:
-    follower = IndiveriFollower(config, setup)
+def drive(context: PluginContext, path: Path, config: IndiveriConfig, robot: Bicycle, limit_s: float = 200.0) -> Run:
+    follower = IndiveriFollower(config, context)
     follower.start(path, robot.snapshot())
     answers: list[Following] = []
     while not (answers and answers[-1].finished and robot.speed == 0):
@@ -107,13 +107,15 @@ def drive(setup: Setup, path: Path, config: IndiveriConfig, robot: Bicycle, limi
         ("circle.csv", 0.4, 0.02),
     ],
 )
-def test_smooth_paths_are_followed_within_two_centimetres(setup: Setup, name: str, speed: float, bound: float) -> None:
-    run = drive(setup, shipped(name), IndiveriConfig(speed_m_s=speed), Bicycle())
+def test_smooth_paths_are_followed_within_two_centimetres(
+    context: PluginContext, name: str, speed: float, bound: float
+) -> None:
+    run = drive(context, shipped(name), IndiveriConfig(speed_m_s=speed), Bicycle())
     assert max(map(abs, run.cross_track)) < bound
 
 
-def test_lateral_offset_is_driven_off_without_oscillation(setup: Setup) -> None:
-    run = drive(setup, shipped("straight.csv"), IndiveriConfig(speed_m_s=0.4), Bicycle(y=0.5))
+def test_lateral_offset_is_driven_off_without_oscillation(context: PluginContext) -> None:
+    run = drive(context, shipped("straight.csv"), IndiveriConfig(speed_m_s=0.4), Bicycle(y=0.5))
     offsets = np.array(run.cross_track)
     assert offsets[0] == pytest.approx(0.5)
     assert offsets.min() > -0.005
@@ -122,16 +124,16 @@ def test_lateral_offset_is_driven_off_without_oscillation(setup: Setup) -> None:
     assert settled.tracking.arc_length < 4.0
 
 
-def test_heading_error_is_driven_off(setup: Setup) -> None:
-    run = drive(setup, shipped("straight.csv"), IndiveriConfig(speed_m_s=0.3), Bicycle(heading=-0.9))
+def test_heading_error_is_driven_off(context: PluginContext) -> None:
+    run = drive(context, shipped("straight.csv"), IndiveriConfig(speed_m_s=0.3), Bicycle(heading=-0.9))
     assert run.answers[0].tracking.heading_error == pytest.approx(-0.9)
     assert abs(run.answers[-1].tracking.heading_error) < 0.01
     assert abs(run.cross_track[-1]) < 0.005
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.4, 0.7])
-def test_robot_stops_within_two_centimetres_of_the_end(setup: Setup, speed: float) -> None:
-    run = drive(setup, shipped("straight.csv"), IndiveriConfig(speed_m_s=speed), Bicycle())
+def test_robot_stops_within_two_centimetres_of_the_end(context: PluginContext, speed: float) -> None:
+    run = drive(context, shipped("straight.csv"), IndiveriConfig(speed_m_s=speed), Bicycle())
     end = run.answers[-1]
     assert end.finished
     assert end.command.speed == 0
@@ -139,9 +141,9 @@ def test_robot_stops_within_two_centimetres_of_the_end(setup: Setup, speed: floa
     assert not any(answer.finished for answer in run.answers if answer.tracking.arc_length < 7.98)
 
 
-def test_finished_stays_finished_when_the_robot_is_pushed_back(setup: Setup) -> None:
+def test_finished_stays_finished_when_the_robot_is_pushed_back(context: PluginContext) -> None:
     path = shipped("straight.csv")
-    follower = IndiveriFollower(IndiveriConfig(speed_m_s=0.3), setup)
+    follower = IndiveriFollower(IndiveriConfig(speed_m_s=0.3), context)
     follower.start(path, Bicycle().snapshot())
     for x in np.linspace(0.0, 7.99, 60):
         answer = follower.step(Bicycle(x=float(x)).snapshot())
@@ -151,41 +153,41 @@ def test_finished_stays_finished_when_the_robot_is_pushed_back(setup: Setup) -> 
     assert answer.command.speed == 0
 
 
-def test_approach_to_the_end_respects_the_deceleration(setup: Setup) -> None:
-    run = drive(setup, shipped("straight.csv"), IndiveriConfig(speed_m_s=0.7), Bicycle())
+def test_approach_to_the_end_respects_the_deceleration(context: PluginContext) -> None:
+    run = drive(context, shipped("straight.csv"), IndiveriConfig(speed_m_s=0.7), Bicycle())
     speeds = np.array([answer.command.speed for answer in run.answers if not answer.finished])
     assert np.diff(speeds).min() > -DECELERATION * DT
 
 
-def test_two_laps_pass_the_crossing_four_times(setup: Setup) -> None:
+def test_two_laps_pass_the_crossing_four_times(context: PluginContext) -> None:
     path = shipped("figure_eight.csv")
-    run = drive(setup, path.with_laps(2), IndiveriConfig(speed_m_s=0.6), Bicycle())
-    ways = np.array([answer.tracking.arc_length for answer in run.answers])
+    run = drive(context, path.with_laps(2), IndiveriConfig(speed_m_s=0.6), Bicycle())
+    distances = np.array([answer.tracking.arc_length for answer in run.answers])
     assert run.answers[0].tracking.length == pytest.approx(2 * path.length)
-    assert ways[-1] == pytest.approx(2 * path.length, abs=0.02)
-    assert -0.001 < np.diff(ways).min() < np.diff(ways).max() < 0.02
+    assert distances[-1] == pytest.approx(2 * path.length, abs=0.02)
+    assert -0.001 < np.diff(distances).min() < np.diff(distances).max() < 0.02
 
 
-def test_recorded_speed_slows_the_robot(setup: Setup) -> None:
+def test_recorded_speed_slows_the_robot(context: PluginContext) -> None:
     x = np.linspace(0.0, 4.0, 9)
     path = path_from_points(x, 0 * x, speed=np.where(x < 2, 0.5, 0.1))
-    run = drive(setup, path, IndiveriConfig(speed_m_s=0.4), Bicycle())
+    run = drive(context, path, IndiveriConfig(speed_m_s=0.4), Bicycle())
     assert max(answer.command.speed for answer in run.answers) == 0.4
     late = [a.command.speed for a in run.answers if 2.5 < a.tracking.arc_length < 3.5]
     assert late == pytest.approx([0.1] * len(late))
     assert len(late) > 100
 
 
-def test_commanded_curvature_stays_within_the_robots(setup: Setup) -> None:
-    run = drive(setup, shipped("straight.csv"), IndiveriConfig(speed_m_s=0.3), Bicycle(y=-0.6, heading=-1.0))
+def test_commanded_curvature_stays_within_the_robots(context: PluginContext) -> None:
+    run = drive(context, shipped("straight.csv"), IndiveriConfig(speed_m_s=0.3), Bicycle(y=-0.6, heading=-1.0))
     angles = [abs(answer.command.steering) for answer in run.answers]
     assert max(angles) <= math.radians(60)
     assert max(angles) > math.radians(20)
 
 
-def test_with_the_laboratory_floors_curves_become_wide(setup: Setup) -> None:
+def test_with_the_laboratory_floors_curves_become_wide(context: PluginContext) -> None:
     laboratory = IndiveriConfig(speed_m_s=0.7, heading_floor_rad=0.34, switch_m=0.1, distance_floor_m=0.001)
-    run = drive(setup, shipped("circle.csv"), laboratory, Bicycle())
+    run = drive(context, shipped("circle.csv"), laboratory, Bicycle())
     late = np.array(run.cross_track[len(run.answers) // 2 :])
     assert -0.05 < np.mean(late) < -0.02  # only an offset makes the law steer: there is no feed-forward
 
@@ -199,17 +201,17 @@ def angles_taken(run: Run) -> list[float]:
 
 
 @pytest.mark.parametrize("degrees", [5.0, math.degrees(0.2)])
-def test_hysteresis_takes_only_larger_changes(setup: Setup, degrees: float) -> None:
+def test_hysteresis_takes_only_larger_changes(context: PluginContext, degrees: float) -> None:
     config = IndiveriConfig(speed_m_s=0.4, hysteresis_deg=degrees)
-    run = drive(setup, shipped("figure_eight.csv"), config, Bicycle())
+    run = drive(context, shipped("figure_eight.csv"), config, Bicycle())
     steps = angles_taken(run)
     assert steps
     assert min(map(abs, steps)) > math.radians(degrees)
     assert max(map(abs, run.cross_track)) < 0.06
 
 
-def test_without_hysteresis_every_change_is_taken(setup: Setup) -> None:
-    run = drive(setup, shipped("figure_eight.csv"), IndiveriConfig(speed_m_s=0.4), Bicycle())
+def test_without_hysteresis_every_change_is_taken(context: PluginContext) -> None:
+    run = drive(context, shipped("figure_eight.csv"), IndiveriConfig(speed_m_s=0.4), Bicycle())
     assert len(angles_taken(run)) > 0.9 * len(run.answers)
 
 
@@ -232,8 +234,8 @@ def test_law_steers_back_to_the_line() -> None:
     assert curvature(-0.3, 0.0, 2.0, 1.2) > 0
 
 
-def test_law_works_at_standstill(setup: Setup) -> None:
-    follower = IndiveriFollower(IndiveriConfig(speed_m_s=0.3), setup)
+def test_law_works_at_standstill(context: PluginContext) -> None:
+    follower = IndiveriFollower(IndiveriConfig(speed_m_s=0.3), context)
     robot = Bicycle(y=0.3)
     follower.start(shipped("straight.csv"), robot.snapshot())
     answer = follower.step(robot.snapshot())
@@ -241,13 +243,13 @@ def test_law_works_at_standstill(setup: Setup) -> None:
     assert answer.command.speed == 0.3
 
 
-def test_a_speed_beyond_the_robots_is_refused(setup: Setup) -> None:
+def test_a_speed_beyond_the_robots_is_refused(context: PluginContext) -> None:
     with pytest.raises(ConfigError, match=r"speed_m_s: 0.9; the robot's limit is 0.7"):
-        IndiveriFollower(IndiveriConfig(speed_m_s=0.9), setup)
+        IndiveriFollower(IndiveriConfig(speed_m_s=0.9), context)
 
 
-def test_it_fulfils_the_contract(setup: Setup) -> None:
-    follower: Follower = IndiveriFollower(IndiveriConfig(speed_m_s=0.3), setup)
+def test_it_fulfils_the_contract(context: PluginContext) -> None:
+    follower: Follower = IndiveriFollower(IndiveriConfig(speed_m_s=0.3), context)
     assert follower.Config is IndiveriConfig
 
 

@@ -58,18 +58,18 @@ def test_pedal_begins_at_the_edge_of_its_deadzone(pressed: float, deadzone: floa
     assert centre_pedal(1.0, deadzone) == 1.0
 
 
-@given(way=level, other=level, expo=share)
-def test_curve_is_odd_and_monotone_and_keeps_its_ends(way: float, other: float, expo: float) -> None:
+@given(distance=level, other=level, expo=share)
+def test_curve_is_odd_and_monotone_and_keeps_its_ends(distance: float, other: float, expo: float) -> None:
     assert curve(0.0, expo) == 0.0
     assert curve(1.0, expo) == pytest.approx(1.0)
-    assert curve(-way, expo) == pytest.approx(-curve(way, expo))
-    assert abs(curve(way, expo)) <= abs(way) + 1e-12
-    if way < other:
-        assert curve(way, expo) <= curve(other, expo) + 1e-12
+    assert curve(-distance, expo) == pytest.approx(-curve(distance, expo))
+    assert abs(curve(distance, expo)) <= abs(distance) + 1e-12
+    if distance < other:
+        assert curve(distance, expo) <= curve(other, expo) + 1e-12
 
 
 def test_curve_without_expo_is_none() -> None:
-    assert [curve(way, 0.0) for way in (-1.0, -0.3, 0.0, 0.7)] == [-1.0, -0.3, 0.0, 0.7]
+    assert [curve(distance, 0.0) for distance in (-1.0, -0.3, 0.0, 0.7)] == [-1.0, -0.3, 0.0, 0.7]
 
 
 @given(x=level, y=level, gate=gates, deflection=share)

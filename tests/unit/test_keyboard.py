@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from artemis.errors import ConfigError, DeviceLost
-from artemis.plugins.border import is_in_range, is_whole_input
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.guard import is_in_range, is_whole_input
 from artemis.plugins.inputs.keyboard import KeyboardConfig, KeyboardInput, Keys
 from artemis.values import OperatorInput, Request
 
@@ -28,9 +28,9 @@ class Desk:
 
     def __init__(self, *, there: bool = True, **options: float) -> None:
         self.now, self._listeners = 100.0, list[Callable[[bytes], None]]()
-        setup = Setup(name="keys", robot=ROBOT, folder=Path(), typed=self._typed)
+        context = PluginContext(name="keys", robot=ROBOT, folder=Path(), typed=self._typed)
         self._there = there
-        self.input = KeyboardInput(KeyboardConfig(**options), setup)
+        self.input = KeyboardInput(KeyboardConfig(**options), context)
 
     def _typed(self, listener: Callable[[bytes], None]) -> bool:
         self._listeners.append(listener)

@@ -10,10 +10,10 @@ from artemis.mission.speeds import stopping_distance
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.limits import SHORTEST_STEP, Gate, is_sane
 from artemis.values import Action, DriveCommand, SetPoints
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 FILE = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
-ROBOT = Robot.model_validate(yaml.safe_load(FILE.read_text(encoding="utf-8")))
+ROBOT = RobotFile.model_validate(yaml.safe_load(FILE.read_text(encoding="utf-8")))
 CAR = Ackermann(ROBOT.geometry)
 DT = 0.02
 RATE = radians(33.0)

@@ -6,7 +6,7 @@ import pytest
 
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
-from artemis.sim.world import TrueRobot
+from artemis.sim.world import PlantParameters
 from artemis.yaml_file import scalar
 
 
@@ -44,7 +44,7 @@ def test_a_scalar_that_a_file_would_refuse_is_refused(text: str) -> None:
 def test_a_model_is_read_from_a_file_of_its_own(tmp_path: Path) -> None:
     file = tmp_path / "true.yaml"
     file.write_text("slip: 0.01\nsupply: {battery_v: 24.0}\n")
-    found = load_model(file, TrueRobot)
+    found = load_model(file, PlantParameters)
     assert (found.slip, found.supply.battery_v, found.wheel_scale_left) == (0.01, 24.0, 1.0)
 
 
@@ -52,7 +52,7 @@ def test_everything_wrong_with_a_model_is_said_in_the_order_of_its_lines(tmp_pat
     file = tmp_path / "true.yaml"
     file.write_text("supply: {battery_v: 0}\nslip: 010\nwheel_scale: 1\nslip: 0.1\n")
     with pytest.raises(ConfigError) as caught:
-        load_model(file, TrueRobot)
+        load_model(file, PlantParameters)
     assert [problem.removeprefix(f"{file}:").split(": ")[:2] for problem in caught.value.problems] == [
         ["1:10", "supply.battery_v"],
         ["2:1", "slip"],
@@ -65,4 +65,4 @@ def test_everything_wrong_with_a_model_is_said_in_the_order_of_its_lines(tmp_pat
 def test_a_file_that_is_no_mapping_is_refused(tmp_path: Path, content: str) -> None:
     (tmp_path / "true.yaml").write_text(content)
     with pytest.raises(ConfigError, match="expected a mapping"):
-        load_model(tmp_path / "true.yaml", TrueRobot)
+        load_model(tmp_path / "true.yaml", PlantParameters)

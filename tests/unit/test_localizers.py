@@ -1,4 +1,4 @@
-"""The localizers that come with artemis, and what the border makes of one that does not keep its contract."""
+"""The localizers that come with artemis, and what the guard makes of one that does not keep its contract."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.errors import ConfigError, DeviceLost
-from artemis.plugins.border import Border, close, plain_fixes
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.guard import PluginGuard, close, plain_fixes
 from artemis.plugins.localizers.simulated_tracker import SimulatedTracker, SimulatedTrackerConfig
 from artemis.plugins.localizers.tracker import TrackerConfig, TrackerLocalizer
 from artemis.testing.contracts import ROBOT
@@ -45,16 +45,16 @@ class TestSimulatedTracker(LocalizerContract):
     plugin = SimulatedTracker
     options: Mapping[str, object] = {"jumps": [{"at_s": 3, "by_m": [1, 0]}], "drop_out": [[1, 2]]}
 
-    def given(self) -> Setup:
-        return Setup(name="seen", robot=ROBOT, folder=Path(), true_pose=World().look)
+    def given(self) -> PluginContext:
+        return PluginContext(name="seen", robot=ROBOT, folder=Path(), true_pose=World().look)
 
 
 # ---------------------------------------------------------------------------------------------- those of artemis
 
 
 def recorded(text: bytes, **options: Any) -> TrackerLocalizer:  # noqa: ANN401 (keys of the plugin)
-    setup = Setup(name="hall", robot=ROBOT, folder=Path("there"), files={"f.csv": text})
-    return TrackerLocalizer(TrackerConfig(file="f.csv", **options), setup)
+    context = PluginContext(name="hall", robot=ROBOT, folder=Path("there"), files={"f.csv": text})
+    return TrackerLocalizer(TrackerConfig(file="f.csv", **options), context)
 
 
 def test_a_recorded_fix_comes_when_its_time_has_come() -> None:
@@ -77,13 +77,14 @@ def test_every_problem_of_a_recorded_file_is_named_with_its_line() -> None:
     with pytest.raises(ConfigError, match="not UTF-8"):
         recorded(b"t,x,y,heading\n\xff")
     with pytest.raises(ConfigError, match="among the mission's files"):
-        TrackerLocalizer(TrackerConfig(file="f.csv"), Setup(name="hall", robot=ROBOT, folder=Path()))
+        TrackerLocalizer(TrackerConfig(file="f.csv"), PluginContext(name="hall", robot=ROBOT, folder=Path()))
 
 
 def seen(**options: Any) -> list[tuple[float, PoseFix]]:  # noqa: ANN401 (keys of the plugin)
     """What a simulated tracker tells in ten seconds."""
     tracker = SimulatedTracker(
-        SimulatedTrackerConfig(**options), Setup(name="hall", robot=ROBOT, folder=Path(), true_pose=World().look)
+        SimulatedTrackerConfig(**options),
+        PluginContext(name="hall", robot=ROBOT, folder=Path(), true_pose=World().look),
     )
     return [(tick * 0.02, fix) for tick in range(500) for fix in tracker.fixes(tick * 0.02)]
 
@@ -128,8 +129,8 @@ class Strange:
 
 
 def asked(answer: Callable[[float], Any]) -> tuple[tuple[PoseFix, ...], list[tuple[str, str]]]:
-    border = Border({}, lambda: 0.0, Strange(answer))
-    return border.fixes(1.0), [(id, name) for id, name, _ in border.take_problems()]
+    guard = PluginGuard({}, lambda: 0.0, Strange(answer))
+    return guard.fixes(1.0), [(id, name) for id, name, _ in guard.take_problems()]
 
 
 def raising(error: BaseException) -> Callable[[float], Any]:
@@ -152,10 +153,10 @@ def test_a_localizer_that_raises_or_is_late_is_a_fault_and_one_that_is_gone_is_s
     assert asked(raising(SystemExit(1))) == ((), [("PLG-02", "localizer")])
     assert asked(raising(DeviceLost("camera", "unplugged"))) == ((), [])
     clock = iter(range(100))
-    border = Border({}, lambda: float(next(clock)), Strange(lambda now: ()))
+    guard = PluginGuard({}, lambda: float(next(clock)), Strange(lambda now: ()))
     for _ in range(3):
-        border.fixes(0.0)
-    assert [(id, name) for id, name, _ in border.take_problems()] == [("PLG-03", "localizer")]
+        guard.fixes(0.0)
+    assert [(id, name) for id, name, _ in guard.take_problems()] == [("PLG-03", "localizer")]
     assert [id for id, _, _ in close({"localizer": Strange(lambda now: ())})] == ["PLG-02"]
 
 

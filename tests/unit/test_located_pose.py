@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from artemis.motion.localisation import AGREEING_TIME, CORRECTION, KEPT, LOST_WAY, TURNING, Localisation
+from artemis.motion.localisation import AGREEING_TIME, CORRECTION, KEPT, LOST_DISTANCE, TURNING, Localisation
 from artemis.motion.odometry import move
 from artemis.motion.perception import Perception
 from artemis.motion.poses import placed, seen_from
@@ -51,10 +51,10 @@ class Drive:
         """One tick."""
         self.tick += 1
         if self.tick:
-            way = self.speed * PERIOD
-            self.true.append(move(self.true[-1], way, 0.8 * way))
-            pose = move(self.odometry.pose, way, (0.8 - self.bend) * way)
-            self.odometry = replace(self.odometry, pose=pose, distance=self.odometry.distance + way)
+            distance = self.speed * PERIOD
+            self.true.append(move(self.true[-1], distance, 0.8 * distance))
+            pose = move(self.odometry.pose, distance, (0.8 - self.bend) * distance)
+            self.odometry = replace(self.odometry, pose=pose, distance=self.odometry.distance + distance)
         self.localisation.move(self.time, self.odometry)
         self.localisation.take(fixes, self.time)
         dt = PERIOD if self.tick else 0.0
@@ -77,8 +77,10 @@ def apart(pose: LocatedPose, true: Pose) -> float:
 
 
 def rolled(time: float, left: float, right: float, angle: float) -> Sensed:
-    ways = dict(zip(NAMES, (left, right), strict=False))
-    found = tuple(drive(name, position=angle if name in STEERING else ways[name], age=0.0, frames=1) for name in NAMES)
+    distances = dict(zip(NAMES, (left, right), strict=False))
+    found = tuple(
+        drive(name, position=angle if name in STEERING else distances[name], age=0.0, frames=1) for name in NAMES
+    )
     return sensed(time, drives=found)
 
 
@@ -297,7 +299,7 @@ def test_the_place_is_lost_after_a_way_without_fixes_until_the_next_one() -> Non
     car = Drive(bend=0.05)
     for _ in range(20):
         car.go(car.fix())
-    car.go_on(round(LOST_WAY / (car.speed * PERIOD)) - 2)
+    car.go_on(round(LOST_DISTANCE / (car.speed * PERIOD)) - 2)
     assert not car.shown[-1].lost
     assert car.go_on(10).lost
     car.go(car.fix())

@@ -29,7 +29,7 @@ from artemis.mission import (
 from artemis.mission.problems import describe, nearest
 from artemis.mission.schema import BusWords
 from artemis.plugins.followers.indiveri import IndiveriFollower
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import Data, KeyPath, dotted, load
 
 ROOT = Path(__file__).parents[2]
@@ -247,7 +247,7 @@ def part_of(data: Data, path: KeyPath) -> Any:  # noqa: ANN401  whatever is ther
     return part
 
 
-FILES: dict[str, type[Config]] = {"mission.yaml": Mission, "robots/artemis.yaml": Robot}
+FILES: dict[str, type[Config]] = {"mission.yaml": Mission, "robots/artemis.yaml": RobotFile}
 DATA = {file: load(GOOD / file).data for file in FILES}
 KEYS = [(file, path) for file, data in DATA.items() for path in keys(data) if not str(path[1:2]).count("-right")]
 WRONG: list[Data] = [[], {"x": 1}, None, "???", -1e9]

@@ -82,7 +82,7 @@ def test_driven_wheel_that_takes_no_process_data_is_stopped_by_a_job_once(sign: 
 
 
 @pytest.mark.parametrize("standing", [False, True])
-def test_driven_wheel_that_is_still_enabled_a_tenth_of_a_second_after_the_stop_is_deaf(standing: bool) -> None:
+def test_driven_wheel_that_is_still_enabled_a_tenth_of_a_second_after_the_stop_is_unresponsive(standing: bool) -> None:
     player, _ = in_fault()
     enabled = drive(LEFT, state=DriveState.OPERATION_ENABLE)
     player.world.update(standing=standing, drives=drives(enabled, state=STOPS))
@@ -94,7 +94,7 @@ def test_driven_wheel_that_is_still_enabled_a_tenth_of_a_second_after_the_stop_i
     assert halted(player) == [LEFT]
 
 
-def test_wheels_that_turn_deaf_one_after_the_other_are_each_stopped_by_a_job() -> None:
+def test_wheels_that_turn_unresponsive_one_after_the_other_are_each_stopped_by_a_job() -> None:
     player, _ = in_fault()
     player.world.update(standing=False)
     for names in ((), TRACTION[:1], TRACTION):
@@ -112,7 +112,7 @@ def test_drives_that_are_heard_and_steering_that_is_not_need_no_job_to_stop() ->
     assert halted(player) == []
 
 
-def test_heartbeat_ends_where_a_deaf_wheel_cannot_be_stopped_either() -> None:
+def test_heartbeat_ends_where_an_unresponsive_wheel_cannot_be_stopped_either() -> None:
     player, _ = in_fault()
     player.refused.add((JobKind.HALT, LEFT))
     player.world.update(standing=False, drives=drives(drive(LEFT, **DEAF["nmt"])))

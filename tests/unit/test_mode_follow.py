@@ -120,20 +120,20 @@ def test_path_is_begun_from_nearby() -> None:
 
 
 def along(
-    player: Player, answers: list[Following], follower: StubFollower, ways: Iterable[float] | None = None
+    player: Player, answers: list[Following], follower: StubFollower, distances: Iterable[float] | None = None
 ) -> list[Wish]:
     """Ticks with these answers; the robot has rolled so far [m], as far as its path says if nothing is given."""
     wishes = []
-    for answer, way in zip(answers, ways or [answer.tracking.arc_length for answer in answers], strict=True):
+    for answer, distance in zip(answers, distances or [answer.tracking.arc_length for answer in answers], strict=True):
         follower.answer = lambda answer=answer: answer
-        wishes.append(player.tick(odometry=Odometry(distance=way)))
+        wishes.append(player.tick(odometry=Odometry(distance=distance)))
     return wishes
 
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_robot_off_its_path_is_a_fault_with_the_place(side: int) -> None:
     player, follower, _ = follow(max_cross_track=0.6)
-    converged = [following(arc_length=way / 10) for way in range(12)]
+    converged = [following(arc_length=distance / 10) for distance in range(12)]
     assert not any(map(has_fault, along(player, converged, follower)))
     near, off = along(
         player,
@@ -146,43 +146,45 @@ def test_robot_off_its_path_is_a_fault_with_the_place(side: int) -> None:
     assert off.command.speed == 0.0
 
 
-CIRCLING = [following(arc_length=0.5 + 0.3 * math.sin(way / 3), cross_track=0.5) for way in range(80)]
+CIRCLING = [following(arc_length=0.5 + 0.3 * math.sin(distance / 3), cross_track=0.5) for distance in range(80)]
 """A robot that drives a decimetre in each tick, and comes no further along its path."""
 
 
-@pytest.mark.parametrize("ways", [[way / 10 for way in range(80)], [-way / 10 for way in range(80)],
-                                  [(way % 2) / 10 for way in range(80)]], ids=["on", "back", "to and fro"])  # fmt: skip
-def test_limit_of_the_error_counts_at_the_latest_after_five_metres_wherever_they_lead(ways: list[float]) -> None:
+@pytest.mark.parametrize("distances", [[at / 10 for at in range(80)], [-at / 10 for at in range(80)],
+                                  [(at % 2) / 10 for at in range(80)]], ids=["on", "back", "to and fro"])  # fmt: skip
+def test_limit_of_the_error_counts_at_the_latest_after_five_metres_wherever_they_lead(distances: list[float]) -> None:
     player, follower, _ = follow(max_cross_track=0.3)
-    wishes = along(player, CIRCLING, follower, ways)
+    wishes = along(player, CIRCLING, follower, distances)
     assert [has_fault(wish) for wish in wishes].index(True) in (50, 51)
     assert fault_of(wishes[51]) == ("PTH-06", "")
 
 
 def test_way_before_a_stop_does_not_count_after_it() -> None:
     player, follower, _ = follow(max_cross_track=0.3)
-    ways = [10 + way / 10 for way in range(40)]
-    assert not any(map(has_fault, along(player, CIRCLING[:40], follower, ways)))
+    distances = [10 + distance / 10 for distance in range(40)]
+    assert not any(map(has_fault, along(player, CIRCLING[:40], follower, distances)))
     player.enter()
-    assert not any(map(has_fault, along(player, CIRCLING[:40], follower, [way + 5.0 for way in ways])))
+    assert not any(map(has_fault, along(player, CIRCLING[:40], follower, [distance + 5.0 for distance in distances])))
 
 
 def test_limit_of_the_error_counts_from_the_first_metre_that_kept_it() -> None:
     player, follower, _ = follow(max_cross_track=0.3)
-    approach = [following(arc_length=way / 10, cross_track=0.5 if way <= 10 else 0.2) for way in range(20)]
+    approach = [
+        following(arc_length=distance / 10, cross_track=0.5 if distance <= 10 else 0.2) for distance in range(20)
+    ]
     assert not any(map(has_fault, along(player, approach, follower)))
     (still_converging,) = along(player, [following(arc_length=1.95, cross_track=0.4)], follower)
     assert still_converging.fault is None
-    kept = [following(arc_length=1.95 + way / 10, cross_track=0.2) for way in range(1, 12)]
+    kept = [following(arc_length=1.95 + distance / 10, cross_track=0.2) for distance in range(1, 12)]
     assert not any(map(has_fault, along(player, kept, follower)))
     (lost,) = along(player, [following(arc_length=3.1, cross_track=0.4)], follower)
     assert fault_of(lost) == ("PTH-06", "")
 
 
-def driven(player: Player, *ways: tuple[float, float]) -> list[bool]:
-    """Ticks with these arc lengths and ways of the robot; whether each ended with the fault of an overrun path."""
+def driven(player: Player, *distances: tuple[float, float]) -> list[bool]:
+    """Ticks with these arc lengths and distances of the robot; whether each ended with the fault of an overrun path."""
     found = []
-    for arc_length, distance in ways:
+    for arc_length, distance in distances:
         step: Any = player.mode.shared.current
         step.follower.answer = lambda arc=arc_length: following(arc_length=arc)
         wish = player.tick(odometry=Odometry(distance=distance))
@@ -194,8 +196,8 @@ def driven(player: Player, *ways: tuple[float, float]) -> list[bool]:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_follower_that_drives_on_beyond_the_end_is_a_fault(sign: int) -> None:
     player, _, _ = follow()
-    ways = [(3.9, 3.9), (3.98, 9.0), (3.991, 10.0), (4.0, 10.15), (4.0, 10.199), (4.0, 10.21)]
-    assert driven(player, *((arc, sign * way) for arc, way in ways)) == [False] * 5 + [True]
+    distances = [(3.9, 3.9), (3.98, 9.0), (3.991, 10.0), (4.0, 10.15), (4.0, 10.199), (4.0, 10.21)]
+    assert driven(player, *((arc, sign * distance) for arc, distance in distances)) == [False] * 5 + [True]
 
 
 def test_way_beyond_the_end_counts_anew_after_the_robot_came_back_to_the_path() -> None:

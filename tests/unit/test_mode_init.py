@@ -195,7 +195,7 @@ def test_configuration_is_not_begun_when_a_drive_cannot_be_secured() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_drive_that_does_not_miss_our_heartbeat_is_refused(name: str) -> None:
     bring_up = BringUp()
-    bring_up.drives.deaf.add(name)
+    bring_up.drives.unresponsive.add(name)
     assert bring_up.fault() == ("COM-30", name)
     assert not any(map(powered, bring_up.player.wishes))
 

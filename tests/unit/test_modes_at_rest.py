@@ -143,7 +143,7 @@ def test_stop_takes_the_arm_of_a_bring_up() -> None:
 
 
 @pytest.mark.parametrize("mode", ["quickstop", "end"])
-def test_deaf_drive_is_stopped_by_a_job_in_every_stop_or_by_our_silence(mode: str) -> None:
+def test_unresponsive_drive_is_stopped_by_a_job_in_every_stop_or_by_our_silence(mode: str) -> None:
     player = quickstop()[0] if mode == "quickstop" else Player(EndMode(shared(connected=True)))
     player.refused.add((JobKind.HALT, "traction-left"))
     enabled = drive("traction-left", state=DriveState.OPERATION_ENABLE)
@@ -154,11 +154,11 @@ def test_deaf_drive_is_stopped_by_a_job_in_every_stop_or_by_our_silence(mode: st
         assert not player.tick().heartbeat
 
 
-def test_stop_that_is_asked_for_again_and_again_gives_a_deaf_drive_no_heartbeat_back() -> None:
+def test_stop_that_is_asked_for_again_and_again_gives_an_unresponsive_drive_no_heartbeat_back() -> None:
     player, steps = quickstop()
     player.refused.add((JobKind.HALT, "traction-left"))
     player.world["standing"] = False
-    for _ in range(8):  # more often than a drive needs to be found deaf
+    for _ in range(8):  # more often than a drive needs to be found unresponsive
         player._entered = False
         player.tick()
     assert [job.drive for job in player.jobs] == ["traction-left", "traction-right"], "each once"

@@ -55,7 +55,7 @@ def wheel_angles(steering: Array) -> tuple[Array, Array]:
 def reference(drive: Drive, geometry: Geometry, steps: int) -> tuple[Array, Array]:
     """The model in curvature, integrated by the midpoint rule on a fine grid.
 
-    Rows at every DT: x, y, heading; ways of the left and right driven wheel, left and right wheel angle.
+    Rows at every DT: x, y, heading; distances of the left and right driven wheel, left and right wheel angle.
     """
     edges = np.arange(steps * FINE + 1) * (DT / FINE)
     middles = (edges[1:] + edges[:-1]) / 2
@@ -65,14 +65,14 @@ def reference(drive: Drive, geometry: Geometry, steps: int) -> tuple[Array, Arra
     turn = u * curvature * (DT / FINE)
     heading = np.concatenate(([0.0], np.cumsum(turn)))
     direction = heading[:-1] + turn / 2
-    ways = []
+    distances = []
     for side, delta in zip((1, -1), angles, strict=True):
         if geometry.driven_axle == "rear":
-            ways.append(u * (1 - side * curvature * TRACK / 2) * (DT / FINE))
+            distances.append(u * (1 - side * curvature * TRACK / 2) * (DT / FINE))
         else:
             arm = np.hypot(1 - side * curvature * (TRACK / 2 - SCRUB), curvature * BASE)
-            ways.append(u * arm * (DT / FINE) - side * SCRUB * (turn + np.diff(delta)))
-    rows = [u * np.cos(direction) * (DT / FINE), u * np.sin(direction) * (DT / FINE), turn, *ways]
+            distances.append(u * arm * (DT / FINE) - side * SCRUB * (turn + np.diff(delta)))
+    rows = [u * np.cos(direction) * (DT / FINE), u * np.sin(direction) * (DT / FINE), turn, *distances]
     sums = np.concatenate((np.zeros((5, 1)), np.cumsum(rows, axis=1)), axis=1)
     return sums[:3, ::FINE].T, np.stack((sums[3], sums[4], *angles))[:, ::FINE].T
 

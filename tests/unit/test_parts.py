@@ -109,10 +109,10 @@ def test_every_follower_drives_backwards_as_it_drives_forwards(name: str) -> Non
 def test_arc_length_counts_through_all_parts_and_the_length_is_that_of_the_route() -> None:
     route = three_point_turn()
     steps = drive(PartByPart(follower(), route, 5.0, ROBOT), Car())
-    ways = [step.tracking.arc_length for _, step in steps]
-    assert ways[0] == pytest.approx(5.0, abs=0.01)
-    assert ways[-1] == pytest.approx(5.0 + route.length, abs=0.03)
-    assert all(later > sooner - 0.005 for sooner, later in pairwise(ways))
+    distances = [step.tracking.arc_length for _, step in steps]
+    assert distances[0] == pytest.approx(5.0, abs=0.01)
+    assert distances[-1] == pytest.approx(5.0 + route.length, abs=0.03)
+    assert all(later > sooner - 0.005 for sooner, later in pairwise(distances))
     assert {round(step.tracking.length, 6) for _, step in steps} == {round(5.0 + route.length, 6)}
 
 

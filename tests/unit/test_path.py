@@ -12,7 +12,7 @@ from artemis.errors import ConfigError
 from artemis.motion import path_points
 from artemis.motion import table as table_module
 from artemis.motion.path import Path, PathPoint, check_drivable, path_from_csv, path_from_points
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 PATHS = FilePath(__file__).parents[2] / "missions" / "paths"
@@ -37,8 +37,8 @@ def problems_of(text: str) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.model_validate(load(FilePath(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
+def robot() -> RobotFile:
+    return RobotFile.model_validate(load(FilePath(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
 
 
 # ---------------------------------------------------------------------------------------------- reading
@@ -328,7 +328,7 @@ def test_projection_costs_the_same_on_a_long_path(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize("name", ["figure_eight.csv", "circle.csv", "straight.csv", "slalom.csv"])
-def test_shipped_paths_start_at_the_origin_and_are_drivable(name: str, robot: Robot) -> None:
+def test_shipped_paths_start_at_the_origin_and_are_drivable(name: str, robot: RobotFile) -> None:
     path = shipped(name)
     start = path.at(0.0)
     assert math.hypot(start.x, start.y) < 0.001
@@ -346,7 +346,7 @@ def test_figure_eight_has_the_published_size() -> None:
     assert np.ptp(y) == pytest.approx(2.2, abs=0.005)
 
 
-def test_too_sharp_a_curve_is_named_with_its_place(robot: Robot) -> None:
+def test_too_sharp_a_curve_is_named_with_its_place(robot: RobotFile) -> None:
     angle = np.linspace(0.0, math.pi / 2, 60)
     lead = np.arange(0.0, 1.0, 0.05)
     x = np.concatenate([lead, 1 + 0.25 * np.sin(angle), np.full(20, 1.25)])
@@ -357,7 +357,7 @@ def test_too_sharp_a_curve_is_named_with_its_place(robot: Robot) -> None:
     assert "too sharp at 1." in problems[0]
 
 
-def test_too_fast_for_the_steering_says_how_fast_is_possible(robot: Robot) -> None:
+def test_too_fast_for_the_steering_says_how_fast_is_possible(robot: RobotFile) -> None:
     path = shipped("slalom.csv")
     assert check_drivable(path, robot, 0.55) == []
     (problem,) = check_drivable(path, robot, 0.7)
@@ -382,7 +382,7 @@ def ring(laps: int = 1) -> Path:
 
 
 def assert_same_point(rest: PathPoint, whole: PathPoint) -> None:
-    """Half-way between two samples rounding decides from which of them a point is reached: 1 um apart at most."""
+    """Halfway between two samples rounding decides from which of them a point is reached: 1 um apart at most."""
     assert (rest.x, rest.y) == pytest.approx((whole.x, whole.y), abs=1e-6)
     assert math.remainder(rest.heading - whole.heading, math.tau) == pytest.approx(0.0, abs=1e-4)
     assert rest.curvature == pytest.approx(whole.curvature, abs=1e-2)
@@ -397,13 +397,15 @@ def test_the_rest_of_a_path_is_the_same_curve_to_the_same_end(path: Path, share:
     assert begin == pytest.approx(share * path.length, abs=path.spacing)
     assert begin <= share * path.length + 1e-9
     assert rest.closed == path.closed
-    for way in np.linspace(0.0, rest.length, 57):
-        assert_same_point(rest.at(float(way)), path.at(float(begin + way)))
-        assert rest.speed_at(float(way)) == pytest.approx(path.speed_at(float(begin + way)), abs=2e-3)
-        point = path.at(float(begin + way))
-        beside = rest.project(point.x - 0.05 * math.sin(point.heading), point.y + 0.05 * math.cos(point.heading), way)
+    for distance in np.linspace(0.0, rest.length, 57):
+        assert_same_point(rest.at(float(distance)), path.at(float(begin + distance)))
+        assert rest.speed_at(float(distance)) == pytest.approx(path.speed_at(float(begin + distance)), abs=2e-3)
+        point = path.at(float(begin + distance))
+        beside = rest.project(
+            point.x - 0.05 * math.sin(point.heading), point.y + 0.05 * math.cos(point.heading), distance
+        )
         assert beside.cross_track == pytest.approx(0.05, abs=1e-4)
-        assert beside.arc_length == pytest.approx(way, abs=1e-3)
+        assert beside.arc_length == pytest.approx(distance, abs=1e-3)
 
 
 @pytest.mark.parametrize("path", [wave(), ring(3)], ids=["open", "laps"])
@@ -423,7 +425,7 @@ def test_the_rest_of_laps_counts_those_that_are_left() -> None:
     path = ring(5)
     lap = path.length / 5
 
-    assert [path.rest(way * lap).laps for way in (0.5, 1.5, 4.5)] == [5, 4, 1]
+    assert [path.rest(distance * lap).laps for distance in (0.5, 1.5, 4.5)] == [5, 4, 1]
     assert path.rest(2.25 * lap).length == pytest.approx(2.75 * lap, abs=path.spacing)
 
 
@@ -437,10 +439,10 @@ def test_the_rest_of_a_rest_is_the_rest() -> None:
         assert_same_point(twice.at(0.5), once.at(once.length - twice.length + 0.5))
 
 
-@pytest.mark.parametrize("way", [0.0, -0.4, 0.01])
-def test_nothing_driven_leaves_the_path_itself(way: float) -> None:
+@pytest.mark.parametrize("distance", [0.0, -0.4, 0.01])
+def test_nothing_driven_leaves_the_path_itself(distance: float) -> None:
     path = wave()
-    assert path.rest(way) is path
+    assert path.rest(distance) is path
 
 
 @pytest.mark.parametrize("path", [wave(), ring(2)], ids=["open", "laps"])

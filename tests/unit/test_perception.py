@@ -13,25 +13,25 @@ from msgspec.structs import replace
 from artemis.drive_states import DriveState
 from artemis.motion.perception import Perception
 from artemis.values import JobKind, JobResult, Pose, Sensed, SetPoints, Snapshot, Verdict
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 
 def seen(time: float, left: float = 0.0, right: float | None = None, angle: float = 0.0, age: float = 0.0) -> Sensed:
     """Both driven wheels have rolled so far; both front wheels stand at `angle`."""
-    ways = {TRACTION[0]: left, TRACTION[1]: left if right is None else right}
-    return sensed(time, drives=tuple(drive(name, position=ways.get(name, angle), age=age) for name in NAMES))
+    distances = {TRACTION[0]: left, TRACTION[1]: left if right is None else right}
+    return sensed(time, drives=tuple(drive(name, position=distances.get(name, angle), age=age) for name in NAMES))
 
 
 class Eyes:
-    def __init__(self, robot: Robot = ROBOT) -> None:
+    def __init__(self, robot: RobotFile = ROBOT) -> None:
         self.perception = Perception(robot, PERIOD)
 
     def look(self, sensed: Sensed) -> Snapshot:
         return self.perception.perceive(sensed, Verdict(), SetPoints())
 
-    def stands(self, *ways: float) -> bool:
-        """After these ways, one a tick."""
-        snapshots = [self.look(seen(number * PERIOD, way)) for number, way in enumerate(ways)]
+    def stands(self, *distances: float) -> bool:
+        """After these distances, one a tick."""
+        snapshots = [self.look(seen(number * PERIOD, distance)) for number, distance in enumerate(distances)]
         return snapshots[-1].standing
 
 
@@ -132,9 +132,9 @@ def test_robot_that_has_stopped_stands_100_ms_later() -> None:
 def test_one_rolling_wheel_is_enough_not_to_stand(side: int) -> None:
     eyes = Eyes()
     for number in range(10):
-        ways = [0.0, 0.0]
-        ways[side] = -0.001 * number
-        snapshot = eyes.look(seen(number * PERIOD, *ways))
+        distances = [0.0, 0.0]
+        distances[side] = -0.001 * number
+        snapshot = eyes.look(seen(number * PERIOD, *distances))
     assert not snapshot.standing
 
 
@@ -207,9 +207,9 @@ CONFIGURED = JobResult(id=1, kind=JobKind.CONFIGURE, drive=LEFT, ok=True)
 """The drive's counter goes on from wherever it is."""
 
 
-def rolling(time: float, way: float, **left: Any) -> Sensed:  # noqa: ANN401 (of `DriveFeedback`)
+def rolling(time: float, distance: float, **left: Any) -> Sensed:  # noqa: ANN401 (of `DriveFeedback`)
     """Both driven wheels rolled so far and were heard, but for what is different of the left one."""
-    wheels = (drive(name, position=way, frames=1, age=0.0) for name in TRACTION)
+    wheels = (drive(name, position=distance, frames=1, age=0.0) for name in TRACTION)
     return sensed(time, drives=drives(*(replace(wheel, **left) if wheel.name == LEFT else wheel for wheel in wheels)))
 
 
@@ -236,8 +236,8 @@ def place_is_lost(speed: float, *then: Sensed) -> bool:
 def test_place_is_lost_when_a_counter_begins_anew_unless_the_robot_stood(
     speed: float, lost: bool, anew: Callable[[Sensed], Sensed]
 ) -> None:
-    way = speed * 19 * PERIOD
-    assert place_is_lost(speed, anew(rolling(0.4, way)), rolling(0.42, way)) is lost
+    distance = speed * 19 * PERIOD
+    assert place_is_lost(speed, anew(rolling(0.4, distance)), rolling(0.42, distance)) is lost
 
 
 def test_place_is_kept_by_a_robot_that_came_to_rest_before_its_drives_were_configured() -> None:
@@ -251,11 +251,11 @@ def test_place_is_lost_by_a_robot_of_which_one_wheel_was_heard_no_more() -> None
     assert place_is_lost(0.4, *resting, replace(rolling(0.6, 0.16), results=(CONFIGURED,)))
 
 
-@pytest.mark.parametrize(("way", "lost"), [(0.009, False), (0.011, True), (-0.011, True)])
-def test_place_is_lost_by_a_robot_that_rolled_while_nobody_listened(way: float, lost: bool) -> None:
-    deaf = replace(rolling(0.4, 0.0, frames=0, age=None), results=(CONFIGURED,))
-    assert place_is_lost(0.0, deaf, rolling(1.0, way)) is lost
-    assert not place_is_lost(0.0, rolling(0.4, 0.0), rolling(1.0, way)), "counted all the time"
+@pytest.mark.parametrize(("distance", "lost"), [(0.009, False), (0.011, True), (-0.011, True)])
+def test_place_is_lost_by_a_robot_that_rolled_while_nobody_listened(distance: float, lost: bool) -> None:
+    unresponsive = replace(rolling(0.4, 0.0, frames=0, age=None), results=(CONFIGURED,))
+    assert place_is_lost(0.0, unresponsive, rolling(1.0, distance)) is lost
+    assert not place_is_lost(0.0, rolling(0.4, 0.0), rolling(1.0, distance)), "counted all the time"
 
 
 @pytest.mark.parametrize(("jumps", "lost"), [(1, False), (2, True)])

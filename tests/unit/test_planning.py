@@ -16,7 +16,7 @@ from artemis.errors import ConfigError, PluginError
 from artemis.mission.loading import load_mission
 from artemis.planning import made, plan_from
 from artemis.plugins import registry
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.states.plan import CalibrateStep, FollowStep, Plan, TeleopStep
 from artemis.states.steering import SteeringStep
 
@@ -106,7 +106,7 @@ class Leisurely:
     class Config(Config):
         speed_m_s: float | None = None
 
-    def __init__(self, config: object, setup: Setup) -> None: ...
+    def __init__(self, config: object, context: PluginContext) -> None: ...
 
 
 @pytest.mark.parametrize(("says", "refused"), [({}, True), ({"speed_m_s": None}, True), ({"speed_m_s": 0.1}, False)])
@@ -137,19 +137,19 @@ def test_follower_without_a_speed_is_checked_for_the_robot_s_limit(
 @pytest.mark.parametrize("error", [ValueError("no table"), SystemExit(0)], ids=repr)
 def test_plugin_that_cannot_be_made_refuses_the_run_with_its_name_and_reason(error: BaseException) -> None:
     class Unwilling(Leisurely):
-        def __init__(self, config: object, setup: Setup) -> None:
+        def __init__(self, config: object, context: PluginContext) -> None:
             raise error
 
-    setup = Setup(name="unwilling", robot=ROBOT, folder=Path())
+    context = PluginContext(name="unwilling", robot=ROBOT, folder=Path())
     with pytest.raises(PluginError, match=r"PLG-01 unwilling: .*cannot be made: (ValueError|SystemExit)\(") as refused:
-        made(Unwilling, Config(), setup)
+        made(Unwilling, Config(), context)
     assert refused.value.__cause__ is error
 
 
 def test_plugin_that_refuses_its_configuration_says_so_itself() -> None:
     class Careful(Leisurely):
-        def __init__(self, config: object, setup: Setup) -> None:
+        def __init__(self, config: object, context: PluginContext) -> None:
             raise ConfigError("careful: too fast")
 
     with pytest.raises(ConfigError, match=r"^careful: too fast$"):
-        made(Careful, Config(), Setup(name="careful", robot=ROBOT, folder=Path()))
+        made(Careful, Config(), PluginContext(name="careful", robot=ROBOT, folder=Path()))

@@ -33,7 +33,7 @@ def drive(zero_deg: float, noise: float, ticks: int, seed: int = 1, steering: fl
 
 
 def around(pose: Pose, turn: float) -> Pose:
-    """After a way along a circle."""
+    """After a distance along a circle."""
     radius, heading = WAY / turn, pose.heading + turn
     x = pose.x + radius * (math.sin(heading) - math.sin(pose.heading))
     y = pose.y - radius * (math.cos(heading) - math.cos(pose.heading))

@@ -19,7 +19,7 @@ from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.joystick import deflection_from_stick
 from artemis.plugins.inputs.profiles import (
     SHIPPED,
-    Axis,
+    AxisProfile,
     DeviceKey,
     Profile,
     all_profiles,
@@ -133,7 +133,7 @@ def test_page_about_inputs_names_every_profile_and_every_key() -> None:
     page = (Path(__file__).parents[2] / "docs" / "inputs.md").read_text()
     prose = re.sub(r"^```.*?^```$", "", page, flags=re.MULTILINE | re.DOTALL)
     named = set(re.findall(r"[\w-]+", " ".join(re.findall(r"`([^`]+)`", prose))))
-    keys = {key for model in (GamepadConfig, Profile, DeviceKey, Axis) for key in model.model_fields}
+    keys = {key for model in (GamepadConfig, Profile, DeviceKey, AxisProfile) for key in model.model_fields}
     assert {*NAMES, *keys} - named == set()
 
 

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from artemis.errors import ConfigError
 from artemis.motion.path import path_from_points
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.followers.pure_pursuit import (
     PurePursuitConfig,
     PurePursuitFollower,
@@ -34,8 +34,8 @@ class TestPurePursuit(FollowerContract):
 
 
 def follower(**keys: float) -> PurePursuitFollower:
-    setup = Setup(name="pure_pursuit", robot=ROBOT, folder=TestPurePursuit().given().folder)
-    return PurePursuitFollower(PurePursuitConfig(speed_m_s=0.7).model_copy(update=keys), setup)
+    context = PluginContext(name="pure_pursuit", robot=ROBOT, folder=TestPurePursuit().given().folder)
+    return PurePursuitFollower(PurePursuitConfig(speed_m_s=0.7).model_copy(update=keys), context)
 
 
 def at(x: float, y: float, heading: float = 0.0, speed: float = 0.7) -> Snapshot:

@@ -94,7 +94,7 @@ def test_a_simulated_run_is_compared_with_its_own_truth(run: Path, capsys: pytes
     assert float(said["over 5 m"].split()[-2]) == pytest.approx(math.degrees(0.002), abs=0.02)
     page = (run / "report.html").read_text()
     assert said["place [mm]"] in page
-    assert [page.index(f"<h2>{title}</h2>") for title in ("Truth", "Way and its error", "Errors", "Relative errors")]
+    assert [page.index(f"<h2>{title}</h2>") for title in ("Truth", "Path and its error", "Errors", "Relative errors")]
 
 
 def test_a_truth_is_taken_from_a_file(run: Path, tum: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ from artemis.errors import RecordingError
 from artemis.recording.journal import Entry, Journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder
-from artemis.recording.provenance import Resumption
+from artemis.recording.provenance import ResumePoint
 from artemis.report import figures
 from artemis.report.figures import thinned
 from artemis.report.page import MAX_ENTRIES, MAX_FAULTS, write_report
@@ -139,8 +139,8 @@ def test_many_faults_are_cut_short(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("text_only")
 def test_the_page_of_a_resumed_run_names_the_run_before(tmp_path: Path) -> None:
-    resumption = Resumption(run="20260301T110000Z-circle", position=Position(done=1.5), pose=Pose())
-    path = synthetic_run.record(tmp_path / "recording.mcap", islice(synthetic_run.run(), 5), resumption=resumption)
+    resume_point = ResumePoint(run="20260301T110000Z-circle", position=Position(done=1.5), pose=Pose())
+    path = synthetic_run.record(tmp_path / "recording.mcap", islice(synthetic_run.run(), 5), resume_point=resume_point)
     write_report(Recording(path), tmp_path / "report.html")
 
     assert "Goes on with 20260301T110000Z-circle." in (tmp_path / "report.html").read_text()

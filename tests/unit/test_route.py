@@ -1,4 +1,4 @@
-"""Ways with reversals: read, directed, begun somewhere, and what no robot can drive."""
+"""Routes with reversals: read, directed, begun somewhere, and what no robot can drive."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import pytest
 from artemis.errors import ConfigError
 from artemis.motion.path import path_from_points
 from artemis.motion.route import Part, Route, route_from_csv
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 ROOT = FilePath(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.model_validate(load(ROOT / "missions" / "robots" / "artemis.yaml").data)
+def robot() -> RobotFile:
+    return RobotFile.model_validate(load(ROOT / "missions" / "robots" / "artemis.yaml").data)
 
 
 def line(begin: float, end: float, *, backward: bool = False) -> Part:
@@ -103,9 +103,9 @@ def test_a_loop_that_is_driven_to_and_fro_is_not_closed() -> None:
             csv((0, 0, 0), (0.5, 0, 1.7), (1, 0, 0)),
             "p.csv:3:7: heading 1.70 rad points across the path; expected along or against it",
         ),
-        # the heading turns round where the way does not
+        # the heading turns round where the distance does not
         (csv(*((x / 10, 0, 0) for x in range(6)), *((x / 10, 0, 3.1) for x in range(6, 11))), "p.csv:"),
-        # the way reverses, and the robot with it
+        # the path reverses, and the robot with it
         (csv((0, 0, 0), (0.5, 0, 0), (1, 0, 0), (0.5, 0.01, 3.1), (0, 0.02, 3.1)), "p.csv:"),
         (
             csv((0, 0), (0.5, 0), (1, 0), (0.7, 0.43), (0.4, 0.86)),
@@ -135,7 +135,7 @@ def test_from_its_end_a_route_has_the_same_poses_in_the_opposite_order() -> None
     begins = zip(route.begins, route.parts, strict=True), zip(back.begins, back.parts, strict=True)
     there, again = ([(begin, part) for begin, part in pairs] for pairs in begins)
     for place in np.linspace(0.05, route.length - 0.05, 23).tolist():
-        one, other = (_at(pairs, way) for pairs, way in ((there, place), (again, route.length - place)))
+        one, other = (_at(pairs, distance) for pairs, distance in ((there, place), (again, route.length - place)))
         assert one == pytest.approx(other, abs=2e-3)
     assert back.parts[0].path.speed_at(0.3) == pytest.approx(bend.path.speed_at(bend.path.length - 0.3), abs=1e-6)
 
@@ -229,7 +229,7 @@ def test_viewers_see_the_robots_poses() -> None:
     assert len(Route((line(0.0, 500.0),)).poses(0.05)) == 2000
 
 
-def test_problems_name_their_part(robot: Robot) -> None:
+def test_problems_name_their_part(robot: RobotFile) -> None:
     angles = np.linspace(0.0, 1.5, 31)
     sharp = Part(path=path_from_points(0.2 * np.sin(angles), 0.2 * (1 - np.cos(angles)), smoothing=0.0))
     assert Route((sharp,)).problems(robot, 0.1)[0].startswith("too sharp at")
@@ -237,7 +237,7 @@ def test_problems_name_their_part(robot: Robot) -> None:
     assert to_and_fro().problems(robot, 0.7) == []
 
 
-def test_an_arc_may_begin_and_end_at_standstill_with_its_whole_curvature(robot: Robot) -> None:
+def test_an_arc_may_begin_and_end_at_standstill_with_its_whole_curvature(robot: RobotFile) -> None:
     angles = np.linspace(0.0, 2.0, 41)
     arc = path_from_points(0.6 * np.sin(angles), 0.6 * (1 - np.cos(angles)))
     assert Route((Part(path=arc),)).problems(robot, 0.7) == []

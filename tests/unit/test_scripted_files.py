@@ -13,8 +13,8 @@ from pad import MISSIONS, ROBOT
 from artemis.config import Config
 from artemis.errors import ConfigError, DeviceLost
 from artemis.mission.trial import trial
-from artemis.plugins.contracts import Setup
-from artemis.plugins.inputs.recorded import Moment, content_of
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.inputs.recorded import InputTick, content_of
 from artemis.plugins.inputs.scripted import ScriptedConfig, ScriptedInput
 from artemis.testing.contracts import InputContract
 from artemis.values import OperatorInput, Request
@@ -46,8 +46,8 @@ def as_yaml(table: str) -> str:
 
 def make(content: str | bytes, file: str = "s.yaml", name: str = "pad", **keys: object) -> ScriptedInput:
     raw = content if isinstance(content, bytes) else content.encode()
-    setup = Setup(name=name, robot=ROBOT, folder=MISSIONS, files={file: raw})
-    return ScriptedInput(ScriptedConfig.model_validate({"file": file, **keys}), setup)
+    context = PluginContext(name=name, robot=ROBOT, folder=MISSIONS, files={file: raw})
+    return ScriptedInput(ScriptedConfig.model_validate({"file": file, **keys}), context)
 
 
 def problems_of(content: str | bytes, **keys: object) -> list[str]:
@@ -59,7 +59,7 @@ def problems_of(content: str | bytes, **keys: object) -> list[str]:
 def run_of(*samples: OperatorInput | None, dt: float = 0.02) -> bytes:
     """The content of a run in which a second input gave its samples, too."""
     inputs = [(OTHER,) if sample is None else (OTHER, sample) for sample in samples]
-    return content_of(Moment(3.0 + index * dt, given) for index, given in enumerate(inputs))
+    return content_of(InputTick(3.0 + index * dt, given) for index, given in enumerate(inputs))
 
 
 # ---------------------------------------------------------------------------------------------- rows in YAML
@@ -195,7 +195,7 @@ def test_input_is_a_key_for_earlier_runs_only() -> None:
 
 
 def test_a_run_without_inputs_is_refused() -> None:
-    content = content_of([Moment(0.0, ()), Moment(0.02, ())])
+    content = content_of([InputTick(0.0, ()), InputTick(0.02, ())])
     assert problems_of(content) == ["pad: input: no input pad gave anything in the run s.yaml; it had none"]
 
 
@@ -218,8 +218,8 @@ def test_a_damaged_file_of_samples_is_refused_with_its_line(damage: object, expe
 
 def test_samples_survive_their_file_exactly() -> None:
     odd = replace(HELD, speed=0.1 + 0.2, steering=-1e-300, requests=tuple(Request))
-    (line,) = content_of([Moment(1 / 3, (odd,))]).splitlines()
-    assert msgspec.json.decode(line, type=Moment) == Moment(1 / 3, (odd,))
+    (line,) = content_of([InputTick(1 / 3, (odd,))]).splitlines()
+    assert msgspec.json.decode(line, type=InputTick) == InputTick(1 / 3, (odd,))
 
 
 class TestScriptedFromYaml(InputContract):
@@ -240,10 +240,10 @@ def test_as_yaml_writes_rows() -> None:
 
 
 def test_a_trial_tells_what_a_plugin_raises_instead_of_ending_the_check() -> None:
-    def broken(config: Config, setup: Setup) -> None:
-        raise KeyError(setup.name)
+    def broken(config: Config, context: PluginContext) -> None:
+        raise KeyError(context.name)
 
-    setup = Setup(name="pad", robot=ROBOT, folder=MISSIONS)
-    assert list(trial(broken, ScriptedConfig(file="x"), setup)) == [
+    context = PluginContext(name="pad", robot=ROBOT, folder=MISSIONS)
+    assert list(trial(broken, ScriptedConfig(file="x"), context)) == [
         (("plugin",), "the plugin cannot be made: KeyError('pad')")
     ]

@@ -8,7 +8,7 @@ import pytest
 from pad import MISSIONS, ROBOT
 
 from artemis.errors import ConfigError
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.scripted import ScriptedConfig, ScriptedInput
 from artemis.values import Request
 
@@ -16,8 +16,8 @@ HEADER = "time_s,steering,gas,brake,enable,reverse\n"
 
 
 def make(text: str) -> ScriptedInput:
-    setup = Setup(name="wheel", robot=ROBOT, folder=MISSIONS, files={"w.csv": text.encode()})
-    return ScriptedInput(ScriptedConfig(file="w.csv", hysteresis_deg=0.0), setup)
+    context = PluginContext(name="wheel", robot=ROBOT, folder=MISSIONS, files={"w.csv": text.encode()})
+    return ScriptedInput(ScriptedConfig(file="w.csv", hysteresis_deg=0.0), context)
 
 
 def test_columns_of_a_wheel_drive_and_steer() -> None:

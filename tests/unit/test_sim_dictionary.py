@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from artemis.sim.dictionary import SIZES, Abort, AbortCode, Dictionary, Entry, Type, key_of
+from artemis.sim.dictionary import SIZES, AbortCode, AccessRefused, Dictionary, ObjectEntry, Type, key_of
 from artemis.sim.epos_objects import objects
 
 
@@ -11,7 +11,7 @@ def factory(hardware: int = 0x6210, *, power_off: bool = True) -> Dictionary:
 
 
 def refusal(dictionary: Dictionary, index: int, sub: int, data: bytes) -> int:
-    with pytest.raises(Abort) as caught:
+    with pytest.raises(AccessRefused) as caught:
         dictionary.download(index, sub, data)
     return caught.value.code
 
@@ -148,9 +148,9 @@ def test_a_live_object_is_read_through_its_getter() -> None:
 
 
 def test_a_write_only_object_cannot_be_read() -> None:
-    entry = Entry(index=0x2FFF, sub=0, type=Type.U8, access="wo", maximum=255)
+    entry = ObjectEntry(index=0x2FFF, sub=0, type=Type.U8, access="wo", maximum=255)
     dictionary = Dictionary([entry], lambda: True)
-    with pytest.raises(Abort, match="WRITE_ONLY"):
+    with pytest.raises(AccessRefused, match="WRITE_ONLY"):
         dictionary.upload(0x2FFF, 0)
 
 

@@ -7,7 +7,7 @@ from sim_epos_rig import Aborted, Rig
 
 from artemis.devices.can_bus import Frame
 from artemis.drive_states import DriveState, Nmt
-from artemis.sim.dictionary import Abort
+from artemis.sim.dictionary import AccessRefused
 from artemis.sim.epos_failures import Speech, kind_of
 
 START = 0x01
@@ -199,7 +199,7 @@ def test_ignored_write_is_confirmed_and_not_kept() -> None:
 def test_unknown_objects_cannot_fail() -> None:
     failures = Rig().node.failures
     for act in (failures.ignore_writes, lambda i, s: failures.refuse_object(i, s, 1)):
-        with pytest.raises(Abort):
+        with pytest.raises(AccessRefused):
             act(0x5FFF, 0)
 
 

@@ -32,7 +32,7 @@ def test_a_node_boots_up_into_pre_operational() -> None:
     assert rig.status == 0x0140
 
 
-def test_a_node_without_power_is_deaf_and_mute() -> None:
+def test_a_node_without_power_is_unresponsive_and_mute() -> None:
     rig = Rig()
     rig.write(0x1017, 0, "H", 10)
     rig.enable()

@@ -8,7 +8,7 @@ from sim_epos_rig import STEERING, Rig
 from artemis.drive_states import DriveState
 from artemis.sim.epos import SimSettings
 from artemis.sim.epos_errors import ERRORS, HISTORY_LENGTH, Reaction
-from artemis.sim.epos_power import PATTERNS, TRANSITIONS, Command, command_of
+from artemis.sim.epos_power import PATTERNS, TRANSITIONS, DeviceCommand, command_of
 
 SHUTDOWN, SWITCH_ON, ENABLE, QUICK_STOP, DISABLE = 0x0006, 0x0007, 0x000F, 0x000B, 0x0000
 MASK = 0x417F
@@ -80,13 +80,13 @@ def test_controlwords_are_told_apart_by_their_low_byte() -> None:
         if bits[7]:
             pass
         elif not bits[1]:
-            expected = Command.DISABLE_VOLTAGE
+            expected = DeviceCommand.DISABLE_VOLTAGE
         elif not bits[2]:
-            expected = Command.QUICK_STOP
+            expected = DeviceCommand.QUICK_STOP
         elif bits[0]:
-            expected = Command.ENABLE if bits[3] else Command.SWITCH_ON
+            expected = DeviceCommand.ENABLE if bits[3] else DeviceCommand.SWITCH_ON
         else:
-            expected = Command.SHUTDOWN
+            expected = DeviceCommand.SHUTDOWN
         assert command_of(word | 0x100) is expected
 
 

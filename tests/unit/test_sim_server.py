@@ -16,7 +16,7 @@ from artemis.errors import DeviceBusy, DeviceLost
 from artemis.sim.server import BURST, LONGEST_GAP, PERIOD, serve
 from artemis.sim.wire import frame_bits
 from artemis.sim.world import World
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 ROBOT_FILE = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 BITRATE = 1_000_000
@@ -314,7 +314,7 @@ def test_status_is_told_once_a_second() -> None:
 def test_simulated_robot_boots_and_answers() -> None:
     async def main() -> None:
         bus = FakeBus()
-        world = World(Robot.model_validate(yaml.safe_load(ROBOT_FILE.read_text())))
+        world = World(RobotFile.model_validate(yaml.safe_load(ROBOT_FILE.read_text())))
         serving = asyncio.create_task(serve(world, bus, BITRATE, until=0.2))
         await asyncio.sleep(0.1)
         assert [frame[:2] for _, frame in bus.sent] == [(0x701 + node, b"\x00") for node in range(4)]
@@ -334,7 +334,7 @@ class Watched:
     def __init__(self) -> None:
         self.bus = FakeBus()
         self.loop = asyncio.get_running_loop()
-        self.world = World(Robot.model_validate(yaml.safe_load(ROBOT_FILE.read_text())), start=self.loop.time())
+        self.world = World(RobotFile.model_validate(yaml.safe_load(ROBOT_FILE.read_text())), start=self.loop.time())
         self.serving = asyncio.create_task(serve(self.world, self.bus, BITRATE))
 
     async def begin(self) -> None:

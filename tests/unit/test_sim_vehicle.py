@@ -37,19 +37,19 @@ def driven(chassis: Chassis, steering: float) -> Vehicle:
 
 
 @pytest.mark.parametrize("steering_deg", [-60, -20, 0, 35, 60])
-@pytest.mark.parametrize("way", [0.4, -0.4])
-def test_front_wheels_rolling_along_their_true_tracks_give_the_true_pose(steering_deg: float, way: float) -> None:
+@pytest.mark.parametrize("distance", [0.4, -0.4])
+def test_front_wheels_rolling_along_their_true_tracks_give_the_true_pose(steering_deg: float, distance: float) -> None:
     # Ground truth from geometry alone: place the body along an arc while the steering turns, measure how far each
     # contact point moves, and let the vehicle find the way back from those lengths.
     steps, start, end = 400, math.radians(steering_deg), math.radians(steering_deg * 0.5)
     pose, poses, angles = (0.0, 0.0, 0.0), [(0.0, 0.0, 0.0)], [start]
     for step in range(steps):
         middle = start + (end - start) * (step + 0.5) / steps
-        turn = way / steps * math.tan(middle) / FRONT.wheelbase
+        turn = distance / steps * math.tan(middle) / FRONT.wheelbase
         x, y, heading = pose
         pose = (
-            x + way / steps * math.cos(heading + turn / 2),
-            y + way / steps * math.sin(heading + turn / 2),
+            x + distance / steps * math.cos(heading + turn / 2),
+            y + distance / steps * math.sin(heading + turn / 2),
             heading + turn,
         )
         poses.append(pose)
@@ -149,6 +149,6 @@ def test_slip_loses_its_share_on_average_and_repeats_with_its_seed() -> None:
 def test_last_step_is_told_and_forgotten_at_standstill() -> None:
     vehicle = driven(FRONT, 0.0)
     vehicle.move(0.0, 0.0, 0.01, 0.01)
-    assert (vehicle.way, vehicle.turn) == pytest.approx((0.01, 0.0))
+    assert (vehicle.distance, vehicle.turn) == pytest.approx((0.01, 0.0))
     vehicle.move(0.0, 0.0, 0.0, 0.0)
-    assert (vehicle.way, vehicle.turn) == (0.0, 0.0)
+    assert (vehicle.distance, vehicle.turn) == (0.0, 0.0)

@@ -12,9 +12,9 @@ import yaml
 from artemis.devices.epos_objects import Units
 from artemis.sim.axis import Axis
 from artemis.sim.wheels import DrivenWheel, PotentiometerFailure, SteeredWheel
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
-ROBOT = Robot.model_validate(
+ROBOT = RobotFile.model_validate(
     yaml.safe_load((Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").read_text())
 )
 TURN = 2000 * 946
@@ -86,7 +86,7 @@ def test_wheel_turns_as_far_as_its_scale_says_and_the_robot_file_knows_a_part_of
     described = ROBOT.model_dump()
     for side in ("left", "right"):
         described["calibration"]["steering"][side]["scale"] = 1.02
-    robot = Robot.model_validate(described)
+    robot = RobotFile.model_validate(described)
     axis = Axis(robot.drives[name])
     wheel = SteeredWheel(robot, name, axis, start=0.0, zero_deg=0.0, scale=0.99)
     axis.position = sign * TURN / 12

@@ -13,29 +13,29 @@ from artemis.devices.can_bus import Frame
 from artemis.sim.axis import Axis, Regulation
 from artemis.sim.bus import SimBus
 from artemis.sim.epos import SimSettings
-from artemis.sim.world import Supply, TrueRobot, World
-from artemis.vehicle import Robot
+from artemis.sim.world import PlantParameters, Supply, World
+from artemis.vehicle import RobotFile
 
 ROBOT_FILE = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 LEFT, RIGHT = "left", "right"
-STRAIGHT = TrueRobot(start_steering_left_deg=0.0, start_steering_right_deg=0.0)
+STRAIGHT = PlantParameters(start_steering_left_deg=0.0, start_steering_right_deg=0.0)
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.model_validate(yaml.safe_load(ROBOT_FILE.read_text()))
+def robot() -> RobotFile:
+    return RobotFile.model_validate(yaml.safe_load(ROBOT_FILE.read_text()))
 
 
-def straight(**options: object) -> TrueRobot:
-    return TrueRobot.model_validate({**STRAIGHT.model_dump(), **options})
+def straight(**options: object) -> PlantParameters:
+    return PlantParameters.model_validate({**STRAIGHT.model_dump(), **options})
 
 
-def axis_at(world: World, robot: Robot, role: str, side: str) -> Axis:
+def axis_at(world: World, robot: RobotFile, role: str, side: str) -> Axis:
     name, _ = robot.drive_at(role, side)
     return next(node.axis for node in world.nodes if node.name == name)
 
 
-def roll(world: World, robot: Robot, rpm_left: float, rpm_right: float) -> None:
+def roll(world: World, robot: RobotFile, rpm_left: float, rpm_right: float) -> None:
     """Give the driven wheels a speed in their own drives' sense."""
     for side, rpm in ((LEFT, rpm_left), (RIGHT, rpm_right)):
         axis = axis_at(world, robot, "traction", side)
@@ -43,14 +43,14 @@ def roll(world: World, robot: Robot, rpm_left: float, rpm_right: float) -> None:
         axis.regulate(Regulation.VELOCITY, rpm)
 
 
-def steer(world: World, robot: Robot, counts_left: float, counts_right: float) -> None:
+def steer(world: World, robot: RobotFile, counts_left: float, counts_right: float) -> None:
     for side, counts in ((LEFT, counts_left), (RIGHT, counts_right)):
         axis = axis_at(world, robot, "steering", side)
         axis.output_current, axis.profile_velocity = 2000.0, 5000.0
         axis.regulate(Regulation.PROFILE, counts)
 
 
-def test_mirrored_drives_turning_oppositely_drive_straight_ahead(robot: Robot) -> None:
+def test_mirrored_drives_turning_oppositely_drive_straight_ahead(robot: RobotFile) -> None:
     world = World(robot, STRAIGHT)
     roll(world, robot, 1500.0, -1500.0)
     world.advance(3.0)
@@ -61,7 +61,7 @@ def test_mirrored_drives_turning_oppositely_drive_straight_ahead(robot: Robot) -
     assert world.speed == pytest.approx(1500 / 60 * 72 * robot.metres_per_count(LEFT), rel=1e-3)
 
 
-def test_wheel_scale_bends_what_the_software_takes_for_straight(robot: Robot) -> None:
+def test_wheel_scale_bends_what_the_software_takes_for_straight(robot: RobotFile) -> None:
     world = World(robot, straight(wheel_scale_left=1.02, wheel_scale_right=1.0))
     roll(world, robot, 1500.0, -1500.0)
     world.advance(3.0)
@@ -71,21 +71,21 @@ def test_wheel_scale_bends_what_the_software_takes_for_straight(robot: Robot) ->
     assert world.pose.heading < 0.0
 
 
-def test_positive_counts_steer_left_unless_mirrored(robot: Robot) -> None:
+def test_positive_counts_steer_left_unless_mirrored(robot: RobotFile) -> None:
     world = World(robot, STRAIGHT)
     steer(world, robot, 52556.0, -52556.0)  # 10 degrees at 5255.6 counts per degree
     world.advance(3.0)
     assert [math.degrees(angle) for angle in world.wheel_angles] == pytest.approx([10.0, 10.0], abs=1e-3)
 
 
-def test_counts_start_at_zero_whatever_the_wheels_angle(robot: Robot) -> None:
+def test_counts_start_at_zero_whatever_the_wheels_angle(robot: RobotFile) -> None:
     world = World(robot)
     assert [node.axis.position for node in world.nodes] == [0.0] * 4
     assert [math.degrees(angle) for angle in world.wheel_angles] == pytest.approx([7.0, -4.0])
 
 
-def test_potentiometers_follow_the_true_wheel_angle_through_the_calibration(robot: Robot) -> None:
-    world = World(robot, TrueRobot(steering_zero_left_deg=0.8))
+def test_potentiometers_follow_the_true_wheel_angle_through_the_calibration(robot: RobotFile) -> None:
+    world = World(robot, PlantParameters(steering_zero_left_deg=0.8))
     for side, shown in ((LEFT, 7.0 - 0.8), (RIGHT, -4.0)):
         calibration = robot.potentiometers(side)
         voltages = axis_at(world, robot, "steering", side).analog
@@ -100,9 +100,9 @@ def test_potentiometers_follow_the_true_wheel_angle_through_the_calibration(robo
     assert first == pytest.approx(2.51 + (17.0 - 0.8) / 72.0, abs=1e-5)
 
 
-def test_potentiometer_noise_repeats_with_its_seed(robot: Robot) -> None:
+def test_potentiometer_noise_repeats_with_its_seed(robot: RobotFile) -> None:
     def voltages(seed: int) -> list[float]:
-        world = World(robot, TrueRobot(potentiometer_noise_v=0.01), seed=seed)
+        world = World(robot, PlantParameters(potentiometer_noise_v=0.01), seed=seed)
         axis = axis_at(world, robot, "steering", LEFT)
         seen = []
         for step in range(1, 200):
@@ -116,7 +116,7 @@ def test_potentiometer_noise_repeats_with_its_seed(robot: Robot) -> None:
     assert math.sqrt(sum(v * v for v in noise) / len(noise)) == pytest.approx(0.01, rel=0.2)
 
 
-def test_start_pose_is_the_true_rear_axle(robot: Robot) -> None:
+def test_start_pose_is_the_true_rear_axle(robot: RobotFile) -> None:
     world = World(robot, straight(x_m=1.0, y_m=-2.0, heading_deg=90.0))
     roll(world, robot, 1500.0, -1500.0)
     world.advance(2.0)
@@ -125,22 +125,22 @@ def test_start_pose_is_the_true_rear_axle(robot: Robot) -> None:
     assert world.pose.heading == pytest.approx(math.pi / 2)
 
 
-def test_true_measures_replace_the_robot_files(robot: Robot) -> None:
-    world = World(robot, TrueRobot(wheelbase_m=0.57, scrub_radius_m=0.0))
+def test_true_measures_replace_the_robot_files(robot: RobotFile) -> None:
+    world = World(robot, PlantParameters(wheelbase_m=0.57, scrub_radius_m=0.0))
     assert (world.chassis.wheelbase, world.chassis.track, world.chassis.scrub_radius) == (0.57, 0.436, 0.0)
 
 
-def test_rear_driven_robot_rolls_on_its_rear_wheels(robot: Robot) -> None:
+def test_rear_driven_robot_rolls_on_its_rear_wheels(robot: RobotFile) -> None:
     described = robot.model_dump()
     described["geometry"]["driven_axle"] = "rear"
-    rear = Robot.model_validate(described)
+    rear = RobotFile.model_validate(described)
     world = World(rear, STRAIGHT)
     roll(world, rear, 1500.0, -1500.0)
     world.advance(2.0)
     assert world.pose.x > 0.5
 
 
-def test_one_long_advance_ends_where_many_short_ones_do(robot: Robot) -> None:
+def test_one_long_advance_ends_where_many_short_ones_do(robot: RobotFile) -> None:
     def final_x(step: float) -> float:
         world = World(robot, STRAIGHT)
         roll(world, robot, 1500.0, -1500.0)
@@ -152,7 +152,7 @@ def test_one_long_advance_ends_where_many_short_ones_do(robot: Robot) -> None:
     assert final_x(2.0) == pytest.approx(final_x(0.001), abs=2e-3)
 
 
-def test_time_does_not_run_backwards(robot: Robot) -> None:
+def test_time_does_not_run_backwards(robot: RobotFile) -> None:
     world = World(robot, STRAIGHT, start=10.0)
     roll(world, robot, 1500.0, -1500.0)
     world.advance(11.0)
@@ -162,7 +162,7 @@ def test_time_does_not_run_backwards(robot: Robot) -> None:
     assert world.pose == before
 
 
-def test_supply_sags_when_accelerating_and_rises_when_braking(robot: Robot) -> None:
+def test_supply_sags_when_accelerating_and_rises_when_braking(robot: RobotFile) -> None:
     world = World(robot, STRAIGHT)
     assert world.supply_voltage == 25.0
     roll(world, robot, 2500.0, -2500.0)
@@ -178,7 +178,7 @@ def test_supply_sags_when_accelerating_and_rises_when_braking(robot: Robot) -> N
     assert world.supply_voltage == pytest.approx(25.0)
 
 
-def test_battery_that_takes_nothing_back_lets_braking_trip_the_drives(robot: Robot) -> None:
+def test_battery_that_takes_nothing_back_lets_braking_trip_the_drives(robot: RobotFile) -> None:
     world = World(robot, straight(supply=Supply(back_feed_resistance_ohm=3.0).model_dump()))
     roll(world, robot, 2500.0, -2500.0)
     world.advance(3.0)
@@ -189,12 +189,12 @@ def test_battery_that_takes_nothing_back_lets_braking_trip_the_drives(robot: Rob
 
 def test_wrong_truth_is_refused() -> None:
     with pytest.raises(ValidationError):
-        TrueRobot.model_validate({"steering_zero_deg": 1.0})
+        PlantParameters.model_validate({"steering_zero_deg": 1.0})
     with pytest.raises(ValidationError):
-        TrueRobot(slip=-0.1)
+        PlantParameters(slip=-0.1)
 
 
-def test_drives_boot_and_answer_on_the_simulated_bus(robot: Robot) -> None:
+def test_drives_boot_and_answer_on_the_simulated_bus(robot: RobotFile) -> None:
     async def main() -> None:
         loop = asyncio.get_running_loop()
         bus = SimBus(World(robot, settings=SimSettings(answer_time_s=0.0)), robot.bitrate, loop)
@@ -219,7 +219,7 @@ def test_drives_boot_and_answer_on_the_simulated_bus(robot: Robot) -> None:
 # ---------------------------------------------------------------------------------------------- failures
 
 
-def test_robot_rolls_down_a_slope_without_power_and_not_on_flat_ground(robot: Robot) -> None:
+def test_robot_rolls_down_a_slope_without_power_and_not_on_flat_ground(robot: RobotFile) -> None:
     world = World(robot, STRAIGHT)
     world.slope = math.radians(0.5)  # friction holds it
     world.advance(1.0)
@@ -236,7 +236,7 @@ def test_robot_rolls_down_a_slope_without_power_and_not_on_flat_ground(robot: Ro
     assert world.speed < -0.2
 
 
-def test_slope_accelerates_by_gravity_less_friction(robot: Robot) -> None:
+def test_slope_accelerates_by_gravity_less_friction(robot: RobotFile) -> None:
     world = World(robot, STRAIGHT)
     world.slope = math.radians(5.0)
     world.advance(1.0)
@@ -244,7 +244,7 @@ def test_slope_accelerates_by_gravity_less_friction(robot: Robot) -> None:
     assert 0.6 < world.speed < 0.75
 
 
-def test_emergency_stop_takes_the_supply_from_all_drives_and_gives_it_back(robot: Robot) -> None:
+def test_emergency_stop_takes_the_supply_from_all_drives_and_gives_it_back(robot: RobotFile) -> None:
     world = World(robot, STRAIGHT)
     world.advance(0.1)
     for node in world.nodes:
@@ -261,7 +261,7 @@ def test_emergency_stop_takes_the_supply_from_all_drives_and_gives_it_back(robot
     assert world.supply_voltage == pytest.approx(battery, abs=0.1)
 
 
-def test_braking_into_an_open_switch_raises_no_more_than_its_energy(robot: Robot) -> None:
+def test_braking_into_an_open_switch_raises_no_more_than_its_energy(robot: RobotFile) -> None:
     world = World(robot, STRAIGHT)
     world.advance(0.1)
     roll(world, robot, 1500.0, -1500.0)
@@ -276,7 +276,7 @@ def test_braking_into_an_open_switch_raises_no_more_than_its_energy(robot: Robot
     assert world.supply_voltage < 5.0
 
 
-def test_carried_robot_stands_elsewhere_and_no_wheel_has_turned(robot: Robot) -> None:
+def test_carried_robot_stands_elsewhere_and_no_wheel_has_turned(robot: RobotFile) -> None:
     world = World(robot, straight(x_m=1.0, y_m=2.0, heading_deg=90.0))
     counts = axis_at(world, robot, "traction", LEFT).position
     world.carry(0.5, 0.2, math.radians(30.0))
@@ -286,5 +286,5 @@ def test_carried_robot_stands_elsewhere_and_no_wheel_has_turned(robot: Robot) ->
     assert axis_at(world, robot, "traction", LEFT).position == counts
 
 
-def test_drive_is_found_by_its_name(robot: Robot) -> None:
+def test_drive_is_found_by_its_name(robot: RobotFile) -> None:
     assert World(robot).drive("steer-left").node_id == robot.drives["steer-left"].node_id

@@ -74,8 +74,8 @@ def test_a_recorded_speed_is_a_limit_with_room_to_brake() -> None:
     speed = speed_profile(path, ROBOT, 0.7)
     assert speed[-1] == pytest.approx(0.2)
     before = np.interp(1.85, path.arc_length, speed)
-    way = 2.05 - 1.85  # 0.2 is recorded from 2.05 m on
-    assert before**2 == pytest.approx(0.2**2 + 2 * BRAKING_SHARE * LIMITS.deceleration_m_s2 * way, rel=0.05)
+    distance = 2.05 - 1.85  # 0.2 is recorded from 2.05 m on
+    assert before**2 == pytest.approx(0.2**2 + 2 * BRAKING_SHARE * LIMITS.deceleration_m_s2 * distance, rel=0.05)
 
 
 def test_around_a_closed_path_it_fits_together() -> None:

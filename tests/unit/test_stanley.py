@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from artemis.errors import ConfigError
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.followers.stanley import StanleyConfig, StanleyFollower, front_axle, steering
 from artemis.testing.contracts import ROBOT, FollowerContract
 from artemis.values import LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict
@@ -27,7 +27,7 @@ class TestStanley(FollowerContract):
 
 
 def follower(config: StanleyConfig = CONFIG) -> StanleyFollower:
-    return StanleyFollower(config, Setup(name="stanley", robot=ROBOT, folder=TestStanley().given().folder))
+    return StanleyFollower(config, PluginContext(name="stanley", robot=ROBOT, folder=TestStanley().given().folder))
 
 
 def at(pose: Pose, speed: float = 0.7) -> Snapshot:

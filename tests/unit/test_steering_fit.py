@@ -51,7 +51,7 @@ def test_zero_and_slope_of_exact_readings_are_exact() -> None:
     assert fit.calibration == Potentiometers(zero_v=ZEROS, slope_deg_per_v=SLOPES, scale=1.01)
     assert fit.backlash_deg == pytest.approx(0.0, abs=1e-9)
     assert fit.misfit_deg == pytest.approx(0.0, abs=1e-9)
-    assert max(fit.zero_spread_v) < 1e-9
+    assert max(fit.zero_std_v) < 1e-9
 
 
 def test_play_is_told_and_does_not_move_the_zero() -> None:
@@ -84,11 +84,11 @@ def test_spread_is_how_far_off_results_are() -> None:
     off, slopes = [], []
     for seed in range(100):
         fit = fitted(lines_through(passes(noise=0.003, coarse=True, seed=seed)), 0.0, 0.0, KNOWN)
-        off += [(v - z) / s for v, z, s in zip(fit.calibration.zero_v, ZEROS, fit.zero_spread_v, strict=True)]
+        off += [(v - z) / s for v, z, s in zip(fit.calibration.zero_v, ZEROS, fit.zero_std_v, strict=True)]
         slopes += [
             (found - true) / spread
             for found, true, spread in zip(
-                fit.calibration.slope_deg_per_v, SLOPES, fit.slope_spread_deg_per_v, strict=True
+                fit.calibration.slope_deg_per_v, SLOPES, fit.slope_std_deg_per_v, strict=True
             )
         ]
     for ratios in (off, slopes):

@@ -85,6 +85,6 @@ def test_extra_tick_begins_the_time_of_what_it_sees() -> None:
 def test_motion_is_not_measured_in_extra_ticks() -> None:
     watch = Watch()
     for _ in range(20):
-        watch.ways[0] += 0.1
+        watch.distances[0] += 0.1
         watch.tick(urgent=True)
     assert watch.found() == []

@@ -6,14 +6,14 @@ import math
 
 import pytest
 
-from artemis.states.gains import MOST_SWINGS, SWING, SWING_TIME, Swings
+from artemis.states.gains import MOST_SWINGS, SWING, SWING_TIME, OscillationCounter
 
 TICK = 0.02
 
 
 def most(error: list[float]) -> int:
     """The largest count of an error in degrees at each tick."""
-    swings = Swings(SWING)
+    swings = OscillationCounter(SWING)
     return max(swings.count(index * TICK, math.radians(each)) for index, each in enumerate(error))
 
 
@@ -43,6 +43,6 @@ def test_a_step_that_trails_overshoots_and_rests_turns_back_twice() -> None:
 
 
 def test_a_turn_counts_from_the_place_where_it_is_large_enough_until_it_is_old() -> None:
-    swings, size = Swings(SWING), SWING + 1e-9
+    swings, size = OscillationCounter(SWING), SWING + 1e-9
     errors = {0.0: size, 0.5: 0.5 * size, 1.0: 0.0, 1.5: size, 1.0 + SWING_TIME: size, 1.5 + SWING_TIME: size}
     assert [swings.count(time, error) for time, error in errors.items()] == [0, 0, 1, 2, 1, 0]

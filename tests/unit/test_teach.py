@@ -17,11 +17,11 @@ from artemis.commands.calibrate_input import teach
 from artemis.devices.hid.descriptor import parse_descriptor
 from artemis.devices.hid.port import HidInfo
 from artemis.errors import ConfigError, DeviceLost
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.gamepad import GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.hands import BUTTONS
-from artemis.plugins.inputs.profiles import Axis, Profile, profile_from, profile_named
+from artemis.plugins.inputs.profiles import AxisProfile, Profile, profile_from, profile_named
 from artemis.plugins.inputs.teach import Learnt, Moment, lesson
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import Request
@@ -432,8 +432,8 @@ def test_the_command_teaches_a_device_that_no_profile_knows_and_it_drives(
     hid.plug(GAMEPAD, DESCRIPTORS[UNKNOWN])
     person = AtHisGamepad(hid)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    setup = Setup(name="stick", robot=ROBOT, folder=tmp_path)
-    stranger = GamepadInput(GamepadConfig(), setup, hid)
+    context = PluginContext(name="stick", robot=ROBOT, folder=tmp_path)
+    stranger = GamepadInput(GamepadConfig(), context, hid)
     with pytest.raises(DeviceLost, match="there is no profile for it; teach it: artemis calibrate input"):
         [stranger.read(now) for now in (0.0, 5.0)]
 
@@ -449,13 +449,13 @@ def test_the_command_teaches_a_device_that_no_profile_knows_and_it_drives(
     assert person.told[-1] == "written; a mission uses it with {plugin: gamepad, profile: usb-gamepad}"
 
     taught = profile_named("usb-gamepad")
-    assert taught.axes["x"] == Axis(field="x", minimum=0, centre=130, maximum=255)
-    assert taught.axes["y"] == Axis(field="y", minimum=0, centre=125, maximum=255, inverted=True)
+    assert taught.axes["x"] == AxisProfile(field="x", minimum=0, centre=130, maximum=255)
+    assert taught.axes["y"] == AxisProfile(field="y", minimum=0, centre=125, maximum=255, inverted=True)
     assert (taught.gate, taught.reports) == ("square", "on_change")
     buttons = {"enable": "button.5", "quickstop": "button.3", "faster": "hat.up", "arm": "button.10"}
     assert taught.buttons == buttons
 
-    device = GamepadInput(GamepadConfig(), setup, hid)  # auto: the one that is plugged in
+    device = GamepadInput(GamepadConfig(), context, hid)  # auto: the one that is plugged in
     device.read(0.0)
     person.send()
     for tick in range(1, 40):

@@ -14,13 +14,13 @@ from artemis.motion.path import Path, path_from_csv
 from artemis.motion.route import Route, route_from_csv
 from artemis.motion.track import ANGLE, SPACING, Track, loop_end
 from artemis.values import Pose
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.model_validate(load(FilePath(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
+def robot() -> RobotFile:
+    return RobotFile.model_validate(load(FilePath(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
 
 
 def track_of(poses: list[Pose]) -> Track:
@@ -113,7 +113,7 @@ def only(route: Route) -> Path:
     return part.path
 
 
-def test_the_path_is_what_was_driven(robot: Robot) -> None:
+def test_the_path_is_what_was_driven(robot: RobotFile) -> None:
     path = only(track_of(circle(4.0)).route(robot, 0.1))
     assert not path.closed
     assert path.length == pytest.approx(6.0, abs=0.05)
@@ -133,7 +133,7 @@ def test_the_path_is_what_was_driven(robot: Robot) -> None:
     ],
 )
 def test_ends_that_nearly_meet_are_closed_if_asked(
-    robot: Robot, turn: float, close_within: float, closed: bool
+    robot: RobotFile, turn: float, close_within: float, closed: bool
 ) -> None:
     path = only(track_of(circle(turn)).route(robot, 0.1, close_within))
     assert path.closed is closed
@@ -181,7 +181,9 @@ def there_and_back() -> list[Pose]:
     return [*there, *[there[-1]] * 20, *back, *[back[-1]] * 20, *reversed(back)]
 
 
-def test_what_was_driven_to_and_fro_is_a_route_whose_reversals_are_where_the_robot_turned_back(robot: Robot) -> None:
+def test_what_was_driven_to_and_fro_is_a_route_whose_reversals_are_where_the_robot_turned_back(
+    robot: RobotFile,
+) -> None:
     track = track_of(there_and_back())
     route = track.route(robot, 0.1)
     first, second, third = route.parts
@@ -195,7 +197,7 @@ def test_what_was_driven_to_and_fro_is_a_route_whose_reversals_are_where_the_rob
     assert again.length == pytest.approx(route.length, abs=0.01)
 
 
-def test_a_way_driven_backwards_only_is_one_part_and_may_be_closed(robot: Robot) -> None:
+def test_a_way_driven_backwards_only_is_one_part_and_may_be_closed(robot: RobotFile) -> None:
     poses = [Pose(x=-p.x, y=p.y, heading=-p.heading) for p in circle(math.tau - 0.2)]
     (part,) = track_of(poses).route(robot, 0.1, 0.5).parts
     assert part.backward
@@ -204,7 +206,7 @@ def test_a_way_driven_backwards_only_is_one_part_and_may_be_closed(robot: Robot)
     assert not part.path.closed
 
 
-def test_a_short_way_back_is_no_part(robot: Robot) -> None:
+def test_a_short_way_back_is_no_part(robot: RobotFile) -> None:
     x = [*np.arange(0.0, 1.0, 0.004), *np.arange(1.0, 0.97, -0.004), *np.arange(0.97, 2.0, 0.004)]
     route = track_of([Pose(x=float(place)) for place in x]).route(robot, 0.1)
     assert only(route).length == pytest.approx(2.0, abs=0.06)
@@ -233,24 +235,24 @@ def sharp() -> Track:
         (sharp, "too sharp at"),
     ],
 )
-def test_what_cannot_be_followed_is_refused(robot: Robot, make: Callable[[], Track], words: str) -> None:
+def test_what_cannot_be_followed_is_refused(robot: RobotFile, make: Callable[[], Track], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         make().route(robot, 0.1)
 
 
-def test_standing_and_turning_on_the_spot_is_too_short(robot: Robot) -> None:
+def test_standing_and_turning_on_the_spot_is_too_short(robot: RobotFile) -> None:
     with pytest.raises(ConfigError, match=r"only 0\.00 m"):
         track_of([Pose(heading=math.radians(degrees)) for degrees in range(90)]).route(robot, None)
 
 
-def test_without_a_speed_the_robots_highest_counts(robot: Robot) -> None:
+def test_without_a_speed_the_robots_highest_counts(robot: RobotFile) -> None:
     bend = track_of([*line(1.0), *(Pose(x=1.0 + p.x, y=p.y, heading=p.heading) for p in circle(2.0, radius=0.6))])
     assert bend.route(robot, 0.05).length > 2.0
     with pytest.raises(ConfigError, match="too fast at"):
         bend.route(robot, None)
 
 
-def test_the_file_of_a_track_is_read_as_its_path(robot: Robot) -> None:
+def test_the_file_of_a_track_is_read_as_its_path(robot: RobotFile) -> None:
     track = track_of(circle(4.0))
     path, again = only(track.route(robot, 0.1)), path_from_csv(track.as_csv(), "track.csv")
     assert again.length == pytest.approx(path.length, abs=1e-3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from artemis.errors import ConfigError
-from artemis.motion.demand import steering_per_way
+from artemis.motion.demand import steering_per_distance
 from artemis.motion.geodesy import local_metres
 from artemis.motion.joining import Placement, bulge, join
 from artemis.motion.path import Path, check_drivable, path_from_csv, path_from_points
@@ -19,13 +19,13 @@ from artemis.motion.path_points import cusps
 from artemis.motion.route import Part, Route, route_from_csv
 from artemis.motion.waypoints import deviation, drawn, highest_speed, largest_distance, legs_of, rows_of
 from artemis.values import Pose
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return Robot.model_validate(load(FilePath(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
+def robot() -> RobotFile:
+    return RobotFile.model_validate(load(FilePath(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").data)
 
 
 def straight(*places: float, step: float = 0.004) -> list[Pose]:
@@ -180,7 +180,7 @@ def test_a_second_branch_nearby_does_not_count_for_a_point_on_the_first() -> Non
 # ---------------------------------------------------------------------------------------------- what a robot can do
 
 
-def test_the_highest_speed_is_where_the_check_begins_to_refuse(robot: Robot) -> None:
+def test_the_highest_speed_is_where_the_check_begins_to_refuse(robot: RobotFile) -> None:
     path = path_from_points(*eight())
     highest, at = highest_speed(path, robot)
     assert at is not None
@@ -189,22 +189,22 @@ def test_the_highest_speed_is_where_the_check_begins_to_refuse(robot: Robot) -> 
     assert "too fast" in check_drivable(path, robot, highest * 1.001)[0]
 
 
-def test_a_straight_way_bounds_no_speed(robot: Robot) -> None:
+def test_a_straight_way_bounds_no_speed(robot: RobotFile) -> None:
     path = path_from_points(np.linspace(0, 3, 31), np.zeros(31))
     assert highest_speed(path, robot) == (robot.limits.speed_m_s, None)
 
 
-def test_a_path_that_is_slow_itself_bounds_nothing(robot: Robot) -> None:
+def test_a_path_that_is_slow_itself_bounds_nothing(robot: RobotFile) -> None:
     x, y = eight()
     assert highest_speed(path_from_points(x, y, speed=np.full(len(x), 0.05)), robot)[1] is None
 
 
-def test_the_inner_wheel_turns_more_than_the_virtual_one(robot: Robot) -> None:
+def test_the_inner_wheel_turns_more_than_the_virtual_one(robot: RobotFile) -> None:
     curvature = np.linspace(0.0, 1.5, 301)
     geometry = robot.geometry
     angle = np.arctan(geometry.wheelbase_m * curvature)
     virtual = np.gradient(angle, 0.01) * np.cos(angle)
-    ratio = steering_per_way(curvature, 0.01, geometry)[5:-5] / virtual[5:-5]
+    ratio = steering_per_distance(curvature, 0.01, geometry)[5:-5] / virtual[5:-5]
     assert (ratio > 1.0).all()
     assert ratio.max() < 1.35
 
@@ -321,7 +321,7 @@ def test_what_is_no_table_of_a_path_has_no_facts(text: str, words: str) -> None:
         facts_of(text, "p.csv")
 
 
-def test_a_demand_is_that_of_the_speed(robot: Robot) -> None:
+def test_a_demand_is_that_of_the_speed(robot: RobotFile) -> None:
     path: Path = path_from_points(*eight())
     fast, slow = demand_of(path, robot, 0.2), demand_of(path, robot, 0.1)
     assert fast.rate == pytest.approx(2 * slow.rate)

@@ -91,7 +91,7 @@ def test_nothing_is_said_of_wheels_that_are_not_heard(trouble: dict[str, Any], n
     assert made.wheels.speed == 0.0
     made.well()
     made.tick()
-    assert made.wheels.speed == 0.0, "the way passed unseen is no speed"
+    assert made.wheels.speed == 0.0, "the distance passed unseen is no speed"
     made.tick()
     assert made.wheels.speed == pytest.approx(0.7)
 

@@ -19,7 +19,7 @@ RAMP, COAST = 1.5, 0.2
 
 def exactly(made: Road, left: float, right: float) -> Road:
     """The driven wheels roll so fast, without an error of rounding."""
-    made.time, made.ways, made.speeds = 4.0, [0.0, 0.0], (left, right)
+    made.time, made.distances, made.speeds = 4.0, [0.0, 0.0], (left, right)
     made.tick(after=0.0)
     made.tick(after=1.0)
     return made

@@ -1,7 +1,7 @@
 """artemis' own path follower: feedback in the path's frame, ahead of its time by the delay of the drives.
 
 e is the robot's distance to the left of the path, psi its heading relative to the tangent, kappa_p the path's
-curvature; s is the way of the rear axle. Then (Samson 1992; Micaelli and Samson 1993)
+curvature; s is the distance of the rear axle. Then (Samson 1992; Micaelli and Samson 1993)
 
     de/ds = sin(psi),    dpsi/ds = kappa - kappa_p cos(psi) / (1 - kappa_p e).
 
@@ -32,7 +32,7 @@ from artemis.motion.path import Path
 from artemis.motion.pose_filter import PoseFilter
 from artemis.motion.rounding import rounded
 from artemis.motion.speed_profile import BRAKING_SHARE, speed_profile
-from artemis.plugins.contracts import Following, Setup
+from artemis.plugins.contracts import Following, PluginContext
 from artemis.plugins.followers.progress import Progress
 from artemis.values import DriveCommand, Pose, Snapshot
 
@@ -50,7 +50,7 @@ class FrenetConfig(Config):
     speed_m_s: Annotated[float, Field(gt=0)]
     """Highest speed of the virtual front wheel; slower where the steering or a wheel needs it."""
     approach_m: Annotated[float, Field(gt=0)] | None = None
-    """The formulas' a: way on which a distance from the path falls to 37 %. None: 1.5 of the robot's smallest radii.
+    """The formulas' a: after which a distance from the path falls to 37 %. None: 1.5 of the robot's smallest radii.
     The heading turns into the approach on half of it (1 / b)."""
     delay_s: Annotated[float, Field(ge=0, le=0.2)] = 0.033
     """From a snapshot until the wheels do what was commanded in it."""
@@ -62,16 +62,16 @@ class FrenetFollower:
     Config: ClassVar[type[Config]] = FrenetConfig
     contract: ClassVar[int] = 1
 
-    def __init__(self, config: FrenetConfig, setup: Setup) -> None:
+    def __init__(self, config: FrenetConfig, context: PluginContext) -> None:
         """Take the limits from the robot.
 
         Raises:
             ConfigError: the speed is more than the robot's.
         """
-        limits = setup.robot.limits
-        self._config, self._robot = config, setup.robot
-        self._top_speed = setup.top_speed("speed_m_s", config.speed_m_s)
-        self._car = Ackermann(setup.robot.geometry)
+        limits = context.robot.limits
+        self._config, self._robot = config, context.robot
+        self._top_speed = context.top_speed("speed_m_s", config.speed_m_s)
+        self._car = Ackermann(context.robot.geometry)
         self._limit = math.radians(limits.steering_deg)
         self._rate = math.radians(limits.steering_rate_wheel_deg_s)
         radius = self._car.wheelbase / math.tan(self._limit)
@@ -132,11 +132,11 @@ class FrenetFollower:
         turn = _clamp(snapshot.set_points.steering - odometry.steering, self._rate * delay)
         steering = odometry.steering + turn
         middle = odometry.steering + turn / 2 + zero
-        way = 0.5 * (odometry.speed + snapshot.set_points.speed) * delay
-        return steering, move(pose, way * math.cos(middle), way * math.sin(middle) / self._car.wheelbase)
+        distance = 0.5 * (odometry.speed + snapshot.set_points.speed) * delay
+        return steering, move(pose, distance * math.cos(middle), distance * math.sin(middle) / self._car.wheelbase)
 
     def _turning_speed(self, steering: float, turn: float) -> float:
-        """So slow that the wheels turn by `turn` to `steering` [rad] on a short way [m/s]."""
+        """So slow that the wheels turn by `turn` to `steering` [rad] on a short distance [m/s]."""
         faster = max(self._car.wheel_rates(steering, 1.0))
         return self._lag * self._rate / max(abs(turn) * faster, 1e-6)
 

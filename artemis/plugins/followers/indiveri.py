@@ -23,7 +23,7 @@ from pydantic import Field
 from artemis.config import Config
 from artemis.motion.angles import difference, sinc
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Following, Setup
+from artemis.plugins.contracts import Following, PluginContext
 from artemis.plugins.followers.progress import BRAKING, Progress
 from artemis.values import DriveCommand, Pose, Snapshot
 
@@ -40,8 +40,8 @@ class IndiveriConfig(Config):
     """Smaller errors do not raise the gain further: below, steering rate and delay would make it oscillate. 0.34 in the
     laboratory's code."""
     segment_m: Annotated[float, Field(ge=0.002, le=1)] = 0.005
-    """Length of the straight segments. About the way of one tick: longer ones make the steering jump at each switch,
-    and the wheels' roll about their kingpins then spoils the odometry."""
+    """Length of the straight segments. About the distance of one tick: longer ones make the steering jump at each
+    switch, and the wheels' roll about their kingpins then spoils the odometry."""
     switch_m: Annotated[float, Field(ge=0, le=1)] = 0.15
     """The next segment becomes active so far before the end of the present one: about 1 / (2 a sqrt(h)) with h from the
     floors, where the heading of the line ahead asks for just the path's curvature. 0.1 in the laboratory's code."""
@@ -55,15 +55,15 @@ class IndiveriFollower:
     Config: ClassVar[type[Config]] = IndiveriConfig
     contract: ClassVar[int] = 1
 
-    def __init__(self, config: IndiveriConfig, setup: Setup) -> None:
+    def __init__(self, config: IndiveriConfig, context: PluginContext) -> None:
         """Take the limits from the robot.
 
         Raises:
             ConfigError: the speed is more than the robot's.
         """
-        limits = setup.robot.limits
-        self._config, self._speed = config, setup.top_speed("speed_m_s", config.speed_m_s)
-        self._wheelbase = setup.robot.geometry.wheelbase_m
+        limits = context.robot.limits
+        self._config, self._speed = config, context.top_speed("speed_m_s", config.speed_m_s)
+        self._wheelbase = context.robot.geometry.wheelbase_m
         self._curvature_limit = math.tan(math.radians(limits.steering_deg)) / self._wheelbase
         self._deceleration = BRAKING * limits.deceleration_m_s2
         self._hysteresis = math.radians(config.hysteresis_deg)

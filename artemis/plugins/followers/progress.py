@@ -19,7 +19,7 @@ class Progress:
 
     Attributes:
         arc_length: of the point of the path that is nearest to the rear axle [m]; carried on from tick to tick.
-        remaining: way from there to the end [m].
+        remaining: distance from there to the end [m].
         finished: the end was reached, once.
     """
 

@@ -8,8 +8,8 @@ through it that begins along the robot's heading has the curvature
 
     gamma = 2 y / l^2
 
-(Coulter). The look-ahead is a time's way, l = v t within bounds; the speed is v, less where the commanded curve has a
-smaller radius than r_min, v' = v / (r_min |gamma|), and falls with the way that is left of the last metre or so
+(Coulter). The look-ahead is a time's distance, l = v t within bounds; the speed is v, less where the commanded curve
+has a smaller radius than r_min, v' = v / (r_min |gamma|), and falls with the way that is left of the last metre or so
 (Macenski et al., adaptive look-ahead, curvature heuristic and approach).
 """
 
@@ -22,7 +22,7 @@ from pydantic import Field, model_validator
 
 from artemis.config import Config
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Following, Setup
+from artemis.plugins.contracts import Following, PluginContext
 from artemis.plugins.followers.progress import Progress
 from artemis.values import DriveCommand, Pose, Snapshot
 
@@ -63,15 +63,15 @@ class PurePursuitFollower:
     Config: ClassVar[type[Config]] = PurePursuitConfig
     contract: ClassVar[int] = 1
 
-    def __init__(self, config: PurePursuitConfig, setup: Setup) -> None:
+    def __init__(self, config: PurePursuitConfig, context: PluginContext) -> None:
         """Take the limits from the robot.
 
         Raises:
             ConfigError: the speed is more than the robot's.
         """
-        self._config, self._speed = config, setup.top_speed("speed_m_s", config.speed_m_s)
-        self._wheelbase = setup.robot.geometry.wheelbase_m
-        self._steering_limit = math.radians(setup.robot.limits.steering_deg)
+        self._config, self._speed = config, context.top_speed("speed_m_s", config.speed_m_s)
+        self._wheelbase = context.robot.geometry.wheelbase_m
+        self._steering_limit = math.radians(context.robot.limits.steering_deg)
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
         """Begin at the start of `path` (in the frame of the snapshot's pose)."""
@@ -106,7 +106,7 @@ class PurePursuitFollower:
 
 
 def lookahead_distance(speed: float, config: PurePursuitConfig) -> float:
-    """The way of the look-ahead time at a speed [m/s], within its bounds [m]."""
+    """The distance of the look-ahead time at a speed [m/s], within its bounds [m]."""
     return min(max(abs(speed) * config.lookahead_time_s, config.min_lookahead_m), config.max_lookahead_m)
 
 

@@ -23,7 +23,7 @@ from pydantic import Field
 from artemis.config import Config
 from artemis.motion.angles import difference
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Following, Setup
+from artemis.plugins.contracts import Following, PluginContext
 from artemis.plugins.followers.progress import BRAKING, Progress
 from artemis.values import DriveCommand, Pose, Snapshot
 
@@ -46,15 +46,15 @@ class StanleyFollower:
     Config: ClassVar[type[Config]] = StanleyConfig
     contract: ClassVar[int] = 1
 
-    def __init__(self, config: StanleyConfig, setup: Setup) -> None:
+    def __init__(self, config: StanleyConfig, context: PluginContext) -> None:
         """Take the limits from the robot.
 
         Raises:
             ConfigError: the speed is more than the robot's.
         """
-        limits = setup.robot.limits
-        self._config, self._speed = config, setup.top_speed("speed_m_s", config.speed_m_s)
-        self._wheelbase = setup.robot.geometry.wheelbase_m
+        limits = context.robot.limits
+        self._config, self._speed = config, context.top_speed("speed_m_s", config.speed_m_s)
+        self._wheelbase = context.robot.geometry.wheelbase_m
         self._steering_limit = math.radians(limits.steering_deg)
         self._deceleration = BRAKING * limits.deceleration_m_s2
 

@@ -1,7 +1,7 @@
 """From what a device reports to what a hand means, stage by stage: raw -> calibrated -> centred -> shaped.
 
 Counts become shares of the way in [-1, 1] (a pedal: [0, 1]); then what counts as released is cut out and the rest
-stretched, so that it begins at 0 (a stick's by `joystick.deflection_from_stick`); then a curve makes small ways finer.
+stretched, so that it begins at 0 (a stick's by `joystick.deflection_from_stick`); then a curve makes small ones finer.
 The command comes after, in `joystick` and `wheel`.
 """
 
@@ -14,13 +14,13 @@ from artemis.plugins.inputs.joystick import Gate
 
 def calibrate(raw: float, minimum: float, centre: float, maximum: float, inverted: bool) -> float:
     """Share of an axis' way to either side of its `centre`, in [-1, 1]: 1 at `maximum`, or at `minimum` if inverted."""
-    way = maximum - centre if raw >= centre else centre - minimum
-    share = min(max((raw - centre) / way, -1.0), 1.0)
+    travel = maximum - centre if raw >= centre else centre - minimum
+    share = min(max((raw - centre) / travel, -1.0), 1.0)
     return -share if inverted else share
 
 
 def calibrate_pedal(raw: float, minimum: float, maximum: float, inverted: bool) -> float:
-    """Share of a pedal's way, in [0, 1]: 1 at `maximum`, or at `minimum` if inverted (most rest at the maximum)."""
+    """Share of a pedal's travel, in [0, 1]: 1 at `maximum`, or at `minimum` if inverted (most rest at the maximum)."""
     share = min(max((raw - minimum) / (maximum - minimum), 0.0), 1.0)
     return 1.0 - share if inverted else share
 
@@ -30,9 +30,9 @@ def centre_pedal(pressed: float, deadzone: float) -> float:
     return max(pressed - deadzone, 0.0) / (1.0 - deadzone)
 
 
-def curve(way: float, expo: float) -> float:
-    """A way in [-1, 1], finer around 0: `expo * way^3 + (1 - expo) * way`. Monotone and odd; 0 and +-1 stay."""
-    return expo * way**3 + (1.0 - expo) * way
+def curve(travel: float, expo: float) -> float:
+    """Travel in [-1, 1], finer around 0: `expo * travel^3 + (1 - expo) * travel`. Monotone and odd; 0 and +-1 stay."""
+    return expo * travel**3 + (1.0 - expo) * travel
 
 
 def push(x: float, y: float, gate: Gate, deflection: float) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from artemis.devices.hid.identity import Identity
 from artemis.devices.hid.port import HidInfo
 from artemis.devices.hid.reader import HidReader
 from artemis.errors import ConfigError
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.controls import Controls
 from artemis.plugins.inputs.gamepad_config import AUTO, GamepadConfig
 from artemis.plugins.inputs.hands import Grip, Hands
@@ -17,18 +17,18 @@ from artemis.plugins.inputs.held import HeldDevice
 from artemis.plugins.inputs.profiles import Profile, all_profiles, find_profile, misfits, profile_from, profile_named
 
 
-class Choice:
+class ProfileChoice:
     """Knows the device when it is plugged in."""
 
-    def __init__(self, config: GamepadConfig, setup: Setup) -> None:
+    def __init__(self, config: GamepadConfig, context: PluginContext) -> None:
         """Read the profiles.
 
         Raises:
             ConfigError: a profile is wrong, or too high a speed.
         """
-        self._config, self._setup = config, setup
-        self._top_speed = setup.top_speed("max_speed_m_s", config.max_speed_m_s)
-        self._profiles = _profiles(config, setup)
+        self._config, self._setup = config, context
+        self._top_speed = context.top_speed("max_speed_m_s", config.max_speed_m_s)
+        self._profiles = _profiles(config, context)
         self.foreign = ""
         """Why the last device that was refused is not the one."""
 
@@ -75,7 +75,7 @@ class Choice:
         return find_profile(Identity.of(info, raw), parse_descriptor(raw), self._profiles)
 
 
-def _profiles(config: GamepadConfig, setup: Setup) -> tuple[Profile, ...]:
+def _profiles(config: GamepadConfig, context: PluginContext) -> tuple[Profile, ...]:
     """Those that the device may have.
 
     Raises:
@@ -83,6 +83,6 @@ def _profiles(config: GamepadConfig, setup: Setup) -> tuple[Profile, ...]:
     """
     if config.profile_file is None:
         return all_profiles() if config.profile == AUTO else (profile_named(config.profile),)
-    if config.profile_file not in setup.files:
-        raise ConfigError(f"{setup.name}: profile_file: no '{config.profile_file}' among the mission's files")
-    return (profile_from(setup.files[config.profile_file], config.profile_file),)
+    if config.profile_file not in context.files:
+        raise ConfigError(f"{context.name}: profile_file: no '{config.profile_file}' among the mission's files")
+    return (profile_from(context.files[config.profile_file], config.profile_file),)

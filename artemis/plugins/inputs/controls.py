@@ -6,7 +6,7 @@ from artemis.devices.hid.descriptor import Descriptor
 from artemis.errors import HidError
 from artemis.plugins.inputs.chain import calibrate, calibrate_pedal
 from artemis.plugins.inputs.hands import AXES
-from artemis.plugins.inputs.profiles import Axis, Profile, hat_direction, misfits
+from artemis.plugins.inputs.profiles import AxisProfile, Profile, hat_direction, misfits
 
 
 class Controls:
@@ -67,7 +67,7 @@ class Controls:
         return 0 <= eighth < 8 and (eighth - direction + 1) % 8 <= 2
 
 
-def _calibrated(raw: float, axis: Axis) -> float:
+def _calibrated(raw: float, axis: AxisProfile) -> float:
     if axis.centre is None:
         return calibrate_pedal(raw, axis.minimum, axis.maximum, axis.inverted)
     return calibrate(raw, axis.minimum, axis.centre, axis.maximum, axis.inverted)

@@ -11,8 +11,8 @@ from artemis.config import Config
 from artemis.devices.hid.port import HidPort, Hidraw
 from artemis.devices.hid.reader import HidReader
 from artemis.errors import DeviceLost
-from artemis.plugins.contracts import Setup
-from artemis.plugins.inputs.choosing import Choice
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.inputs.choosing import ProfileChoice
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.held import HeldDevice
 from artemis.values import OperatorInput, Request
@@ -28,13 +28,13 @@ class GamepadInput:
     contract: ClassVar[int] = 1
     live: ClassVar[bool] = True
 
-    def __init__(self, config: GamepadConfig, setup: Setup, port: HidPort | None = None) -> None:
+    def __init__(self, config: GamepadConfig, context: PluginContext, port: HidPort | None = None) -> None:
         """Begin to look for the device; on `port`, without a thread, if one is given.
 
         Raises:
             ConfigError: the profile is wrong, or too high a speed.
         """
-        self._name, self._wake, self._choice = setup.name, setup.wake, Choice(config, setup)
+        self._name, self._wake, self._choice = context.name, context.wake, ProfileChoice(config, context)
         self._device: HeldDevice | None = None
         self._watched: HeldDevice | None = None
         self._stopping = False
@@ -68,7 +68,7 @@ class GamepadInput:
             age = None if self._heard is None else now - self._heard
             sample = OperatorInput(source=self._name, neutral=False, age=age)
         if device.bad:
-            sample = replace(sample, axes=(math.nan,))  # out of range: the border counts such samples (INP-06)
+            sample = replace(sample, axes=(math.nan,))  # out of range: the guard counts such samples (INP-06)
         return replace(sample, requests=tuple(requests))
 
     def close(self) -> None:

@@ -61,7 +61,7 @@ class Grip:
     """How the robot follows a wished speed [m/s²]."""
     gate: Gate = "square"
     deadzone: float = 0.05
-    """Share of the way of a stick or a pedal that counts as released."""
+    """Share of the travel of a stick or a pedal that counts as released."""
     expo: float = 0.0
     """Of a stick's deflection, or of a wheel's angle."""
     band: float = math.radians(1.0)

@@ -10,7 +10,7 @@ import math
 from typing import Literal, TypeAlias
 
 Gate: TypeAlias = Literal["square", "round"]
-"""What the stick's way ends at: a square lets both axes reach 1 together, a circle does not."""
+"""What the stick's travel ends at: a square lets both axes reach 1 together, a circle does not."""
 
 STANDSTILL = 0.05
 """Below this speed [m/s] the direction of travel may change."""
@@ -47,7 +47,7 @@ def speed_from_stick(y: float, deflection: float, top_speed: float) -> float:
 
 
 def trail(angle: float, in_force: float, band: float, limit: float) -> float:
-    """Angle to take [rad]: the one in force follows the wished one at a distance of at most `band`, like a slack rope.
+    """Angle to take [rad]: the one in force follows the wished one at a travel of at most `band`, like a slack rope.
 
     The thesis' hysteresis, without what a plain threshold leaves behind: straight ahead and the limit are reached.
     """

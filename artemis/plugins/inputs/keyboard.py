@@ -16,7 +16,7 @@ from pydantic import Field
 
 from artemis.config import Config
 from artemis.errors import DeviceLost
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.joystick import Momentum, step_range
 from artemis.values import OperatorInput, Request
 
@@ -118,21 +118,21 @@ class KeyboardInput:
     contract: ClassVar[int] = 1
     live: ClassVar[bool] = True
 
-    def __init__(self, config: KeyboardConfig, setup: Setup) -> None:
+    def __init__(self, config: KeyboardConfig, context: PluginContext) -> None:
         """Listen to the run's terminal.
 
         Raises:
             ConfigError: more speed than the robot has.
         """
-        limits = setup.robot.limits
-        self._name, self._top_speed = setup.name, setup.top_speed("max_speed_m_s", config.max_speed_m_s)
+        limits = context.robot.limits
+        self._name, self._top_speed = context.name, context.top_speed("max_speed_m_s", config.max_speed_m_s)
         self._limit, self._rate = math.radians(limits.steering_deg), math.radians(config.steering_deg_s)
         self._momentum, self._range = Momentum(limits.deceleration_m_s2), config.speed_range
         self._keys, self._waiting, self._closed = Keys(), bytearray(), False
         self._heard: float | None = None
         self._last_read: float | None = None
         self._steering = 0.0
-        self._there = setup.typed(self._listen)
+        self._there = context.typed(self._listen)
 
     def read(self, now: float) -> OperatorInput:
         """The keys that are held at run time `now` [s].

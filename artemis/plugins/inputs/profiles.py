@@ -31,7 +31,7 @@ NAME = r"^[a-z0-9-]{1,64}$"
 Unsigned16 = Annotated[int, Field(ge=0, le=0xFFFF)]
 
 
-class Axis(Config):
+class AxisProfile(Config):
     """Where an axis stands in the reports, and how far it goes, in counts."""
 
     field: str
@@ -77,10 +77,10 @@ class Profile(Config):
     """always: also at rest, so that silence means a frozen device. counted: and no two in a row are equal, so that a
     repeated one is no news. on_change: silence is normal."""
     gate: Gate = "square"
-    """What a stick's way ends at."""
+    """What a stick's travel ends at."""
     deadzone: Annotated[float, Field(ge=0, le=0.5)] = 0.05
     """Share of the way that counts as released."""
-    axes: dict[str, Axis]
+    axes: dict[str, AxisProfile]
     """By role: x, y of a stick; steering, gas, brake of a wheel."""
     buttons: dict[str, str]
     """Field of each button by its role: button.1, or a direction of a hat switch: hat.up."""

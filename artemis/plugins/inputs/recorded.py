@@ -17,7 +17,7 @@ ROUNDING = 1e-6
 """Two times that differ by less [s] are the same."""
 
 
-class Moment(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class InputTick(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One tick."""
 
     time: float
@@ -26,7 +26,7 @@ class Moment(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Of every input that gave one."""
 
 
-def content_of(moments: Iterable[Moment]) -> bytes:
+def content_of(moments: Iterable[InputTick]) -> bytes:
     """The ticks of a run as the content of a file."""
     return b"".join(msgspec.json.encode(moment) + b"\n" for moment in moments)
 
@@ -76,9 +76,9 @@ class RecordedHand:
         return replace(sample, source=self._given)
 
 
-def _moments(content: bytes, source: str) -> list[Moment]:
-    decode = msgspec.json.Decoder(Moment).decode
-    moments: list[Moment] = []
+def _moments(content: bytes, source: str) -> list[InputTick]:
+    decode = msgspec.json.Decoder(InputTick).decode
+    moments: list[InputTick] = []
     for number, line in enumerate(content.splitlines(), start=1):
         try:
             moment = decode(line)

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from artemis.config import Config
 from artemis.errors import ConfigError
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.hands import AXES, BUTTONS, Grip, Hands
 from artemis.plugins.inputs.joystick import Gate
 from artemis.plugins.inputs.recorded import RecordedHand, is_recorded
@@ -51,17 +51,19 @@ class ScriptedInput:
     contract: ClassVar[int] = 1
     pure: ClassVar[bool] = True
 
-    def __init__(self, config: ScriptedConfig, setup: Setup) -> None:
+    def __init__(self, config: ScriptedConfig, context: PluginContext) -> None:
         """Take the file from the mission's.
 
         Raises:
             ConfigError: it is not among them, everything that is wrong in it, or too high a speed.
         """
-        if config.file not in setup.files:
-            raise ConfigError(f"{setup.name}: file: no '{config.file}' among the mission's files")
-        content = setup.files[config.file]
-        self._name, self._done_at_end = setup.name, config.done_at_end
-        self._script = _recorded(config, setup, content) if is_recorded(content) else _Rows(config, setup, content)
+        if config.file not in context.files:
+            raise ConfigError(f"{context.name}: file: no '{config.file}' among the mission's files")
+        content = context.files[config.file]
+        self._name, self._done_at_end = context.name, config.done_at_end
+        self._script = (
+            _recorded(config, context, content) if is_recorded(content) else _ScriptRows(config, context, content)
+        )
         self._start: float | None = None
         self._row = -1
         self._requests: list[Request] = []
@@ -93,14 +95,14 @@ class ScriptedInput:
         """Nothing to give back."""
 
 
-class _Rows:
+class _ScriptRows:
     """Levels of axes and buttons, as hands would hold them."""
 
-    def __init__(self, config: ScriptedConfig, setup: Setup, content: bytes) -> None:
-        limits = setup.robot.limits
-        speed = setup.top_speed("max_speed_m_s", config.max_speed_m_s)
+    def __init__(self, config: ScriptedConfig, context: PluginContext, content: bytes) -> None:
+        limits = context.robot.limits
+        speed = context.top_speed("max_speed_m_s", config.max_speed_m_s)
         if config.input is not None:
-            raise ConfigError(f"{setup.name}: input: names one of an earlier run, and {config.file} is none")
+            raise ConfigError(f"{context.name}: input: names one of an earlier run, and {config.file} is none")
         kind, self._levels = rows_from(content, config.file)
         self.times = self._levels["time_s"]
         self._axes = AXES[kind]
@@ -115,7 +117,7 @@ class _Rows:
             deadzone=config.deadzone,
             band=math.radians(config.hysteresis_deg),
         )
-        self._hands = Hands(setup.name, grip, config.speed_range)
+        self._hands = Hands(context.name, grip, config.speed_range)
         self._down: frozenset[str] = frozenset()
 
     def go_to(self, row: int) -> list[Request]:
@@ -131,7 +133,7 @@ class _Rows:
         return replace(wish, enabled=enabled, neutral=wish.neutral and not enabled, buttons=buttons)
 
 
-def _recorded(config: ScriptedConfig, setup: Setup, content: bytes) -> RecordedHand:
+def _recorded(config: ScriptedConfig, context: PluginContext, content: bytes) -> RecordedHand:
     """An input of an earlier run.
 
     Raises:
@@ -139,9 +141,10 @@ def _recorded(config: ScriptedConfig, setup: Setup, content: bytes) -> RecordedH
     """
     meaningless = [key for key in OF_ROWS if key in config.model_fields_set]
     if meaningless:
-        raise ConfigError([f"{setup.name}: {key}: of no use with an earlier run; leave it out" for key in meaningless])
-    hand = RecordedHand(content, config.file, config.input or setup.name, setup.name)
-    limit = setup.top_speed("max_speed_m_s", config.max_speed_m_s)
+        name = context.name
+        raise ConfigError([f"{name}: {key}: of no use with an earlier run; leave it out" for key in meaningless])
+    hand = RecordedHand(content, config.file, config.input or context.name, context.name)
+    limit = context.top_speed("max_speed_m_s", config.max_speed_m_s)
     if hand.top_speed > limit:
-        raise ConfigError(f"{setup.name}: file: it drove up to {hand.top_speed:g} m/s; {limit:g} are allowed")
+        raise ConfigError(f"{context.name}: file: it drove up to {hand.top_speed:g} m/s; {limit:g} are allowed")
     return hand

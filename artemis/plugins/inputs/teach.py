@@ -14,7 +14,7 @@ from artemis.devices.hid.descriptor import Descriptor
 from artemis.plugins.inputs.chain import calibrate
 from artemis.plugins.inputs.hands import AXES, BUTTONS, PEDALS, Kind
 from artemis.plugins.inputs.joystick import Gate
-from artemis.plugins.inputs.profiles import DIRECTIONS, Axis
+from artemis.plugins.inputs.profiles import DIRECTIONS, AxisProfile
 
 REST = 0.5
 """So long everything has to be left alone [s]; the centres are the medians of this time."""
@@ -72,7 +72,7 @@ Lesson = Generator[str, Moment, Result]
 class Learnt:
     """What a lesson has found."""
 
-    axes: dict[str, Axis]
+    axes: dict[str, AxisProfile]
     buttons: dict[str, str]
     reports: Literal["always", "on_change"]
     gate: Gate
@@ -80,16 +80,16 @@ class Learnt:
 
 def lesson(kind: Kind, descriptor: Descriptor) -> Lesson[Learnt]:
     """The whole lesson of a device: rest, each axis, a stick's corner, each button."""
-    ways = {
+    travels = {
         f.name: f.maximum - f.minimum
         for f in descriptor.fields
         if f.bits > 1 and not f.relative and not f.name.startswith(("hat", "button.", "usage."))
     }
-    rest, reports = yield from _rest(ways)
-    ways = {name: ways[name] for name in rest}
-    axes: dict[str, Axis] = {}
+    rest, reports = yield from _rest(travels)
+    travels = {name: travels[name] for name in rest}
+    axes: dict[str, AxisProfile] = {}
     for role in AXES[kind]:
-        axes[role] = yield from _axis(role, ways, rest, {axis.field: name for name, axis in axes.items()})
+        axes[role] = yield from _axis(role, travels, rest, {axis.field: name for name, axis in axes.items()})
     gate = (yield from _gate(axes["x"], axes["y"])) if kind == "stick" else "square"
     hats = {f.name: f.minimum for f in descriptor.fields if f.name.startswith("hat")}
     names = [f.name for f in descriptor.fields if f.name.startswith("button.")]
@@ -102,76 +102,80 @@ def lesson(kind: Kind, descriptor: Descriptor) -> Lesson[Learnt]:
     return Learnt(axes=axes, buttons=buttons, reports=reports, gate=gate)
 
 
-def _rest(ways: Mapping[str, int]) -> Lesson[tuple[dict[str, int], Literal["always", "on_change"]]]:
+def _rest(travels: Mapping[str, int]) -> Lesson[tuple[dict[str, int], Literal["always", "on_change"]]]:
     """Where every axis rests, and whether the device reports at rest, too."""
     ask = "press each pedal and button once, put everything to its middle, let go of everything; then press Enter"
     moment = yield ask
-    while moment.typed is None or not ways.keys() & moment.values.keys():
+    while moment.typed is None or not travels.keys() & moment.values.keys():
         silent = moment.typed is not None
         moment = yield f"nothing was heard of the device yet; {ask}" if silent else ask
-    ways = {name: way for name, way in ways.items() if name in moment.values}
+    travels = {name: travel for name, travel in travels.items() if name in moment.values}
     hint = "leave it alone"
     while True:
         begun = last = moment.time
         gap, seen = 0.0, [moment.values]
-        while moment.time - begun < REST and _is_still(seen, ways):
+        while moment.time - begun < REST and _is_still(seen, travels):
             moment = yield hint
             seen.append(moment.values)
             gap = max(gap, moment.time - last)
             last = moment.time if moment.heard else last
-        if _is_still(seen, ways):
-            rest = {name: median_low([values[name] for values in seen]) for name in ways}
+        if _is_still(seen, travels):
+            rest = {name: median_low([values[name] for values in seen]) for name in travels}
             return rest, "always" if gap <= QUICK else "on_change"
         hint = "something moves; leave everything alone"
 
 
-def _is_still(seen: list[Mapping[str, int]], ways: Mapping[str, int]) -> bool:
+def _is_still(seen: list[Mapping[str, int]], travels: Mapping[str, int]) -> bool:
     """Whether no axis has moved; sparse devices and noisy ones alike."""
-    return all(max(v[name] for v in seen) - min(v[name] for v in seen) <= STILL * way for name, way in ways.items())
+    return all(
+        max(v[name] for v in seen) - min(v[name] for v in seen) <= STILL * travel for name, travel in travels.items()
+    )
 
 
-def _axis(role: str, ways: Mapping[str, int], rest: Mapping[str, int], taken: Mapping[str, str]) -> Lesson[Axis]:
+def _axis(
+    role: str, travels: Mapping[str, int], rest: Mapping[str, int], taken: Mapping[str, str]
+) -> Lesson[AxisProfile]:
     """The axis that moves most: its ends, and which of them is right, forward or pressed."""
     ask, least = f"{role}: {ASKED[role]}", MOVED[role]
-    lowest, highest, first = dict(rest), dict(rest), dict.fromkeys(ways, 0)
+    lowest, highest, first = dict(rest), dict(rest), dict.fromkeys(travels, 0)
     hint = ""
     while True:
         moment = yield ask + hint
-        for name in ways:
+        for name in travels:
             away = moment.values[name] - rest[name]
-            if first[name] == 0 and abs(away) >= least * ways[name]:
+            if first[name] == 0 and abs(away) >= least * travels[name]:
                 first[name] = 1 if away > 0 else -1
             lowest[name], highest[name] = min(lowest[name], rest[name] + away), max(highest[name], rest[name] + away)
-        name = max(ways, key=lambda name: (highest[name] - lowest[name]) / ways[name])
+        name = max(travels, key=lambda name: (highest[name] - lowest[name]) / travels[name])
         sides = highest[name] - rest[name], rest[name] - lowest[name]
-        way = max(sides) if role in PEDALS else min(sides)
-        is_back = abs(moment.values[name] - rest[name]) <= BACK * way
-        if way < least * ways[name] or not is_back:
+        travel = max(sides) if role in PEDALS else min(sides)
+        is_back = abs(moment.values[name] - rest[name]) <= BACK * travel
+        if travel < least * travels[name] or not is_back:
             continue
         if name in taken:
             combined = "; pedals on one axis cannot both be told: switch the wheel to its own mode"
             hint = f" (that was {name}, which is {taken[name]}{combined if role in PEDALS else ''})"
-            lowest, highest, first = dict(rest), dict(rest), dict.fromkeys(ways, 0)
+            lowest, highest, first = dict(rest), dict(rest), dict.fromkeys(travels, 0)
             continue
         if role not in PEDALS:
             ends = {"minimum": lowest[name], "centre": rest[name], "maximum": highest[name]}
         else:
             pressed = highest[name] if first[name] > 0 else lowest[name]
             ends = {"minimum": min(pressed, rest[name]), "maximum": max(pressed, rest[name])}
-        return Axis(field=name, inverted=first[name] < 0, **ends)
+        return AxisProfile(field=name, inverted=first[name] < 0, **ends)
 
 
-def _gate(x: Axis, y: Axis) -> Lesson[Gate]:
-    """What the stick's way ends at: in the corner of a square both axes reach their ends, on a circle 0.7 of them."""
+def _gate(x: AxisProfile, y: AxisProfile) -> Lesson[Gate]:
+    """What the stick's travel ends at: in the corner of a square both axes reach their ends, on a circle 0.7."""
     farthest = 0.0
     while True:
         moment = yield "corner: push the stick forward and right as far as it goes, and let go"
-        ways = [
+        travels = [
             abs(calibrate(moment.values[axis.field], axis.minimum, axis.centre or 0, axis.maximum, axis.inverted))
             for axis in (x, y)
         ]
-        farthest = max(farthest, min(ways))
-        if farthest > CORNER and max(ways) < BACK:
+        farthest = max(farthest, min(travels))
+        if farthest > CORNER and max(travels) < BACK:
             return "square" if farthest > SQUARE else "round"
 
 

@@ -15,8 +15,8 @@ from pydantic import Field, model_validator
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
-from artemis.plugins.contracts import Setup
-from artemis.plugins.localizers.spread import covariance
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.localizers.covariance import covariance
 from artemis.values import Pose, PoseFix
 
 Span = Annotated[tuple[float, float], Field(strict=False)]
@@ -62,15 +62,15 @@ class SimulatedTracker:
     Config: ClassVar[type[Config]] = SimulatedTrackerConfig
     contract: ClassVar[int] = 1
 
-    def __init__(self, config: SimulatedTrackerConfig, setup: Setup) -> None:
-        """Look at `setup.true_pose`.
+    def __init__(self, config: SimulatedTrackerConfig, context: PluginContext) -> None:
+        """Look at `context.true_pose`.
 
         Raises:
             ConfigError: the run is not simulated.
         """
-        if setup.true_pose is None:
-            raise ConfigError(f"{setup.name}: plugin: simulated_tracker sees simulated robots only")
-        self._config, self._name, self._true_pose = config, setup.name, setup.true_pose
+        if context.true_pose is None:
+            raise ConfigError(f"{context.name}: plugin: simulated_tracker sees simulated robots only")
+        self._config, self._name, self._true_pose = config, context.name, context.true_pose
         self._covariance = covariance(config.noise_m, config.noise_deg)
         self._dice = random.Random(config.seed)
         self._next = 0.0

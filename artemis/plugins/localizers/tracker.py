@@ -10,8 +10,8 @@ from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
 from artemis.motion.table import Table
-from artemis.plugins.contracts import Setup
-from artemis.plugins.localizers.spread import covariance
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.localizers.covariance import covariance
 from artemis.values import Pose, PoseFix
 
 NAMES = {
@@ -49,17 +49,17 @@ class TrackerLocalizer:
     contract: ClassVar[int] = 1
     pure: ClassVar[bool] = True
 
-    def __init__(self, config: TrackerConfig, setup: Setup) -> None:
+    def __init__(self, config: TrackerConfig, context: PluginContext) -> None:
         """Take the file from the mission's.
 
         Raises:
             ConfigError: it is not among them, or everything that is wrong in it.
         """
-        if config.file not in setup.files:
-            raise ConfigError(f"{setup.name}: file: no '{config.file}' among the mission's files")
-        source = str(setup.folder / config.file)
+        if config.file not in context.files:
+            raise ConfigError(f"{context.name}: file: no '{config.file}' among the mission's files")
+        source = str(context.folder / config.file)
         try:
-            text = setup.files[config.file].decode()
+            text = context.files[config.file].decode()
         except UnicodeDecodeError as error:
             raise ConfigError(f"{source}: byte {error.start + 1} is not UTF-8") from None
         table = Table(text, source, NAMES, required=("t", "x", "y", "heading"))
@@ -82,7 +82,7 @@ class TrackerLocalizer:
                 time=time,
                 pose=Pose(x=x, y=y, heading=wrap(heading)),
                 covariance=covariance(std_m, std_deg),
-                source=setup.name,
+                source=context.name,
             )
             for time, (x, y, heading), std_m, std_deg in zip(times, poses, stds_m, stds_deg, strict=True)
         ]

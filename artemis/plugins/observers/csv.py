@@ -13,7 +13,7 @@ from pydantic import Field
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.values import Tick
 
 Signal = Literal["mode", "phase", "x_m", "y_m", "heading_deg", "speed_m_s", "steering_deg", "cross_track_m"]
@@ -44,11 +44,11 @@ class CsvObserver:
     Config: ClassVar[type[Config]] = CsvConfig
     pure: ClassVar[bool] = True
 
-    def __init__(self, config: CsvConfig, setup: Setup) -> None:
+    def __init__(self, config: CsvConfig, context: PluginContext) -> None:
         """Take the name; the file is made with the first tick."""
-        if not re.fullmatch(r"[\w-]+", setup.name):
-            raise ConfigError(f"{setup.name}: plugin: the name becomes that of a file: letters, digits, - and _ only")
-        self._config, self._folder, self._name = config, setup.run or setup.folder, f"{setup.name}.csv"
+        if not re.fullmatch(r"[\w-]+", context.name):
+            raise ConfigError(f"{context.name}: plugin: the name becomes that of a file: letters, digits, - and _ only")
+        self._config, self._folder, self._name = config, context.run or context.folder, f"{context.name}.csv"
         self._file: TextIO | None = None
         self._next = 0.0
 

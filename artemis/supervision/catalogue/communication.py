@@ -15,13 +15,13 @@ from artemis.supervision.catalogue.row import (
     Kind,
     Recovery,
     Row,
-    Stage,
+    Threshold,
     X,
     automatic,
 )
 
 _TEN = 10 * MINUTE
-_STATE = (Stage(S1),)
+_STATE = (Threshold(S1),)
 _UP, _SEEN = Found.BRING_UP, Found.MEASURED
 
 COMMUNICATION: dict[str, Row] = {
@@ -57,7 +57,7 @@ COMMUNICATION: dict[str, Row] = {
         to_fault=True,
         within=1.02,
         of="not enabled though it should be",
-        stages=(Stage(S1, 0.0, 1.0),),
+        stages=(Threshold(S1, 0.0, 1.0),),
     ),
     "COM-04": Row(
         "wrong operating mode",
@@ -110,7 +110,7 @@ COMMUNICATION: dict[str, Row] = {
         "answered late, or twice",
         "bus load? two nodes with one id?",
         within=0.05,
-        stages=(Stage(WARN),),
+        stages=(Threshold(WARN),),
     ),
     "COM-10": Row(
         "write not kept",
@@ -132,7 +132,7 @@ COMMUNICATION: dict[str, Row] = {
         to_fault=True,
         within=0.1,
         of="age of its feedback [s], or 2.5 ticks where that is more",
-        stages=(Stage(S1, 0.08),),
+        stages=(Threshold(S1, 0.08),),
     ),
     "COM-12": Row(
         "set-points lost",
@@ -158,7 +158,7 @@ COMMUNICATION: dict[str, Row] = {
         "CAN wiring, termination",
         within=1.02,
         of="damaged frames in a second",
-        stages=(Stage(S2, 2.0),),
+        stages=(Threshold(S2, 2.0),),
     ),
     "COM-15": Row(
         "delayed frames",
@@ -170,7 +170,7 @@ COMMUNICATION: dict[str, Row] = {
         to_fault=True,
         within=0.12,
         of="feedback frames in one tick",
-        stages=(Stage(S1, 2.0, 0.08),),
+        stages=(Threshold(S1, 2.0, 0.08),),
         shows_as=("COM-11",),
     ),
     "COM-16": Row(
@@ -181,7 +181,7 @@ COMMUNICATION: dict[str, Row] = {
         "its frames came in the wrong order",
         "adapter, driver",
         within=0.1,
-        stages=(Stage(S2),),
+        stages=(Threshold(S2),),
     ),
     "COM-17": Row(
         "second master",
@@ -191,7 +191,7 @@ COMMUNICATION: dict[str, Row] = {
         "somebody else commands the drives",
         "which other program or device is on this bus?",
         to_fault=True,
-        stages=(Stage(S1),),
+        stages=(Threshold(S1),),
     ),
     "COM-18": Row(
         "second copy of artemis",
@@ -201,7 +201,7 @@ COMMUNICATION: dict[str, Row] = {
         "another artemis uses this bus",
         "end the other one; where it came first, this run ends and sends the drives nothing",
         to_fault=True,
-        stages=(Stage(S1),),
+        stages=(Threshold(S1),),
     ),
     "COM-19": Row(
         "node answers twice",
@@ -213,7 +213,7 @@ COMMUNICATION: dict[str, Row] = {
         to_fault=True,
         within=1.0,
         of="SDO answers too many in a second",
-        stages=(Stage(S1, 25.0),),
+        stages=(Threshold(S1, 25.0),),
     ),
     "COM-20": Row(
         "error frames",
@@ -224,7 +224,7 @@ COMMUNICATION: dict[str, Row] = {
         "wiring, termination, bit rate",
         within=0.1,
         of="error frames in 0.1 s",
-        stages=(Stage(LIMIT),),
+        stages=(Threshold(LIMIT),),
     ),
     "COM-21": Row(
         "bus off",
@@ -275,7 +275,7 @@ COMMUNICATION: dict[str, Row] = {
         to_fault=True,
         within=0.04,
         of="frames refused in a row",
-        stages=(Stage(S1, 2.0),),
+        stages=(Threshold(S1, 2.0),),
     ),
     "COM-26": Row(
         "node restarted",
@@ -308,7 +308,7 @@ COMMUNICATION: dict[str, Row] = {
         to_fault=True,
         within=0.27,
         of="age of its heartbeat [s]",
-        stages=(Stage(S1, 0.25),),
+        stages=(Threshold(S1, 0.25),),
     ),
     "COM-29": Row(
         "bus silent",
@@ -320,7 +320,7 @@ COMMUNICATION: dict[str, Row] = {
         to_fault=True,
         within=0.12,
         of="all feedback older than 0.08 s",
-        stages=(Stage(S1, 0.08),),
+        stages=(Threshold(S1, 0.08),),
     ),
     "COM-30": Row(
         "watchdog not armed",
@@ -341,7 +341,7 @@ COMMUNICATION: dict[str, Row] = {
         "what else does this computer do?",
         within=0.15,
         of="time between two heartbeats of ours [s]",
-        stages=(Stage(WARN, 0.1), Stage(S2, 0.15)),
+        stages=(Threshold(WARN, 0.1), Threshold(S2, 0.15)),
     ),
     "COM-32": Row(
         "nobody there",

@@ -13,7 +13,7 @@ from artemis.supervision.catalogue.row import (
     Kind,
     Recovery,
     Row,
-    Stage,
+    Threshold,
     X,
     automatic,
 )
@@ -193,6 +193,6 @@ DRIVES: dict[str, Row] = {
         to_fault=True,
         within=1.0,
         of="EMCY messages in a second",
-        stages=(Stage(S1, 20.0),),
+        stages=(Threshold(S1, 20.0),),
     ),
 }

@@ -2,7 +2,20 @@
 
 from __future__ import annotations
 
-from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S1, S2, WARN, Found, K, Row, Stage, X, automatic
+from artemis.supervision.catalogue.row import (
+    ITSELF,
+    LIMIT,
+    MINUTE,
+    S1,
+    S2,
+    WARN,
+    Found,
+    K,
+    Row,
+    Threshold,
+    X,
+    automatic,
+)
 
 _TEN = 10 * MINUTE
 _LOADING, _EDGE, _DESIGN, _ABSENT = Found.LOADING, Found.EDGE, Found.DESIGN, Found.ABSENT
@@ -16,7 +29,7 @@ HOST: dict[str, Row] = {
     "MIS-04": Row("values out of range", _LOADING, within=0.0),
     "MIS-05": Row("policy milder than this table", _LOADING, within=0.0),
     "MIS-06": Row("unknown plugin or file", _LOADING, within=0.0),
-    "MIS-07": Row("stopping way too long", _LOADING, within=0.0),
+    "MIS-07": Row("stopping distance too long", _LOADING, within=0.0),
     "PLG-01": Row("plugin cannot be made", _LOADING, within=0.0),
     "PLG-02": Row("plugin raised", _EDGE, S2, automatic(1), "plugin raised an error", "see the error; mend the plugin"),
     "PLG-03": Row(
@@ -62,7 +75,7 @@ HOST: dict[str, Row] = {
         "a fault of artemis or a plugin: send us the run's folder",
         to_fault=True,
         within=0.04,
-        stages=(Stage(S1),),
+        stages=(Threshold(S1),),
     ),
     "SYS-01": Row(
         "control loop late",
@@ -73,7 +86,7 @@ HOST: dict[str, Row] = {
         "what else does this computer do?",
         within=0.08,
         of="tick too late [s]",
-        stages=(Stage(S2, 0.02, 0.039), Stage(S2, 0.06)),
+        stages=(Threshold(S2, 0.02, 0.039), Threshold(S2, 0.06)),
     ),
     "SYS-02": Row(
         "wall clock jumps", _DESIGN, recovery=ITSELF, reason="control reads the monotonic clock of the loop alone"
@@ -87,7 +100,7 @@ HOST: dict[str, Row] = {
         "suspended? overloaded? the drives stopped by themselves",
         to_fault=True,
         of="tick too late [s]",
-        stages=(Stage(S1, 0.15),),
+        stages=(Threshold(S1, 0.15),),
     ),
     "SYS-04": Row(
         "artemis itself fails",
@@ -191,7 +204,7 @@ HOST: dict[str, Row] = {
         to_fault=True,
         within=0.04,
         of="drives that lost their supply within 0.04 s",
-        stages=(Stage(S1, 1.0),),
+        stages=(Threshold(S1, 1.0),),
     ),
     "EST-02": Row("emergency stop implausible", _ABSENT, S1, X, reason=_INPUT),
     "EST-03": Row(

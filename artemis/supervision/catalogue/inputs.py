@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from artemis.supervision.catalogue.row import ITSELF, MINUTE, S1, S2, WARN, Found, K, Row, Stage, automatic
+from artemis.supervision.catalogue.row import ITSELF, MINUTE, S1, S2, WARN, Found, K, Row, Threshold, automatic
 
 _TEN = 10 * MINUTE
 _SEEN, _ABSENT, _DESIGN = Found.MEASURED, Found.ABSENT, Found.DESIGN
@@ -66,7 +66,7 @@ INPUTS: dict[str, Row] = {
         "loose contact?",
         within=0.52,
         of="jumps of more than 60 % of the range in 0.5 s",
-        stages=(Stage(WARN, 1.0),),
+        stages=(Threshold(WARN, 1.0),),
     ),
     "INP-09": Row(
         "enable button released",

@@ -15,7 +15,7 @@ from artemis.supervision.catalogue.row import (
     Found,
     K,
     Row,
-    Stage,
+    Threshold,
     X,
     automatic,
 )
@@ -34,7 +34,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.14,
         of="wheel speed beyond the command [m/s], or a fifth of it where that is more",
-        stages=(Stage(S1, 0.15, 0.079),),
+        stages=(Threshold(S1, 0.15, 0.079),),
     ),
     "RUN-02": Row(
         "motion without command",
@@ -46,7 +46,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.24,
         of="wheel speed [m/s]",
-        stages=(Stage(S1, 0.05, 0.18),),
+        stages=(Threshold(S1, 0.05, 0.18),),
     ),
     "RUN-03": Row(
         "does not slow down",
@@ -58,7 +58,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.24,
         of="wheel speed above the planned ramp [m/s]",
-        stages=(Stage(S1, 0.15, 0.18),),
+        stages=(Threshold(S1, 0.15, 0.18),),
     ),
     "RUN-04": Row(
         "blocked wheel",
@@ -69,7 +69,7 @@ MOTION: dict[str, Row] = {
         "is the wheel blocked?",
         within=1.0,
         of="below 0.03 m/s where more than 0.1 m/s is commanded",
-        stages=(Stage(S2, 0.0, 0.94),),
+        stages=(Threshold(S2, 0.0, 0.94),),
         shows_as=("RUN-05",),
     ),
     "RUN-05": Row(
@@ -81,7 +81,7 @@ MOTION: dict[str, Row] = {
         "floor, load; track and wheel sizes in the robot file",
         within=0.35,
         of="difference of both wheels as part of the speed",
-        stages=(Stage(LIMIT, 0.25, 0.12), Stage(S2, 0.25, 2.0), Stage(S2, 0.5, 0.12)),
+        stages=(Threshold(LIMIT, 0.25, 0.12), Threshold(S2, 0.25, 2.0), Threshold(S2, 0.5, 0.12)),
         shows_as=("RUN-01",),
     ),
     "RUN-06": Row(
@@ -94,7 +94,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.1,
         of="one driven wheel off, the other on and moving",
-        stages=(Stage(S1, 0.0, 0.059),),
+        stages=(Threshold(S1, 0.0, 0.059),),
         shows_as=("COM-02", "COM-01"),
     ),
     "RUN-07": Row(
@@ -128,7 +128,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.04,
         of="positions in a row that no motion explains",
-        stages=(Stage(S1, 1.0),),
+        stages=(Threshold(S1, 1.0),),
     ),
     "RUN-11": Row(
         "command is not a number", Found.MODE, S2, K, "asked for a command that is not a number", "see the plugin"
@@ -142,7 +142,7 @@ MOTION: dict[str, Row] = {
         "speed in the mission, limits in the robot file",
         within=1.02,
         of="command as a part beyond the limit",
-        stages=(Stage(WARN, 0.02, 1.0),),
+        stages=(Threshold(WARN, 0.02, 1.0),),
     ),
     "STE-01": Row(
         "steering error",
@@ -154,7 +154,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.42,
         of="set-point less measured angle [rad]",
-        stages=(Stage(S1, radians(3.0), 0.38),),
+        stages=(Threshold(S1, radians(3.0), 0.38),),
         shows_as=("STE-06",),
     ),
     "STE-02": Row(
@@ -167,7 +167,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.32,
         of="current as part of output_current_ma",
-        stages=(Stage(S1, 0.9, 0.28),),
+        stages=(Threshold(S1, 0.9, 0.28),),
         shows_as=("DRV-25",),
     ),
     "STE-03": Row(
@@ -180,7 +180,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.12,
         of="difference as part of disagreement_deg",
-        stages=(Stage(S1, 1.0, 0.08),),
+        stages=(Threshold(S1, 1.0, 0.08),),
     ),
     "STE-04": Row(
         "potentiometer open or shorted",
@@ -192,7 +192,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.06,
         of="within 2 % of a rail",
-        stages=(Stage(S1, 0.0, 0.02),),
+        stages=(Threshold(S1, 0.0, 0.02),),
     ),
     "STE-05": Row(
         "potentiometers against encoder",
@@ -204,7 +204,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.22,
         of="difference of the angles [rad]",
-        stages=(Stage(S1, radians(4.0), 0.18),),
+        stages=(Threshold(S1, radians(4.0), 0.18),),
     ),
     "STE-06": Row(
         "steering geometry",
@@ -216,7 +216,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.22,
         of="difference from a pair [rad]",
-        stages=(Stage(S1, radians(4.0), 0.18),),
+        stages=(Threshold(S1, radians(4.0), 0.18),),
         shows_as=("STE-05", "STE-01"),
     ),
     "STE-07": Row(
@@ -229,7 +229,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=0.5,
         of="turned without a new voltage [rad]",
-        stages=(Stage(S1, radians(10.0)),),
+        stages=(Threshold(S1, radians(10.0)),),
         shows_as=("STE-03", "STE-05"),
     ),
     "CAL-01": Row(

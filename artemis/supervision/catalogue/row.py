@@ -43,7 +43,7 @@ class Recovery(NamedTuple):
     """Automatic recoveries in `window` [s]."""
     window: float = inf
     final: int = 0
-    """The how manieth occurrence on one device in `window` is the last: then it is NEVER (0: none)."""
+    """The n-th occurrence on one device in `window` is the last: then it is NEVER (0: none)."""
     reset: str = ""
     """NMT reset that the drive needs before: `communication` or `node`."""
     unless: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ def automatic(times: int, window: float = inf, *, unless: tuple[str, ...] = ()) 
     return Recovery(Kind.AUTOMATIC, times, window, unless=unless, settle=0.5)
 
 
-class Stage(NamedTuple):
+class Threshold(NamedTuple):
     """A measured value above `over` for as long as `hold` [s] calls for `severity`."""
 
     severity: Severity
@@ -100,7 +100,7 @@ class Row(NamedTuple):
     """Leads to the mode `fault`; else a stop leads to `quickstop`."""
     within: float = 0.02
     """Worst case from the cause to the reaction [s]; 0 before a run."""
-    stages: tuple[Stage, ...] = ()
+    stages: tuple[Threshold, ...] = ()
     """Of a measured row: limits of its measure, mildest first."""
     of: str = ""
     """What a measured row's limits are limits of, with the unit."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S2, Found, K, Row, Stage, automatic
+from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S2, Found, K, Row, Threshold, automatic
 
 _TEN = 10 * MINUTE
 _ABSENT, _LOADING = Found.ABSENT, Found.LOADING
@@ -49,7 +49,7 @@ SURROUNDINGS: dict[str, Row] = {
         "off the path",
         "follower, speed, slip; odometry against the true pose",
         within=0.32,
-        stages=(Stage(LIMIT, 0.3, 0.28),),
+        stages=(Threshold(LIMIT, 0.3, 0.28),),
     ),
     "PTH-07": Row(
         "no progress",
@@ -59,8 +59,8 @@ SURROUNDINGS: dict[str, Row] = {
         "makes no progress along the path",
         "follower, blocked wheel",
         within=3.02,
-        of="less than 1 cm of way while driving",
-        stages=(Stage(S2, 0.0, 3.0),),
+        of="less than 1 cm driven while driving",
+        stages=(Threshold(S2, 0.0, 3.0),),
         shows_as=("RUN-04",),
     ),
     "PTH-08": Row(

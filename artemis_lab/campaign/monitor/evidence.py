@@ -9,8 +9,8 @@ from functools import cached_property
 from math import inf
 from typing import Any, NamedTuple
 
-from artemis.vehicle import Robot
-from artemis_lab.campaign.monitor.journal_reader import Journal
+from artemis.vehicle import RobotFile
+from artemis_lab.campaign.monitor.journal_reader import ReadJournal
 from artemis_lab.campaign.monitor.wire import TARGET_VELOCITY, Asked, SetPoint, Wire
 from artemis_lab.campaign.witness import SIDES, Heard, Look
 
@@ -66,13 +66,13 @@ class Stick(NamedTuple):
 class Evidence:
     """One run from outside. Times are seconds of the run."""
 
-    robot: Robot
+    robot: RobotFile
     """The robot file: geometry, limits, node ids."""
     tick: float
     """Period of the host's ticks [s]."""
     heard: Sequence[Heard]
     looks: Sequence[Look]
-    journal: Journal
+    journal: ReadJournal
     injected: Sequence[Injected]
     operator: Sequence[tuple[float, str]]
     """What a person did, and when."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from artemis_lab.campaign.monitor.evidence import Evidence, Injected, Violation
 from artemis_lab.campaign.monitor.expected import EXPECTED, Expected, When, expectation
 from artemis_lab.campaign.monitor.frames import DRIVING, WATCH_MS
-from artemis_lab.campaign.monitor.journal_reader import STOPPING, Line
+from artemis_lab.campaign.monitor.journal_reader import STOPPING, JournalLine
 from artemis_lab.campaign.witness import SIDES
 
 WATCHED = {"ready", "calibrate", *DRIVING}
@@ -116,7 +116,7 @@ def seen(e: Evidence) -> list[Seen]:
     return found
 
 
-def _first(e: Evidence, injected: Injected, expected: Expected) -> Line | None:
+def _first(e: Evidence, injected: Injected, expected: Expected) -> JournalLine | None:
     """The first entry that names it."""
     shown = (line for line in e.journal.of("fault") if line.time >= injected.time)
     return next((line for line in shown if line.data["id"] in expected.shows), None)
@@ -172,7 +172,7 @@ def _without_cause(e: Evidence) -> Iterator[Violation]:
             return
 
 
-def _ends_the_proof(e: Evidence, line: Line) -> bool:
+def _ends_the_proof(e: Evidence, line: JournalLine) -> bool:
     """A drive misses our heartbeat, which was withheld on purpose when a person stopped the bring-up."""
     return line.data["id"] == "DRV-20" and any(
         time <= line.time <= time + WATCH_MS / 1000 and e.journal.phase_before(time) == "proving the watchdog"
@@ -258,7 +258,7 @@ CHANGES = {
 """How the mode may change."""
 
 
-def _caused(e: Evidence, change: Line) -> bool:
+def _caused(e: Evidence, change: JournalLine) -> bool:
     """There is an entry of the same time, or a latched one, that explains the change."""
     now = [line for line in e.journal.lines if abs(line.time - change.time) < 1e-9]
     match change.data["to"]:
@@ -271,7 +271,7 @@ def _caused(e: Evidence, change: Line) -> bool:
     return True
 
 
-def _stands(e: Evidence, change: Line) -> bool:
+def _stands(e: Evidence, change: JournalLine) -> bool:
     """A fault that stops the robot is there, and not cleared."""
     standing: set[tuple[str, str]] = set()
     for line in e.journal.lines:

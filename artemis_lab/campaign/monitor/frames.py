@@ -15,9 +15,9 @@ from artemis_lab.campaign.monitor.wire import (
     VERSION,
     WATCHED_HOST,
     Boot,
-    Emergency,
     Event,
     ModeShown,
+    SeenEmergency,
     SetPoint,
     Status,
     Transfer,
@@ -131,9 +131,9 @@ def _learned(e: Evidence, known: _Known, event: Event) -> _Known:
     match event:
         case Boot():
             return _Known()
-        case Emergency(code=code) if code == LOST_HEARTBEAT and _proving(e, event.time):
+        case SeenEmergency(code=code) if code == LOST_HEARTBEAT and _proving(e, event.time):
             known.proof = True
-        case Emergency(code=code) if code:
+        case SeenEmergency(code=code) if code:
             return _Known()
         case ModeShown(mode=mode):
             known.mode = mode

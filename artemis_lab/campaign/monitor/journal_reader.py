@@ -12,7 +12,7 @@ STOPPING = ("CONTROLLED_STOP", "QUICK_STOP", "OFF")
 """Severities that stop the robot."""
 
 
-class Line(NamedTuple):
+class JournalLine(NamedTuple):
     """One entry."""
 
     sequence: int
@@ -28,11 +28,11 @@ class Line(NamedTuple):
         return self.kind == "fault" and self.data["severity"] in STOPPING
 
 
-class Journal:
+class ReadJournal:
     """Every line, and what is wrong with the file itself."""
 
     def __init__(self, path: Path) -> None:
-        self.lines: list[Line] = []
+        self.lines: list[JournalLine] = []
         self.problems: list[str] = []
         content = path.read_bytes().rstrip(b"\0")  # room that a killed run had not used yet
         for number, raw in enumerate(content.splitlines(), 1):
@@ -41,10 +41,10 @@ class Journal:
                 self.problems.append(f"line {number} has no valid checksum")
                 continue
             line = json.loads(entry + b"}")
-            self.lines.append(Line(line["sequence"], line["time_s"], line["kind"], line["text"], line["data"]))
+            self.lines.append(JournalLine(line["sequence"], line["time_s"], line["kind"], line["text"], line["data"]))
         self._modes = [(line.time, str(line.data["to"])) for line in self.of("mode")]
 
-    def of(self, *kinds: str) -> Iterator[Line]:
+    def of(self, *kinds: str) -> Iterator[JournalLine]:
         """The lines of some kinds."""
         return (line for line in self.lines if line.kind in kinds)
 

@@ -19,7 +19,7 @@ MOVING = 0.01
 ROLLING = 0.05
 """A robot that is slower than this [m/s] may lose its steering."""
 WORTH = 0.1
-"""Stopping ways are judged from this speed on [m/s]."""
+"""Stopping distances are judged from this speed on [m/s]."""
 REACTION = 0.06
 """From noticing to the begin of the braking [s]: a frame, a regulator, a ramp's first step."""
 BRAKES = {"S1": 1.4, "S2": 0.9}
@@ -69,9 +69,9 @@ def stops(e: Evidence) -> Iterator[Violation]:
         reaction += WATCH_MS / 1000 if injected.id in CUT_OFF else 0.0
         braking = COASTING if expected.coasts else BRAKES[expected.stop]
         budget = fastest * reaction + fastest**2 / (2 * braking) + SLACK
-        way = _way(looks)
-        if way > budget:
-            text = f"{injected.id} at {fastest:.2f} m/s: stopped after {way:.3f} m, budget {budget:.3f} m"
+        distance = _way(looks)
+        if distance > budget:
+            text = f"{injected.id} at {fastest:.2f} m/s: stopped after {distance:.3f} m, budget {budget:.3f} m"
             yield Violation("I4", injected.time, text)
 
 
@@ -88,13 +88,13 @@ def _lag(e: Evidence) -> float:
 
 
 def _way(looks: Sequence[Look]) -> float:
-    """Way of the virtual front wheel until it stands [m]."""
-    way = 0.0
+    """Distance of the virtual front wheel until it stands [m]."""
+    distance = 0.0
     for before, look in pairwise(looks):
-        way += abs(look.speed) * (look.time - before.time)
+        distance += abs(look.speed) * (look.time - before.time)
         if abs(look.speed) < MOVING / 5:
-            return way
-    return way
+            return distance
+    return distance
 
 
 def slows_down(e: Evidence) -> Iterator[Violation]:
@@ -191,7 +191,7 @@ def pushes_alone(e: Evidence) -> Iterator[Violation]:
 def steering_holds(e: Evidence) -> Iterator[Violation]:
     """I8: while the robot moves, the host switches no sound steering drive off; it has done so after `t_stop_max`.
 
-    One that is deaf is told again and again what was decided while the robot stood.
+    One that is unresponsive is told again and again what was decided while the robot stood.
     """
     longest = 1.0 + 2.0 * e.robot.limits.speed_m_s / e.robot.limits.quick_stop_deceleration_m_s2
     for number, side in enumerate(SIDES, 2):

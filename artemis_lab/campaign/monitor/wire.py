@@ -77,7 +77,7 @@ class ModeShown(NamedTuple):
     mode: int
 
 
-class Emergency(NamedTuple):
+class SeenEmergency(NamedTuple):
     """EMCY."""
 
     time: float
@@ -99,7 +99,7 @@ class Asked(NamedTuple):
     """Unsigned."""
 
 
-Event = SetPoint | Status | Transfer | StopFrame | ModeShown | Emergency | Boot | Asked
+Event = SetPoint | Status | Transfer | StopFrame | ModeShown | SeenEmergency | Boot | Asked
 Kind = TypeVar("Kind", bound=Event)
 
 
@@ -147,7 +147,7 @@ class Wire:
         elif service == 0x300 and len(data) == 2:
             say(StopFrame(time, _unsigned(data)))
         elif service == 0x080 and len(data) >= 2:
-            say(Emergency(time, _unsigned(data[:2])))
+            say(SeenEmergency(time, _unsigned(data[:2])))
         elif service == 0x700 and data[:1] == b"\0":
             say(Boot(time))
         elif service == 0x600 and len(data) == 8:

@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 
 from artemis.config import Config
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Setup
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.followers.indiveri import IndiveriConfig, IndiveriFollower
 from artemis.values import Snapshot
 
@@ -30,8 +30,8 @@ class SeizingConfig(Config):
 class SeizingFollower(IndiveriFollower):
     Config: ClassVar[type[Config]] = SeizingConfig
 
-    def __init__(self, config: SeizingConfig, setup: Setup) -> None:
-        super().__init__(IndiveriConfig(speed_m_s=config.speed_m_s), setup)
+    def __init__(self, config: SeizingConfig, context: PluginContext) -> None:
+        super().__init__(IndiveriConfig(speed_m_s=config.speed_m_s), context)
         self._seizure = config
 
     def start(self, path: Path, snapshot: Snapshot) -> None:

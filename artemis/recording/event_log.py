@@ -37,7 +37,7 @@ _STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
 _Key = tuple[str, str]
 
 
-class Chronicle:
+class EventLog:
     """Sees every tick with its frames and tells what is new."""
 
     def __init__(self, nodes: Mapping[str, int]) -> None:

@@ -10,7 +10,7 @@ from core_builders import drive, drives
 from msgspec.structs import replace
 
 from artemis.devices.can_bus import Frame
-from artemis.recording.chronicle import STORM, Chronicle
+from artemis.recording.event_log import STORM, EventLog
 from artemis.recording.journal import Entry, Level
 from artemis.supervision import catalogue
 from artemis.values import (
@@ -53,10 +53,10 @@ def tick(time: float = 0.0, mode: Mode = Mode.FOLLOW, *faults: Fault, **changes:
 
 def told(*ticks: Tick, frames: Sequence[tuple[bool, Frame]] = ()) -> list[Entry]:
     """What is told of the last tick."""
-    chronicle = Chronicle(NODES)
+    event_log = EventLog(NODES)
     for seen in ticks[:-1]:
-        chronicle.observe(seen, frames, seen.snapshot.time)
-    return chronicle.observe(ticks[-1], (), ticks[-1].snapshot.time)
+        event_log.observe(seen, frames, seen.snapshot.time)
+    return event_log.observe(ticks[-1], (), ticks[-1].snapshot.time)
 
 
 def of(kind: str, entries: list[Entry]) -> Entry:
@@ -194,11 +194,11 @@ def test_an_acknowledgment_that_comes_too_early_is_told_with_what_is_still_there
 
 
 def test_a_recovery_without_a_person_is_told_with_the_budget_spent() -> None:
-    chronicle = Chronicle(NODES)
+    event_log = EventLog(NODES)
     entries: list[Entry] = []
     for number in range(4):
         faults = (OVERRUN,) if number % 2 == 0 else ()
-        entries += chronicle.observe(tick(number / 50, Mode.FAULT, *faults, recovers=True), (), number / 50)
+        entries += event_log.observe(tick(number / 50, Mode.FAULT, *faults, recovers=True), (), number / 50)
 
     first, second = [entry for entry in entries if entry.kind == "recovered"]
     assert first.text == "by itself: DRV-18 1 of 1 times; recovery 1 of 5 in this run"
@@ -242,13 +242,13 @@ def frame(identifier: int, time: float) -> tuple[bool, Frame]:
 
 def evidence(*faults: Fault, mode: Mode = Mode.FAULT) -> Entry:
     """Two seconds and a half of frames on a clock that shows 1000 s more than the run, then the faults."""
-    chronicle = Chronicle(NODES)
+    event_log = EventLog(NODES)
     for number in range(126):
         time = number * 0.02
         frames = [frame(identifier, 1000 + time) for identifier in (0x183, 0x184, 0x203, 0x080, 0x77F)]
-        chronicle.observe(tick(time), [*frames, *([frame(0x000, 1000 + time)] if number == 100 else [])], 1000 + time)
+        event_log.observe(tick(time), [*frames, *([frame(0x000, 1000 + time)] if number == 100 else [])], 1000 + time)
     led = Cause(event=Event.STOP, faults=faults)
-    return of("frames", chronicle.observe(tick(2.53, mode, *faults, cause=led), [frame(0x083, 1002.51)], 1002.53))
+    return of("frames", event_log.observe(tick(2.53, mode, *faults, cause=led), [frame(0x083, 1002.51)], 1002.53))
 
 
 def test_a_stop_by_a_verdict_shows_the_frames_of_the_drive_of_the_last_two_seconds() -> None:
@@ -291,13 +291,13 @@ def test_emergencies_and_boots_of_a_drive_are_told() -> None:
 
 
 def test_of_a_storm_of_emergencies_the_first_are_told_and_the_rest_counted() -> None:
-    chronicle = Chronicle(NODES)
+    event_log = EventLog(NODES)
     entries: list[Entry] = []
     for number in range(120):  # 2.4 s, of which the first 1.2 s with 100 emergencies a second
         codes = (0x8611, 0x8130) if number < 60 else ()
         said = drives(drive("steer-left", emergencies=codes), drive("steer-right", emergencies=codes[:1]))
-        entries += chronicle.observe(tick(number * 0.02, drives=said), (), 0.0)
-    entries += chronicle.end()
+        entries += event_log.observe(tick(number * 0.02, drives=said), (), 0.0)
+    entries += event_log.end()
 
     single = [entry for entry in entries if entry.kind == "emergency" and entry.data["drive"] == "steer-left"]
     counted = [entry for entry in entries if entry.kind == "emergencies"]
@@ -312,10 +312,10 @@ def test_of_a_storm_of_emergencies_the_first_are_told_and_the_rest_counted() -> 
 
 
 def test_a_storm_that_lasts_until_the_end_is_counted() -> None:
-    chronicle = Chronicle(NODES)
-    chronicle.observe(tick(drives=drives(drive("steer-left", emergencies=(0x8611,) * 50))), (), 0.0)
+    event_log = EventLog(NODES)
+    event_log.observe(tick(drives=drives(drive("steer-left", emergencies=(0x8611,) * 50))), (), 0.0)
 
-    (entry,) = chronicle.end()
+    (entry,) = event_log.end()
     assert entry.text == "steer-left: 30 more: EMCY 0x8611 x 30"
 
 

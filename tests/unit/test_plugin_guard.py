@@ -15,25 +15,25 @@ from robot_rig import StubInput
 
 from artemis.errors import DeviceLost
 from artemis.motion.path import Path
-from artemis.plugins.border import Border, close, is_in_range, is_whole_input, plain_following
 from artemis.plugins.contracts import Following
+from artemis.plugins.guard import PluginGuard, close, is_in_range, is_whole_input, plain_following
 from artemis.values import Action, DriveCommand, OperatorInput, Request, Snapshot, Tracking
 
 GOOD = OperatorInput(source="stick", speed=0.3, steering=-0.1, enabled=True, neutral=False, age=0.01, axes=(0.5, -1.0))
 
 
 class Desk:
-    """A border with one clock that plugins may spend."""
+    """A guard with one clock that plugins may spend."""
 
     def __init__(self, **inputs: Callable[[float], Any]) -> None:
         self.time = 0.0
-        self.border = Border({name: StubInput(answer) for name, answer in inputs.items()}, lambda: self.time)
+        self.guard = PluginGuard({name: StubInput(answer) for name, answer in inputs.items()}, lambda: self.time)
 
     def read(self, now: float = 0.0) -> tuple[OperatorInput, ...]:
-        return self.border.read(now)
+        return self.guard.read(now)
 
     def problems(self) -> list[tuple[str, str]]:
-        return [(id, name) for id, name, _ in self.border.take_problems()]
+        return [(id, name) for id, name, _ in self.guard.take_problems()]
 
     def slow(self, *times: float, source: str = "stick") -> Callable[[float], OperatorInput]:
         """An input that takes these times, one after the other."""
@@ -63,7 +63,7 @@ def test_input_that_raises_is_a_problem_with_its_error_and_the_others_are_read()
     other = replace(GOOD, source="other")
     desk = Desk(stick=broken, other=lambda now: other)
     assert desk.read() == (other,)
-    assert desk.border.take_problems() == [("PLG-02", "stick", "OSError('unplugged')")]
+    assert desk.guard.take_problems() == [("PLG-02", "stick", "OSError('unplugged')")]
     assert desk.problems() == [], "each is told once"
 
 
@@ -71,13 +71,13 @@ def test_input_that_raises_is_a_problem_with_its_error_and_the_others_are_read()
 def test_what_is_no_sample_is_garbage_and_shown(garbage: object) -> None:
     desk = Desk(stick=lambda now: garbage)
     assert desk.read() == ()
-    assert desk.border.take_problems() == [("PLG-06", "stick", repr(garbage))]
+    assert desk.guard.take_problems() == [("PLG-06", "stick", repr(garbage))]
 
 
 def test_garbage_is_shown_up_to_a_length() -> None:
     desk = Desk(stick=lambda now: "x" * 1000)
     desk.read()
-    assert [len(seen) for _, _, seen in desk.border.take_problems()] == [200]
+    assert [len(seen) for _, _, seen in desk.guard.take_problems()] == [200]
 
 
 PARTS: list[dict[str, Any]] = [
@@ -126,7 +126,7 @@ def test_device_that_is_gone_is_lost_and_asked_again() -> None:
 
     desk = Desk(stick=unplugged)
     assert desk.read(0.0) == ()
-    assert desk.border.take_problems() == [("INP-01", "stick", "unplugged")]
+    assert desk.guard.take_problems() == [("INP-01", "stick", "unplugged")]
     assert desk.read(1.0) == (GOOD,)
 
 
@@ -348,7 +348,7 @@ def test_tells_what_a_plugin_raises_and_returns_however_hard_it_is_to_show() -> 
 
     desk = Desk(shy=lambda now: Shy(), loud=loud)
     assert desk.read() == ()
-    (_, _, shy), (_, _, shout) = desk.border.take_problems()
+    (_, _, shy), (_, _, shout) = desk.guard.take_problems()
     assert shy == "a Shy that cannot be shown"
     assert shout.startswith("loud loud")
     assert len(shout) == 200
@@ -361,7 +361,7 @@ def test_plugin_that_wants_to_end_the_program_has_raised_an_error(error: SystemE
 
     desk = Desk(stick=leave)
     assert desk.read() == ()
-    assert desk.border.take_problems() == [("PLG-02", "stick", repr(error))]
+    assert desk.guard.take_problems() == [("PLG-02", "stick", repr(error))]
 
 
 def test_interruption_by_the_keyboard_is_no_business_of_a_plugin() -> None:
@@ -408,7 +408,7 @@ JUST, TOO = 0.0149, 0.0151
 )
 def test_input_that_is_late_three_times_in_a_row_is_a_problem(took: tuple[float, ...], problems: int) -> None:
     desk = Desk()
-    desk.border = Border({"stick": StubInput(desk.slow(*took))}, lambda: desk.time)
+    desk.guard = PluginGuard({"stick": StubInput(desk.slow(*took))}, lambda: desk.time)
     for _ in took:
         assert desk.read() == (GOOD,), "a late answer is one"
     assert desk.problems() == [("PLG-03", "stick")] * problems
@@ -416,10 +416,10 @@ def test_input_that_is_late_three_times_in_a_row_is_a_problem(took: tuple[float,
 
 def test_late_input_says_how_long_it_took() -> None:
     desk = Desk()
-    desk.border = Border({"stick": StubInput(desk.slow(0.1, 0.2, 0.3))}, lambda: desk.time)
+    desk.guard = PluginGuard({"stick": StubInput(desk.slow(0.1, 0.2, 0.3))}, lambda: desk.time)
     for _ in range(3):
         desk.read()
-    assert desk.border.take_problems() == [("PLG-03", "stick", "300 ms, 3 times in a row")]
+    assert desk.guard.take_problems() == [("PLG-03", "stick", "300 ms, 3 times in a row")]
 
 
 class SlowFollower(StubFollower):
@@ -441,12 +441,12 @@ class SlowFollower(StubFollower):
 def test_follower_is_watched_like_an_input() -> None:
     desk = Desk()
     slow = SlowFollower(desk, TOO)
-    watched = desk.border.watched(slow)
+    watched = desk.guard.watched(slow)
     watched.start(PATH, snapshot())
     answers = [watched.step(snapshot()) for _ in range(3)]
     assert answers == [following()] * 3
     assert (slow.starts, slow.steps) == (1, 3)
-    assert desk.border.take_problems() == [("PTH-09", "follower", "15 ms, 3 times in a row")]
+    assert desk.guard.take_problems() == [("PTH-09", "follower", "15 ms, 3 times in a row")]
     slow.took = JUST
     watched.step(snapshot())
     slow.took = TOO
@@ -461,7 +461,7 @@ def test_follower_that_raises_late_is_late_and_its_error_goes_on() -> None:
         desk.time += TOO
         raise ZeroDivisionError("in the follower")
 
-    watched = desk.border.watched(StubFollower(fail))
+    watched = desk.guard.watched(StubFollower(fail))
     for _ in range(3):
         with pytest.raises(ZeroDivisionError, match="in the follower"):
             watched.step(snapshot())
@@ -470,8 +470,8 @@ def test_follower_that_raises_late_is_late_and_its_error_goes_on() -> None:
 
 def test_input_called_follower_and_the_follower_are_two() -> None:
     desk = Desk()
-    desk.border = Border({"follower": StubInput(desk.slow(TOO, TOO, source="follower"))}, lambda: desk.time)
-    watched = desk.border.watched(SlowFollower(desk, TOO))
+    desk.guard = PluginGuard({"follower": StubInput(desk.slow(TOO, TOO, source="follower"))}, lambda: desk.time)
+    watched = desk.guard.watched(SlowFollower(desk, TOO))
     for _ in range(2):
         desk.read()
         watched.step(snapshot())

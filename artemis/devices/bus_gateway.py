@@ -9,15 +9,15 @@ from artemis.devices.allow_list import AllowList
 from artemis.devices.can_bus import Frame, FrameBus
 from artemis.errors import DeviceBusy
 from artemis.values import BusHealth, Mode
-from artemis.vehicle import Robot
+from artemis.vehicle import RobotFile
 
 _WELL = BusHealth()
 
 
-class WireEnd:
+class BusGateway:
     """The only owner of the bus. Holds back what must not leave in the present mode."""
 
-    def __init__(self, robot: Robot, bus: FrameBus) -> None:
+    def __init__(self, robot: RobotFile, bus: FrameBus) -> None:
         self._bus = bus
         self._allow = AllowList(robot)
         self._traffic: list[tuple[bool, Frame]] = []

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from core_builders import ROBOT, FakeBus
 
+from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame
-from artemis.devices.wire_end import WireEnd
 from artemis.errors import DeviceBusy, DeviceLost
 from artemis.values import BusHealth, Mode
 
@@ -20,7 +20,7 @@ class Bench:
     def __init__(self) -> None:
         self.bus = FakeBus()
         self.bus.error_frames = 40
-        self.wire = WireEnd(ROBOT, self.bus)
+        self.wire = BusGateway(ROBOT, self.bus)
 
     def arrive(self, *frames: Frame) -> list[Frame]:
         self.bus.arrived = list(frames)

@@ -30,14 +30,14 @@ from artemis.values import Mode, Request
 SPEED, LEFT = 0.6, "traction-left"
 STEPS, FILES = [CALIBRATE, follow(SPEED)], {"line.csv": straight(4.0)}
 BY_SDO, BY_SILENCE = 0.16, 0.5
-"""Longest times until a deaf drive begins to brake: 0.1 s to be found, a few answers; three tries of 50 ms and a
-watchdog of 200 ms [s]."""
+"""Longest times until an unresponsive drive begins to brake: 0.1 s to be found, a few answers; three tries of 50 ms
+and a watchdog of 200 ms [s]."""
 WATCH = 0x1016
 Drops = Callable[[Frame], bool]
 
 
 class DeafRig(Rig):
-    """A robot that follows a line. From `deafen` on, `drops` says which frames nobody hears."""
+    """A robot that follows a line. From `stop_answering` on, `drops` says which frames nobody hears."""
 
     def __init__(self, folder: Path, drops: Drops, **simulation: Any) -> None:  # noqa: ANN401 (keys of a mission)
         operator = [{"at_s": 11.5, "do": "acknowledge"}]
@@ -48,7 +48,7 @@ class DeafRig(Rig):
     def _disturb(self, frame: Frame, _now: float) -> tuple[Frame | None, float]:
         return (None if self._deaf and self._drops(frame) else frame), 0.0
 
-    def deafen(self, act: Callable[[], None] = lambda: None) -> None:
+    def stop_answering(self, act: Callable[[], None] = lambda: None) -> None:
         """From now on; then do something else."""
         self._deaf = True
         act()
@@ -85,24 +85,24 @@ def test_a_drive_that_hears_no_stop_frame_is_stopped_all_the_same(
     tmp_path: Path, request_: Request, drops: Drops, within: float
 ) -> None:
     rig = DeafRig(tmp_path, drops)
-    rig.while_following(lambda: rig.deafen(rig.request(request_)), name="stop")
+    rig.while_following(lambda: rig.stop_answering(rig.request(request_)), name="stop")
     seen = rig.run()
     assert_stopped(seen, seen.acts["stop"], within)
 
 
 def test_both_driven_wheels_stop_where_one_trips_and_the_other_hears_nothing(tmp_path: Path) -> None:
     rig = DeafRig(tmp_path, process_data)
-    rig.while_following(lambda: rig.deafen(rig.emergency("traction-right", 0x8611)), name="trip")
+    rig.while_following(lambda: rig.stop_answering(rig.emergency("traction-right", 0x8611)), name="trip")
     seen = rig.run()
     assert seen.fault_ids[0] == "DRV-25"
     assert_stopped(seen, seen.acts["trip"], BY_SDO)
 
 
-def test_a_stop_that_is_pressed_again_and_again_reaches_a_deaf_drive_as_soon(tmp_path: Path) -> None:
+def test_a_stop_that_is_pressed_again_and_again_reaches_an_unresponsive_drive_as_soon(tmp_path: Path) -> None:
     rig = DeafRig(tmp_path, all_but_heartbeats)
 
     def press() -> None:
-        rig.deafen(rig.request(Request.QUICKSTOP))
+        rig.stop_answering(rig.request(Request.QUICKSTOP))
         if rig.bus.loop.time() < rig._done["stop"] + 3.0:
             rig.bus.loop.call_later(0.033, press)
 
@@ -114,7 +114,7 @@ def test_a_stop_that_is_pressed_again_and_again_reaches_a_deaf_drive_as_soon(tmp
 def test_a_steering_drive_that_hears_no_process_data_is_switched_off_once_the_robot_stands(tmp_path: Path) -> None:
     steer = NODE["steer-left"]
     rig = DeafRig(tmp_path, lambda frame: frame.id in (SET_POINTS + steer, STOP_FRAMES + steer))
-    rig.while_following(lambda: rig.deafen(rig.request(Request.QUICKSTOP)), name="stop")
+    rig.while_following(lambda: rig.stop_answering(rig.request(Request.QUICKSTOP)), name="stop")
     states: dict[float, DriveState] = {}
 
     def look(after: float) -> Callable[[], None]:
@@ -143,7 +143,7 @@ def test_the_ordered_end_gives_a_runaway_drive_no_heartbeat_back(tmp_path: Path,
 
 def test_a_drive_that_could_not_be_switched_off_still_watches_when_the_run_is_over(tmp_path: Path) -> None:
     rig = DeafRig(tmp_path, lambda frame: process_data(frame) or status_is_asked(frame))
-    rig.while_following(lambda: rig.deafen(rig.request(Request.END)), name="end")
+    rig.while_following(lambda: rig.stop_answering(rig.request(Request.END)), name="end")
     seen = rig.run()
     assert "COM-34" in seen.fault_ids
     drive = seen.world.drive(LEFT)

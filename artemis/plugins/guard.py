@@ -1,4 +1,4 @@
-"""The border to foreign code: plugins are asked here, and whatever they do instead of an answer becomes a fault.
+"""The guard around foreign code: plugins are asked here, and whatever they do instead of an answer becomes a fault.
 
 The Python exceptions of a plugin are all caught here, each becomes a fault with its text; so is its wish to end the
 program. An answer goes on as plain values: numbers are floats, whatever the plugin computes with.
@@ -44,7 +44,7 @@ Problem = tuple[str, str, str]
 """Row of the fault table, plugin, what was seen."""
 
 
-class Border:
+class PluginGuard:
     """Asks the inputs and the localizer of a run, and measures how long each plugin takes."""
 
     def __init__(
