@@ -22,7 +22,7 @@ COMMANDS = "artemis.commands"
 app = typer.Typer(
     name="artemis",
     rich_markup_mode=None,
-    add_completion=False,
+    add_completion=True,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
@@ -83,6 +83,31 @@ def check(missions: Annotated[list[Path], typer.Argument(metavar="MISSION...", h
             problems += error.problems
     if problems:
         raise ConfigError(list(dict.fromkeys(problems)))  # two missions may name one broken robot
+
+
+@app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where to; made if it is not there.")] = Path(),
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: the machine is ARTEMIS.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+) -> None:
+    """Ask for the machine, and write its robot file and a first mission, which run simulated at once."""
+    from artemis.commands.init import begin
+
+    begin(folder, ask=not yes, force=force)
+
+
+@app.command()
+def doctor(
+    mission: Annotated[
+        Path | None, typer.Option("--mission", metavar="M", help="Also what this mission needs; asks its drives.")
+    ] = None,
+    report: Annotated[bool, typer.Option("--report", help="Everything, to paste where you ask for help.")] = False,
+) -> None:
+    """Check this computer: packages, CAN, input devices, plugins, disk, clock, timing; for each problem, what to do."""
+    from artemis.commands.doctor import examine
+
+    raise typer.Exit(examine(mission, report=report))
 
 
 @app.command()
