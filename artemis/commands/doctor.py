@@ -158,7 +158,7 @@ def _can(loaded: LoadedMission | None) -> Iterator[Finding]:
         try:
             return [
                 Finding(
-                    FAILURE if node.problem else OK, f"{node.name}: node {node.node_id}: {node.problem or 'answers'}"
+                    FAILURE if node.problem else OK, f"{node.name}, node {node.node_id}: {node.problem or 'answers'}"
                 )
                 for node in await ask_nodes(loaded.robot, bus)
             ]

@@ -358,7 +358,7 @@ def test_decisions_are_numbered_and_have_their_parts() -> None:
 
 
 def test_picture_is_small() -> None:
-    assert (ROOT / "docs/images/figure_eight.png").stat().st_size < 200_000
+    assert (ROOT / "docs/images/drive.gif").stat().st_size < 800_000
 
 
 # ----------------------------------------------------------------------------------------------------- sizes and names

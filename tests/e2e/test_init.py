@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from command_line import ROBOT, artemis_here
 
-from artemis.config import load_model
-from artemis.mission.loading import load_mission
+from artemis.mission.loading import load_mission, load_model
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 

@@ -70,8 +70,11 @@ def test_a_broken_mission_is_a_failure_with_its_place(tmp_path: Path, capsys: py
     assert f"FAILURE   {tmp_path}/m.yaml:" in capsys.readouterr().out
 
 
-def test_drives_that_do_not_answer_are_failures(capsys: pytest.CaptureFixture[str]) -> None:
-    assert examine(MISSIONS / "figure_eight_udp.yaml", report=False) == 1
+def test_drives_that_do_not_answer_are_failures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "robot.yaml").write_bytes((MISSIONS / "robots/artemis.yaml").read_bytes())
+    bus = "{interface: virtual, channel: nobody-there}"
+    (tmp_path / "m.yaml").write_text(f"mission: x\nrobot: robot.yaml\nbus: {bus}\nsteps: [{{wait: {{seconds: 1}}}}]\n")
+    assert examine(tmp_path / "m.yaml", report=False) == 1
     shown = capsys.readouterr().out
     assert shown.count("no answer") == 4
     assert "FAILURE   steer-left, node 3" in shown
