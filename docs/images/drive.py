@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib import pyplot
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
 from matplotlib.transforms import Affine2D
 
 from artemis.app import run_mission
@@ -24,15 +25,14 @@ HERE = Path(__file__).parent
 MISSIONS = HERE.parents[1] / "missions"
 EVERY, FRAMES_PER_S = 25, 20
 """Ticks from picture to picture (0.5 s of the run), and pictures a second: ten times as fast as the robot."""
-BODY = {"front": 0.12, "rear": 0.12, "wheel": (0.24, 0.08)}
-"""Overhang of the outline beyond the axles [m]; length and width of a wheel [m]."""
+OVERHANG, LENGTH, WIDTH = 0.12, 0.24, 0.08
+"""Of the outline beyond the axles, and of a wheel [m]."""
 
 
 def wheel(axes: Axes, x: float, y: float, angle: float, pose: Affine2D) -> None:
     """One wheel of the robot's frame: its centre [m], and its angle [rad]."""
-    length, width = BODY["wheel"]
     place = Affine2D().rotate(angle).translate(x, y) + pose + axes.transData
-    axes.add_patch(pyplot.Rectangle((-length / 2, -width / 2), length, width, color="0.15", transform=place))
+    axes.add_patch(Rectangle((-LENGTH / 2, -WIDTH / 2), LENGTH, WIDTH, color="0.15", transform=place))
 
 
 with tempfile.TemporaryDirectory() as folder:
@@ -57,9 +57,9 @@ def draw(number: int) -> None:
     driven = np.array([(t.snapshot.pose.pose.x, t.snapshot.pose.pose.y) for t in shown[: number + 1]])
     axes.plot(*driven.T, color="tab:blue", linewidth=1.5)
     pose = Affine2D().rotate(at.heading).translate(at.x, at.y)
-    rear, half = -BODY["rear"], geometry.track_m / 2
-    outline = (rear, -half + 0.05), geometry.wheelbase_m + BODY["front"] + BODY["rear"], geometry.track_m - 0.1
-    axes.add_patch(pyplot.Rectangle(*outline, facecolor="tab:orange", alpha=0.85, transform=pose + axes.transData))
+    half = geometry.track_m / 2
+    outline = (-OVERHANG, -half + 0.05), geometry.wheelbase_m + 2 * OVERHANG, geometry.track_m - 0.1
+    axes.add_patch(Rectangle(*outline, facecolor="tab:orange", alpha=0.85, transform=pose + axes.transData))
     left, right = car.wheel_angles(points.steering)
     for side, angle in ((1, left), (-1, right)):
         wheel(axes, 0.0, side * half, 0.0, pose)
