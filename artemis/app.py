@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -251,29 +250,20 @@ def run_mission(
     plan = parts.plan or plan_for(loaded, simulated, resume_point)
     disk = parts.disk or (Disk() if injector is None else injector.failing_disk(loaded.folder))
     attendance = Attendance(loaded.mission.simulation.operator if simulated else (), operator)
-    record = RunRecord(
-        loaded,
-        provenance_of(loaded, source, start or clock.wall_date(), simulated, resume_point),
-        disk,
-        threaded=not virtual,
-        alone=not (virtual or attendance.expected),
-        observers=observers or {},
-    )
+    provenance = provenance_of(loaded, source, start or clock.wall_date(), simulated, resume_point)
+    alone = not (virtual or attendance.expected)
+    record = RunRecord(loaded, provenance, disk, observers or {}, threaded=not virtual, alone=alone)
+
+    def equip() -> Equipment:
+        instead = parts.machine, parts.sensors
+        return opened(loaded, resume_point, witness, *instead, simulated=simulated, localized=plan.localized)
+
     run = _Run(
         loaded=loaded,
         simulated=simulated,
         plan=plan,
         parts=parts,
-        equip=partial(
-            opened,
-            loaded,
-            resume_point,
-            witness,
-            parts.machine,
-            parts.sensors,
-            simulated=simulated,
-            localized=plan.localized,
-        ),
+        equip=equip,
         record=record,
         attendance=attendance,
         watch=watch,

@@ -35,10 +35,10 @@ class RunRecord:
         loaded: LoadedMission,
         provenance: Provenance,
         disk: Disk,
+        observers: Mapping[str, Observer],
         *,
         threaded: bool,
         alone: bool,
-        observers: Mapping[str, Observer],
     ) -> None:
         """Make the run's folder, with enough room for a run that is left `alone`.
 
