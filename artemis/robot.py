@@ -148,6 +148,7 @@ class Robot:
             results=tuple(self._results),
             faults=tuple(self._faults),
             fixes=fixes,
+            scans=readings.scans,
         )
         for taken in (self._requests, self._results, self._faults):
             taken.clear()

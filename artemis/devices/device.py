@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from msgspec import Struct
 
+from artemis.scan import Scan
 from artemis.values import BusHealth, DriveFeedback, Job, JobResult, Tick
 
 Report = Callable[[str, str, str], None]
@@ -20,6 +21,7 @@ class Readings(Struct, frozen=True, kw_only=True, gc=False):
 
     drives: tuple[DriveFeedback, ...] = ()
     bus: BusHealth = BusHealth()
+    scans: tuple[Scan, ...] = ()
 
 
 class Device(Protocol):
@@ -83,6 +85,7 @@ class DeviceGroup:
         buses = [part.bus for part in readings]
         return Readings(
             drives=tuple([drives[place] for place in self._places]),
+            scans=sum((part.scans for part in readings), ()),
             bus=BusHealth(
                 foreign=sum((bus.foreign for bus in buses), ()),
                 refused=max(bus.refused for bus in buses),
