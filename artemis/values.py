@@ -11,6 +11,7 @@ from enum import Enum, IntEnum
 from msgspec import Struct
 
 from artemis.drive_states import DriveState, Goal, Nmt
+from artemis.scan import Scan
 
 
 class DriveFeedback(Struct, frozen=True, kw_only=True, gc=False):
@@ -145,6 +146,7 @@ class Sensed(Struct, frozen=True, kw_only=True, gc=False):
     faults: tuple[Fault, ...] = ()
     """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
     fixes: tuple[PoseFix, ...] = ()  # what a localizer found since the last tick
+    scans: tuple[Scan, ...] = ()  # of laser scanners, those that are new since the last tick, oldest first
 
 
 class Pose(Struct, frozen=True, kw_only=True, gc=False):

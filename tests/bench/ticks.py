@@ -119,7 +119,7 @@ def _our_cycle(robot: RobotFile, answers: list[Frame]) -> Callable[[], object]:
     heartbeat = heartbeat_frame(robot.host_node_id, Nmt.OPERATIONAL)
 
     def cycle() -> object:
-        drives.receive()
+        drives.wire.take_in()
         feedback = drives.feedback(0.0)
         for node in drives.nodes:
             bus.send(node.set_point_frame(0x0F, 0.2))

@@ -177,7 +177,7 @@ def _beating(original: Any) -> Any:
         import asyncio
 
         loop, beat = asyncio.get_running_loop(), heartbeat_frame(127, Nmt.OPERATIONAL)
-        wire = self._drives.wire
+        wire = self._devices.wire
 
         def again() -> None:
             wire._bus.send(beat)

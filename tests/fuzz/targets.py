@@ -154,7 +154,7 @@ def hear(data: bytes) -> None:
     for pause, frame in _frames(data):
         now += pause * MILLISECOND
         bus.waiting.append(frame._replace(time=now))
-        drives.receive()
+        drives.wire.take_in()
         for feedback in drives.feedback(now):
             numbers = (feedback.position, feedback.velocity, feedback.current, *feedback.potentiometers)
             assert all(map(isfinite, numbers))
