@@ -6,6 +6,7 @@ import pytest
 from core_builders import NAMES, ROBOT
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from artemis.devices.allow_list import MARGIN, MOST, AllowList
 from artemis.devices.can_bus import Frame
@@ -133,7 +134,7 @@ def test_frame_leaves_exactly_in_the_modes_of_its_kind(mode: Mode, kind: str) ->
 def test_remote_frames_never_leave(kind: str) -> None:
     frame, _ = KINDS[kind]
     for mode in Mode:
-        assert not may(mode, frame._replace(rtr=True))
+        assert not may(mode, replace(frame, rtr=True))
 
 
 @given(identifier=st.integers(0, 0x7FF), data=st.binary(max_size=8), mode=st.sampled_from(Mode))
