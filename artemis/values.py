@@ -241,6 +241,8 @@ class Mode(Enum):
     FAULT = "fault"
     END = "end"
 
+    __hash__ = object.__hash__  # as of `DriveState`
+
 
 class Fault(Struct, frozen=True, kw_only=True, gc=False):
     """Something is wrong: the catalogue's id, the device, and words for the operator."""

@@ -60,6 +60,8 @@ class AllowList:
             self._rules[RXPDO[0] + node] = self._set_point(node, rpm)
             self._rules[RXPDO[1] + node] = self._stop
             self._rules[SDO_REQUEST + node] = self._sdo
+        self.ours = frozenset(self._rules)
+        """Identifiers that nobody but us may send."""
         self._counted = [identifier for identifier in self._rules if identifier & _FUNCTION not in (NMT, SDO_REQUEST)]
         self._sent = dict.fromkeys(self._counted, 0)
 
@@ -75,19 +77,15 @@ class AllowList:
             self._ceiling = 0.0
         self._mode = mode
 
-    def is_ours(self, identifier: int) -> bool:
-        """Whether nobody but us may send this identifier."""
-        return identifier in self._rules
-
     def problem(self, frame: Frame) -> str | None:
         """Why `frame` must not leave now; None: it may."""
         rule = self._rules.get(frame.id)
         if rule is None or frame.rtr:
             return self._told(frame, "is none of ours")
-        if frame.id in self._sent:
-            sent = self._sent[frame.id] = self._sent[frame.id] + 1
-            if sent > MOST:
-                return self._told(frame, f"was sent {sent} times in one tick")
+        if (before := self._sent.get(frame.id)) is not None:
+            self._sent[frame.id] = before + 1
+            if before >= MOST:
+                return self._told(frame, f"was sent {before + 1} times in one tick")
         wrong = rule(frame.data)
         return None if wrong is None else self._told(frame, wrong)
 

@@ -112,10 +112,10 @@ class BusGateway:
         Raises:
             DeviceLost: the adapter is gone.
         """
-        frames = self._bus.receive()
+        frames, traffic, ours = self._bus.receive(), self._traffic, self._allow.ours
         for frame in frames:
-            self._traffic.append((False, frame))
-            if self._allow.is_ours(frame.id):
+            traffic.append((False, frame))
+            if frame.id in ours:
                 self._foreign.append(frame.id)
         return frames
 

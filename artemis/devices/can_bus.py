@@ -18,7 +18,9 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar
+
+from msgspec import Struct
 
 from artemis import clock
 from artemis.errors import ConfigError, DeviceBusy, DeviceLost
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-class Frame(NamedTuple):
+class Frame(Struct, frozen=True, gc=False):
     """One classic CAN data frame with an 11-bit identifier (or a remote frame, `rtr`)."""
 
     id: int
@@ -280,7 +282,7 @@ class CanBus:
         while self._sent and self._sent[0][3] < frame.time - _ECHO_TIME:
             self._sent.popleft()
         for position, sent in enumerate(self._sent):
-            if sent[:3] == frame[:3]:
+            if sent[:3] == (frame.id, frame.data, frame.rtr):
                 del self._sent[position]
                 return True
         return False

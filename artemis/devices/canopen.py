@@ -91,7 +91,11 @@ def _pack(layout: struct.Struct, *values: int | bytes) -> bytes:
     try:
         return layout.pack(*values)
     except struct.error as error:
-        raise ProtocolError(f"{values} does not fit its fields: {error}") from None
+        raise _does_not_fit(values, error) from None
+
+
+def _does_not_fit(values: tuple[int | bytes, ...], error: struct.error) -> ProtocolError:
+    return ProtocolError(f"{values} does not fit its fields: {error}")
 
 
 class ObjectType(Enum):
@@ -146,7 +150,10 @@ class PdoLayout:
 
     def pack(self, *values: int) -> bytes:
         """Data of a PDO with these values, one for each field."""
-        return _pack(self._layout, *values)
+        try:
+            return self._layout.pack(*values)
+        except struct.error as error:
+            raise _does_not_fit(values, error) from None
 
     def unpack(self, data: bytes) -> tuple[int, ...]:
         """Values of a received PDO; surplus bytes are ignored (CiA 301 7.2.2)."""

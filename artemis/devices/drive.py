@@ -14,7 +14,7 @@ from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.epos_state import Controlword, controlword
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceLost
-from artemis.values import DriveFeedback, Job, JobResult, SetPoints, Tick
+from artemis.values import DriveFeedback, Job, JobResult, Tick
 from artemis.vehicle import RobotFile
 
 
@@ -62,16 +62,15 @@ class Drives:
         wish, urgent, send = tick.wish, tick.snapshot.sensed.urgent, self.wire.send
         self.wire.begin(tick.mode)
         if wish.exchange:
-            words = [
-                controlword(node.state, wish.traction if node.is_traction else wish.steering, node.last_controlword)
-                for node in self.nodes
-            ]
-            for node, word in zip(self.nodes, words, strict=True):  # stops first, both sides together
+            words = []
+            for node in self.nodes:  # stops first, both sides together
+                goal = wish.traction if node.is_traction else wish.steering
+                words.append(word := controlword(node.state, goal, node.last_controlword))
                 if word == Controlword.QUICK_STOP != node.last_controlword:
                     send(node.stop_frame(word))
             if not urgent:
                 for node, word in zip(self.nodes, words, strict=True):
-                    send(node.set_point_frame(word, _set_point(node, tick.set_points)))
+                    send(node.set_point_frame(word, node.own_set_point(tick.set_points)))
                 send(SYNC_FRAME)
         if wish.heartbeat and not urgent:
             send(self._heartbeat)
@@ -89,10 +88,3 @@ class Drives:
     async def perform(self, job: Job) -> JobResult:
         """Do a job beside the ticks; a device that fails is a result, not an exception."""
         return await self._jobs[job.drive].result(job)
-
-
-def _set_point(node: EposDrive, points: SetPoints) -> float:
-    """Rolling speed [m/s] or wheel angle [rad] for one node."""
-    if node.is_traction:
-        return points.speed_left if node.is_left else points.speed_right
-    return points.steering_left if node.is_left else points.steering_right

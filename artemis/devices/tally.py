@@ -1,4 +1,4 @@
-"""What a drive's end of the bus counts between two ticks."""
+"""What happens seldom at a drive's end of the bus, counted between two ticks."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ class Tally(Struct):
 
     emergencies: list[int] = []
     boots: int = 0
-    frames: int = 0
     malformed: int = 0
     disordered: int = 0
+
+
+NOTHING = Tally()

@@ -107,10 +107,10 @@ class EventLog:
             names = dict.fromkeys(self._nodes)
         ids = {self._nodes[name] for name in names}
         found = [
-            [round(at - self._origin, 6), "tx" if sent else "rx", f"{identifier:03X}", data.hex().upper()]
+            [round(frame.time - self._origin, 6), "tx" if sent else "rx", f"{frame.id:03X}", frame.data.hex().upper()]
             for _, frames in self._recent
-            for sent, (identifier, data, _, at) in frames
-            if identifier & 0x7F in ids or identifier == NMT
+            for sent, frame in frames
+            if frame.id & 0x7F in ids or frame.id == NMT
         ]
         text = f"{', '.join(names)}: {len(found)} frames of the last {EVIDENCE_TIME:g} s"
         return Entry(time=time, kind="frames", text=text, data={"drives": list(names), "frames": found})

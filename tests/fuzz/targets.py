@@ -18,6 +18,7 @@ from zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, DataEnd, Footer
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from msgspec import structs
 
 from artemis import clock
 from artemis.devices import canopen
@@ -153,7 +154,7 @@ def hear(data: bytes) -> None:
     drives, now = Drives(ROBOT, bus), 0.0
     for pause, frame in _frames(data):
         now += pause * MILLISECOND
-        bus.waiting.append(frame._replace(time=now))
+        bus.waiting.append(structs.replace(frame, time=now))
         drives.wire.take_in()
         for feedback in drives.feedback(now):
             numbers = (feedback.position, feedback.velocity, feedback.current, *feedback.potentiometers)

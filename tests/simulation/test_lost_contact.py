@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from disturbance import random_disturbance
+from msgspec.structs import replace
 from rig import (
     BRAKING,
     CALIBRATE,
@@ -150,7 +151,7 @@ def twice(rig_of: Callable[[], Rig]) -> Disturb:
     def disturb(frame: Frame, now: float) -> tuple[Frame | None, float]:
         bus = rig_of().bus
         if 0x180 < frame.id < 0x200 or 0x280 < frame.id < 0x300 or HEARTBEAT < frame.id < HEARTBEAT + 0x7F:
-            bus._inbox.append(frame._replace(time=now))
+            bus._inbox.append(replace(frame, time=now))
         return frame, 0.0
 
     return disturb

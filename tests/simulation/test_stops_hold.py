@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
+from msgspec.structs import replace
 from rig import (
     CALIBRATE,
     NODE,
@@ -388,6 +389,6 @@ def test_an_emergency_of_ours_makes_an_extra_tick(tmp_path: Path) -> None:
 
 def arrive(rig: Rig, frame: Frame) -> None:
     """The host's adapter hears a frame now."""
-    rig.bus._inbox.append(frame._replace(time=rig.bus._loop.time()))
+    rig.bus._inbox.append(replace(frame, time=rig.bus._loop.time()))
     assert rig.bus._wake is not None
     rig.bus._wake()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from core_builders import ROBOT, FakeBus
+from msgspec.structs import replace
 
 from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame
@@ -35,9 +36,9 @@ def test_what_may_leave_leaves_and_is_written_down_with_the_time() -> None:
     bench.wire.send(HEARTBEAT)
     assert [frame.id for frame in bench.bus.sent] == [0x080, 0x77F]
     assert bench.wire.take_traffic(1.0) == [
-        (True, SYNC._replace(time=1.0)),
+        (True, replace(SYNC, time=1.0)),
         (False, Frame(0x181, bytes(6), time=0.98)),
-        (True, HEARTBEAT._replace(time=1.0)),
+        (True, replace(HEARTBEAT, time=1.0)),
     ]
     assert bench.wire.take_traffic(1.0) == [], "each once"
     assert bench.wire.health() == BusHealth()
