@@ -11,15 +11,16 @@ from pathlib import Path
 from string import Template
 
 from artemis.errors import ConfigError
-from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, OBSERVERS, listing
+from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, LOCALIZERS, OBSERVERS, listing
 
-GROUPS = {"input": INPUTS, "follower": FOLLOWERS, "observer": OBSERVERS}
+GROUPS = {"input": INPUTS, "follower": FOLLOWERS, "localizer": LOCALIZERS, "observer": OBSERVERS}
 NAME = re.compile("[a-z][a-z0-9]*(-[a-z0-9]+)*")
 LONGEST = 30
 """Letters of a name: longer ones would make long lines of the package's code."""
 ADVICE = {
     "input": "As it is, it drives by itself, with nobody at an enable button: run it in simulation only.",
     "follower": "It is pure pursuit, to begin with; `path.csv` is a path to try it on.",
+    "localizer": "As it is, it knows where a simulated robot is: in `fixes`, ask your device instead.",
     "observer": "It writes how far the robot has gone into `NAME.txt` of the run's folder, to begin with.",
 }
 

@@ -457,7 +457,7 @@ BUGS: tuple[Bug, ...] = (
         "lost adapter is not noticed",
         "unplugged",
         "I3",
-        {"artemis.robot.Robot._lose": becomes(lambda self, error: True)},
+        {"artemis.devices.bus_gateway.BusGateway.lose": becomes(lambda self, error: None)},
     ),
     Bug("late ticks are not noticed", "computer dozes", "I3", {HOST: without_rows("SYS-01", "SYS-03", "COM-31")}),
     Bug(
