@@ -132,8 +132,8 @@ class Robot:
         except DeviceLost as error:
             self._lose(error)
         inputs, fixes = self._guard.read(now - self._start), self._guard.fixes(now - self._start)
-        self._faults += (catalogue.fault(*problem) for problem in self._guard.take_problems())
-        self._requests += (request for sample in inputs for request in sample.requests)
+        self._faults += [catalogue.fault(*problem) for problem in self._guard.take_problems()]
+        self._requests += [request for sample in inputs for request in sample.requests]
         self._index += 1
         sensed = Sensed(
             index=self._index - 1,
