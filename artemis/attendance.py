@@ -47,7 +47,7 @@ class Attendance:
         self.hands = False
         """Somebody was heard at a device that needs a person."""
         self.interrupted: int | None = None
-        """The signal that ends the run."""
+        """The signal that ends the run: the first."""
 
     @property
     def expected(self) -> bool:
@@ -64,19 +64,27 @@ class Attendance:
         return self._operator is not None
 
     def begin(self, loop: asyncio.AbstractEventLoop, request: Callable[[Request], None]) -> Callable[[], None]:
-        """Pass on what everybody asks for from now on; returns how to stop."""
+        """Pass on what everybody asks for from now on; returns how to stop.
+
+        SIGINT, SIGTERM and SIGHUP end the run in order, whoever started it; a second one stops quickly. SIGINT does so,
+        too, where a shell had it ignored, as for a script's `artemis run ... &`: a robot is always stopped. SIGHUP alone
+        stays ignored where it was (`nohup`) and nobody is at the terminal: that run was to outlive it. Where somebody
+        was, the person who could have stopped the robot is gone: a quick stop.
+        """
         for act in self._acts:
             loop.call_later(act.at_s, request, REQUESTS[act.do])
 
         def interrupt(number: int) -> None:
-            again, self.interrupted = self.interrupted is not None, number
+            again, self.interrupted = self.interrupted is not None, self.interrupted or number
             request(Request.END)
-            if again:
+            if again or (number == signal.SIGHUP and self._operator is not None):
                 request(Request.QUICKSTOP)
 
         if threading.current_thread() is threading.main_thread():  # no other hears signals
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.add_signal_handler(number, interrupt, number)
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                outlives = number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN
+                if self._operator is not None or not outlives:
+                    loop.add_signal_handler(number, interrupt, number)
 
         def tell(typed: bytes) -> None:
             for listener in self._listeners:
