@@ -51,7 +51,8 @@ def listen_to_keys(
 
     Where somebody drives by the keys, `typed` is called with all that comes, and with nothing once the terminal is
     closed; the terminal then also tells when keys are released, and is asked all the time whether it is there.
-    A closed terminal counts as a quick stop and the end: the person who could have stopped the robot is gone. Ctrl-Z does nothing while a mission runs: a suspended process has no heartbeat, and every drive would fault.
+    A closed terminal counts as a quick stop and the end: the person who could have stopped the robot is gone. Ctrl-Z
+    does nothing while a mission runs: a suspended process has no heartbeat, and every drive would fault.
     """
     loop, descriptor = asyncio.get_running_loop(), sys.stdin.fileno()
     before = termios.tcgetattr(descriptor)

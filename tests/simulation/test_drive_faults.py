@@ -131,7 +131,7 @@ def test_a_drive_found_in_a_fault_that_needs_an_nmt_reset_is_brought_up(tmp_path
     rig = Rig(write_mission(tmp_path, [{"wait": {"seconds": 0.1}}]))
 
     def fail() -> None:
-        rig.drive("steer-left").emergency(code, rig.world.time, heard=False)
+        rig.drive("steer-left").emergency(code, rig.bus.loop.time(), heard=False)
 
     seen = rig.at(0.1, fail).run()
     assert (seen.status, seen.fault_ids) == (0, [])
