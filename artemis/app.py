@@ -16,7 +16,7 @@ from artemis import clock
 from artemis.attendance import Attendance, Operator
 from artemis.devices.can_bus import CanBus, FrameBus, Traffic
 from artemis.devices.drive import Drives
-from artemis.devices.host import HostWatch, usage
+from artemis.devices.host import MOST_MEMORY, HostWatch, usage
 from artemis.devices.reopening import ReopeningBus
 from artemis.errors import RecordingError
 from artemis.mission.injector import Simulated
@@ -26,8 +26,9 @@ from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, plan_for, plugin_made, setup_for
 from artemis.plugins.contracts import InputDevice, Localizer, Observer
-from artemis.plugins.guard import GARBAGE, PluginGuard, Problem, close
+from artemis.plugins.guard import GARBAGE, PluginGuard, Problem
 from artemis.plugins.observing import Observation
+from artemis.plugins.process import Asked, plugins_watched
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import JOURNAL, Recorder
@@ -42,9 +43,6 @@ from artemis.values import Fault, Pose, Severity, Tick
 if TYPE_CHECKING:
     from artemis.sim.bus import Surroundings
     from artemis.sim.world import World
-
-MOST_MEMORY = 1_000_000_000
-"""A process that grows and takes more than this [bytes] has to stop before the system ends it (PLG-05)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,6 +130,7 @@ class _Run:
     """Run time [s]."""
     failed: bool = False
     results: Results = field(default_factory=Results)
+    asked: Asked = field(default_factory=Asked)
 
     def go(self, loop: type[asyncio.AbstractEventLoop]) -> Outcome:
         """Run to the end, in the time of such a loop."""
@@ -141,10 +140,13 @@ class _Run:
             for observer in self.observers:
                 ends.callback(observer.close)
             ends.callback(lambda: self.recorder.close(outcome))
+            patient = self.attendance.is_undisturbed if self.virtual else None
+            ours = {observer.name for observer in self.observers}
+            ends.enter_context(plugins_watched(self.asked, ours, self._warn, patient))
             for name, use in self.loaded.mission.observers.items():
                 setup = replace(setup_for(self.loaded, name), run=self.folder.path)
                 observer = plugin_made("artemis.observers", use, setup)
-                self.observers.append(Observation(name, observer, threaded=not self.virtual))
+                self.observers.append(Observation(name, observer, threaded=not self.virtual, asked=self.asked))
                 ends.callback(self._close, self.observers[-1])
             runner = ends.enter_context(asyncio.Runner(loop_factory=loop))
             runner.run(self._main())
@@ -171,7 +173,7 @@ class _Run:
         inputs = self._inputs(wake)
         live = {name for name, device in inputs.items() if getattr(device, "live", False)}
         localizer = self._localizer(world, loop.time())
-        guard = PluginGuard(inputs, loop.time, localizer)
+        guard = PluginGuard(inputs, loop.time, localizer, self.asked)
         steps = with_followers(self.plan.steps, guard.watched)
         drives = Drives(self.loaded.robot, bus)
         self.recorder.true_pose = self._true_pose(world)
@@ -205,7 +207,7 @@ class _Run:
             await robot.run()
         finally:
             stop_listening()
-            self._note(close(inputs if localizer is None else {**inputs, "localizer": localizer}))
+            self._note(guard.close())
             bus.close()
 
     def _close(self, observer: Observation) -> None:
@@ -215,8 +217,10 @@ class _Run:
     def _note(self, problems: list[Problem]) -> None:
         """What went wrong at the end."""
         for id, name, seen in problems:
-            text = f"{id} {name}: {seen}, when it was closed"
-            self.recorder.note(Entry(time=self.time, kind="warning", text=text, level=Level.WARNING))
+            self._warn(f"{id} {name}: {seen}, when it was closed")
+
+    def _warn(self, text: str) -> None:
+        self.recorder.note(Entry(time=self.time, kind="warning", text=text, level=Level.WARNING))
 
     def _machine(self, loop: asyncio.AbstractEventLoop) -> tuple[FrameBus, World | None]:
         """The bus, and the world behind it where that is simulated; one that can fail where the mission wants that."""
@@ -248,7 +252,9 @@ class _Run:
         devices: dict[str, InputDevice] = {}
         for name, use in inputs_used(self.loaded, self.simulated).items():
             setup = replace(setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear)
+            self.asked.begin(name)
             devices[name] = plugin_made("artemis.inputs", use, setup)
+        self.asked.end()
         return devices
 
     def _true_pose(self, world: World | None) -> Callable[[Tick], Pose | None]:

@@ -54,6 +54,10 @@ class Attendance:
         """Somebody will be there, by what is known before the run."""
         return self._operator is not None or bool(self._acts)
 
+    def is_undisturbed(self) -> bool:
+        """No signal has asked for the end."""
+        return self.interrupted is None
+
     def there(self, time: float) -> bool:
         """Whether anybody is, at a run time [s]."""
         return self._operator is not None or self.hands or time <= self._until
@@ -74,22 +78,30 @@ class Attendance:
         for act in self._acts:
             loop.call_later(act.at_s, request, REQUESTS[act.do])
 
-        def interrupt(number: int) -> None:
+        def interrupt(number: int, _: object) -> None:
+            """Between two instructions of whatever runs: also of a plugin that does not return."""
             again, self.interrupted = self.interrupted is not None, self.interrupted or number
-            request(Request.END)
+            loop.call_soon_threadsafe(request, Request.END)
             if again or (number == signal.SIGHUP and self._operator is not None):
-                request(Request.QUICKSTOP)
+                loop.call_soon_threadsafe(request, Request.QUICKSTOP)
 
+        before = {}
         if threading.current_thread() is threading.main_thread():  # no other hears signals
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                 outlives = number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN
                 if self._operator is not None or not outlives:
-                    loop.add_signal_handler(number, interrupt, number)
+                    before[number] = signal.signal(number, interrupt)
 
         def tell(typed: bytes) -> None:
             for listener in self._listeners:
                 listener(typed)
 
-        if self._operator is None:
-            return lambda: None
-        return self._operator(request, tell if self._listeners else None)
+        listening = None if self._operator is None else self._operator(request, tell if self._listeners else None)
+
+        def stop() -> None:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            if listening is not None:
+                listening()
+
+        return stop
