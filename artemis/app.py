@@ -25,7 +25,7 @@ from artemis.mission.schema import BusWords, Stop
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, plan_for, plugin_made, setup_for
-from artemis.plugins.contracts import InputDevice, Localizer, Observer
+from artemis.plugins.contracts import InputDevice, Localizer, Observer, is_live
 from artemis.plugins.guard import GARBAGE, PluginGuard, Problem
 from artemis.plugins.observing import Observation
 from artemis.plugins.process import Asked, plugins_watched
@@ -171,7 +171,7 @@ class _Run:
             loop.call_soon_threadsafe(robot.tick_now)
 
         inputs = self._inputs(wake)
-        live = {name for name, device in inputs.items() if getattr(device, "live", False)}
+        live = {name for name, device in inputs.items() if is_live(device)}
         localizer = self._localizer(world, loop.time())
         guard = PluginGuard(inputs, loop.time, localizer, self.asked)
         steps = with_followers(self.plan.steps, guard.watched)
