@@ -162,7 +162,7 @@ class Observer(Protocol):
 
 @runtime_checkable
 class NeedsRealTime(Protocol):
-    """An input or localizer whose devices need a person or a wire, where `live`: simulated drives then keep real time."""
+    """An input or localizer whose devices need a person or a wire, where `live`: a simulation then keeps real time."""
 
     live: bool
 
