@@ -6,6 +6,7 @@ import io
 import logging
 import os
 import sys
+import threading
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +15,7 @@ import typer
 
 from artemis.commands.path import paths
 from artemis.errors import ArtemisError, ConfigError, RecordingError
+from artemis.plugins.process import exit_refused, leave_threads
 
 FAILED, REFUSED, OWN_BUG = 1, 2, 70
 COMMANDS = "artemis.commands"
@@ -338,10 +340,18 @@ _add_commands()
 def main() -> None:
     """Entry point. What artemis raises on purpose becomes its message; anything else is our own bug: status 70."""
     _prepare_output()
+    before, status = set(threading.enumerate()), 0
     try:
-        app()
+        with exit_refused():
+            app()
+    except SystemExit as ended:
+        status = ended.code if isinstance(ended.code, int) else FAILED
+        raise
     except Exception as error:  # noqa: BLE001  nothing but the shell is above it
-        sys.exit(_explain(error))
+        status = _explain(error)
+        sys.exit(status)
+    finally:
+        leave_threads(before, status)
 
 
 def _prepare_output() -> None:

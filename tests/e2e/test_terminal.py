@@ -54,7 +54,7 @@ def test_a_terminal_that_is_closed_stops_the_robot(tmp_path: Path) -> None:
         screen.see_driving()
         os.close(screen.device)
         os.close(screen.host)
-        screen.process.wait(timeout=PATIENCE)
+        assert screen.process.wait(timeout=PATIENCE) == 128 + signal.SIGHUP
     run = only_run(tmp_path)
     assert modes_of(run)[-3:] == ["follow", "quickstop", "end"]
     assert_left_at_rest(run)
