@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import logging
 import os
@@ -345,13 +346,15 @@ def main() -> None:
         with exit_refused():
             app()
     except SystemExit as ended:
-        status = ended.code if isinstance(ended.code, int) else FAILED
-        raise
+        status = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except Exception as error:  # noqa: BLE001  nothing but the shell is above it
         status = _explain(error)
-        sys.exit(status)
-    finally:
-        leave_threads(before, status)
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        status = _explain(error)
+    leave_threads(before, status)
+    sys.exit(status)
 
 
 def _prepare_output() -> None:
@@ -376,6 +379,12 @@ def _explain(error: Exception) -> int:
         case RecordingError():
             print(f"artemis: {error}", file=sys.stderr)
             return REFUSED
+        case OSError(filename=None, errno=errno.ENOSPC | errno.EDQUOT | errno.EFBIG | errno.EIO):
+            from artemis.commands.terminal import lose_output
+
+            lose_output()
+            print(f"artemis: standard output cannot be written: {error.strerror}", file=sys.stderr)
+            return FAILED
         case ArtemisError():
             print(f"artemis: {error}", file=sys.stderr)
             return FAILED
