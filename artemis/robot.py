@@ -155,7 +155,7 @@ class Robot:
         return sensed
 
     def _meet(self, id: str, device: str, seen: str) -> None:
-        """A device reports a problem: once until the next tick."""
+        """Keep what a device reports for the next tick, each problem once."""
         if (fault := catalogue.fault(id, device, seen)) not in self._faults:
             self._faults.append(fault)
 
