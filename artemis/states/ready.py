@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from artemis.states.mode import PATIENCE, at_rest, give_up, hands_on
-from artemis.states.plan import CalibrateStep, FollowStep, Shared, TeleopStep, WaitStep
+from artemis.states.plan import CalibrateStep, FollowStep, Shared, TeleopStep
 from artemis.values import DriveCommand, Event, Snapshot, Wish
 
 
@@ -36,8 +36,8 @@ class ReadyMode:
                         return replace(stand, phase=held)
                     return give_up(replace(stand, phase=held), late=True)
                 return replace(stand, event=Event.TELEOP)
-            case WaitStep(seconds=seconds):
+            case wait:
                 done = snapshot.time - self._since
-                if over := done >= seconds:
+                if over := done >= wait.seconds:
                     self._since = snapshot.time
                 return replace(stand, done=done, over=over, phase="waiting")

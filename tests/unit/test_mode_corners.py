@@ -1,0 +1,133 @@
+"""What modes seldom meet: all drives silent, nobody there to arm, a lost emergency, an end of waiting."""
+
+from __future__ import annotations
+
+import pytest
+from core_builders import (
+    NAMES,
+    TRACTION,
+    ObedientDrives,
+    Player,
+    expires,
+    fault_of,
+    has_event,
+    has_fault,
+    judged,
+    powered,
+    shared,
+    snapshot,
+)
+
+from artemis.drive_states import DriveState
+from artemis.states.init import InitMode
+from artemis.states.mode import RoutineMode
+from artemis.states.plan import CalibrateStep, TeleopStep
+from artemis.states.quickstop import QuickstopMode
+from artemis.states.teleop import TeleopMode
+from artemis.values import Event, JobKind, JobResult, LocatedPose, OperatorInput, Pose, Request
+
+LEFT, RIGHT = TRACTION
+
+
+def bring_up(**state: object) -> Player:
+    return Player(InitMode(shared(CalibrateStep(), **state)), ObedientDrives().react)
+
+
+# ---------------------------------------------------------------------------------------------- init
+
+
+@pytest.mark.parametrize(("silent", "fault"), [(NAMES, ("COM-32", "")), (NAMES[1:], ("COM-08", NAMES[1]))])
+def test_no_drive_that_answers_is_another_fault_than_some_that_do_not(
+    silent: tuple[str, ...], fault: tuple[str, str]
+) -> None:
+    player = bring_up()
+    player.refused |= {(JobKind.SECURE, name) for name in silent}
+    assert fault_of(player.until(has_fault)) == fault
+    assert not any(job.kind is JobKind.CONFIGURE for job in player.jobs), "nothing goes on while one is not secured"
+
+
+def test_nobody_there_to_arm_a_bring_up_ends_the_run_as_failed() -> None:
+    player = bring_up(armed=False)
+    player.world["attended"] = False
+    wish = player.until(has_event)
+    assert (wish.event, wish.failed, wish.phase) == (Event.END, True, "nobody there to arm")
+    assert not any(map(powered, player.wishes))
+
+
+def test_run_ends_when_nobody_arms_a_bring_up_for_ten_minutes() -> None:
+    player = bring_up(armed=False)
+    player.until(lambda wish: wish.phase == "waiting for arm")
+    expires(player)
+
+
+def test_armed_bring_up_with_the_controls_pressed_waits_though_nobody_else_is_there() -> None:
+    player = bring_up(armed=True)
+    player.world.update(attended=False, inputs=(OperatorInput(source="stick", neutral=False, age=0.0),))
+    player.until(lambda wish: wish.phase == "release the controls")
+    assert player.tick().event is None
+    player.world["inputs"] = ()
+    assert player.until(has_event).event is Event.ALIGNED
+
+
+@pytest.mark.parametrize(
+    ("codes", "told"),
+    [({LEFT: (0x8130,), RIGHT: (0x8130, 0x2310)}, None), ({LEFT: (0x8130,), RIGHT: (0x2310, 0x8130)}, RIGHT)],
+)
+def test_drives_whose_emergencies_were_lost_tell_by_their_histories_why_they_are_in_fault(
+    codes: dict[str, tuple[int, ...]], told: str | None
+) -> None:
+    drives = ObedientDrives()
+    player = Player(InitMode(shared(CalibrateStep())), drives.react)
+    for name in codes:
+        drives.changes[name] = {"emergencies": ()}
+    asked = player.until(lambda wish: any(job.kind is JobKind.READ_HISTORY for job in wish.jobs)).jobs
+    assert [job.drive for job in asked] == list(codes)
+    player.tick(
+        results=tuple(JobResult(id=j.id, kind=j.kind, drive=j.drive, ok=True, values=codes[j.drive]) for j in asked)
+    )
+    if told is None:
+        assert player.until(has_event).event is Event.ALIGNED
+    else:
+        fault = player.wishes[-1]
+        assert fault_of(fault) == ("COM-30", told)
+        assert "in fault for another reason: 0x2310, 0x8130" in str(fault.fault)
+
+
+# ---------------------------------------------------------------------------------------------- the others
+
+
+def test_mode_without_a_routine_says_so() -> None:
+    with pytest.raises(TypeError, match="RoutineMode has no routine"):
+        RoutineMode(shared()).routine(snapshot())
+
+
+def test_armed_stop_stands_on_until_the_mode_changes() -> None:
+    robot = ObedientDrives(DriveState.OPERATION_ENABLE)
+    player = Player(QuickstopMode(shared(CalibrateStep(), connected=True, aligned=True)), robot.react)
+    player.until(lambda wish: wish.phase == "stopped: arm to go on")
+    player.tick(requests=(Request.ARM,))
+    player.until(has_event)
+    for _ in range(3):
+        wish = player.tick()
+        assert powered(wish)
+        assert (wish.event, wish.command.speed, wish.phase) == (None, 0.0, "stopping")
+
+
+def test_stop_that_no_arm_helps_says_so() -> None:
+    player = Player(QuickstopMode(shared(CalibrateStep(), connected=True, aligned=True)))
+    player.world.update(verdict=judged("INP-03", device="stick", final=True))
+    wish = player.until(lambda wish: wish.phase.startswith("this run cannot go on, end it: stick"))
+    assert wish.event is None
+    assert player.tick(requests=(Request.ARM,)).event is None
+
+
+def test_step_by_hand_records_where_it_knows_to_be_and_when_the_key_is_pressed() -> None:
+    steps = shared(TeleopStep(input="stick", seconds=None, record="way"))
+    player = Player(TeleopMode(steps))
+    key = OperatorInput(source="stick", age=0.0, requests=(Request.RECORD,))
+    for number, (pressed, lost) in enumerate([(True, False), (False, False), (False, True), (False, False)]):
+        place = LocatedPose(pose=Pose(x=0.5 * number), lost=lost)
+        sample = key if pressed else OperatorInput(source="stick", age=0.0)
+        player.tick(inputs=(sample,), pose=place)
+    points = steps.results.tracks["way"].as_csv().splitlines()
+    assert [float(line.split(",")[0]) for line in points[1:]] == [0.0, 0.5, 1.5]
