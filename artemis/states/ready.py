@@ -14,7 +14,6 @@ class ReadyMode:
 
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
-        self._since = 0.0
 
     def enter(self, snapshot: Snapshot) -> None:
         """A step has ended, or the bring-up; a wait that was interrupted goes on."""

@@ -21,10 +21,9 @@ from core_builders import (
 from artemis.drive_states import DriveState
 from artemis.states.init import InitMode
 from artemis.states.mode import RoutineMode
-from artemis.states.plan import CalibrateStep, TeleopStep
+from artemis.states.plan import CalibrateStep
 from artemis.states.quickstop import QuickstopMode
-from artemis.states.teleop import TeleopMode
-from artemis.values import Event, JobKind, JobResult, LocatedPose, OperatorInput, Pose, Request
+from artemis.values import Event, JobKind, JobResult, OperatorInput, Request
 
 LEFT, RIGHT = TRACTION
 
@@ -119,15 +118,3 @@ def test_stop_that_no_arm_helps_says_so() -> None:
     wish = player.until(lambda wish: wish.phase.startswith("this run cannot go on, end it: stick"))
     assert wish.event is None
     assert player.tick(requests=(Request.ARM,)).event is None
-
-
-def test_step_by_hand_records_where_it_knows_to_be_and_when_the_key_is_pressed() -> None:
-    steps = shared(TeleopStep(input="stick", seconds=None, record="way"))
-    player = Player(TeleopMode(steps))
-    key = OperatorInput(source="stick", age=0.0, requests=(Request.RECORD,))
-    for number, (pressed, lost) in enumerate([(True, False), (False, False), (False, True), (False, False)]):
-        place = LocatedPose(pose=Pose(x=0.5 * number), lost=lost)
-        sample = key if pressed else OperatorInput(source="stick", age=0.0)
-        player.tick(inputs=(sample,), pose=place)
-    points = steps.results.tracks["way"].as_csv().splitlines()
-    assert [float(line.split(",")[0]) for line in points[1:]] == [0.0, 0.5, 1.5]
