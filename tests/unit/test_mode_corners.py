@@ -92,6 +92,23 @@ def test_drives_whose_emergencies_were_lost_tell_by_their_histories_why_they_are
         assert "in fault for another reason: 0x2310, 0x8130" in str(fault.fault)
 
 
+def test_aligned_robot_stands_on_until_the_mode_changes() -> None:
+    player = bring_up()
+    player.until(has_event)
+    for _ in range(3):
+        wish = player.tick()
+        assert powered(wish)
+        assert (wish.event, wish.reset_pose, wish.command.speed) == (None, False, 0.0)
+
+
+def test_second_bring_up_of_a_run_leaves_the_odometry_its_origin() -> None:
+    player = bring_up()
+    assert player.until(has_event).reset_pose
+    player.mode.shared.bring_up.armed = True
+    player.enter()
+    assert not player.until(has_event).reset_pose
+
+
 # ---------------------------------------------------------------------------------------------- the others
 
 

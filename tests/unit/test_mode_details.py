@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from core_builders import ROBOT, Player, drive, drives, judged, shared, snapshot
+from core_builders import ROBOT, ROUTE, Player, StubFollower, drive, drives, judged, shared, snapshot
 from msgspec.structs import replace
 
 from artemis.drive_states import DriveState
 from artemis.states.end import EndMode
-from artemis.states.plan import TeleopStep, WaitStep
+from artemis.states.plan import BringUp, CalibrateStep, FollowStep, TeleopStep, WaitStep, with_followers
+from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import DriveCommand, Event, JobKind, LocatedPose, OperatorInput, Pose, Request, SetPoints, Wish
 
@@ -113,3 +114,51 @@ def test_end_gives_the_robot_files_gains_back_unless_another_artemis_has_the_dri
     written = [job for job in player.jobs if job.kind is JobKind.WRITE_GAINS]
     assert [(job.drive, job.values) for job in written] == ([] if second else [("steer-left", gains.numbers)])
     assert not any(wish.exchange for wish in player.wishes)
+
+
+# ---------------------------------------------------------------------------------------------- ready
+
+
+@pytest.mark.parametrize("done", [0.0, 3.0])
+def test_controls_that_nobody_releases_are_waited_for_ten_minutes_and_not_a_tick_longer(done: float) -> None:
+    mode = ReadyMode(shared(TeleopStep(input="stick", seconds=None), done=done))
+    mode.enter(snapshot(8.0))
+    for time, event in ((8.0, None), (607.98, None), (608.0, None), (608.02, Event.END)):
+        wish = mode.step(snapshot(time, inputs=(HELD,)))
+        assert (wish.event, wish.phase) == (event, "release the controls")
+
+
+def test_wait_is_over_in_the_very_tick_of_its_time_and_says_what_it_does() -> None:
+    for time, over in ((1.98, False), (2.0, True)):
+        mode = ReadyMode(shared(WaitStep(seconds=2.0)))
+        mode.enter(snapshot(0.0))
+        wish = mode.step(snapshot(time))
+        assert (wish.over, wish.done, wish.phase) == (over, time, "waiting")
+
+
+# ---------------------------------------------------------------------------------------------- the plan
+
+
+def test_followers_are_changed_and_other_steps_are_not() -> None:
+    steps = (CalibrateStep(), FollowStep(route=ROUTE, follower=StubFollower()), WaitStep(seconds=1.0))
+    other = StubFollower()
+    changed = with_followers(steps, lambda follower: other)
+    assert (changed[0], changed[2]) == (steps[0], steps[2])
+    assert isinstance(changed[1], FollowStep)
+    assert changed[1].follower is other
+
+
+def test_jobs_have_ids_of_their_own_whichever_way_they_are_made() -> None:
+    bring_up = BringUp()
+    first = bring_up.jobs(JobKind.SECURE, ("a", "b"), (1.0, 2.0))
+    (alone,) = bring_up.job(JobKind.WRITE_GAINS, "c", 7, 8)
+    last = bring_up.jobs(JobKind.CONFIGURE, ("d",))
+    assert [(job.kind, job.drive, job.value, job.values) for job in (*first, alone, *last)] == [
+        (JobKind.SECURE, "a", 1.0, ()),
+        (JobKind.SECURE, "b", 2.0, ()),
+        (JobKind.WRITE_GAINS, "c", 0.0, (7, 8)),
+        (JobKind.CONFIGURE, "d", 0.0, ()),
+    ]
+    assert [job.id for job in (*first, alone, *last)] == [1, 2, 3, 4]
+    with pytest.raises(ValueError, match="shorter"):
+        bring_up.jobs(JobKind.SECURE, ("a", "b"), (1.0,))
