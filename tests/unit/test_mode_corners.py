@@ -20,16 +20,17 @@ from core_builders import (
 
 from artemis.drive_states import DriveState
 from artemis.states.init import InitMode
-from artemis.states.mode import RoutineMode
+from artemis.states.mode import ON, Failed, RoutineMode
 from artemis.states.plan import CalibrateStep
 from artemis.states.quickstop import QuickstopMode
+from artemis.supervision import catalogue
 from artemis.values import Event, JobKind, JobResult, OperatorInput, Request
 
 LEFT, RIGHT = TRACTION
 
 
-def bring_up(**state: object) -> Player:
-    return Player(InitMode(shared(CalibrateStep(), **state)), ObedientDrives().react)
+def bring_up(*, armed: bool = True) -> Player:
+    return Player(InitMode(shared(CalibrateStep(), armed=armed)), ObedientDrives().react)
 
 
 # ---------------------------------------------------------------------------------------------- init
@@ -115,6 +116,11 @@ def test_second_bring_up_of_a_run_leaves_the_odometry_its_origin() -> None:
 def test_mode_without_a_routine_says_so() -> None:
     with pytest.raises(TypeError, match="RoutineMode has no routine"):
         RoutineMode(shared()).routine(snapshot())
+
+
+def test_routine_that_failed_is_told_by_its_fault() -> None:
+    fault = catalogue.fault("COM-30", LEFT, "seen")
+    assert str(Failed(ON, fault)) == fault.text
 
 
 def test_armed_stop_stands_on_until_the_mode_changes() -> None:
