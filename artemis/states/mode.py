@@ -59,7 +59,6 @@ class RoutineMode:
     def __init__(self, shared: Shared) -> None:
         self.shared, self.plan, self.bring_up = shared, shared.plan, shared.bring_up
         self._routine: Routine | None = None
-        self._begun = False
 
     def routine(self, snapshot: Snapshot) -> Routine:
         """The mode's logic from its first snapshot on; must not end by itself."""

@@ -19,7 +19,6 @@ class TeleopMode:
 
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
-        self._since, self._ending, self._released = 0.0, False, True
 
     def enter(self, snapshot: Snapshot) -> None:
         """The controls were neutral when the step began, or went on after it was interrupted."""

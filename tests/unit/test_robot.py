@@ -15,6 +15,7 @@ from artemis.clock import run
 from artemis.devices.can_bus import Frame
 from artemis.robot import Robot
 from artemis.states.mode import OFF, ON, STOPPING
+from artemis.supervision import catalogue
 from artemis.values import Job, JobKind, OperatorInput, Request, Sensed, Tick, Wish
 
 
@@ -142,6 +143,13 @@ def test_request_comes_once_with_the_next_scheduled_tick(request_: Request) -> N
     rig.run()
     assert [(round(s.time, 6), s.requests) for s in rig.core.seen if s.requests] == [(0.06, (request_,))]
     assert rig.urgent == []
+
+
+def test_fault_that_was_noticed_beside_the_ticks_comes_once_with_the_next() -> None:
+    rig, fault = Rig(), catalogue.fault("PLG-05")
+    rig.at(0.051, lambda: rig.robot.report(fault))
+    rig.run()
+    assert [(round(s.time, 6), s.faults) for s in rig.core.seen if s.faults] == [(0.06, (fault,))]
 
 
 def test_requests_of_input_devices_come_with_those_of_the_operator() -> None:
