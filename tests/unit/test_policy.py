@@ -99,7 +99,7 @@ def test_retries_may_be_fewer_and_are_never_more(id: str, row: Row) -> None:
 def test_row_that_is_not_automatic_does_not_become_so(id: str, row: Row) -> None:
     for retries in (0, 1):
         assert problems_of(id, Policy(retries=retries)) == [
-            f"retries: {id} recovers only this distance: {row.recovery.kind.value}"
+            f"retries: {id} recovers only this way: {row.recovery.kind.value}"
         ]
     assert problems_of(id, Policy(resume="continue")) == [
         f"resume: {id} does not recover by itself, so nothing can continue"
