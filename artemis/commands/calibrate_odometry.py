@@ -229,7 +229,7 @@ def _values(found: Estimates, source: Source) -> tuple[str, Sequence[str], list[
 
 
 def _held(found: Estimates) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
-    return "Held as described", ("what", "why"), list(held_of(found))
+    return "Not estimated (robot-file value kept)", ("what", "why"), list(held_of(found))
 
 
 def _tell(tables: Sequence[tuple[str, Sequence[str], list[tuple[str, ...]]]], found: Estimates) -> None:

@@ -105,7 +105,7 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
         if left := unfinished_run(root, loaded.mission.mission, simulated=simulated):
             run, until = left
             command = _command(source, run, simulate)
-            _print("last run", f"ended without shutdown at {until:.2f} s; to go on with it: {command}")
+            _print("last run", f"ended without shutdown at {until:.2f} s; to resume it: {command}")
         return None
     found, notes = resumption_from(loaded, source, resume, simulate)
     at = found.position
@@ -114,7 +114,7 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
     _print("resuming", f"{found.run}: step {at.step + 1} ({what}), {done} of it done")
     pose = found.pose
     _print("", f"where it stopped: x {pose.x:.2f} m, y {pose.y:.2f} m, heading {degrees(pose.heading):.0f} deg")
-    _print("", "the robot must not have been moved since: the odometry goes on from there")
+    _print("", "the robot must not have been moved since: the odometry continues from there")
     for note in notes:
         _print("warning", note)
     return found

@@ -149,7 +149,7 @@ class CanBus:
         try:
             self._bus = can.Bus(ignore_config=True, **words)
         except Exception as error:
-            advice = "is it plugged in, its driver installed, and nobody else using it?"
+            advice = "is it plugged in, is its driver installed, does another program use it?"
             raise DeviceLost(self.name, f"cannot be opened: {type(error).__name__}: {error}; {advice}") from error
         self._message = can.Message
         self._interface = interface

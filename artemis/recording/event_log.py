@@ -165,7 +165,7 @@ class EventLog:
             self._recovered[id] += 1
             times = ROWS[id].recovery.times
             told.append(f"{id} {self._recovered[id]} of {times} times" if times else id)
-        text = f"by itself: {', '.join(told)}; recovery {self._recoveries} of {ALL_RECOVERIES} in this run"
+        text = f"automatically: {', '.join(told)}; recovery {self._recoveries} of {ALL_RECOVERIES} in this run"
         data = {"faults": _listed(faults), "recoveries": self._recoveries, "at_most": ALL_RECOVERIES}
         return Entry(time=time, kind="recovered", text=text, level=Level.WARNING, data=data)
 
@@ -189,7 +189,7 @@ class EventLog:
         if cause.request is not None:
             return {"request": cause.request.value}, cause.request.value
         if cause.event is Event.ACKNOWLEDGED:
-            words = cause.event.value if self._forgotten_by == "person" else "recovered by itself"
+            words = cause.event.value if self._forgotten_by == "person" else "recovered automatically"
             return {"event": cause.event.value, "by": self._forgotten_by}, words
         faults, words = {"faults": _listed(cause.faults)}, [named(fault) for fault in cause.faults]
         if cause.event in (Event.FAULT, Event.STOP):
@@ -302,7 +302,7 @@ def _acknowledged(time: float, forgotten: Sequence[Fault], verdict: Verdict) -> 
 def _verdict(time: float, verdict: Verdict) -> Entry:
     words = [SHORT.get(verdict.severity, "nothing is wrong")]
     words += ["leads to fault"] * verdict.to_fault
-    words += ["recovers by itself"] * verdict.recovers + ["and goes on"] * verdict.resumes
+    words += ["recovers automatically"] * verdict.recovers + ["and continues"] * verdict.resumes
     words += ["not in this run"] * verdict.final
     words += ["PRESS THE EMERGENCY STOP: the robot does not stop"] * verdict.alarm
     data = {

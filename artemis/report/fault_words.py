@@ -11,22 +11,22 @@ from artemis.supervision.catalogue.row import Kind, Row
 from artemis.values import Severity
 
 DID = {
-    Severity.WARN: "nothing: the run goes on",
+    Severity.WARN: "nothing: the run continues",
     Severity.LIMIT: "drives on, slowly",
     Severity.CONTROLLED_STOP: "controlled stop, drives stay on",
     Severity.QUICK_STOP: "quick stop by the drives, then off",
     Severity.OFF: "drives off: the robot can roll",
 }
 """What artemis does, by severity."""
-_MEND = "mend the cause, acknowledge, arm"
+_MEND = "fix the cause, acknowledge, arm"
 _NEXT = {
-    Kind.ITSELF: "goes by itself when the cause is gone",
-    Kind.AUTOMATIC: f"artemis tries again by itself when the cause is gone; if that does not help: {_MEND}",
+    Kind.ITSELF: "clears when the cause is gone",
+    Kind.AUTOMATIC: f"artemis recovers automatically when the cause is gone; if that does not help: {_MEND}",
     Kind.ACKNOWLEDGED: _MEND,
     Kind.CALIBRATED: f"{_MEND}; the wheels are aligned again",
     Kind.CONFIGURED: f"{_MEND}; the drive is reset and configured again",
 }
-NEVER = "not in this run: mend the cause, then go on with --resume"
+NEVER = "not in this run: fix the cause, then continue with --resume"
 
 
 def next_step(row: Row, final: bool) -> str:

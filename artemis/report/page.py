@@ -86,7 +86,7 @@ def _page(facts: Summary, sections: Sequence[str], entries: Sequence[Entry], rec
     parts = [
         f"<h1>{escape(facts.mission or 'Run')}</h1>",
         f"<p>{escape(facts.robot)} · {facts.start:%Y-%m-%d %H:%M:%S} UTC · {escape(facts.result)}</p>",
-        f"<p>Goes on with {escape(facts.resumed)}.</p>" if facts.resumed else "",
+        f"<p>Resumes {escape(facts.resumed)}.</p>" if facts.resumed else "",
         missing,
         '<div class="cards">',
         *(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for name, value in _cards(facts)),

@@ -40,7 +40,7 @@ class FaultMode(RoutineMode):
         self._lookout = Lookout()
 
     def step(self, snapshot: Snapshot) -> Wish:
-        """As the routine says; an acknowledgment counts also while the robot still stops."""
+        """As the routine says; an acknowledgment counts also while the robot is still stopping."""
         self._acknowledged = self._acknowledged or Request.ACKNOWLEDGE in snapshot.sensed.requests
         if snapshot.verdict.stops:
             self._resumes = snapshot.verdict.resumes
@@ -92,9 +92,9 @@ class FaultMode(RoutineMode):
         if late or is_second(self.shared, snapshot) or not (snapshot.sensed.attended or goes_on):
             return (yield give_up(replace(idle, phase="fault"), late=late))
         if verdict.final:
-            phase = f"this run cannot go on, end it: {present.text}"
+            phase = f"this run cannot continue; end it: {present.text}"
         elif verdict.recovers:
-            phase = "recovers by itself"
+            phase = "recovers automatically"
         elif self._acknowledged:
             self._acknowledged = False
             phase = f"cannot acknowledge yet: {present.text}"

@@ -71,7 +71,7 @@ class InitMode(RoutineMode):
         ):
             late = snapshot.time > latest
             if late or not (bring_up.armed or snapshot.sensed.attended):
-                yield give_up(replace(OFF, phase="nobody there to arm"), late=late)
+                yield give_up(replace(OFF, phase="no operator to arm"), late=late)
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
         bring_up.armed = bring_up.held = False
         yield from align(shared, snapshot)

@@ -26,7 +26,7 @@ class Modes:
 
     Attributes:
         mode: The present mode.
-        failed: A fault or a stop ended the run before its last step, or a drive did not end in order.
+        failed: A fault or a stop ended the run before its last step, or a drive did not end normally.
     """
 
     def __init__(self, shared: Shared) -> None:

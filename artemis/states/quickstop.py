@@ -95,7 +95,7 @@ class QuickstopMode(RoutineMode):
         alone = not snapshot.sensed.attended and not self._goes_on
         if alone or snapshot.time > latest:
             return give_up(replace(rest, phase="stopped"), late=not alone)
-        wish = replace(rest, phase=waits_for(snapshot) or "stopped: arm to go on")
+        wish = replace(rest, phase=waits_for(snapshot) or "stopped: arm to continue")
         return self._lookout.watch(self.shared, wish, snapshot)
 
 
@@ -115,7 +115,7 @@ def waits_for(snapshot: Snapshot) -> str | None:
     """What the operator has to do before arming; None: nothing."""
     verdict = snapshot.verdict
     if verdict.final:
-        return f"this run cannot go on, end it: {verdict.faults[0].text}"
+        return f"this run cannot continue; end it: {verdict.faults[0].text}"
     if verdict.stops:
-        return "recovers by itself" if verdict.recovers else f"acknowledge: {verdict.faults[0].text}"
+        return "recovers automatically" if verdict.recovers else f"acknowledge: {verdict.faults[0].text}"
     return hands_on(snapshot.sensed.inputs)

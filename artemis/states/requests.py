@@ -11,13 +11,13 @@ from artemis.values import JobKind, Mode, Request, Tick
 _EARLY = {"listening", JobKind.SECURE.value, JobKind.CONFIGURE.value, "first contact", "proving the watchdog"}
 """Phases of the bring-up before it asks for an arm."""
 _ONLY_IN: Mapping[Request, tuple[Mode, str]] = {
-    Request.DONE: (Mode.TELEOP, "nobody drives by hand now"),
-    Request.RECORD: (Mode.TELEOP, "nobody drives by hand now"),
-    Request.ACCEPT: (Mode.CALIBRATE, "no wheel is measured now"),
-    Request.LEFT_DEGREE: (Mode.CALIBRATE, "no wheel is measured now"),
-    Request.RIGHT_DEGREE: (Mode.CALIBRATE, "no wheel is measured now"),
-    Request.LEFT_TENTH: (Mode.CALIBRATE, "no wheel is measured now"),
-    Request.RIGHT_TENTH: (Mode.CALIBRATE, "no wheel is measured now"),
+    Request.DONE: (Mode.TELEOP, "no step by hand is running"),
+    Request.RECORD: (Mode.TELEOP, "no step by hand is running"),
+    Request.ACCEPT: (Mode.CALIBRATE, "no wheel is being measured"),
+    Request.LEFT_DEGREE: (Mode.CALIBRATE, "no wheel is being measured"),
+    Request.RIGHT_DEGREE: (Mode.CALIBRATE, "no wheel is being measured"),
+    Request.LEFT_TENTH: (Mode.CALIBRATE, "no wheel is being measured"),
+    Request.RIGHT_TENTH: (Mode.CALIBRATE, "no wheel is being measured"),
 }
 
 
@@ -41,19 +41,19 @@ def _arm_ignored(tick: Tick) -> str | None:
         case Mode.FAULT:
             return "acknowledge the fault first"
         case Mode.QUICKSTOP:
-            return "the robot still stops" if phase in ("stopping", "switching off") else waits_for(snapshot)
+            return "the robot is still stopping" if phase in ("stopping", "switching off") else waits_for(snapshot)
         case Mode.INIT:
-            return "nothing waits for it yet" if phase in _EARLY else hands_on(snapshot.sensed.inputs)
+            return "it is not needed yet" if phase in _EARLY else hands_on(snapshot.sensed.inputs)
     return "the drives are armed"
 
 
 def _acknowledge_ignored(tick: Tick) -> str | None:
     verdict = tick.snapshot.verdict
     if tick.mode is Mode.FAULT:
-        refused = tick.wish.phase.startswith(("cannot acknowledge yet", "this run cannot go on"))
+        refused = tick.wish.phase.startswith(("cannot acknowledge yet", "this run cannot continue"))
         return tick.wish.phase if refused else None
     if tick.mode is not Mode.QUICKSTOP:
-        return "no fault waits for it"
+        return "there is no fault to acknowledge"
     if verdict.stops:
-        return waits_for(tick.snapshot) if verdict.final else f"its cause is still there: {verdict.faults[0].text}"
+        return waits_for(tick.snapshot) if verdict.final else f"its cause is still present: {verdict.faults[0].text}"
     return None

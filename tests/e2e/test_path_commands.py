@@ -111,7 +111,7 @@ def test_a_file_that_is_there_is_kept_unless_forced(folder: Path, tmp_path: Path
     (tmp_path / "distance.csv").write_text("mine")
     kept = artemis_here("path", "record", folder / "run", "-o", tmp_path / "distance.csv")
     assert kept.returncode == 2
-    assert kept.stderr == f"{tmp_path}/distance.csv: is there already; another name, or --force\n"
+    assert kept.stderr == f"{tmp_path}/distance.csv: exists already; choose another name or --force\n"
     assert (tmp_path / "distance.csv").read_text() == "mine"
     forced = artemis_here("path", "record", folder / "run", "-o", tmp_path / "distance.csv", "--force")
     assert forced.returncode == 0

@@ -24,7 +24,7 @@ def test_space_stops_r_goes_on_and_q_ends(tmp_path: Path) -> None:
         screen.see_driving()
         screen.press(CTRL_Z)  # must not suspend a process that drives
         screen.press(b" ")
-        screen.see("stopped: arm to go on")
+        screen.see("stopped: arm to continue")
         screen.press(b"r")
         screen.see("following")
         screen.press(b"q")

@@ -310,7 +310,7 @@ def test_the_origin_stays_when_the_drives_are_brought_up_again(tmp_path: Path, p
     waits = once_done(rig, "acknowledge", Mode.INIT, "waiting for arm")
     if stop:
         rig.when(waits, rig.request(Request.QUICKSTOP), after=0.1, name="stop")
-        waits = once_done(rig, "stop", Mode.QUICKSTOP, "stopped: arm to go on")
+        waits = once_done(rig, "stop", Mode.QUICKSTOP, "stopped: arm to continue")
     seen = rig.when(waits, rig.request(Request.ARM), after=0.5, name="arm").run()
     assert seen.modes.count(Mode.INIT) == 2 + stop
     assert_origin_is_where_the_wheels_were_aligned_first(seen)

@@ -166,7 +166,9 @@ def test_every_change_of_the_verdict_is_told() -> None:
     assert entry.data["faults"] == [{"id": "DRV-25", "device": "steer-left"}]
 
     recovering = told(tick(0.0, Mode.FAULT, OVERRUN), tick(0.02, Mode.FAULT, OVERRUN, recovers=True))
-    assert [(entry.kind, entry.text) for entry in recovering] == [("verdict", "S1, leads to fault, recovers by itself")]
+    assert [(entry.kind, entry.text) for entry in recovering] == [
+        ("verdict", "S1, leads to fault, recovers automatically")
+    ]
 
     assert told(tick(0.0, Mode.FAULT, BLOCKED), tick(0.02, Mode.FAULT, BLOCKED)) == []
     alarm = of("verdict", told(tick(0.0, Mode.FAULT, BLOCKED), tick(0.02, Mode.FAULT, BLOCKED, alarm=True)))
@@ -211,7 +213,7 @@ def test_a_recovery_without_a_person_is_told_with_the_budget_spent() -> None:
 def test_a_bring_up_after_a_fault_names_who_let_it_go_on() -> None:
     for asked, by, words in (
         ((Request.ACKNOWLEDGE,), "person", "acknowledged"),
-        ((), "artemis", "recovered by itself"),
+        ((), "artemis", "recovered automatically"),
     ):
         forgotten = tick(0.02, Mode.FAULT, requests=asked)
         begun = tick(0.04, Mode.INIT, cause=Cause(event=Event.ACKNOWLEDGED))
@@ -227,26 +229,26 @@ HELD = OperatorInput(source="stick", neutral=False, age=0.0)
     ("request_", "seen", "reason"),
     [
         (Request.ARM, tick(0.02, Mode.QUICKSTOP, inputs=(HELD,), phase="release the controls"), "release the controls"),
-        (Request.ARM, tick(0.02, Mode.QUICKSTOP, phase="stopping"), "the robot still stops"),
+        (Request.ARM, tick(0.02, Mode.QUICKSTOP, phase="stopping"), "the robot is still stopping"),
         (Request.ARM, tick(0.02, Mode.QUICKSTOP), None),
         (Request.ARM, tick(0.02, Mode.QUICKSTOP, FROZEN), f"acknowledge: {FROZEN.text}"),
         (Request.ARM, tick(0.02, Mode.FAULT, BLOCKED), "acknowledge the fault first"),
-        (Request.ARM, tick(0.02, Mode.INIT, phase="configure"), "nothing waits for it yet"),
+        (Request.ARM, tick(0.02, Mode.INIT, phase="configure"), "it is not needed yet"),
         (Request.ARM, tick(0.02, Mode.INIT, inputs=(HELD,), phase="release the controls"), "release the controls"),
         (Request.ARM, tick(0.02, Mode.INIT, phase="reading potentiometers"), None),
         (Request.ARM, tick(0.02, Mode.END), "the run ends"),
-        (Request.ACKNOWLEDGE, tick(0.02, Mode.FOLLOW), "no fault waits for it"),
+        (Request.ACKNOWLEDGE, tick(0.02, Mode.FOLLOW), "there is no fault to acknowledge"),
         (Request.ACKNOWLEDGE, tick(0.02, Mode.FAULT, phase="acknowledged"), None),
         (
             Request.ACKNOWLEDGE,
             tick(0.02, Mode.FAULT, BLOCKED, phase="cannot acknowledge yet: blocked"),
             "cannot acknowledge yet: blocked",
         ),
-        (Request.ACKNOWLEDGE, tick(0.02, Mode.QUICKSTOP, FROZEN), f"its cause is still there: {FROZEN.text}"),
+        (Request.ACKNOWLEDGE, tick(0.02, Mode.QUICKSTOP, FROZEN), f"its cause is still present: {FROZEN.text}"),
         (Request.ACKNOWLEDGE, tick(0.02, Mode.QUICKSTOP), None),
-        (Request.DONE, tick(0.02, Mode.FOLLOW), "nobody drives by hand now"),
+        (Request.DONE, tick(0.02, Mode.FOLLOW), "no step by hand is running"),
         (Request.DONE, tick(0.02, Mode.TELEOP), None),
-        (Request.ACCEPT, tick(0.02, Mode.READY), "no wheel is measured now"),
+        (Request.ACCEPT, tick(0.02, Mode.READY), "no wheel is being measured"),
         (Request.QUICKSTOP, tick(0.02, Mode.QUICKSTOP), None),
     ],
 )

@@ -112,7 +112,7 @@ def test_a_fault_is_explained(tmp_path: Path, journalled: bool) -> None:
     assert text.count("DRV-25 steer-left: following error <too large>") == 2  # and among the events
     assert ROWS["DRV-25"].advice in text
     assert ("drives off: the robot can roll" if journalled else "quick stop by the drives, then off") in text
-    assert "mend the cause, acknowledge, arm" in text
+    assert "fix the cause, acknowledge, arm" in text
     assert "Error history of steer-left: 0x8611 following error" in text
 
 

@@ -163,7 +163,7 @@ def test_a_fault_is_in_the_summary(tmp_path: Path) -> None:
 
 
 def test_a_run_that_nobody_commented_ended_in_order(tmp_path: Path) -> None:
-    assert summary(recorded(tmp_path, synthetic_run.run(hz=10.0))).result == "ended in order"
+    assert summary(recorded(tmp_path, synthetic_run.run(hz=10.0))).result == "ended normally"
 
 
 def test_a_run_without_a_tick_has_a_summary(tmp_path: Path) -> None:

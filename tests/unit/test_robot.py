@@ -257,7 +257,7 @@ def test_lost_bus_is_a_fault_in_every_tick_until_it_is_back() -> None:
     rig.at(0.091, lambda: setattr(rig.bus, "lost", False))
     rig.run()
     assert {(time, id) for time, id, _ in rig.faults()} == {(0.06, "COM-22"), (0.08, "COM-22"), (0.1, "COM-22")}
-    assert any(frame.time > 0.1 for frame in rig.bus.sent), "and goes on"
+    assert any(frame.time > 0.1 for frame in rig.bus.sent), "and continues"
 
 
 def test_bus_that_cannot_be_written_is_a_fault_in_the_next_tick() -> None:

@@ -143,7 +143,7 @@ class KeyboardInput:
         if self._closed or not self._there:
             self._keys.release()
             raise DeviceLost(
-                "terminal", "it was closed" if self._closed else "nobody is there: run artemis in a terminal"
+                "terminal", "it was closed" if self._closed else "there is no terminal: run artemis in one"
             )
         passed = 0.0 if self._last_read is None else max(now - self._last_read, 0.0)
         self._last_read = now

@@ -142,7 +142,7 @@ def _recorded(config: ScriptedConfig, context: PluginContext, content: bytes) ->
     meaningless = [key for key in OF_ROWS if key in config.model_fields_set]
     if meaningless:
         name = context.name
-        raise ConfigError([f"{name}: {key}: of no use with an earlier run; leave it out" for key in meaningless])
+        raise ConfigError([f"{name}: {key}: not used with an earlier run; leave it out" for key in meaningless])
     hand = RecordedHand(content, config.file, config.input or context.name, context.name)
     limit = context.top_speed("max_speed_m_s", config.max_speed_m_s)
     if hand.top_speed > limit:
