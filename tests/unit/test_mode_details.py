@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from core_builders import ROBOT, ROUTE, Player, StubFollower, drive, drives, judged, shared, snapshot
 from msgspec.structs import replace
 
-from artemis.drive_states import DriveState, Goal
+from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.perception import STANDING_TIME
 from artemis.states.end import EndMode
 from artemis.states.plan import BringUp, CalibrateStep, FollowStep, Plan, TeleopStep, WaitStep, with_followers
@@ -217,4 +219,18 @@ def test_robot_that_stands_is_switched_off_in_the_very_tick_in_which_that_counts
         mode = QuickstopMode(shared(connected=True, aligned=True))
         mode.enter(snapshot(0.0))
         mode.step(snapshot(0.0))
-        assert (mode.step(snapshot(time)).phase == "switching off") is off
+        stopped = drives(state=DriveState.QUICK_STOP_ACTIVE)
+        assert (mode.step(snapshot(time, drives=stopped)).phase == "switching off") is off
+
+
+@pytest.mark.parametrize(("changes", "unresponsive"), [
+    ({"age": 0.1}, False), ({"age": 0.101}, True), ({"age": None}, True), ({"nmt": Nmt.PRE_OPERATIONAL}, True),
+])  # fmt: skip
+def test_driven_wheel_that_is_not_heard_is_stopped_by_sdo_in_the_first_tick(
+    changes: dict[str, Any], unresponsive: bool
+) -> None:
+    mode = QuickstopMode(shared(connected=True, aligned=True))
+    stops = DriveState.QUICK_STOP_ACTIVE
+    seen = snapshot(0.0, standing=False, drives=drives(drive("traction-left", state=stops, **changes), state=stops))
+    mode.enter(seen)
+    assert [job.drive for job in mode.step(seen).jobs] == ["traction-left"] * unresponsive
