@@ -182,13 +182,14 @@ def test_jobs_have_ids_of_their_own_whichever_way_they_are_made() -> None:
 # ---------------------------------------------------------------------------------------------- coming to rest
 
 
-def rolling(*times: float, heard: bool = True) -> list[Wish]:
-    """Wishes of a quick stop whose robot rolls on; without being `heard`, one driven wheel has not been for 0.5 s."""
+def rolling(*times: float, name: str = "traction-left", age: float | None = 0.02) -> list[Wish]:
+    """Wishes of a quick stop whose robot rolls on, with the feedback of one drive of that age."""
     mode = QuickstopMode(shared(connected=True, aligned=True))
-    age = 0.02 if heard else 0.5
-    silent = drives(drive("traction-left", age=age), state=DriveState.SWITCH_ON_DISABLED)
+    seen = drives(
+        drive(name, age=age, state=DriveState.SWITCH_ON_DISABLED), age=0.02, state=DriveState.SWITCH_ON_DISABLED
+    )
     mode.enter(snapshot(0.0))
-    return [mode.step(snapshot(time, standing=False, drives=silent)) for time in (0.0, *times)]
+    return [mode.step(snapshot(time, standing=False, drives=seen)) for time in (0.0, *times)]
 
 
 def test_steering_holds_a_robot_that_rolls_for_ten_seconds_and_traction_is_off_after_the_stop_time() -> None:
@@ -199,10 +200,17 @@ def test_steering_holds_a_robot_that_rolls_for_ten_seconds_and_traction_is_off_a
     assert [wish.phase for wish in (driven, off, held, over)] == ["stopping"] * 3 + ["switching off"]
 
 
-def test_steering_lets_go_with_traction_where_a_driven_wheel_is_not_heard_any_more() -> None:
+@pytest.mark.parametrize(("name", "age", "holds"), [
+    ("traction-left", 0.499, True), ("traction-left", 0.5, False), ("traction-right", None, False),
+    ("steer-left", 9.0, True),
+])  # fmt: skip
+def test_steering_lets_go_with_traction_where_a_driven_wheel_is_not_heard_any_more(
+    name: str, age: float | None, holds: bool
+) -> None:
     stop = Plan(robot=ROBOT, steps=()).stop_time
-    *_, driven, off = rolling(stop - 0.01, stop, heard=False)
-    assert (driven.steering, off.steering) == (Goal.HOLD, Goal.DISABLED)
+    *_, driven, off = rolling(stop - 0.01, stop, name=name, age=age)
+    assert (driven.steering, off.traction) == (Goal.HOLD, Goal.DISABLED)
+    assert off.steering is (Goal.HOLD if holds else Goal.DISABLED)
 
 
 def test_job_of_another_kind_that_fails_while_the_robot_stops_takes_no_heartbeat() -> None:
