@@ -193,7 +193,7 @@ def come_to_rest(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
             shared.bring_up.stop = None
             return snapshot
         told = wish if passed < shared.plan.stop_time else replace(wish, traction=Goal.DISABLED)
-        snapshot = yield replace(told, jobs=jobs, heartbeat=wish.heartbeat and stop.heartbeat)
+        snapshot = yield replace(told, jobs=jobs, heartbeat=stop.heartbeat)
 
 
 UNRESPONSIVE = 0.1

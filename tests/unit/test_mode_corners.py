@@ -20,7 +20,7 @@ from core_builders import (
 
 from artemis.drive_states import DriveState
 from artemis.states.init import InitMode
-from artemis.states.mode import ON, Failed, RoutineMode
+from artemis.states.mode import ON, Failed, RoutineMode, is_second
 from artemis.states.plan import CalibrateStep
 from artemis.states.quickstop import QuickstopMode
 from artemis.supervision import catalogue
@@ -141,3 +141,12 @@ def test_stop_that_no_arm_helps_says_so() -> None:
     wish = player.until(lambda wish: wish.phase.startswith("this run cannot continue; end it: stick"))
     assert wish.event is None
     assert player.tick(requests=(Request.ARM,)).event is None
+
+
+@pytest.mark.parametrize(("fault", "connected", "second"), [
+    ("COM-18", False, True), ("COM-18", True, False), ("COM-22", False, False),
+])  # fmt: skip
+def test_another_artemis_has_the_drives_where_it_is_heard_before_they_are_ours(
+    fault: str, connected: bool, second: bool
+) -> None:
+    assert is_second(shared(connected=connected), snapshot(verdict=judged("RUN-12", fault))) is second
