@@ -29,6 +29,8 @@ from artemis.drive_states import DriveState
 from artemis.sim.bus import Disturb
 from artemis.values import Mode
 
+pytestmark = pytest.mark.short_alignment
+
 SPEED = 0.4
 WATCH = 0.2
 DRIVE_CYCLE = 0.001
