@@ -103,6 +103,7 @@ def muted(*identifiers: int) -> Disturb:
     return lambda frame, _now: (None if frame.id in identifiers else frame, 0.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("identifiers", "id", "worst"),
     [((0x180,), "COM-11", 0.1), ((0x280,), "COM-11", 0.1), ((HEARTBEAT,), "COM-28", 0.37)],
