@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import math
+import time
 from typing import Any
 
 import pytest
 from msgspec.structs import replace
 from passing_plugins import Stick, Walker, at
 
-from artemis import clock
 from artemis.clock import run, stall
 from artemis.errors import DeviceLost
 from artemis.values import Request
@@ -132,7 +132,7 @@ def test_stall_makes_every_timer_late_that_falls_into_it() -> None:
 
 def test_stall_without_a_loop_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     slept: list[float] = []
-    monkeypatch.setattr(clock.time, "sleep", slept.append)
+    monkeypatch.setattr(time, "sleep", slept.append)
     stall(1000.0)
     assert slept == []
 
