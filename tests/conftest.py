@@ -11,18 +11,14 @@ import sys
 from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
-from unittest.mock import patch
 
 import pytest
 from hypothesis import settings
 
-sys.path.append(str(Path(__file__).parent / "simulation"))  # tests of replay run missions on the rig that is there
+for _shared in ("simulation", "e2e"):  # what tests of other folders take from there: the rig of whole runs, the command
+    sys.path.append(str(Path(__file__).parent / _shared))
 
-READINGS = 10
-"""Of each potentiometer in an alignment, instead of 100: two seconds less each time that a run aligns its wheels."""
-WHOLE_RUNS = ("simulation", "replay")
-
-settings.register_profile("short", settings.default, deadline=None)
+settings.register_profile("short", settings.default, deadline=None, max_examples=40)
 settings.register_profile("exhaustive", settings.default, deadline=None, max_examples=400)
 
 
@@ -57,9 +53,11 @@ def pytest_xdist_auto_num_workers() -> int:
 
 @pytest.fixture(scope="module", autouse=True)
 def _short_alignment(request: pytest.FixtureRequest) -> Iterator[None]:
-    """In whole runs, but for modules with the mark `full_alignment`."""
-    if request.path.parent.name not in WHOLE_RUNS or request.node.get_closest_marker("full_alignment"):
+    """In the whole runs of modules with the mark `short_alignment`."""
+    if not request.node.get_closest_marker("short_alignment"):
         yield
-    else:
-        with patch("artemis.states.alignment.READINGS", READINGS):
-            yield
+        return
+    from every_row import short_alignment
+
+    with short_alignment():
+        yield

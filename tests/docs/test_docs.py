@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-import os
+import contextlib
 import re
 import shlex
 import shutil
@@ -17,6 +17,7 @@ from typing import Any, get_args
 import pytest
 import yaml
 from _pytest.mark import ParameterSet
+from command_line import artemis_here
 from pydantic import BaseModel
 from typer.main import get_command
 
@@ -126,11 +127,9 @@ def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def artemis(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "MPLCONFIGDIR": str(folder)}
-    line = [sys.executable, "-m", "artemis", *arguments]
-    return subprocess.run(
-        line, cwd=folder, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE
-    )
+    """Run a command in `folder`, in this process: a second less for each."""
+    with contextlib.chdir(folder):
+        return artemis_here(*arguments)
 
 
 def tried() -> Iterator[ParameterSet]:

@@ -83,7 +83,7 @@ def refused(arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytes
 
 
 def test_a_run_becomes_a_file_with_its_reversals(folder: Path, tmp_path: Path) -> None:
-    done = artemis("path", "record", folder / "run", "-o", tmp_path / "distance.csv")
+    done = artemis_here("path", "record", folder / "run", "-o", tmp_path / "distance.csv")
     assert done.returncode == 0, done.stderr
     assert [file.name for file in tmp_path.iterdir()] == ["distance.csv"]
     text = (tmp_path / "distance.csv").read_text()
@@ -210,7 +210,7 @@ def test_name_and_time_are_not_mixed(monkeypatch: pytest.MonkeyPatch, capsys: py
 
 def test_a_path_is_shown_in_numbers_and_drawn(tmp_path: Path) -> None:
     figure = tmp_path / "eight.png"
-    done = artemis("path", "show", PATHS / "figure_eight.csv", "--robot", ROBOT, "-o", figure)
+    done = artemis_here("path", "show", PATHS / "figure_eight.csv", "--robot", ROBOT, "-o", figure)
     assert done.returncode == 0, done.stderr
     assert "  length    16.010 m, closed, driven forwards\n" in done.stdout
     assert "  points    321, at most 0.050 m apart, at most 0.2 mm off the curve\n" in done.stdout
@@ -348,6 +348,6 @@ def test_an_import_overwrites_only_when_forced(
     assert "is a folder" in refused([*line, str(tmp_path)], monkeypatch, capsys)
     assert "no such folder" in refused([*line, str(tmp_path / "no" / "o.csv")], monkeypatch, capsys)
     assert out.read_text() == "mine"
-    assert artemis(*line, out, "--force").returncode == 0
+    assert artemis_here(*line, out, "--force").returncode == 0
     assert path_from_csv(out.read_text(), "out.csv").length == pytest.approx(8.0)
     assert list(tmp_path.iterdir()) == [out]

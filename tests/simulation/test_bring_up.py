@@ -33,6 +33,8 @@ from artemis.sim.epos import SimSettings
 from artemis.sim.world import PlantParameters
 from artemis.values import Mode
 
+pytestmark = pytest.mark.short_alignment
+
 ENABLE = 0x000F
 CONSUMER = 0x1016
 WAIT = {"wait": {"seconds": 0.1}}

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from every_row import short_alignment
 from rig import CALIBRATE, TRACTION, Rig, follow, write_mission
 from steering_rig import (
     HIDDEN,
@@ -29,11 +27,7 @@ from artemis.motion.potentiometers import memory_numbers
 from artemis.sim.world import PlantParameters
 from artemis.values import Mode
 
-
-@pytest.fixture(autouse=True)
-def _short_bring_up() -> Iterator[None]:
-    with short_alignment():
-        yield
+pytestmark = pytest.mark.short_alignment
 
 
 # ---------------------------------------------------------------------------------------------- what is true is found

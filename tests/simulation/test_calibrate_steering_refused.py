@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from every_row import short_alignment
 from rig import Rig
 from steering_rig import (
     LEFT,
@@ -27,11 +25,7 @@ from artemis.drive_states import DriveState
 from artemis.sim.wheels import PotentiometerFailure
 from artemis.values import Mode
 
-
-@pytest.fixture(autouse=True)
-def _short_bring_up() -> Iterator[None]:
-    with short_alignment():
-        yield
+pytestmark = pytest.mark.short_alignment
 
 
 # ---------------------------------------------------------------------------------------------- what is wrong

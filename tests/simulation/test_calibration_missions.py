@@ -13,7 +13,7 @@ from rig import MISSIONS, Run, run
 from artemis.motion.spline import Array
 from artemis.values import Mode
 
-pytestmark = [pytest.mark.exhaustive, pytest.mark.full_alignment]
+pytestmark = pytest.mark.exhaustive
 
 ran = cache(lambda name: run(MISSIONS / f"{name}.yaml", longest=200.0))
 BODY = ((-0.15, -0.3), (-0.15, 0.3), (0.7, -0.3), (0.7, 0.3))

@@ -83,6 +83,7 @@ BRING_UP = ["configure", "first contact", "proving the watchdog", "waiting for a
 """Before, the drive still has the error: there is none that could come again."""
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("phase", BRING_UP)
 def test_fault_that_comes_again_in_the_next_bring_up_is_final(tmp_path: Path, phase: str) -> None:
     def prepare(rig: Rig) -> None:

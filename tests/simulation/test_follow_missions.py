@@ -13,7 +13,7 @@ from artemis.motion.path import path_from_csv
 from artemis.motion.spline import Array
 from artemis.values import Mode
 
-pytestmark = [pytest.mark.slow, pytest.mark.full_alignment]
+pytestmark = pytest.mark.slow
 
 ran = cache(lambda name: run(MISSIONS / f"follow_{name}.yaml", longest=120.0))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rig import CALIBRATE, MISSIONS, run, write_mission
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.short_alignment]
 PATH = (MISSIONS / "paths" / "figure_eight.csv").read_text()
 
 

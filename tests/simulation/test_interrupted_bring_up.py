@@ -133,6 +133,7 @@ def test_drives_found_moving_are_stopped_though_the_bring_up_is_interrupted(
     assert_at_rest(seen)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("time", FOUND_MOVING)
 def test_drives_found_moving_are_stopped_at_once_also_when_somebody_could_arm(tmp_path: Path, time: float) -> None:
     rig = found_moving(tmp_path, simulation={"operator": [{"at_s": time + 3.0, "do": "end"}]})
@@ -200,7 +201,7 @@ def end_at(folder: Path, time: float, settings: SimSettings | None = None) -> Ru
     return rig.at(time, rig.request(Request.END), name="end").run()
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("time", BRING_UP, ids=lambda time: f"{time * 1000:.0f} ms")
 def test_an_end_request_during_the_bring_up_leaves_the_drives_at_rest(tmp_path: Path, time: float) -> None:
     seen = end_at(tmp_path, time)
@@ -301,6 +302,7 @@ def test_the_origin_is_where_the_wheels_are_aligned_first_also_when_the_first_br
     assert_origin_is_where_the_wheels_were_aligned_first(seen)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("phase", ["waiting", "following"])
 @pytest.mark.parametrize("stop", [False, True], ids=["armed at once", "stopped once more"])
 def test_the_origin_stays_when_the_drives_are_brought_up_again(tmp_path: Path, phase: str, stop: bool) -> None:

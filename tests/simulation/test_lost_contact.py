@@ -29,6 +29,8 @@ from artemis.drive_states import DriveState
 from artemis.sim.bus import Disturb
 from artemis.values import Mode
 
+pytestmark = pytest.mark.short_alignment
+
 SPEED = 0.4
 WATCH = 0.2
 DRIVE_CYCLE = 0.001
@@ -101,6 +103,7 @@ def muted(*identifiers: int) -> Disturb:
     return lambda frame, _now: (None if frame.id in identifiers else frame, 0.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("identifiers", "id", "worst"),
     [((0x180,), "COM-11", 0.1), ((0x280,), "COM-11", 0.1), ((HEARTBEAT,), "COM-28", 0.37)],

@@ -19,6 +19,8 @@ from artemis.recording.mcap_reader import Recording
 from artemis.values import Mode, Tick
 from artemis_lab.injections.failing_disk import FailingDisk
 
+pytestmark = pytest.mark.short_alignment
+
 BUS = {"interface": "udp_multicast", "channel": "239.74.163.77"}
 
 

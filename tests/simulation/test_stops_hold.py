@@ -37,6 +37,8 @@ from artemis.errors import DeviceLost
 from artemis.mission.loading import load_mission
 from artemis.values import Mode, OperatorInput, Request
 
+pytestmark = pytest.mark.short_alignment
+
 OFF, QUICK_STOP, ENABLE = 0x00, 0x0B, 0x0F
 LENGTH = 3.0
 FILES = {"line.csv": straight(LENGTH), "stick.csv": stick((0.0, 0.0, 0.0, 0), (1.0, 0.0, 0.0, 0))}

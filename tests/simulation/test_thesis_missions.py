@@ -14,8 +14,6 @@ from rig import MISSIONS, Run, run
 from artemis.mission import load_mission
 from artemis.values import Mode
 
-pytestmark = pytest.mark.full_alignment
-
 ran = cache(lambda name: run(MISSIONS / f"{name}.yaml", longest=200.0))
 
 

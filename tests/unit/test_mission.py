@@ -212,7 +212,8 @@ def test_words_that_the_back_end_does_not_know_are_refused_where_they_stand(fold
 
 def test_calibration_may_come_any_time_before_the_path(folder: Path) -> None:
     first = "  - calibrate: {steering: from_potentiometers}\n"
-    loaded_with(folder, first, first + "  - wait: {seconds: 1}\n")
+    loaded = loaded_with(folder, first, first + "  - wait: {seconds: 1}\n")
+    assert [next(iter(step.model_fields_set)) for step in loaded.mission.steps[:3]] == ["calibrate", "wait", "follow"]
 
 
 def test_problems_come_in_the_order_of_their_lines(folder: Path) -> None:
