@@ -320,7 +320,7 @@ class TestClosing:
             assert abs(values_found[name].value - true) <= values_found[name].half_width
 
     def test_one_run_is_refused(self) -> None:
-        with pytest.raises(CalibrationError, match="both ways"):
+        with pytest.raises(CalibrationError, match="both directions"):
             fit_closing([self.closed({}, 1.0, 1)], BASE, TWO_WHEELS)
 
 
@@ -389,7 +389,7 @@ class TestMachineFile:
         [
             ({"columns": ["time", "distance", "-"]}, "steering is missing"),
             ({"columns": ["time", "distance", "steering", "distance_left"]}, "distance_left is not of"),
-            ({"columns": ["time", "distance", "steering", "distance"]}, "twice"),
+            ({"columns": ["time", "distance", "steering", "distance"]}, "duplicate column"),
             ({"columns": ["time", "distance", "steering", "true_x"]}, "true_x and true_y"),
             ({"metres_per_count": 0.0}, "worth 0"),
             ({"track_m": 0.4}, "left and a right"),

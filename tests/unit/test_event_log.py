@@ -204,8 +204,8 @@ def test_a_recovery_without_a_person_is_told_with_the_budget_spent() -> None:
         entries += event_log.observe(tick(number / 50, Mode.FAULT, *faults, recovers=True), (), number / 50)
 
     first, second = [entry for entry in entries if entry.kind == "recovered"]
-    assert first.text == "by itself: DRV-18 1 of 1 times; recovery 1 of 5 in this run"
-    assert second.text == "by itself: DRV-18 2 of 1 times; recovery 2 of 5 in this run"
+    assert first.text == "automatically: DRV-18 1 of 1 times; recovery 1 of 5 in this run"
+    assert second.text == "automatically: DRV-18 2 of 1 times; recovery 2 of 5 in this run"
     assert second.data == {"faults": [{"id": "DRV-18", "device": "steer-left"}], "recoveries": 2, "at_most": 5}
     assert [entry.data["by"] for entry in entries if entry.kind == "cleared"] == ["artemis", "artemis"]
 

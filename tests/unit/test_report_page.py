@@ -147,7 +147,7 @@ def test_the_page_of_a_resumed_run_names_the_run_before(tmp_path: Path) -> None:
     path = synthetic_run.record(tmp_path / "recording.mcap", islice(synthetic_run.run(), 5), resume_point=resume_point)
     write_report(Recording(path), tmp_path / "report.html")
 
-    assert "Goes on with 20260301T110000Z-circle." in (tmp_path / "report.html").read_text()
+    assert "Resumes 20260301T110000Z-circle." in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.parametrize("count", [0, 1, 19])

@@ -180,7 +180,7 @@ def test_without_done_the_end_of_the_run_is_silence() -> None:
         ({"input": "padd"}, "pad: input: no input padd gave anything in the run s.yaml; nearest is 'pad', there are"),
         (
             {"deadzone": 0.1, "gate": "round"},
-            "pad: gate: not used with an earlier run; leave it out\npad: deadzone: of",
+            "pad: gate: not used with an earlier run; leave it out\npad: deadzone: not",
         ),
         ({"max_speed_m_s": 0.3}, "pad: file: it drove up to 0.4 m/s; 0.3 are allowed"),
         ({"max_speed_m_s": 0.8}, "max_speed_m_s: 0.8; the robot's limit is 0.7"),
