@@ -36,6 +36,7 @@ def test_space_stops_r_goes_on_and_q_ends(tmp_path: Path) -> None:
     assert_left_at_rest(run)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.realtime
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_a_real_time_run_in_order(tmp_path: Path, number: signal.Signals, status: int) -> None:

@@ -99,6 +99,7 @@ def _command(tick: TickRecord) -> tuple[object, ...]:
     return times, snapshot.odometry, replace(verdict, faults=faults), tick.mode, tick.wish, tick.set_points
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("drive", [by_table, by_joystick, by_keys, by_unplugged_joystick])
 def test_the_same_drive_gives_the_same_commands(tmp_path: Path, drive: Callable[[Path], Run]) -> None:
     first = drive(tmp_path)

@@ -193,7 +193,7 @@ class AnyOrder(RuleBasedStateMachine):
 
 TestAnyOrder = AnyOrder.TestCase
 TestAnyOrder.settings = settings(
-    max_examples=20,
+    max_examples=max(8, settings().max_examples // 20),
     stateful_step_count=18,
     deadline=None,
     derandomize=True,

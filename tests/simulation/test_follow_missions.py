@@ -37,6 +37,7 @@ def rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("name", "file", "mean", "most"),
     [

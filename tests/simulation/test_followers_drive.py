@@ -11,6 +11,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.short_alignment]
 PATH = (MISSIONS / "paths" / "figure_eight.csv").read_text()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("plugin", "nearness"),
     [("pure_pursuit", 0.08), ("stanley", 0.22)],  # cut corners; and the rear axle inside the front axle's distance

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import time
 from typing import Any
 
 import pytest
@@ -132,7 +131,7 @@ def test_stall_makes_every_timer_late_that_falls_into_it() -> None:
 
 def test_stall_without_a_loop_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     slept: list[float] = []
-    monkeypatch.setattr(time, "sleep", slept.append)
+    monkeypatch.setattr("time.sleep", slept.append)
     stall(1000.0)
     assert slept == []
 
