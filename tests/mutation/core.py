@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 _ROWS = ("unit/test_supervisor_rows.py",)
 _MODES = ("unit/test_mode_details.py", "unit/test_mode_memory.py", "unit/test_mode_corners.py")
-_STOPS = ("unit/test_modes_at_rest.py", "unit/test_mode_fault.py", *_MODES)
+_STOPS = ("unit/test_stop_details.py", "unit/test_modes_at_rest.py", "unit/test_mode_fault.py", *_MODES)
 _TABLE = ("unit/test_faults_page.py", "unit/test_catalogue.py", *_ROWS)
 
 CORE: Mapping[str, tuple[str, ...]] = {
