@@ -243,3 +243,12 @@ def test_fault_names_the_first_of_its_causes(says: dict[str, bool], phase: str) 
     wish = player.tick(requests=(Request.ACKNOWLEDGE,))
     assert wish.phase.startswith(phase)
     assert wish.phase.endswith(found.faults[0].text)
+
+
+def test_acknowledgment_that_was_refused_is_forgotten() -> None:
+    player = in_fault(armed=True)
+    player.until(lambda wish: wish.phase == "acknowledge to bring the drives up again")
+    assert player.tick(requests=(Request.ACKNOWLEDGE,)).phase.startswith("cannot acknowledge yet: ")
+    assert player.tick().phase == "acknowledge to bring the drives up again"
+    assert player.tick(verdict=Verdict()).phase == "recovered"
+    assert player.mode.shared.bring_up.armed
