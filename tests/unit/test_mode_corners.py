@@ -31,7 +31,7 @@ from artemis.states.quickstop import QuickstopMode
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.supervision import catalogue
-from artemis.values import Event, JobKind, JobResult, Mode, OperatorInput, Request
+from artemis.values import Event, JobKind, JobResult, Mode, OperatorInput, Request, Wish
 
 LEFT, RIGHT = TRACTION
 
@@ -182,3 +182,11 @@ def test_stop_in_the_very_first_tick_is_obeyed() -> None:
     modes = Modes(shared())
     modes.advance(snapshot(verdict=judged("INP-03")), None)
     assert modes.mode is Mode.QUICKSTOP
+
+
+def test_run_has_failed_once_a_mode_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    modes = Modes(shared())
+    for wish, failed in ((Wish(), False), (Wish(failed=True), True), (Wish(), True)):
+        monkeypatch.setattr(modes._logic[Mode.INIT], "step", lambda seen, wish=wish: wish)
+        modes.step(snapshot())
+        assert modes.failed is failed
