@@ -31,7 +31,7 @@ from artemis.states.quickstop import QuickstopMode
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.supervision import catalogue
-from artemis.values import Event, JobKind, JobResult, Mode, OperatorInput, Request, Wish
+from artemis.values import Event, JobKind, JobResult, Mode, OperatorInput, Request, Severity, Verdict, Wish
 
 LEFT, RIGHT = TRACTION
 
@@ -190,3 +190,13 @@ def test_run_has_failed_once_a_mode_says_so(monkeypatch: pytest.MonkeyPatch) -> 
         monkeypatch.setattr(modes._logic[Mode.INIT], "step", lambda seen, wish=wish: wish)
         modes.step(snapshot())
         assert modes.failed is failed
+
+
+def test_heartbeat_that_a_mode_withholds_stays_withheld_where_power_off_is_all_that_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    modes = Modes(shared())
+    off = Verdict(severity=Severity.OFF, faults=judged("RUN-03").faults)
+    for heartbeat in (False, True):
+        monkeypatch.setattr(modes._logic[Mode.INIT], "step", lambda seen, beat=heartbeat: Wish(heartbeat=beat))
+        assert modes.step(snapshot(verdict=off)).heartbeat is heartbeat
