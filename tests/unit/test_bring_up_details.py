@@ -6,12 +6,14 @@ from itertools import groupby
 
 import core_builders
 import pytest
-from core_builders import NAMES, PERIOD, ObedientDrives, Player, fault_of, has_event, has_fault, shared
+from core_builders import NAMES, PERIOD, ROBOT, ObedientDrives, Player, fault_of, has_event, has_fault, shared
 
 from artemis.drive_states import DriveState, Goal
+from artemis.motion.potentiometers import memory_numbers
 from artemis.states.init import ANSWER_TIME, HEARTBEATS, InitMode
-from artemis.states.plan import CalibrateStep
-from artemis.values import Event, JobKind, Wish
+from artemis.states.mode import PATIENCE
+from artemis.states.plan import CalibrateStep, Plan, Shared
+from artemis.values import Event, JobKind, JobResult, Wish
 
 Sent = tuple[bool, bool, bool]
 """Exchange, heartbeat, supervised."""
@@ -113,3 +115,55 @@ def test_what_the_steering_drives_keep_is_read_with_the_configuration() -> None:
         (JobKind.READ_CALIBRATION, name) for name in NAMES if name.startswith("steer")
     ]
     assert player.until(has_event).event is Event.ALIGNED
+
+
+def results_of(player: Player, values: dict[str, tuple[int, ...]]) -> tuple[JobResult, ...]:
+    """What the last jobs bring back, all well: each steering drive keeps these numbers."""
+    return tuple(
+        JobResult(
+            id=job.id,
+            kind=job.kind,
+            drive=job.drive,
+            ok=True,
+            values=values.get(job.drive, ()) if job.kind is JobKind.READ_CALIBRATION else (),
+        )
+        for job in player.wishes[-1].jobs
+    )
+
+
+@pytest.mark.parametrize(("kept", "fault"), [
+    ((0, 0, 0, 0), None), ((1, 2, 3, 4), ("CAL-02", "steer-left")),
+    (memory_numbers(ROBOT.potentiometers("left")), None),
+])  # fmt: skip
+def test_steering_drive_that_keeps_another_calibration_is_a_fault(
+    kept: tuple[int, ...], fault: tuple[str, str] | None
+) -> None:
+    player = bring_up()
+    player.until(lambda wish: any(job.kind is JobKind.CONFIGURE for job in wish.jobs))
+    player.tick(results=results_of(player, {"steer-left": kept}))
+    wish = player.wishes[-1] if fault else player.until(has_event)
+    assert (fault_of(wish) if has_fault(wish) else None) == fault
+
+
+def test_drive_that_cannot_be_configured_is_a_fault() -> None:
+    player = bring_up()
+    player.refused.add((JobKind.CONFIGURE, "traction-right"))
+    assert fault_of(player.until(has_fault)) == ("COM-08", "traction-right")
+
+
+def test_bring_up_is_armed_within_ten_minutes_and_not_a_tick_later() -> None:
+    player = bring_up(armed=False)
+    player.until(lambda wish: wish.phase == "waiting for arm")
+    player.time += PATIENCE - PERIOD
+    assert player.tick().event is None
+    assert player.tick().event is Event.END
+
+
+@pytest.mark.parametrize("blind", [False, True])
+def test_robot_with_new_potentiometers_is_taken_as_it_is_found_and_cannot_drive(blind: bool) -> None:
+    run = Shared(Plan(robot=ROBOT, steps=(CalibrateStep(),), found={"left": 0.1} if blind else None))
+    player = Player(InitMode(run), ObedientDrives().react)
+    wish = player.until(has_event)
+    assert (wish.event, wish.phase, wish.reset_pose) == (Event.ALIGNED, "as found" if blind else "aligned", True)
+    assert wish.traction is player.tick().traction is (Goal.DISABLED if blind else Goal.ENABLED)
+    assert run.bring_up.aligned is not blind
