@@ -58,10 +58,9 @@ class InitMode(RoutineMode):
             jobs = bring_up.jobs(JobKind.CONFIGURE, plan.drives())
             jobs += bring_up.jobs(JobKind.READ_CALIBRATION, plan.drives("steering"))
             results, snapshot = yield from finish_jobs(wish, jobs)
-        failed = [result for result in results if not result.ok]
-        if len(failed) == len(results) and all(result.fault == NO_ANSWER for result in failed):
+        if all(result.fault == NO_ANSWER for result in results):
             raise Failed(SILENT, catalogue.fault("COM-32"))
-        if fault := failure(failed) or contradiction(shared, results):
+        if fault := failure(results) or contradiction(shared, results):
             raise Failed(SILENT, fault)
         bring_up.connected = True
         snapshot = yield from self._prove_watchdog(snapshot)

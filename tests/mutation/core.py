@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 _ROWS = ("unit/test_supervisor_rows.py",)
 _MODES = ("unit/test_mode_details.py", "unit/test_mode_memory.py", "unit/test_mode_corners.py")
-_STOPS = ("unit/test_modes_at_rest.py", "unit/test_mode_fault.py", *_MODES)
+_STOPS = ("unit/test_stop_details.py", "unit/test_modes_at_rest.py", "unit/test_mode_fault.py", *_MODES)
 _TABLE = ("unit/test_faults_page.py", "unit/test_catalogue.py", *_ROWS)
 
 CORE: Mapping[str, tuple[str, ...]] = {
@@ -15,7 +15,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "states/modes.py": ("unit/test_modes.py", "unit/test_core.py", *_MODES),
     "states/mode.py": (*_STOPS, "unit/test_modes.py", "unit/test_mode_init.py"),
     "states/plan.py": ("unit/test_modes.py", "unit/test_mode_timed.py", *_STOPS, "unit/test_core.py"),
-    "states/init.py": ("unit/test_mode_init.py", *_MODES),
+    "states/init.py": ("unit/test_bring_up_details.py", "unit/test_mode_init.py", *_MODES),
     "states/ready.py": ("unit/test_modes.py", "unit/test_mode_timed.py", *_MODES),
     "states/teleop.py": ("unit/test_modes.py", "unit/test_mode_teleop.py", "unit/test_mode_timed.py", *_MODES),
     "states/quickstop.py": _STOPS,

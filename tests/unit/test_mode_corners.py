@@ -19,12 +19,19 @@ from core_builders import (
 )
 
 from artemis.drive_states import DriveState
+from artemis.states.calibrate import CalibrateMode
+from artemis.states.end import EndMode
+from artemis.states.fault import FaultMode
+from artemis.states.follow import FollowMode
 from artemis.states.init import InitMode
-from artemis.states.mode import ON, Failed, RoutineMode, is_second
+from artemis.states.mode import ON, Failed, RoutineMode, hands_on, is_second
+from artemis.states.modes import Modes
 from artemis.states.plan import CalibrateStep
 from artemis.states.quickstop import QuickstopMode
+from artemis.states.ready import ReadyMode
+from artemis.states.teleop import TeleopMode
 from artemis.supervision import catalogue
-from artemis.values import Event, JobKind, JobResult, OperatorInput, Request
+from artemis.values import Event, JobKind, JobResult, Mode, OperatorInput, Request, Severity, Verdict, Wish
 
 LEFT, RIGHT = TRACTION
 
@@ -150,3 +157,46 @@ def test_another_artemis_has_the_drives_where_it_is_heard_before_they_are_ours(
     fault: str, connected: bool, second: bool
 ) -> None:
     assert is_second(shared(connected=connected), snapshot(verdict=judged("RUN-12", fault))) is second
+
+
+def test_several_devices_that_said_nothing_yet_are_all_named() -> None:
+    silent = [OperatorInput(source=name, neutral=False) for name in ("stick", "pad")]
+    assert hands_on(silent) == "release the controls; stick, pad was not heard yet: move it once"
+
+
+def test_every_mode_has_its_own_logic() -> None:
+    found = Modes(shared())._logic
+    assert {mode: type(logic) for mode, logic in found.items()} == {
+        Mode.INIT: InitMode,
+        Mode.READY: ReadyMode,
+        Mode.CALIBRATE: CalibrateMode,
+        Mode.TELEOP: TeleopMode,
+        Mode.FOLLOW: FollowMode,
+        Mode.QUICKSTOP: QuickstopMode,
+        Mode.FAULT: FaultMode,
+        Mode.END: EndMode,
+    }
+
+
+def test_stop_in_the_very_first_tick_is_obeyed() -> None:
+    modes = Modes(shared())
+    modes.advance(snapshot(verdict=judged("INP-03")), None)
+    assert modes.mode is Mode.QUICKSTOP
+
+
+def test_run_has_failed_once_a_mode_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    modes = Modes(shared())
+    for wish, failed in ((Wish(), False), (Wish(failed=True), True), (Wish(), True)):
+        monkeypatch.setattr(modes._logic[Mode.INIT], "step", lambda seen, wish=wish: wish)
+        modes.step(snapshot())
+        assert modes.failed is failed
+
+
+def test_heartbeat_that_a_mode_withholds_stays_withheld_where_power_off_is_all_that_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    modes = Modes(shared())
+    off = Verdict(severity=Severity.OFF, faults=judged("RUN-03").faults)
+    for heartbeat in (False, True):
+        monkeypatch.setattr(modes._logic[Mode.INIT], "step", lambda seen, beat=heartbeat: Wish(heartbeat=beat))
+        assert modes.step(snapshot(verdict=off)).heartbeat is heartbeat

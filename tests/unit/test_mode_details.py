@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 from core_builders import ROBOT, ROUTE, Player, StubFollower, drive, drives, judged, shared, snapshot
 from msgspec.structs import replace
 
-from artemis.drive_states import DriveState, Goal, Nmt
-from artemis.motion.perception import STANDING_TIME
+from artemis.drive_states import DriveState
 from artemis.states.end import EndMode
-from artemis.states.plan import BringUp, CalibrateStep, FollowStep, Plan, TeleopStep, WaitStep, with_followers
-from artemis.states.quickstop import QuickstopMode
+from artemis.states.plan import BringUp, CalibrateStep, FollowStep, TeleopStep, WaitStep, with_followers
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import (
     DriveCommand,
     Event,
     JobKind,
-    JobResult,
     LocatedPose,
     OperatorInput,
     Pose,
@@ -177,68 +172,3 @@ def test_jobs_have_ids_of_their_own_whichever_way_they_are_made() -> None:
     assert [job.id for job in (*first, alone, *last)] == [1, 2, 3, 4]
     with pytest.raises(ValueError, match="shorter"):
         bring_up.jobs(JobKind.SECURE, ("a", "b"), (1.0,))
-
-
-# ---------------------------------------------------------------------------------------------- coming to rest
-
-
-def rolling(*times: float, name: str = "traction-left", age: float | None = 0.02) -> list[Wish]:
-    """Wishes of a quick stop whose robot rolls on, with the feedback of one drive of that age."""
-    mode = QuickstopMode(shared(connected=True, aligned=True))
-    seen = drives(
-        drive(name, age=age, state=DriveState.SWITCH_ON_DISABLED), age=0.02, state=DriveState.SWITCH_ON_DISABLED
-    )
-    mode.enter(snapshot(0.0))
-    return [mode.step(snapshot(time, standing=False, drives=seen)) for time in (0.0, *times)]
-
-
-def test_steering_holds_a_robot_that_rolls_for_ten_seconds_and_traction_is_off_after_the_stop_time() -> None:
-    stop = Plan(robot=ROBOT, steps=()).stop_time
-    *_, driven, off, held, over = rolling(stop - 0.01, stop, 9.99, 10.0)
-    assert [wish.traction for wish in (driven, off, held, over)] == [Goal.QUICK_STOPPED] + [Goal.DISABLED] * 3
-    assert [wish.steering for wish in (driven, off, held, over)] == [Goal.HOLD] * 3 + [Goal.DISABLED]
-    assert [wish.phase for wish in (driven, off, held, over)] == ["stopping"] * 3 + ["switching off"]
-
-
-@pytest.mark.parametrize(("name", "age", "holds"), [
-    ("traction-left", 0.499, True), ("traction-left", 0.5, False), ("traction-right", None, False),
-    ("steer-left", 9.0, True),
-])  # fmt: skip
-def test_steering_lets_go_with_traction_where_a_driven_wheel_is_not_heard_any_more(
-    name: str, age: float | None, holds: bool
-) -> None:
-    stop = Plan(robot=ROBOT, steps=()).stop_time
-    *_, driven, off = rolling(stop - 0.01, stop, name=name, age=age)
-    assert (driven.steering, off.traction) == (Goal.HOLD, Goal.DISABLED)
-    assert off.steering is (Goal.HOLD if holds else Goal.DISABLED)
-
-
-def test_job_of_another_kind_that_fails_while_the_robot_stops_takes_no_heartbeat() -> None:
-    player = Player(QuickstopMode(shared(connected=True, aligned=True)))
-    player.world["standing"] = False
-    player.tick()
-    failed = JobResult(id=99, kind=JobKind.READ_HISTORY, drive="traction-left", ok=False, fault="COM-08")
-    assert player.tick(results=(failed,)).heartbeat
-    assert player.tick(results=()).heartbeat
-
-
-def test_robot_that_stands_is_switched_off_in_the_very_tick_in_which_that_counts() -> None:
-    for time, off in ((STANDING_TIME - 0.001, False), (STANDING_TIME, True)):
-        mode = QuickstopMode(shared(connected=True, aligned=True))
-        mode.enter(snapshot(0.0))
-        mode.step(snapshot(0.0))
-        stopped = drives(state=DriveState.QUICK_STOP_ACTIVE)
-        assert (mode.step(snapshot(time, drives=stopped)).phase == "switching off") is off
-
-
-@pytest.mark.parametrize(("changes", "unresponsive"), [
-    ({"age": 0.1}, False), ({"age": 0.101}, True), ({"age": None}, True), ({"nmt": Nmt.PRE_OPERATIONAL}, True),
-])  # fmt: skip
-def test_driven_wheel_that_is_not_heard_is_stopped_by_sdo_in_the_first_tick(
-    changes: dict[str, Any], unresponsive: bool
-) -> None:
-    mode = QuickstopMode(shared(connected=True, aligned=True))
-    stops = DriveState.QUICK_STOP_ACTIVE
-    seen = snapshot(0.0, standing=False, drives=drives(drive("traction-left", state=stops, **changes), state=stops))
-    mode.enter(seen)
-    assert [job.drive for job in mode.step(seen).jobs] == ["traction-left"] * unresponsive
