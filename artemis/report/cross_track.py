@@ -70,9 +70,7 @@ class TruePoses:
     """True poses at the moments that the estimated ones are of: when the drives measured, not when the tick began."""
 
     def __init__(self, recording: Recording) -> None:
-        names = list(recording.robot.drives)
-        left, right, *_ = recording.robot.places
-        self._driven = {names[left], names[right]}
+        self._left, self._right, *_ = recording.robot.places
         self._stale = stale_age(1.0 / recording.mission.get("tick_hz", 50))
         self._last: tuple[float, Pose] | None = None
         """Run time [s] and true pose of the last tick."""
@@ -80,7 +78,8 @@ class TruePoses:
     def of(self, tick: TickRecord) -> tuple[float, Pose | None]:
         """Moment [s of the run] of a tick's estimated pose, and the true pose then; None: nobody knows."""
         sensed, true = tick.snapshot.sensed, tick.true_pose
-        measured = moment(sensed, [drive for drive in sensed.drives if drive.name in self._driven], self._stale)
+        drives = sensed.drives
+        measured = moment(sensed.time, drives[self._left], drives[self._right], self._stale) if drives else sensed.time
         last, self._last = self._last, None
         if true is None or not isfinite(true.x):
             return measured, None
