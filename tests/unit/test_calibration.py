@@ -59,7 +59,7 @@ class TestDeadReckoning:
     def test_of_one_wheel_is_the_odometer_bit_for_bit_but_rounding(self) -> None:
         log = one_wheel_log(1)
         machine = Kinematics(wheelbase=0.56, kingpin_distance=0.0, scrub_radius=0.0)
-        geometry = Geometry(wheelbase_m=0.56, track_m=1e-12, scrub_radius_m=0.0, driven_axle="front")
+        geometry = Geometry.model_construct(wheelbase_m=0.56, track_m=1e-12, scrub_radius_m=0.0, driven_axle="front")
 
         difference = dead_reckoned(log, machine) - odometer_poses(log, geometry)
 
