@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import logging
 import os
@@ -313,10 +314,18 @@ _add_commands()
 def main() -> None:
     """Entry point. What artemis raises on purpose becomes its message; anything else is our own bug: status 70."""
     _prepare_output()
+    status: str | int | None = None
     try:
         app()
+    except SystemExit as end:
+        status = end.code
     except Exception as error:  # noqa: BLE001  nothing but the shell is above it
-        sys.exit(_explain(error))
+        status = _explain(error)
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        status = _explain(error)
+    sys.exit(status)
 
 
 def _prepare_output() -> None:
@@ -341,6 +350,12 @@ def _explain(error: Exception) -> int:
         case RecordingError():
             print(f"artemis: {error}", file=sys.stderr)
             return REFUSED
+        case OSError(filename=None, errno=errno.ENOSPC | errno.EDQUOT | errno.EFBIG | errno.EIO):
+            from artemis.commands.terminal import lose_output
+
+            lose_output()
+            print(f"artemis: standard output cannot be written: {error.strerror}", file=sys.stderr)
+            return FAILED
         case ArtemisError():
             print(f"artemis: {error}", file=sys.stderr)
             return FAILED

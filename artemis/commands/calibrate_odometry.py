@@ -28,6 +28,7 @@ from artemis.mission.loading import load_model
 from artemis.motion.table import MAX_CHARACTERS, Table
 from artemis.motion.trajectory import Trajectory
 from artemis.motion.truth import truth_from
+from artemis.recording.disk import write_whole
 from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
 from artemis.yaml_edit import edit
@@ -268,9 +269,9 @@ def _write_page(text: str, folder: Path) -> None:
     page = folder / PAGE
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        page.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise RecordingError(f"{page}: cannot be written: {error.strerror}") from error
+        raise RecordingError(f"{folder}: cannot be made: {error.strerror}") from error
+    write_whole(page, text)
     sys.stdout.write(f"{page}\n")
 
 

@@ -10,6 +10,7 @@ from math import degrees
 from typing import ClassVar
 
 from artemis.clock import stopwatch
+from artemis.commands.terminal import lose_output
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
@@ -122,10 +123,9 @@ class LiveView:
         try:
             sys.stdout.write(text)
             sys.stdout.flush()
-        except OSError:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, sys.stdout.fileno())
-            os.close(nowhere)
+        except OSError as error:
+            lose_output()
+            sys.stderr.write(f"artemis: standard output cannot be written: {error.strerror}; the run ends\n")
             self._lost = True
 
     def _status(self, tick: Tick) -> str:

@@ -52,12 +52,14 @@ def begin_plugin(kind: str, name: str, folder: Path) -> None:
         problems.append(f"{root}: is there already; another name, or another --folder")
     if problems:
         raise ConfigError(problems)
+    target = root
     try:
         for file, text in _Package(kind, name).files().items():
-            (root / file).parent.mkdir(parents=True, exist_ok=True)
-            (root / file).write_text(text, encoding="utf-8")
+            target = root / file
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise ConfigError(f"{error.filename}: cannot be written: {error.strerror}") from error
+        raise ConfigError(f"{error.filename or target}: cannot be written: {error.strerror}") from error
     sys.stdout.write(f"{root}: made; README.md says how to go on\n")
 
 

@@ -181,7 +181,7 @@ def test_many_events_are_cut_short(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("text_only")
 def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     path = synthetic_run.record(tmp_path / "recording.mcap", iter(()))
-    with pytest.raises(RecordingError, match=r"cannot write the report: No such file"):
+    with pytest.raises(RecordingError, match=r"cannot be written: No such file"):
         write_report(Recording(path), tmp_path / "nowhere" / "report.html")
 
 
