@@ -17,6 +17,7 @@ from artemis.drive_states import DriveState
 from artemis.plugins.guard import Problem
 from artemis.recording.event_log import values_of
 from artemis.report.fault_words import DID, next_step
+from artemis.states.requests import ignored
 from artemis.supervision.catalogue import ROWS
 from artemis.values import Fault, JobKind, Mode, OperatorInput, Severity, Snapshot, Tick, Verdict
 
@@ -64,7 +65,9 @@ class LiveView:
             self._load.count(tick.snapshot.time, traffic)
         sensed = tick.snapshot.sensed
         for request in sensed.requests:
-            self._say(sensed.time, "request", request.value)
+            reason = ignored(request, tick)
+            text = f"{request.value}: ignored, {reason}" if reason else request.value
+            self._say(sensed.time, "request", text, _YELLOW if reason else None)
         if tick.snapshot.verdict is not self._verdict:
             self._compare(sensed.time, tick.snapshot.verdict)
         for result in sensed.results:

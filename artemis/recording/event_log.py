@@ -10,6 +10,7 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT
 from artemis.motion.potentiometers import memory_words
 from artemis.recording.journal import Entry, Level
+from artemis.states.requests import ignored
 from artemis.supervision.catalogue import EMERGENCIES, ROWS, emergency
 from artemis.supervision.catalogue.row import SHORT
 from artemis.supervision.supervisor import ALL_RECOVERIES
@@ -72,7 +73,7 @@ class EventLog:
         self._keep(sensed.time, frames)
         entries: list[Entry] = []
         if sensed.requests:
-            entries += self._requests(sensed, previous.mode if previous else tick.mode)
+            entries += self._requests(tick, previous.mode if previous else tick.mode)
         for drive in sensed.drives:
             if drive.emergencies or drive.boots:
                 entries += self._said(sensed.time, drive)
@@ -117,13 +118,17 @@ class EventLog:
 
     # -------------------------------------------------------------------------------------------------- requests
 
-    def _requests(self, sensed: Sensed, mode: Mode) -> Iterator[Entry]:
-        """Who asked for what, in which mode; what it leads to, other entries tell."""
+    def _requests(self, tick: Tick, mode: Mode) -> Iterator[Entry]:
+        """Who asked for what, in which mode; what it leads to, other entries tell, and if to nothing, why."""
+        sensed = tick.snapshot.sensed
         by_input = [(request, sample.source) for sample in sensed.inputs for request in sample.requests]
         by_operator = Counter(sensed.requests) - Counter(request for request, _ in by_input)
         for request, source in [*((request, "") for request in by_operator.elements()), *by_input]:
             data = {"request": request.value, "by": source or "operator", "mode": mode.value}
             text = f"{request.value} (by {source})" if source else request.value
+            if reason := ignored(request, tick):
+                data["ignored"] = reason
+                text += f": ignored, {reason}"
             yield Entry(time=sensed.time, kind="request", text=text, data=data)
 
     # -------------------------------------------------------------------------------------------------- the verdict

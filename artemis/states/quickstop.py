@@ -79,7 +79,7 @@ class QuickstopMode(RoutineMode):
 
     def _may_go_on(self, snapshot: Snapshot) -> bool:
         """Armed by a person, or by a mission that says so where all causes are gone; with the controls released."""
-        if _waits_for(snapshot) is not None:
+        if waits_for(snapshot) is not None:
             return False
         return Request.ARM in snapshot.sensed.requests or self._goes_on
 
@@ -93,7 +93,7 @@ class QuickstopMode(RoutineMode):
         alone = not snapshot.sensed.attended and not self._goes_on
         if alone or snapshot.time > latest:
             return give_up(replace(rest, phase="stopped"), late=not alone)
-        wish = replace(rest, phase=_waits_for(snapshot) or "stopped: arm to go on")
+        wish = replace(rest, phase=waits_for(snapshot) or "stopped: arm to go on")
         return self._lookout.watch(self.shared, wish, snapshot)
 
 
@@ -109,7 +109,7 @@ def _ramp(snapshot: Snapshot) -> Wish:
     return replace(ON, command=DriveCommand(steering=snapshot.set_points.steering), phase="stopping")
 
 
-def _waits_for(snapshot: Snapshot) -> str | None:
+def waits_for(snapshot: Snapshot) -> str | None:
     """What the operator has to do before arming; None: nothing."""
     verdict = snapshot.verdict
     if verdict.final:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import core_builders
+import pytest
 from core_builders import drive, drives
 from msgspec.structs import replace
 
@@ -219,6 +220,44 @@ def test_a_bring_up_after_a_fault_names_who_let_it_go_on() -> None:
         assert entry.data["cause"] == {"event": "acknowledged", "by": by}
 
 
+HELD = OperatorInput(source="stick", neutral=False, age=0.0)
+
+
+@pytest.mark.parametrize(
+    ("request_", "seen", "reason"),
+    [
+        (Request.ARM, tick(0.02, Mode.QUICKSTOP, inputs=(HELD,), phase="release the controls"), "release the controls"),
+        (Request.ARM, tick(0.02, Mode.QUICKSTOP, phase="stopping"), "the robot still stops"),
+        (Request.ARM, tick(0.02, Mode.QUICKSTOP), None),
+        (Request.ARM, tick(0.02, Mode.QUICKSTOP, FROZEN), f"acknowledge: {FROZEN.text}"),
+        (Request.ARM, tick(0.02, Mode.FAULT, BLOCKED), "acknowledge the fault first"),
+        (Request.ARM, tick(0.02, Mode.INIT, phase="configure"), "nothing waits for it yet"),
+        (Request.ARM, tick(0.02, Mode.INIT, inputs=(HELD,), phase="release the controls"), "release the controls"),
+        (Request.ARM, tick(0.02, Mode.INIT, phase="reading potentiometers"), None),
+        (Request.ARM, tick(0.02, Mode.END), "the run ends"),
+        (Request.ACKNOWLEDGE, tick(0.02, Mode.FOLLOW), "no fault waits for it"),
+        (Request.ACKNOWLEDGE, tick(0.02, Mode.FAULT, phase="acknowledged"), None),
+        (
+            Request.ACKNOWLEDGE,
+            tick(0.02, Mode.FAULT, BLOCKED, phase="cannot acknowledge yet: blocked"),
+            "cannot acknowledge yet: blocked",
+        ),
+        (Request.ACKNOWLEDGE, tick(0.02, Mode.QUICKSTOP, FROZEN), f"its cause is still there: {FROZEN.text}"),
+        (Request.ACKNOWLEDGE, tick(0.02, Mode.QUICKSTOP), None),
+        (Request.DONE, tick(0.02, Mode.FOLLOW), "nobody drives by hand now"),
+        (Request.DONE, tick(0.02, Mode.TELEOP), None),
+        (Request.ACCEPT, tick(0.02, Mode.READY), "no wheel is measured now"),
+        (Request.QUICKSTOP, tick(0.02, Mode.QUICKSTOP), None),
+    ],
+)
+def test_a_request_that_leads_to_nothing_says_why(request_: Request, seen: Tick, reason: str | None) -> None:
+    sensed = replace(seen.snapshot.sensed, requests=(request_,))
+    asked = replace(seen, snapshot=replace(seen.snapshot, sensed=sensed))
+    entry = of("request", told(tick(), asked))
+    assert entry.data.get("ignored") == reason
+    assert entry.text == (f"{request_.value}: ignored, {reason}" if reason else request_.value)
+
+
 def test_a_request_is_told_once_with_its_source_and_the_mode() -> None:
     asked = tick(
         0.02,
@@ -228,7 +267,10 @@ def test_a_request_is_told_once_with_its_source_and_the_mode() -> None:
     )
 
     assert [(entry.text, entry.data) for entry in told(tick(), asked)] == [
-        ("arm", {"request": "arm", "by": "operator", "mode": "follow"}),
+        (
+            "arm: ignored, the drives are armed",
+            {"request": "arm", "by": "operator", "mode": "follow", "ignored": "the drives are armed"},
+        ),
         ("quick stop (by stick)", {"request": "quick stop", "by": "stick", "mode": "follow"}),
     ]
 
