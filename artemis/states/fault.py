@@ -17,6 +17,7 @@ from artemis.states.mode import (
     finish_jobs,
     give_up,
     is_second,
+    nobody_answers,
     secure,
 )
 from artemis.supervision import catalogue
@@ -53,7 +54,7 @@ class FaultMode(RoutineMode):
         """Drives that could not be secured may still turn: they are tried until they are. The first one is a fault."""
         ended = [result for result in snapshot.sensed.results if result.kind is JobKind.SECURE]
         failed = [result.drive for result in ended if not result.ok]
-        if failed and not self._insecure:
+        if failed and not self._insecure and not nobody_answers(snapshot):
             wish = replace(wish, fault=failure(ended))
         self._insecure.difference_update(result.drive for result in ended)
         self._insecure.update(failed)

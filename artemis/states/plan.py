@@ -132,6 +132,8 @@ class BringUp:
     """The next bring-up may go on to enable the drives: starting the run is the first arm, then each takes its own."""
     connected: bool = False
     """The drives have our configuration: process data may be exchanged."""
+    proving: bool = False
+    """Our heartbeat is withheld, or was: the drives may miss it at any moment."""
     aligned: bool = False
     """The wheels were aligned since the drives were last brought up."""
     placed: bool = False

@@ -37,6 +37,8 @@ class QuickstopMode(RoutineMode):
         self._acknowledged = self._resumes = False
         self._lookout = Lookout()
         self.bring_up.armed = False  # what was meant for a bring-up is no arm after a stop
+        if self.bring_up.proving:  # drives that miss our heartbeat now are at no fault: they are secured, as before
+            self.bring_up.connected = False
 
     def step(self, snapshot: Snapshot) -> Wish:
         """As the routine says; drives without our configuration exchange nothing, their jobs stop them."""
