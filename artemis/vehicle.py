@@ -15,6 +15,8 @@ Positive = Annotated[float, Field(gt=0)]
 Length = Annotated[float, Quantity(0.1, 10.0, "m")]
 Inset = Annotated[float, Quantity(0.0, 2.0, "m")]
 Speed = Annotated[float, Quantity(0.02, 20.0, "m/s")]
+WishedSpeed = Annotated[float, Quantity(0.001, 20.0, "m/s")]
+"""Of a follower or an input; how fast a robot may drive, its file says."""
 Acceleration = Annotated[float, Quantity(0.05, 30.0, "m/s²")]
 Voltage = Annotated[float, Quantity(0.0, 5.0, "V")]
 Slope = Annotated[float, Quantity(5.0, 2000.0, "degrees/V", signed=True)]

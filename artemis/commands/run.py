@@ -14,6 +14,7 @@ from shlex import quote
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
 from artemis.commands.terminal import DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
+from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords, Follow
@@ -126,8 +127,7 @@ def _command(source: Path, run: Path, simulate: bool) -> str:
 
 def _title(loaded: LoadedMission, simulated: bool) -> str:
     bus = loaded.mission.bus
-    words = bus.words if isinstance(bus, BusWords) and not simulated else {}
-    place = " ".join(str(words[word]) for word in ("interface", "channel") if word in words)
+    place = place_of(bus.words) if isinstance(bus, BusWords) and not simulated else ""
     return f"mission {loaded.mission.mission}: {loaded.robot.robot} on {place or 'simulated drives'}"
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from artemis.recording.journal import Entry
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Kind, Row
-from artemis.values import Severity
+from artemis.values import JobKind, Severity
 
 DID = {
     Severity.WARN: "nothing: the run goes on",
@@ -53,7 +53,8 @@ def histories(entries: Sequence[Entry]) -> list[str]:
     """The drives' own error histories, as last read: drive, and codes with their meaning."""
     found: dict[str, str] = {}
     for entry in entries:
-        drive, told, codes = entry.text.removeprefix("read history ").partition(": done: ")
-        if entry.kind == "result" and told:
+        job = f"{JobKind.READ_HISTORY.value} "
+        drive, told, codes = entry.text.removeprefix(job).partition(": done: ")
+        if entry.kind == "result" and entry.text.startswith(job) and told:
             found[drive] = f"{drive}: {codes}"
     return list(found.values())

@@ -62,6 +62,8 @@ class TeleopStep(Struct, frozen=True, kw_only=True):
     """Of the virtual front wheel [m/s], where the input says: it drives no faster."""
     record: str = ""
     """Name of the path that is recorded; none: nothing is."""
+    enabled_by: str = "the enable button"
+    """What a person holds to drive, as messages name it."""
 
 
 class WaitStep(Struct, frozen=True, kw_only=True):

@@ -251,7 +251,7 @@ def test_a_path_that_follow_refuses_is_shown_with_the_reasons(
         (["none.csv"], "none.csv: file not found"),
         (["bad.csv"], "bad.csv:2:3: y: expected a finite number, found 'b'"),
         (["good.csv", "--robot", "good.csv"], "good.csv:"),
-        (["good.csv", "--speed", "0.3"], "--speed 0.3: expected more than 0 m/s, and a robot with --robot"),
+        (["good.csv", "--speed", "0.3"], "--speed 0.3: expected up to 20 m/s, and a robot with --robot"),
         (["good.csv", "-o", "figure.doc"], "figure.doc: no figure can be drawn as that"),
         (["good.csv", "-o", "no/figure.png"], "no/figure.png: cannot be written"),
     ],

@@ -94,6 +94,7 @@ def test_text_from_a_run_is_escaped(tmp_path: Path) -> None:
     assert "following error <too large>" in page.text
 
 
+CLEARED = JobResult(id=2, kind=JobKind.CLEAR_TARGET, drive="traction-left", ok=True, values=(7,))
 HISTORY = JobResult(id=1, kind=JobKind.READ_HISTORY, drive="steer-left", ok=True, values=(0x8611,))
 
 
@@ -102,7 +103,9 @@ HISTORY = JobResult(id=1, kind=JobKind.READ_HISTORY, drive="steer-left", ok=True
 def test_a_fault_is_explained(tmp_path: Path, journalled: bool) -> None:
     observed = list(synthetic_run.run(hz=10.0, fault_at=3.0))
     tick = observed[-1].tick
-    told = replace(tick, snapshot=replace(tick.snapshot, sensed=replace(tick.snapshot.sensed, results=(HISTORY,))))
+    told = replace(
+        tick, snapshot=replace(tick.snapshot, sensed=replace(tick.snapshot.sensed, results=(HISTORY, CLEARED)))
+    )
     observed[-1] = dataclasses.replace(observed[-1], tick=told)
     journal = Journal(tmp_path / "journal.jsonl") if journalled else None
     synthetic_run.record(tmp_path / "recording.mcap", iter(observed), journal=journal)
@@ -114,6 +117,7 @@ def test_a_fault_is_explained(tmp_path: Path, journalled: bool) -> None:
     assert ("drives off: the robot can roll" if journalled else "quick stop by the drives, then off") in text
     assert "mend the cause, acknowledge, arm" in text
     assert "Error history of steer-left: 0x8611 following error" in text
+    assert text.count("Error history of") == 1, "other jobs bring other things back"
 
 
 @pytest.mark.usefixtures("text_only")

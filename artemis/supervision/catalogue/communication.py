@@ -199,7 +199,7 @@ COMMUNICATION: dict[str, Row] = {
         S1,
         X,
         "another artemis uses this bus",
-        "end the other one; where it came first, this run ends and sends the drives nothing",
+        "end the other one, or take another bus; where it came first, this run ends and sends the drives nothing",
         to_fault=True,
         stages=(Threshold(S1),),
     ),
