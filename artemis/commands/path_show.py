@@ -36,9 +36,7 @@ def show_paths(files: Sequence[Path], robot_file: Path | None, speed: float | No
         ConfigError: a file cannot be read, the figure cannot be written.
     """
     if speed is not None and (robot_file is None or not 0 < speed <= MAX_SPEED):
-        raise ConfigError(
-            f"--speed {speed:g}: expected more than 0 m/s, at most {MAX_SPEED:g}, and a robot with --robot"
-        )
+        raise ConfigError(f"--speed {speed:g}: expected up to {MAX_SPEED:g} m/s, and a robot with --robot")
     if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ConfigError(f"{figure}: no figure can be drawn as that: name it .png, .svg or .pdf")
     robot = None
