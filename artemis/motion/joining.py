@@ -7,21 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artemis.motion.path import SMOOTHING, Path
+from artemis.motion.path import Path
 from artemis.motion.path_points import MAX_GAP, MIN_STEP
 from artemis.motion.spline import Array
 from artemis.motion.track import SPACING
 from artemis.motion.waypoints import drawn, largest_distance
 
 
-def join(x: Array, y: Array, *, closed: bool, smoothing: float = SMOOTHING, speed: Array | None = None) -> Path:
+def join(x: Array, y: Array, *, closed: bool, smoothing: float | None = None, speed: Array | None = None) -> Path:
     """The smooth curve through waypoints at least `MIN_STEP` apart, as densely sampled as a recorded path.
 
     Args:
         x: coordinates [m], shape (n,).
         y: likewise.
         closed: goes on from its end to its start; if not, it does so where its ends meet anyway.
-        smoothing: wavelength [m] of which the amplitude is halved; 0 goes exactly through the points.
+        smoothing: as of `path_from_points`.
         speed: at the points [m/s].
 
     Raises:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from artemis.motion.noise import apart, averaged
 from artemis.motion.spline import Array
 from artemis.motion.table import Table
 
@@ -30,7 +31,7 @@ class Points:
 
     table: Table
     kept: list[int]
-    """Which rows of the table they are."""
+    """Which rows of the table they are, or of an average the middle one."""
     x: Array
     """[m], like `y`, shape (n,), n >= 2."""
     y: Array
@@ -65,25 +66,31 @@ def points_of(table: Table) -> Points:
         ConfigError: what is wrong with the table, if there are fewer than two.
     """
     x, y = np.array(table.columns["x"]), np.array(table.columns["y"])
-    kept = moving(x, y)
+    px, py, kept = distinct(x, y)
     if len(kept) < 2:
         table.report_file(f"{len(kept)} distinct points; expected at least 2")
         table.raise_problems()
     heading, speed = (
         np.array(table.columns[name])[kept] if name in table.columns else None for name in ("heading", "speed")
     )
-    return Points(table=table, kept=kept, x=x[kept], y=y[kept], heading=heading, speed=speed)
+    return Points(table=table, kept=kept, x=px, y=py, heading=heading, speed=speed)
 
 
 def moving(x: Array, y: Array) -> list[int]:
     """Indices of the points that are at least `MIN_STEP` from the last one kept."""
-    kept: list[int] = []
-    last = (math.inf, math.inf)
-    for index, point in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
-        if not math.dist(point, last) < MIN_STEP:
-            kept.append(index)
-            last = point
-    return kept
+    return apart(x, y, MIN_STEP)
+
+
+def distinct(x: Array, y: Array) -> tuple[Array, Array, list[int]]:
+    """The points [m] that are `moving`; averages of them, if they are nearer to each other than their noise allows.
+
+    And which of the given points each of them is, or has in its middle.
+    """
+    kept = moving(x, y)
+    x, y = x[kept], y[kept]
+    if (means := averaged(x, y)) is None:
+        return x, y, kept
+    return means[0], means[1], [kept[index] for index in means[2].tolist()]
 
 
 def cusps(x: Array, y: Array) -> list[tuple[int, float]]:

@@ -196,8 +196,6 @@ def part_of(points: Points, stretch: Stretch, *, whole: bool) -> Part:
     piece = slice(first, last + 1)
     speed = None if points.speed is None else points.speed[piece]
     path = path_from_points(points.x[piece], points.y[piece], speed=speed, between_halts=not whole)
-    if whole:
-        path.dropped = len(points.table.lines) - len(points.kept)
     return Part(path=path, backward=backward)
 
 
@@ -242,7 +240,6 @@ def _turned(path: Path) -> Path:
         spacing=path.spacing,
         closed=path.closed,
         speed=None if path.speed is None else path.speed[::-1],
-        deviation=path.deviation,
-        dropped=path.dropped,
+        drawn=path.drawn,
     )
     return turned.with_laps(path.laps)

@@ -93,7 +93,7 @@ def drawn(
     y: Array,
     *,
     spacing: float,
-    smoothing: float,
+    smoothing: float | None = None,
     closed: bool | None = None,
     speed: Array | None = None,
     between_halts: bool = False,
