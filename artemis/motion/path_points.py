@@ -14,6 +14,10 @@ from artemis.motion.table import Table
 MIN_STEP = 0.001
 """Points closer to the one before [m] are standstill or duplicates."""
 MAX_GAP = 1.0
+WAYPOINTS = (
+    ": waypoints are joined by `artemis path import`, or by straight lines in the mission: path: {waypoints: [[0, 0], "
+    "[3, 0]]}"
+)
 MAX_LENGTH = 20_000.0
 """Longer paths [m] are a mistake of units, and would fill the memory with samples."""
 MAX_TURN = math.radians(120)
@@ -109,10 +113,11 @@ def _check_points(points: Points) -> None:
     table, gaps = points.table, np.hypot(np.diff(points.x), np.diff(points.y))
     if gaps.sum() > MAX_LENGTH:
         table.report_file(f"path of {gaps.sum():.0f} m; expected at most {MAX_LENGTH:.0f} m, coordinates in metres")
-    for index in np.flatnonzero(gaps > MAX_GAP).tolist():
-        if not table.is_torn(points.kept[index + 1]):
-            problem = f"{gaps[index]:.2f} m from the point before; expected at most {MAX_GAP:g} m"
-            points.report(index + 1, problem)
+    wide = [index for index in np.flatnonzero(gaps > MAX_GAP).tolist() if not table.is_torn(points.kept[index + 1])]
+    waypoints = bool(wide) and bool(np.median(gaps) > MAX_GAP)
+    for index in wide[:1] if waypoints else wide:
+        problem = f"{gaps[index]:.2f} m from the point before; expected at most {MAX_GAP:g} m"
+        points.report(index + 1, problem + (WAYPOINTS if waypoints else ""))
     if points.speed is not None:
         for index in np.flatnonzero(points.speed <= 0).tolist():
             points.report(index, f"speed: expected more than 0 m/s, found {points.speed[index]:g}", "speed")

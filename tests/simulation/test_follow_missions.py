@@ -13,6 +13,8 @@ from scipy.spatial import cKDTree
 
 from artemis.motion.path import path_from_csv
 from artemis.motion.spline import Array
+from artemis.recording.mcap_reader import Recording
+from artemis.report.summary import Summary, summary
 from artemis.values import Mode
 
 pytestmark = pytest.mark.slow
@@ -88,3 +90,20 @@ def test_a_path_that_jitters_is_driven_as_it_was_meant(tmp_path: FilePath) -> No
     believed = np.array([(tick.tick.snapshot.pose.pose.x, tick.tick.snapshot.pose.pose.y) for tick in followed])
     line = np.array([np.interp(np.arange(0, len(meant), 0.1), np.arange(len(meant)), column) for column in meant.T]).T
     assert rms(cKDTree(line).query(believed)[0]) < 0.003
+
+
+def summary_of(name: str) -> Summary:
+    outcome = ran(name).outcome
+    assert outcome is not None
+    return summary(Recording(outcome.run.path))
+
+
+def test_the_corner_that_was_given_is_scored_too() -> None:
+    found = summary_of("corner")
+    assert found.cross_track_max is not None
+    assert found.true_given_rms is not None
+    assert found.true_given_max is not None
+    assert found.cross_track_max < 0.01
+    assert 0.01 < found.true_given_rms < 0.025
+    assert 0.07 < found.true_given_max < 0.115
+    assert summary_of("slalom").true_given_rms is None

@@ -89,12 +89,20 @@ def test_every_problem_is_reported_with_its_place() -> None:
         ("x,why\n0,0\n1,0\n", "p.csv:1:3: unknown column 'why'; nearest is 'y'"),
         ("x,x\n0,0\n1,0\n", "p.csv:1:3: second column for x"),
         ("x y\n0 0\n1.1 0\n", "p.csv:3:1: 1.10 m from the point before; expected at most 1 m"),
+        (
+            "0,0\n3,0\n3,3\n",
+            "expected at most 1 m: waypoints are joined by `artemis path import`, or by straight lines",
+        ),
         ("x y\n0 0\n0.5 0\n1 0\n0.6 0.01", "p.csv:4:1: the path reverses here"),
         ("0,0,0,1,5\n", "expected 4 columns"),
     ],
 )
 def test_what_is_no_path_is_refused(text: str, expected: str) -> None:
     assert expected in "\n".join(problems_of(text))
+
+
+def test_waypoints_are_told_once() -> None:
+    assert len(problems_of("0,0\n3,0\n3,3\n")) == 1
 
 
 def test_gap_over_an_unreadable_point_is_not_blamed_on_the_next() -> None:
