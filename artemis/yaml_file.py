@@ -23,6 +23,8 @@ MAX_DEPTH = 20
 MAX_ALIASES = 50
 MAX_NODES = 10_000
 """Keys, values and list items of one document, aliases counted as often as they are used."""
+MAX_MESSAGE_NODES = 2_000_000
+"""Likewise, of a file that a program wrote."""
 
 Scalar: TypeAlias = bool | int | float | str | None
 Data: TypeAlias = "Scalar | list[Data] | dict[str, Data]"
@@ -145,14 +147,19 @@ def load(path: Path) -> Document:
     return document
 
 
-def survey(raw: bytes, source: str) -> tuple[Document, list[str]]:
+def survey(raw: bytes, source: str, *, messages: bool = False) -> tuple[Document, list[str]]:
     """The document, and the problems that leave the rest of it readable, so that a schema can add its own.
+
+    Args:
+        raw: the file as read.
+        source: its name, for messages.
+        messages: of a program, not of a person: all of its documents as a list, and up to `MAX_MESSAGE_NODES`.
 
     Raises:
         ConfigError: not UTF-8, broken syntax, several documents or too much of it: the rest cannot be read.
     """
-    composer = _Composer(source, _text(raw, source))
-    root = composer.document()
+    composer = _Composer(source, _text(raw, source), MAX_MESSAGE_NODES if messages else MAX_NODES)
+    root = composer.documents() if messages else composer.document()
     positions: dict[KeyPath, Position] = {}
     data = _flatten(root, (), positions)
     damaged = frozenset(composer.damaged)
@@ -221,7 +228,8 @@ def _node(position: Position, content: list[_Node] | dict[str, _Node]) -> _Node:
 class _Composer:
     """Turns the parser's events into nodes; PyYAML's own composer and constructors are too lenient."""
 
-    def __init__(self, source: str, text: str) -> None:
+    def __init__(self, source: str, text: str, most: int) -> None:
+        self._most = most
         self.problems: list[str] = []
         self.damaged: list[KeyPath] = []
         self._source = source
@@ -247,6 +255,19 @@ class _Composer:
         if not isinstance(after, yaml.StreamEndEvent):
             raise self._fatal(_position(after), "a second document begins: one file holds one")
         return root
+
+    def documents(self) -> _Node:
+        """The root nodes of all documents; those without content are left out. Problems name keys within a document."""
+        roots: list[_Node] = []
+        self._next()  # stream start
+        while not isinstance(self._next(), yaml.StreamEndEvent):
+            event = self._next()
+            root = self._compose(event, _position(event), ())
+            if root.content is not None:
+                roots.append(root)
+            self._anchors.clear()
+            self._next()  # document end
+        return _Node((1, 1), list(roots))
 
     def _fatal(self, position: Position, text: str, path: KeyPath = ()) -> ConfigError:
         return ConfigError([*self.problems, _line(self._source, position, path, text)])
@@ -295,8 +316,8 @@ class _Composer:
 
     def _count(self, nodes: int, where: Position, path: KeyPath) -> None:
         self._nodes += nodes
-        if self._nodes > MAX_NODES:
-            raise self._fatal(where, f"more than {MAX_NODES} values (aliases expanded)", path)
+        if self._nodes > self._most:
+            raise self._fatal(where, f"more than {self._most} values (aliases expanded)", path)
 
     def _alias(self, event: yaml.AliasEvent, where: Position, path: KeyPath) -> _Node:
         self._aliases += 1

@@ -69,10 +69,10 @@ def show_paths(
 
 @paths.command("import")
 def import_path(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Table, GPX track, or waypoints of ROS (YAML).")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Table, GPX, KML, GeoJSON, or poses of ROS (YAML).")],
     output: Output,
     kind: Annotated[
-        str | None, typer.Option("--format", metavar="csv|gpx|nav2", help="By the suffix, if left out.")
+        str | None, typer.Option("--format", metavar="csv|gpx|kml|geojson|nav2", help="By the suffix, if left out.")
     ] = None,
     closed: Annotated[bool, typer.Option("--closed", help="Its end goes on to its start.")] = False,
     reverse: Annotated[bool, typer.Option("--reverse", help="From its last point to its first.")] = False,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from artemis.motion.columns import layout_of
 from artemis.motion.noise import apart, averaged
 from artemis.motion.spline import Array
 from artemis.motion.table import Table
@@ -49,13 +51,29 @@ class Points:
         self.table.report(self.kept[index], problem, column)
 
 
+def path_table(text: str, source: str) -> Table:
+    """The table of a path file; its problems are noted in it."""
+    table = Table(text, source, COLUMNS, required=("x", "y"), layout=_layout)
+    if table.header and not table.complete:
+        table.report_file("tables of others are read by `artemis path import`")
+    return table
+
+
+def _layout(columns: Sequence[Sequence[float]]) -> tuple[str, ...] | str:
+    """Of a path file without a header."""
+    names = layout_of(columns)
+    if isinstance(names, str) or set(names) <= set(COLUMNS.values()):
+        return names
+    return f"columns without names that can only be {', '.join(names)}: `artemis path import` reads them"
+
+
 def read_points(text: str, source: str) -> Points:
     """Read the points of a path file; whether they reverse is not looked at.
 
     Raises:
         ConfigError: what leaves no points to look at.
     """
-    table = Table(text, source, COLUMNS, required=("x", "y"))
+    table = path_table(text, source)
     if not table.complete:
         table.raise_problems()
     points = points_of(table)
@@ -72,6 +90,7 @@ def points_of(table: Table) -> Points:
     x, y = np.array(table.columns["x"]), np.array(table.columns["y"])
     px, py, kept = distinct(x, y)
     if len(kept) < 2:
+        table.raise_problems()
         table.report_file(f"{len(kept)} distinct points; expected at least 2")
         table.raise_problems()
     heading, speed = (

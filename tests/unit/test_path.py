@@ -94,7 +94,7 @@ def test_every_problem_is_reported_with_its_place() -> None:
             "expected at most 1 m: waypoints are joined by `artemis path import`, or by straight lines",
         ),
         ("x y\n0 0\n0.5 0\n1 0\n0.6 0.01", "p.csv:4:1: the path reverses here"),
-        ("0,0,0,1,5\n", "expected 4 columns"),
+        ("0,0,0,1,5\n", "5 columns without names"),
     ],
 )
 def test_what_is_no_path_is_refused(text: str, expected: str) -> None:
