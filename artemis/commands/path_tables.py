@@ -75,9 +75,7 @@ def _meaning(written: str) -> tuple[str, float]:
     written = written.strip().lstrip("%_").strip()
     base, unit = _parted(written)
     parts = [part for part in re.split(r"[./]", written) if part]
-    if unit is None and len(parts) > 1:
-        return _of_message(*parts[-2:]), 1.0
-    name = NAMES[base]
+    name = _of_message(*parts[-2:]) if unit is None and len(parts) > 1 else NAMES[base]
     factor = UNITS[KINDS[name]][unit] if unit is not None and name in KINDS else 1.0
     return ("" if name == "index" else name), factor
 
