@@ -18,13 +18,9 @@ import yaml
 
 from artemis.errors import ConfigError
 
-MAX_BYTES = 1 << 20
-MAX_DEPTH = 20
-MAX_ALIASES = 50
-MAX_NODES = 10_000
-"""Keys, values and list items of one document, aliases counted as often as they are used."""
-MAX_MESSAGE_NODES = 2_000_000
-"""Likewise, of a file that a program wrote."""
+MAX_BYTES, MAX_DEPTH, MAX_ALIASES = 1 << 20, 20, 50
+MAX_NODES, MAX_MESSAGE_NODES = 10_000, 2_000_000
+"""Keys, values and list items of one document, aliases counted as often as they are used; and of a program's file."""
 
 Scalar: TypeAlias = bool | int | float | str | None
 Data: TypeAlias = "Scalar | list[Data] | dict[str, Data]"
@@ -39,8 +35,7 @@ _NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]")
 _WORDS: Mapping[str, Data] = {"": None, "~": None, "null": None, "true": True, "false": False}
 _STANDARD_TAG = "tag:yaml.org,2002:"
-_MAX_DIGITS = 20
-_MAX_SHOWN = 60
+_MAX_DIGITS, _MAX_SHOWN = 20, 60
 
 _SURPRISES: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"(?i:on|yes|y)|True|TRUE"), "{0} is a word in artemis' YAML, write true"),
@@ -150,16 +145,15 @@ def load(path: Path) -> Document:
 def survey(raw: bytes, source: str, *, messages: bool = False) -> tuple[Document, list[str]]:
     """The document, and the problems that leave the rest of it readable, so that a schema can add its own.
 
-    Args:
-        raw: the file as read.
-        source: its name, for messages.
-        messages: of a program, not of a person: all of its documents as a list, and up to `MAX_MESSAGE_NODES`.
+    With `messages`, of a program, it is the list of all documents that are not empty, up to `MAX_MESSAGE_NODES` large.
 
     Raises:
         ConfigError: not UTF-8, broken syntax, several documents or too much of it: the rest cannot be read.
     """
     composer = _Composer(source, _text(raw, source), MAX_MESSAGE_NODES if messages else MAX_NODES)
-    root = composer.documents() if messages else composer.document()
+    nodes = composer.roots(several=messages)
+    listed = _Node((1, 1), [node for node in nodes if node.content is not None])
+    root = listed if messages else nodes[0] if nodes else _Node((1, 1), None)
     positions: dict[KeyPath, Position] = {}
     data = _flatten(root, (), positions)
     damaged = frozenset(composer.damaged)
@@ -243,31 +237,18 @@ class _Composer:
             place = _place(text, error.position)
             raise self._fatal(place, f"character U+{error.character:04X} is not allowed in YAML") from None
 
-    def document(self) -> _Node:
-        """The root node of the only document; an empty file is null at 1:1."""
-        self._next()  # stream start
-        if isinstance(self._next(), yaml.StreamEndEvent):
-            return _Node((1, 1), None)
-        event = self._next()
-        root = self._compose(event, _position(event), ())
-        self._next()  # document end
-        after = self._next()
-        if not isinstance(after, yaml.StreamEndEvent):
-            raise self._fatal(_position(after), "a second document begins: one file holds one")
-        return root
-
-    def documents(self) -> _Node:
-        """The root nodes of all documents; those without content are left out. Problems name keys within a document."""
+    def roots(self, *, several: bool) -> list[_Node]:
+        """The root node of each document, of which there is one at most unless `several`."""
         roots: list[_Node] = []
         self._next()  # stream start
-        while not isinstance(self._next(), yaml.StreamEndEvent):
+        while not isinstance(begin := self._next(), yaml.StreamEndEvent):
+            if roots and not several:
+                raise self._fatal(_position(begin), "a second document begins: one file holds one")
             event = self._next()
-            root = self._compose(event, _position(event), ())
-            if root.content is not None:
-                roots.append(root)
+            roots.append(self._compose(event, _position(event), ()))
             self._anchors.clear()
             self._next()  # document end
-        return _Node((1, 1), list(roots))
+        return roots
 
     def _fatal(self, position: Position, text: str, path: KeyPath = ()) -> ConfigError:
         return ConfigError([*self.problems, _line(self._source, position, path, text)])

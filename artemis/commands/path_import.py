@@ -13,7 +13,7 @@ from artemis.commands.path_formats import READERS, SUFFIXES, Given
 from artemis.errors import ConfigError, shown
 from artemis.motion.joining import Placement, bulge, join
 from artemis.motion.path_points import MAX_GAP, distinct
-from artemis.motion.route import Part, Route, Stretch, across, stretches, turns_on_the_spot
+from artemis.motion.route import Part, Route, Stretch, across, noise_words, stretches, turns_on_the_spot
 from artemis.motion.table import MAX_CHARACTERS
 from artemis.motion.track import SPACING
 from artemis.motion.waypoints import deviation, drawn, rows_of
@@ -57,8 +57,7 @@ def import_path(
         raise ConfigError(f"{file}: {problem}; choose with --format {'|'.join(READERS)}")
     refuse_taken([output], force)
     given = _checked(READERS[kind](read(file, MAX_CHARACTERS), str(file)), str(file))
-    if reverse:
-        given = _turned(given)
+    given = _turned(given) if reverse else given
     if with_speed and given.speed is None:
         raise ConfigError(f"{file}: no speeds in it; leave --with-speed out")
     found = stretches(given.x, given.y, given.heading)
@@ -76,8 +75,7 @@ def import_path(
     if problems := [f"{given.places[found[part][0]]}: {words}" for part, words in turns_on_the_spot(route.parts)]:
         raise ConfigError(problems)
     rows = rows_of(route, str(output), with_speed=with_speed)
-    noise = filter(None, (part.path.drawn.words() for part in route.parts if part.path.drawn is not None))
-    words = [*_words(given, found, rows.route, file.name), *noise, *given.notes]
+    words = [*_words(given, found, rows.route, file.name), *noise_words(route), *given.notes]
     made = f"Made of {file.name} ({kind}){', turned round' if reverse else ''}{', moved' if origin else ''}"
     write_files({output: comments([made, *words]) + rows.text}, force)
     say(output, words)

@@ -16,7 +16,7 @@ from artemis.errors import ConfigError, shown
 from artemis.mission.problems import nearest
 from artemis.motion.path_points import distinct
 from artemis.motion.route import SHORTEST as SHORTEST_PART
-from artemis.motion.route import Part, Route
+from artemis.motion.route import Part, Route, noise_words
 from artemis.motion.spline import Array
 from artemis.motion.track import SHORTEST, SPACING, Track, loop_end
 from artemis.motion.waypoints import Leg, PathRows, deviation, drawn, highest_speed, legs_of, rows_of
@@ -276,7 +276,7 @@ def _made(driven: DrivenTicks, legs: Sequence[Leg], drawing: Drawing, source: st
         off=off,
         frame=driven.frame,
         smoothing=max(curve.smoothing for curve in curves),
-        noise=[words for curve in curves if (words := curve.words())],
+        noise=noise_words(Route(tuple(parts))),
     )
 
 

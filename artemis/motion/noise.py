@@ -49,6 +49,30 @@ class Noise(Struct, frozen=True, kw_only=True):
         return min(max(least, math.pow(amount, 2 / 7)), LONGEST)
 
 
+class Drawn(Struct, frozen=True, kw_only=True, eq=False):
+    """The points through which a path was laid."""
+
+    points: Array
+    """As given [m], shape (n, 2); a closed path repeats its first point at its end."""
+    moved: Array
+    """How far smoothing moved each of them [m], shape (n,)."""
+    smoothing: float
+    """Wavelength [m] of which the amplitude was halved."""
+    noise: Noise
+
+    def words(self) -> str:
+        """What was done about the noise; nothing if there is none."""
+        if not self.noise.deviation:
+            return ""
+        worst = int(np.argmax(self.moved))
+        x, y = self.points[worst]
+        rms = math.sqrt(float(np.mean(self.moved**2)))
+        return (
+            f"the points jitter by {1e3 * self.noise.deviation:.1f} mm: smoothed over {self.smoothing:.2f} m, which "
+            f"moves them by {1e3 * rms:.1f} mm RMS, at most {1e3 * self.moved[worst]:.1f} mm (x {x:.2f} m, y {y:.2f} m)"
+        )
+
+
 def noise_of(x: Array, y: Array) -> Noise:
     """The noise in points along a path [m], each of shape (n,), n >= 1.
 

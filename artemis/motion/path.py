@@ -11,7 +11,7 @@ from msgspec import Struct
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
 from artemis.motion.demand import steering_per_distance
-from artemis.motion.noise import Noise, noise_of
+from artemis.motion.noise import Drawn, Noise, noise_of
 from artemis.motion.path_points import MIN_STEP, cusps, read_points, wrapped
 from artemis.motion.spline import Array, parameter_from_arc, smoothed, smoothed_between_halts
 from artemis.vehicle import RobotFile
@@ -42,30 +42,6 @@ class Projection(PathPoint, frozen=True, kw_only=True):
 
     cross_track: float
     """How far the robot is to the left of the tangent [m]."""
-
-
-class Drawn(Struct, frozen=True, kw_only=True, eq=False):
-    """The points through which a path was laid."""
-
-    points: Array
-    """As given [m], shape (n, 2); a closed path repeats its first point at its end."""
-    moved: Array
-    """How far smoothing moved each of them [m], shape (n,)."""
-    smoothing: float
-    """Wavelength [m] of which the amplitude was halved."""
-    noise: Noise
-
-    def words(self) -> str:
-        """What was done about the noise; nothing if there is none."""
-        if not self.noise.deviation:
-            return ""
-        worst = int(np.argmax(self.moved))
-        x, y = self.points[worst]
-        rms = math.sqrt(float(np.mean(self.moved**2)))
-        return (
-            f"the points jitter by {1e3 * self.noise.deviation:.1f} mm: smoothed over {self.smoothing:.2f} m, which "
-            f"moves them by {1e3 * rms:.1f} mm RMS, at most {1e3 * self.moved[worst]:.1f} mm (x {x:.2f} m, y {y:.2f} m)"
-        )
 
 
 class Path:

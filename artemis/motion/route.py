@@ -160,6 +160,11 @@ def route_from_csv(text: str, source: str) -> Route:
     return Route(tuple(parts))
 
 
+def noise_words(route: Route) -> list[str]:
+    """What smoothing did about noise, part by part."""
+    return [words for part in route.parts if part.path.drawn is not None and (words := part.path.drawn.words())]
+
+
 def turns_on_the_spot(parts: Sequence[Part]) -> Iterator[tuple[int, str]]:
     """Parts that do not begin with the heading with which the one before ends: which, and words for it."""
     for number, (before, after) in enumerate(pairwise(parts), start=1):
