@@ -7,7 +7,7 @@ from artemis.mission.schema import Follow
 from artemis.mission.waypoints import Waypoints
 from artemis.motion.fitting import route_for
 from artemis.motion.joining import straight
-from artemis.motion.route import Route, route_from_csv
+from artemis.motion.route import Route, noise_words, route_from_csv
 from artemis.vehicle import RobotFile
 
 
@@ -37,7 +37,7 @@ def drivable_route(follow: Follow, route: Route, robot: RobotFile, speed: float)
     route, remarks = route_for(route, robot, speed, **follow.wanted)
     problems = [_with_hint(problem, follow) for problem in route.problems(robot, speed)]
     if problems:
-        raise ConfigError(problems)
+        raise ConfigError([*problems, *noise_words(route)])
     return route, remarks
 
 

@@ -105,14 +105,18 @@ def averaged(x: Array, y: Array) -> tuple[Array, Array, NDArray[np.intp]] | None
     """
     points, noise = np.column_stack([x, y]), noise_of(x, y)
     size = 1
-    while noise.deviation and _stride(points, size) < CLEAR * noise.deviation and FEWEST * size < len(points):
+    while (
+        FEWEST * size < len(points)
+        and _stride(points, size) < CLEAR * noise.deviation
+        and _stride(points, 2 * size) < LONGEST_STRIDE  # or nobody would find what noise is left
+    ):
         size *= 2
     if size == 1:
         return None
     begins = np.arange(0, len(points) - size // 2, size)
     counts = np.diff(np.append(begins, len(points)))
     means = np.add.reduceat(points, begins) / counts[:, None]
-    least = CLEAR * noise.deviation / math.sqrt(size)
+    least = min(CLEAR * noise.deviation / math.sqrt(size), _stride(points, size) / 2)
     kept = apart(means[:, 0], means[:, 1], least)  # of a robot that stood only the noise moved
     return means[kept, 0], means[kept, 1], (begins + counts // 2)[kept]
 

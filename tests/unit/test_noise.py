@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from artemis.mission.loading import load_model
+from artemis.errors import ConfigError
+from artemis.mission.loading import load_mission, load_model
 from artemis.motion.fitting import fitted
 from artemis.motion.noise import noise_of
 from artemis.motion.path import SMOOTHING, Path, path_from_points
 from artemis.motion.path_points import distinct
 from artemis.motion.route import Part, Route, route_from_csv
 from artemis.motion.spline import Array
+from artemis.motion.track import Track
+from artemis.values import Pose
 from artemis.vehicle import RobotFile
 
 PATHS = FilePath(__file__).parents[2] / "missions/paths"
@@ -136,3 +139,26 @@ def test_what_is_averaged_keeps_its_place_in_the_file() -> None:
     px, py, kept = distinct(x, y)
     assert len(px) == len(kept) < len(x) / 2
     assert np.hypot(px - x[kept], py - y[kept]).max() < 0.05
+
+
+def test_what_a_noisy_localizer_recorded_is_followed_at_its_speed(robot: RobotFile) -> None:
+    truth = winding(0.01, 40.0)
+    x, y = jittering(truth, 0.005)
+    heading = np.unwrap(np.arctan2(np.gradient(truth[1]), np.gradient(truth[0])))
+    track = Track()
+    for pose in zip(x.tolist(), y.tolist(), heading.tolist(), strict=True):
+        track.see(Pose(x=pose[0], y=pose[1], heading=pose[2]), pressed=False)
+    (part,) = track.route(robot, 0.5).parts
+    assert part.path.length == pytest.approx(40.0, abs=0.2)
+    assert from_truth(part.path, truth) < 0.004
+
+
+def test_a_path_that_stays_too_sharp_is_refused_with_its_noise(robot: RobotFile, tmp_path: FilePath) -> None:
+    (tmp_path / "robot.yaml").write_bytes((PATHS.parent / "robots/artemis.yaml").read_bytes())
+    (tmp_path / "hand.csv").write_text(text_of(*jittering(winding(0.1), 0.05)))
+    (tmp_path / "mission.yaml").write_text(
+        "mission: noisy\nrobot: robot.yaml\nbus: simulation\nsteps:\n  - calibrate: {steering: from_potentiometers}\n"
+        "  - follow: {path: hand.csv, follower: {speed_m_s: 0.7}}\n"
+    )
+    with pytest.raises(ConfigError, match=r"hand\.csv: the points jitter by [0-9.]+ mm: smoothed over"):
+        load_mission(tmp_path / "mission.yaml")
