@@ -17,7 +17,7 @@ LONGEST_STRIDE = 0.3
 """Noise is looked for among points up to so far apart [m]; what is longer is the shape of the path."""
 ALTERNATING = 0.6
 """Share of the deviations that change sign from one point to the next: 0.8 for white noise, 0 for a smooth curve."""
-LEAST = 5e-5
+LEAST = 8e-5
 """Less [m] is rounding to a tenth of a millimetre, which the usual smoothing removes."""
 WHOLE = 0.8
 """Neighbours that show less of the largest deviation than this deviate alike."""
