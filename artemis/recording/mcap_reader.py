@@ -245,7 +245,7 @@ class Recording:
     @contextmanager
     def _opened(self) -> Iterator[BufferedReader]:
         try:
-            with _File(FileIO(self.path)) as stream:
+            with _BoundedFile(FileIO(self.path)) as stream:
                 yield stream
         except FileNotFoundError:
             raise RecordingError(f"{self.path}: no recording here; name a run folder or an MCAP file") from None
@@ -324,7 +324,7 @@ class Recording:
         return "; ".join(parts) or None
 
 
-class _File(BufferedReader):
+class _BoundedFile(BufferedReader):
     """A file that takes no more memory than it is long, whatever length a damaged record claims."""
 
     def __init__(self, raw: FileIO) -> None:
