@@ -16,6 +16,8 @@ from artemis.errors import DeviceError, DeviceLost, ProtocolError
 from artemis.values import DriveFeedback, Job, JobResult, Tick
 from artemis.vehicle import RobotFile
 
+_QUICK_STOP = Controlword.QUICK_STOP
+
 
 class Drives:
     """All drives of a robot."""
@@ -70,7 +72,7 @@ class Drives:
             for node in self.nodes:  # stops first, both sides together
                 goal = wish.traction if node.is_traction else wish.steering
                 words.append(word := controlword(node.state, goal, node.last_controlword))
-                if word == Controlword.QUICK_STOP != node.last_controlword:
+                if word == _QUICK_STOP != node.last_controlword:
                     send(node.stop_frame(word))
             if not urgent:
                 for node, word in zip(self.nodes, words, strict=True):
