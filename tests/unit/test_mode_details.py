@@ -172,3 +172,22 @@ def test_jobs_have_ids_of_their_own_whichever_way_they_are_made() -> None:
     assert [job.id for job in (*first, alone, *last)] == [1, 2, 3, 4]
     with pytest.raises(ValueError, match="shorter"):
         bring_up.jobs(JobKind.SECURE, ("a", "b"), (1.0,))
+
+
+def test_what_a_step_does_not_say_is_the_usual() -> None:
+    follower = StubFollower()
+    assert FollowStep(route=ROUTE, follower=follower) == FollowStep(
+        route=ROUTE,
+        follower=follower,
+        laps=1,
+        from_end=False,
+        backward=None,
+        close_within=0.0,
+        round_corners=0.0,
+        allow_slowdown=False,
+        nearest=False,
+        max_cross_track=0.6,
+        speed=None,
+    )
+    assert TeleopStep(input="stick", seconds=None) == TeleopStep(input="stick", seconds=None, speed=None, record="")
+    assert CalibrateStep().replaces == ()
