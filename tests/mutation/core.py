@@ -13,7 +13,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "motion/limits.py": ("unit/test_limits.py", "properties/test_limits_properties.py"),
     "states/machine.py": ("unit/test_machine.py", "properties/test_machine_properties.py"),
     "states/modes.py": ("unit/test_modes.py", "unit/test_core.py", *_MODES),
-    "states/mode.py": (*_STOPS, "unit/test_modes.py", "unit/test_mode_init.py"),
+    "states/mode.py": (*_STOPS, "unit/test_bring_up_details.py", "unit/test_modes.py", "unit/test_mode_init.py"),
     "states/plan.py": ("unit/test_modes.py", "unit/test_mode_timed.py", *_STOPS, "unit/test_core.py"),
     "states/init.py": ("unit/test_bring_up_details.py", "unit/test_mode_init.py", *_MODES),
     "states/ready.py": ("unit/test_modes.py", "unit/test_mode_timed.py", *_MODES),
