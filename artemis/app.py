@@ -15,15 +15,16 @@ from artemis import clock
 from artemis.attendance import Attendance, Operator
 from artemis.devices.can_bus import Traffic
 from artemis.devices.device import Device
-from artemis.devices.host import HostWatch, usage
+from artemis.devices.host import MOST_MEMORY, HostWatch, usage
 from artemis.equipment import Equipment, Machine, Witness, opened
 from artemis.mission.injector import Simulated
 from artemis.mission.loading import LoadedMission
 from artemis.mission.schema import Stop
 from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, plan_for, plugin_made, setup_for
-from artemis.plugins.contracts import InputDevice, Localizer, Observer
-from artemis.plugins.guard import PluginGuard, close
+from artemis.plugins.contracts import InputDevice, Localizer, Observer, is_live
+from artemis.plugins.guard import PluginGuard
+from artemis.plugins.process import Asked
 from artemis.recording.disk import Disk
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.resume import DONE, where_it_stopped
@@ -36,9 +37,6 @@ from artemis.values import Fault, Severity, Tick
 
 if TYPE_CHECKING:
     from artemis.sim.world import World
-
-MOST_MEMORY = 1_000_000_000
-"""A process that grows and takes more than this [bytes] has to stop before the system ends it (PLG-05)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,11 +112,13 @@ class _Run:
     watch: Watch
     failed: bool = False
     results: Results = field(default_factory=Results)
+    asked: Asked = field(default_factory=Asked)
 
     def go(self, loop: type[asyncio.AbstractEventLoop]) -> Outcome:
         """Run to the end, in the time of such a loop."""
         begun = clock.stopwatch()
-        with self.record.observing(), asyncio.Runner(loop_factory=loop) as runner:
+        patient = None if self.record.threaded else self.attendance.is_undisturbed
+        with self.record.observing(self.asked, patient), asyncio.Runner(loop_factory=loop) as runner:
             runner.run(self._main())
             self.record.outcome = "failed" if self.failed else DONE
         troubles = self.record.conclude(self.results)
@@ -140,9 +140,9 @@ class _Run:
             loop.call_soon_threadsafe(robot.tick_now)
 
         inputs = self._inputs(wake)
-        live = {name for name, device in inputs.items() if getattr(device, "live", False)}
+        live = {name for name, device in inputs.items() if is_live(device)}
         localizer = self._localizer(equipment.world, loop.time())
-        guard = PluginGuard(inputs, loop.time, localizer)
+        guard = PluginGuard(inputs, loop.time, localizer, self.asked)
         steps = with_followers(self.plan.steps, guard.watched)
         record.recorder.true_pose = equipment.true_pose
         host = HostWatch()
@@ -170,7 +170,7 @@ class _Run:
             await robot.run()
         finally:
             stop_listening()
-            record.note(close(inputs if localizer is None else {**inputs, "localizer": localizer}))
+            record.note(guard.close())
             equipment.devices.close()
 
     def _begin_faults(self, equipment: Equipment, inputs: dict[str, InputDevice], robot: Robot) -> None:
@@ -193,7 +193,9 @@ class _Run:
         devices: dict[str, InputDevice] = {}
         for name, use in inputs_used(self.loaded, self.simulated).items():
             setup = replace(setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear)
+            self.asked.begin(name)
             devices[name] = plugin_made("artemis.inputs", use, setup)
+        self.asked.end()
         return devices
 
     def _localizer(self, world: World | None, begun: float) -> Localizer | None:

@@ -47,12 +47,16 @@ class Attendance:
         self.hands = False
         """Somebody was heard at a device that needs a person."""
         self.interrupted: int | None = None
-        """The signal that ends the run."""
+        """The signal that ends the run: the first."""
 
     @property
     def expected(self) -> bool:
         """Somebody will be there, by what is known before the run."""
         return self._operator is not None or bool(self._acts)
+
+    def is_undisturbed(self) -> bool:
+        """No signal has asked for the end."""
+        return self.interrupted is None
 
     def there(self, time: float) -> bool:
         """Whether anybody is, at a run time [s]."""
@@ -64,24 +68,40 @@ class Attendance:
         return self._operator is not None
 
     def begin(self, loop: asyncio.AbstractEventLoop, request: Callable[[Request], None]) -> Callable[[], None]:
-        """Pass on what everybody asks for from now on; returns how to stop."""
+        """Pass on what everybody asks for from now on; returns how to stop.
+
+        SIGINT, SIGTERM and SIGHUP end the run, whoever started it; a second one stops quickly. SIGINT does so
+        also where a shell had it ignored, as for a script's `artemis run ... &`: nothing may refuse to stop a robot.
+        SIGHUP alone stays ignored where it was (`nohup`) and nobody is at the terminal: that run was to outlive it.
+        Where somebody was, the person who could have stopped the robot is gone: a quick stop.
+        """
         for act in self._acts:
             loop.call_later(act.at_s, request, REQUESTS[act.do])
 
-        def interrupt(number: int) -> None:
-            again, self.interrupted = self.interrupted is not None, number
-            request(Request.END)
-            if again:
-                request(Request.QUICKSTOP)
+        def interrupt(number: int, _: object) -> None:
+            """Between two instructions of whatever runs: also of a plugin that does not return."""
+            again, self.interrupted = self.interrupted is not None, self.interrupted or number
+            loop.call_soon_threadsafe(request, Request.END)
+            if again or (number == signal.SIGHUP and self._operator is not None):
+                loop.call_soon_threadsafe(request, Request.QUICKSTOP)
 
+        before = {}
         if threading.current_thread() is threading.main_thread():  # no other hears signals
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.add_signal_handler(number, interrupt, number)
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                outlives = number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN
+                if self._operator is not None or not outlives:
+                    before[number] = signal.signal(number, interrupt)
 
         def tell(typed: bytes) -> None:
             for listener in self._listeners:
                 listener(typed)
 
-        if self._operator is None:
-            return lambda: None
-        return self._operator(request, tell if self._listeners else None)
+        listening = None if self._operator is None else self._operator(request, tell if self._listeners else None)
+
+        def stop() -> None:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            if listening is not None:
+                listening()
+
+        return stop

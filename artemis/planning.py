@@ -14,7 +14,7 @@ from artemis.mission.gains import merged
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.policies import policies_from
 from artemis.mission.schema import Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Teleop, Wait
-from artemis.plugins.contracts import PluginContext
+from artemis.plugins.contracts import PluginContext, follower_speed, input_speed, is_live
 from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.recording.provenance import ResumePoint
 from artemis.robot import Core
@@ -61,12 +61,13 @@ def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
 
 
 def _teleop_step(loaded: LoadedMission, action: Teleop) -> TeleopStep:
-    _, config = plugin_from("artemis.inputs", loaded.mission.inputs[action.input])
+    plugin, config = plugin_from("artemis.inputs", loaded.mission.inputs[action.input])
     return TeleopStep(
         input=action.input,
         seconds=action.until.seconds,
-        speed=getattr(config, "max_speed_m_s", None),
+        speed=input_speed(config),
         record=action.record or "",
+        enabled_by=getattr(plugin, "enabled_by", "the enable button"),
     )
 
 
@@ -79,7 +80,7 @@ def _follow_step(loaded: LoadedMission, number: int, action: Follow) -> FollowSt
         close_within=0.0 if recorded is None else recorded.close_within_m,
         nearest=action.start == "nearest",
         max_cross_track=action.max_cross_track_m,
-        speed=getattr(config, "speed_m_s", None),
+        speed=follower_speed(config),
         **action.wanted,
     )
 
@@ -146,7 +147,7 @@ def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
     used = [load(INPUTS, use.plugin) for use in inputs_used(loaded, simulated=True).values()]
     if (localizer := localizer_used(loaded, simulated=True)) is not None:
         used.append(load(LOCALIZERS, localizer.plugin))
-    return not any(getattr(plugin, "live", False) for plugin in used)
+    return not any(is_live(plugin) for plugin in used)
 
 
 def is_simulated(loaded: LoadedMission, simulate: bool = False) -> bool:

@@ -131,8 +131,8 @@ class Robot:
     def _sense(self, now: float, urgent: bool) -> Sensed:
         readings = self._devices.sense(now)
         inputs, fixes = self._guard.read(now - self._start), self._guard.fixes(now - self._start)
-        self._faults += (catalogue.fault(*problem) for problem in self._guard.take_problems())
-        self._requests += (request for sample in inputs for request in sample.requests)
+        self._faults += [catalogue.fault(*problem) for problem in self._guard.take_problems()]
+        self._requests += [request for sample in inputs for request in sample.requests]
         self._index += 1
         sensed = Sensed(
             index=self._index - 1,
@@ -155,7 +155,7 @@ class Robot:
         return sensed
 
     def _meet(self, id: str, device: str, seen: str) -> None:
-        """A device reports a problem: once until the next tick."""
+        """Keep what a device reports for the next tick, each problem once."""
         if (fault := catalogue.fault(id, device, seen)) not in self._faults:
             self._faults.append(fault)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from datetime import datetime
@@ -16,6 +16,7 @@ from artemis.planning import plugin_made, setup_for
 from artemis.plugins.contracts import Observer
 from artemis.plugins.guard import GARBAGE, Problem
 from artemis.plugins.observing import Observation
+from artemis.plugins.process import Asked, plugins_watched
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import JOURNAL, Recorder
@@ -72,15 +73,21 @@ class RunRecord:
         ]
 
     @contextmanager
-    def observing(self) -> Iterator[None]:
-        """Let the mission's observers see the run; at its end close them, and the recording with its outcome."""
+    def observing(self, asked: Asked, patient: Callable[[], bool] | None) -> Iterator[None]:
+        """Let the mission's observers see the run; at its end close them, and the recording with its outcome.
+
+        Plugins are watched meanwhile: `asked` says which one the run waits for, `patient` whether it may take its time.
+        """
         with ExitStack() as ends:
             for observer in self._observers:
                 ends.callback(observer.close)
             ends.callback(lambda: self.recorder.close(self.outcome))
+            ours = {observer.name for observer in self._observers}
+            ends.enter_context(plugins_watched(asked, ours, self._warn, patient))
             for name, use in self._loaded.mission.observers.items():
                 setup = replace(setup_for(self._loaded, name), run=self.folder.path)
-                observer = Observation(name, plugin_made("artemis.observers", use, setup), threaded=self.threaded)
+                made = plugin_made("artemis.observers", use, setup)
+                observer = Observation(name, made, threaded=self.threaded, asked=asked)
                 self._observers.append(observer)
                 ends.callback(self._close, observer)
             yield
@@ -93,7 +100,7 @@ class RunRecord:
             observer.see(tick, traffic, now)
 
     def faults(self, attended: bool) -> Iterator[Fault]:
-        """What goes wrong is a warning; nobody there and no journal: the run is not gone on with."""
+        """What goes wrong is a warning; no operator present and no journal: the run is not gone on with."""
         for id, name, seen in self.recorder.take_problems():
             severity = Severity.CONTROLLED_STOP if name == JOURNAL and not attended else None
             yield catalogue.fault(id, "", seen, severity)
@@ -105,8 +112,10 @@ class RunRecord:
     def note(self, problems: list[Problem]) -> None:
         """Keep what went wrong with plugins at the end."""
         for id, name, seen in problems:
-            text = f"{id} {name}: {seen}, when it was closed"
-            self.recorder.note(Entry(time=self.time, kind="warning", text=text, level=Level.WARNING))
+            self._warn(f"{id} {name}: {seen}, when it was closed")
+
+    def _warn(self, text: str) -> None:
+        self.recorder.note(Entry(time=self.time, kind="warning", text=text, level=Level.WARNING))
 
     def show_paths(self, plan: Plan) -> None:
         """Keep the paths that are known before the run, for viewers."""

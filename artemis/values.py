@@ -389,5 +389,5 @@ class Tick(Struct, frozen=True, kw_only=True, gc=False):
     """Where the mission is after it."""
     wish: Wish
     failed: bool = False
-    """A fault or a stop ended the run before its last step, or a drive did not end in order."""
+    """A fault or a stop ended the run before its last step, or a drive did not end normally."""
     set_points: SetPoints

@@ -281,7 +281,7 @@ class _Composer:
         anchor = event.anchor if isinstance(event, yaml.NodeEvent) else None
         if anchor is not None:
             if anchor in self._anchors:
-                self._complain(where, path, f"anchor &{anchor} stands twice")
+                self._complain(where, path, f"anchor &{anchor} is defined twice")
             self._anchors[anchor] = None
         if isinstance(event, yaml.ScalarEvent):
             node = _Node(where, self._scalar(event, where, path))
@@ -304,7 +304,7 @@ class _Composer:
             raise self._fatal(where, f"more than {MAX_ALIASES} aliases", path)
         target = self._anchors.get(event.anchor or "")
         if target is None:
-            text = "stands inside its own anchor" if event.anchor in self._anchors else "has no anchor before it"
+            text = "is inside its own anchor" if event.anchor in self._anchors else "has no anchor before it"
             self._complain(where, path, f"alias *{event.anchor} {text}")
             return _Node(where, {} if path[-1:] == ("<<",) else None)
         if len(path) + target.height > MAX_DEPTH:
@@ -328,7 +328,7 @@ class _Composer:
             earlier = merged if key == "<<" else entries.get(key)
             if earlier is not None:
                 line, column = earlier.position
-                self._complain(place, (*path, key), f"key stands twice, first at {line}:{column}")
+                self._complain(place, (*path, key), f"duplicate key, first at {line}:{column}")
             elif key == "<<":
                 merged = value
             else:

@@ -275,7 +275,7 @@ def _timing() -> Iterator[Finding]:
         stop = f"{words}; beyond {1000 * limit:.0f} ms the robot stops (SYS-01)"
         yield Finding(FAILURE, stop, "stop other programs; CPU governor `performance`; no power saving")
     elif worst > PERIOD:
-        yield Finding(WARNING, f"{words}: more than a tick", "what else does this computer do?")
+        yield Finding(WARNING, f"{words}: more than a tick", "which other programs run on this computer?")
     else:
         yield Finding(OK, words)
 

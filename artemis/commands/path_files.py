@@ -46,7 +46,7 @@ def refuse_taken(files: Iterable[Path], force: bool) -> None:
         elif not file.parent.is_dir():
             problems.append(f"{file.parent}: no such folder")
         elif file.exists() and not force:
-            problems.append(f"{file}: is there already; another name, or --force")
+            problems.append(f"{file}: exists already; choose another name or --force")
     if problems:
         raise ConfigError(problems)
 

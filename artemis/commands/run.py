@@ -14,6 +14,7 @@ from shlex import quote
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
 from artemis.commands.terminal import DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
+from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords, Follow
@@ -105,7 +106,7 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
         if left := unfinished_run(root, loaded.mission.mission, simulated=simulated):
             run, until = left
             command = _command(source, run, simulate)
-            _print("last run", f"ended without shutdown at {until:.2f} s; to go on with it: {command}")
+            _print("last run", f"ended without shutdown at {until:.2f} s; to resume it: {command}")
         return None
     found, notes = resumption_from(loaded, source, resume, simulate)
     at = found.position
@@ -114,7 +115,7 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
     _print("resuming", f"{found.run}: step {at.step + 1} ({what}), {done} of it done")
     pose = found.pose
     _print("", f"where it stopped: x {pose.x:.2f} m, y {pose.y:.2f} m, heading {degrees(pose.heading):.0f} deg")
-    _print("", "the robot must not have been moved since: the odometry goes on from there")
+    _print("", "the robot must not have been moved since: the odometry continues from there")
     for note in notes:
         _print("warning", note)
     return found
@@ -126,8 +127,7 @@ def _command(source: Path, run: Path, simulate: bool) -> str:
 
 def _title(loaded: LoadedMission, simulated: bool) -> str:
     bus = loaded.mission.bus
-    words = bus.words if isinstance(bus, BusWords) and not simulated else {}
-    place = " ".join(str(words[word]) for word in ("interface", "channel") if word in words)
+    place = place_of(bus.words) if isinstance(bus, BusWords) and not simulated else ""
     return f"mission {loaded.mission.mission}: {loaded.robot.robot} on {place or 'simulated drives'}"
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import signal
 import sys
 import termios
 import tty
@@ -35,6 +34,13 @@ _ARE_YOU_THERE, _ASKED = b"\x1b[5n", 0.05
 """Device status report (ECMA-48, 8.3.35): any terminal answers. Asked so often [s]."""
 
 
+def lose_output() -> None:
+    """What is printed from now on goes nowhere: standard output cannot be written."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+
+
 def somebody_is_there() -> bool:
     """Whether standard input is a terminal whose keys come to us (not to a shell that runs us in the background)."""
     try:
@@ -52,8 +58,8 @@ def listen_to_keys(
 
     Where somebody drives by the keys, `typed` is called with all that comes, and with nothing once the terminal is
     closed; the terminal then also tells when keys are released, and is asked all the time whether it is there.
-    A closed terminal (SIGHUP) counts as a quick stop and the end: the person who could have stopped the robot is
-    gone. Ctrl-Z does nothing while a mission runs: a suspended process has no heartbeat, and every drive would fault.
+    A closed terminal counts as a quick stop and the end: the person who could have stopped the robot is gone. Ctrl-Z
+    does nothing while a mission runs: a suspended process has no heartbeat, and every drive would fault.
     """
     loop, descriptor = asyncio.get_running_loop(), sys.stdin.fileno()
     before = termios.tcgetattr(descriptor)
@@ -68,7 +74,6 @@ def listen_to_keys(
         if asking is not None:
             asking.stop()
         loop.remove_reader(descriptor)
-        loop.remove_signal_handler(signal.SIGHUP)
         with suppress(termios.error):  # the terminal is gone
             termios.tcsetattr(descriptor, termios.TCSANOW, before)
 
@@ -92,7 +97,6 @@ def listen_to_keys(
                 request(wanted)
 
     loop.add_reader(descriptor, read)
-    loop.add_signal_handler(signal.SIGHUP, hang_up)
     return stop
 
 

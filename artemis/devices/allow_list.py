@@ -81,7 +81,7 @@ class AllowList:
         """Why `frame` must not leave now; None: it may."""
         rule = self._rules.get(frame.id)
         if rule is None or frame.rtr:
-            return self._told(frame, "is none of ours")
+            return self._told(frame, "is not a frame of artemis")
         if (before := self._sent.get(frame.id)) is not None:
             self._sent[frame.id] = before + 1
             if before >= MOST:
@@ -94,7 +94,7 @@ class AllowList:
 
     def _nmt(self, data: bytes) -> str | None:
         if len(data) != 2 or data[0] not in _NMT_COMMANDS or data[1] not in self._nodes:
-            return "is no NMT command to a node of ours"
+            return "is no NMT command to a node of the robot file"
         if data[0] == NmtCommand.STOP:
             return "NMT Stop also stops the drive's messages: never"
         return None if self._mode in SERVICE else "NMT commands only while nothing drives"

@@ -24,7 +24,7 @@ def _unheard(id: str, device: str, seen: str) -> None:
 
 
 class Counted(Protocol):
-    """Whose frames arrive."""
+    """A node that counts its malformed frames."""
 
     tally: Tally
 

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from math import inf
 from operator import attrgetter
 
-from msgspec.structs import replace
-
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import RXPDO, PdoLayout, emergency_from_data, nmt_from_heartbeat
 from artemis.devices.epos_objects import RECEIVED, SENT, UNREADABLE, Units, wrapped
@@ -15,7 +13,7 @@ from artemis.devices.epos_state import Controlword, state_from_statusword
 from artemis.devices.sdo import SdoClient
 from artemis.devices.tally import NOTHING, Tally
 from artemis.drive_states import DriveState, Nmt
-from artemis.values import DriveFeedback, SetPoints
+from artemis.values import DriveFeedback
 from artemis.vehicle import RobotFile
 
 
@@ -26,9 +24,7 @@ class EposDrive:
         self.name, self.robot, self.drive = name, robot, robot.drives[name]
         self.node_id = self.drive.node_id
         self.is_traction = self.drive.role == "traction"
-        self.own_set_point: Callable[[SetPoints], float] = attrgetter(
-            f"{'speed' if self.is_traction else 'steering'}_{self.drive.side}"
-        )
+        self.own_set_point = attrgetter(f"{'speed' if self.is_traction else 'steering'}_{self.drive.side}")
         """Its part of all set-points: rolling speed [m/s] or wheel angle [rad]."""
         self.sdo = SdoClient(name, self.node_id, send)
         self.send = send
@@ -121,15 +117,7 @@ class EposDrive:
         if self.tally == NOTHING and not self._jumps and not stray:
             return feedback  # one call with more than 15 keywords would take four times as long
         tally, self.tally = self.tally, Tally()
-        return replace(
-            feedback,
-            emergencies=tuple(tally.emergencies),
-            boots=tally.boots,
-            malformed=tally.malformed,
-            disordered=tally.disordered,
-            jumps=self._jumps,
-            stray=stray,
-        )
+        return tally.added_to(feedback, self._jumps, stray)
 
     def set_point_frame(self, controlword: int, value: float) -> Frame:
         """RxPDO 1: controlword and set-point (m/s, or wheel angle in rad), taken over at SYNC."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from math import radians
+from typing import TypeVar
 
 from artemis.devices.canopen import NmtCommand, SdoAbort, nmt_frame
 from artemis.devices.epos import EposDrive
@@ -50,6 +52,11 @@ STORE_TIME = 3.0
 """A drive may be busy for so long when it stores its parameters [s]: no manual says how long it is."""
 LIMIT_MARGIN = radians(3.0)
 """The drive's own position limits lie this far beyond the largest wheel angle of the gate [rad]."""
+
+RESET_FOR = {0x6100: "node", 0x8120: "communication", 0xFF04: "node"}
+"""Error code -> NMT reset without which a drive stays in fault (firmware specification 2010, 12.2; the fault table)."""
+
+T = TypeVar("T")
 
 _FAULTS: dict[type[DeviceError], str] = {
     SdoAbort: "COM-07",
@@ -125,21 +132,43 @@ class EposJobs:
     async def secure(self, reset: float) -> None:
         """If it moves, stop it, whoever it is; then check who it is, and leave it off, unwatching, without a fault.
 
-        `reset`: have its communication or the whole node reset before (`RESETS`), as some faults need.
+        `reset`: have its communication or the whole node reset before (`RESETS`), as some faults need. The drive's own
+        error history tells the same of a fault that nobody heard of, where a fault reset alone is not enough.
         """
-        if reset:
-            await self._switch_off()
-            whole = reset == RESETS["node"]
-            command = NmtCommand.RESET_NODE if whole else NmtCommand.RESET_COMMUNICATION
-            self._epos.send(nmt_frame(command, self.drive.node_id))
-            await asyncio.sleep(RESET_TIME)
+        history: tuple[int, ...] = ()
+        tried = [await self._reset(reset)] if reset else []
+        await self._make_safe()
+        if (state := await self._settled_state()) is DriveState.FAULT:
+            tried.append("fault reset")
+            history = await self.read_history()  # before a reset clears it
+            needed = max((RESETS[RESET_FOR.get(code, "")] for code in history), default=0.0)
+            if needed > reset:
+                tried.append(await self._reset(needed))
+                await self._make_safe()
+                state = await self._settled_state()
+        if state is not DriveState.SWITCH_ON_DISABLED:
+            codes = ", ".join(f"0x{code:04X}" for code in history or await self.read_history()) or "empty"
+            after = f" after {', '.join(tried)}" if tried else ""
+            problem = f"stays in {state.value}, not switch on disabled{after}; error history: {codes}"
+            raise DeviceError(self.name, problem)
+
+    async def _reset(self, reset: float) -> str:
+        """Off, then NMT Reset Communication or Reset Node (`RESETS`), until it answers again; what was sent."""
+        await self._switch_off()
+        whole = reset == RESETS["node"]
+        command = NmtCommand.RESET_NODE if whole else NmtCommand.RESET_COMMUNICATION
+        self._epos.send(nmt_frame(command, self.drive.node_id))
+        await asyncio.sleep(RESET_TIME)
+        return "NMT Reset Node" if whole else "NMT Reset Communication"
+
+    async def _make_safe(self) -> None:
+        """Pre-Operational, off, the right drive, unwatching; a fault is reset where that is all it needs."""
         self._boots = self._epos.boots
         self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
         await self._switch_off()
         await self._check_identity()
         await self._stop_watching()
         await self._reset_fault()
-        await self._reach(DriveState.SWITCH_ON_DISABLED)
 
     async def configure(self) -> None:
         """Write the robot file's settings and the PDOs, read each back, and start the node; it has to be secured."""
@@ -158,8 +187,9 @@ class EposJobs:
     async def _write_configuration(self) -> None:
         for setting in settings(self._epos.robot, self.drive):
             await self._ensure(setting)
-        if (mode := await self.read(MODE_DISPLAY)) != OPERATING_MODES[self.drive.role]:
-            raise DeviceError(self.name, f"shows operating mode {mode}, not {OPERATING_MODES[self.drive.role]}")
+        wanted = OPERATING_MODES[self.drive.role]
+        if (mode := await self._settled(partial(self.read, MODE_DISPLAY), wanted)) != wanted:
+            raise DeviceError(self.name, f"shows operating mode {mode}, not {wanted}")
         for pdo in pdo_settings(self.drive):
             if not await self._holds(pdo):
                 for setting in pdo:
@@ -294,14 +324,17 @@ class EposJobs:
     async def _read_state(self) -> DriveState:
         return state_from_statusword(await self.read(STATUSWORD))
 
-    async def _reach(self, wanted: DriveState) -> None:
+    async def _settled_state(self) -> DriveState:
+        """Switch On Disabled, once it is in it; else the state in which it stays."""
+        return await self._settled(self._read_state, DriveState.SWITCH_ON_DISABLED)
+
+    async def _settled(self, read: Callable[[], Awaitable[T]], wanted: T) -> T:
+        """What is read as soon as it is `wanted`, or at last: a drive may follow a write a while after its answer."""
         for _ in range(round(STATE_TIME / POLL)):
-            state = await self._read_state()
-            if state is wanted:
-                return
+            if (seen := await read()) == wanted:
+                return seen
             await asyncio.sleep(POLL)
-        history = ", ".join(f"0x{code:04X}" for code in await self.read_history()) or "empty"
-        raise DeviceError(self.name, f"stays in {state.value}, not {wanted.value}; error history: {history}")
+        return await read()
 
     async def _come_to_rest(self) -> None:
         last = await self.read(POSITION)

@@ -14,6 +14,9 @@ PERIOD = 1.0
 MORE_MEMORY, MORE_THREADS, MORE_FILES = 200_000_000, 20, 50
 """Growth beyond this is a leak [bytes, number, number]."""
 
+MOST_MEMORY = 1_000_000_000
+"""A process that grows and takes more than this [bytes] has to stop before the system ends it (PLG-05)."""
+
 Usage = tuple[int, int, int]
 """Resident memory [bytes], threads, open files."""
 

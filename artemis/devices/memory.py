@@ -46,7 +46,7 @@ async def store(
         told: is called with the name of each drive that has stored them.
 
     Raises:
-        DeviceError: somebody else commands the drives; a drive is another one, does not answer, or does not keep a
+        DeviceError: another master commands the drives; a drive is another one, does not answer, or does not keep a
             value. The next were not asked.
     """
     drives = _drives(robot, bus)
@@ -66,7 +66,7 @@ def _check_alone(drives: Drives, robot: RobotFile, name: str) -> None:
     if foreign := drives.wire.health().foreign:
         who = "another artemis uses this bus (COM-18): end it"
         if HEARTBEAT + robot.host_node_id not in foreign:
-            who = f"somebody else commands the drives (COM-17): 0x{foreign[0]:03X} was heard"
+            who = f"another CANopen master commands the drives (COM-17): 0x{foreign[0]:03X} was heard"
         raise DeviceError(name, f"was sent nothing: {who}")
 
 

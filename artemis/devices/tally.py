@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from msgspec import Struct
+from msgspec.structs import replace
+
+from artemis.values import DriveFeedback
 
 
 class Tally(Struct):
@@ -12,6 +15,18 @@ class Tally(Struct):
     boots: int = 0
     malformed: int = 0
     disordered: int = 0
+
+    def added_to(self, feedback: DriveFeedback, jumps: int, stray: int) -> DriveFeedback:
+        """The feedback with this in it, and what else happens seldom."""
+        return replace(
+            feedback,
+            emergencies=tuple(self.emergencies),
+            boots=self.boots,
+            malformed=self.malformed,
+            disordered=self.disordered,
+            jumps=jumps,
+            stray=stray,
+        )
 
 
 NOTHING = Tally()

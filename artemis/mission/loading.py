@@ -30,6 +30,7 @@ from artemis.mission.schema import (
     Supervision,
     Teleop,
 )
+from artemis.plugins.contracts import PluginContext, follower_speed, input_speed, is_pure
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import Data, Document, KeyPath, read, survey
 
@@ -232,11 +233,10 @@ class _Loading:
     def _check_inputs(self, robot: RobotFile) -> None:
         """What is wrong in the files of inputs that open nothing, and in keys of which nobody has complained yet."""
         from artemis.mission.trial import trial
-        from artemis.plugins.contracts import PluginContext
 
         for path, (plugin, config) in self._plugins.items():
             context = PluginContext(name=str(path[-1]), robot=robot, folder=self._folder, files=self._files)
-            for key, problem in trial(plugin, config, context) if getattr(plugin, "pure", False) else ():
+            for key, problem in trial(plugin, config, context) if is_pure(plugin) else ():
                 place = self._document.problem((*path, *key), "")
                 if not key:
                     self._problems.append(problem)
@@ -341,7 +341,7 @@ class _Loading:
     def _check_follow(self, index: int, follow: Follow, robot: RobotFile | None, recorded: list[str]) -> None:
         at = ("steps", index, "follow")
         config = self._plugin("artemis.followers", *at, "follower")
-        speed = getattr(config, "speed_m_s", None)
+        speed = follower_speed(config)
         if robot is not None:
             speed = robot.limits.speed_m_s if speed is None else speed
             self._check_speed((*at, "follower", "speed_m_s"), speed, robot)
@@ -382,7 +382,7 @@ class _Loading:
         if teleop.input not in inputs:
             self._complain(at, f"no such input: {teleop.input}{nearest(teleop.input, inputs, 'inputs')}")
         elif robot is not None and (config := inputs[teleop.input]) is not None:
-            speed = getattr(config, "max_speed_m_s", None)
+            speed = input_speed(config)
             place = at if speed is None else ("inputs", teleop.input, "max_speed_m_s")
             self._check_speed(place, robot.limits.speed_m_s if speed is None else speed, robot)
 

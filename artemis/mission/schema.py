@@ -286,7 +286,7 @@ def _check_steps(steps: tuple[Step, ...]) -> tuple[Step, ...]:
     steerings = [step.calibrate.steering for step in steps if step.calibrate is not None]
     measured = [steering for steering in steerings if isinstance(steering, MeasureSteering)] if len(steps) > 1 else []
     if any(one.potentiometers == "new" for one in measured):
-        raise ValueError("new potentiometers are calibrated in a mission of their own: no other step may stand beside")
+        raise ValueError("new potentiometers are calibrated in a mission of their own, without other steps")
     if any(one.save != "nothing" for one in measured):
         raise ValueError(
             "what is saved holds from the next start on: no other step may stand beside a calibration "

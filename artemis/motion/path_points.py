@@ -15,6 +15,8 @@ MIN_STEP = 0.001
 MAX_GAP = 1.0
 MAX_LENGTH = 20_000.0
 """Longer paths [m] are a mistake of units, and would fill the memory with samples."""
+MAX_SPEED = 20.0
+"""More [m/s] is another mistake of units."""
 MAX_TURN = math.radians(120)
 """A sharper turn between three points is a reversal (a cusp), not a curve."""
 
@@ -107,5 +109,6 @@ def _check_points(points: Points) -> None:
             problem = f"{gaps[index]:.2f} m from the point before; expected at most {MAX_GAP:g} m"
             points.report(index + 1, problem)
     if points.speed is not None:
-        for index in np.flatnonzero(points.speed <= 0).tolist():
-            points.report(index, f"speed: expected more than 0 m/s, found {points.speed[index]:g}", "speed")
+        for index in np.flatnonzero((points.speed <= 0) | (points.speed > MAX_SPEED)).tolist():
+            bound = "more than 0" if points.speed[index] <= 0 else f"at most {MAX_SPEED:g}"
+            points.report(index, f"speed: expected {bound} m/s, found {points.speed[index]:g}", "speed")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from math import inf
 from operator import itemgetter
 
@@ -37,6 +38,15 @@ def stale_age(tick: float) -> float:
     return max(0.08, 2.5 * tick)
 
 
+def moment(sensed: Sensed, driven: Iterable[DriveFeedback], stale: float) -> float:
+    """When the older of the positions of both driven wheels was measured [s of the run]: the pose is of that moment.
+
+    By the times of their frames on the bus. A drive that was not heard for longer than `stale` [s] counts as standing.
+    """
+    ages = [drive.age for drive in driven if drive.age is not None]
+    return sensed.time - min(max(ages, default=0.0), stale)
+
+
 class Perception:
     """Keeps pose and odometry from tick to tick. Deterministic: the same feedback gives the same snapshots."""
 
@@ -58,6 +68,8 @@ class Perception:
         self._ackermann = Ackermann(robot.geometry)
         self._by_place = itemgetter(*robot.places)
         """Traction left, right, steering left, right."""
+        self._measured: float | None = None
+        """When the newest positions were measured [s of the run]; None: at least one drive was not heard."""
         self._rolled: deque[tuple[float, float, float]] = deque()
         self._stood = 0.0, 0.0
         """What both driven wheels had rolled [m] when they were last heard together; infinite: they were rolling."""
@@ -86,7 +98,7 @@ class Perception:
                 dt = min(sensed.time - before, self._dt_max)
                 distance = left.position - last_left, right.position - last_right
                 self._odometry = self._odometer.update(
-                    *distance, steer_left.position, steer_right.position, sensed.time - before
+                    *distance, steer_left.position, steer_right.position, self._elapsed(sensed, before, left, right)
                 )
             self._rolled.append((sensed.time, left.position, right.position))
             while len(self._rolled) > 2 and self._rolled[1][0] <= sensed.time - STANDING_TIME:
@@ -106,14 +118,28 @@ class Perception:
             verdict=verdict,
         )
 
+    def _elapsed(self, sensed: Sensed, before: float, left: DriveFeedback, right: DriveFeedback) -> float:
+        """Time between the last measurement of the wheels and this one [s], by their frames: a tick may come late.
+
+        0 where it is less than half a tick: then the counts are too coarse for a speed. Until both drives were heard,
+        the time since the tick at `before` [s of the run].
+        """
+        last, self._measured = self._measured, None
+        if left.age is not None and right.age is not None:
+            self._measured = moment(sensed, (left, right), self._stale)
+        if last is None or self._measured is None:
+            return sensed.time - before
+        if self._measured - last < self._dt_max / 4:
+            self._measured = last
+        return self._measured - last
+
     def _located(self, sensed: Sensed, dt: float, *, at_once: bool, unheard: bool) -> LocatedPose:
         """The pose; without a localizer that of the odometry. `at_once`: it may jump."""
         localisation, odometry = self._localisation, self._odometry
         if localisation is None:
             return LocatedPose(pose=odometry.pose, lost=self._lost or unheard)
         if not sensed.urgent:
-            ages = [drive.age for drive in self._by_place(sensed.drives)[:2] if drive.age is not None]
-            localisation.move(sensed.time - min(max(ages, default=0.0), self._stale), odometry)
+            localisation.move(moment(sensed, self._by_place(sensed.drives)[:2], self._stale), odometry)
         localisation.take(sensed.fixes, sensed.time)
         return localisation.located(sensed.time, dt, at_once=at_once, unheard=unheard, odometry=odometry)
 

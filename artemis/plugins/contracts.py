@@ -12,12 +12,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
 from msgspec import Struct
 
 from artemis.config import Config
-from artemis.errors import ConfigError
+from artemis.errors import ConfigError, PluginError
 from artemis.motion.path import Path
 from artemis.values import DriveCommand, OperatorInput, Pose, PoseFix, Snapshot, Tick, Tracking
 from artemis.vehicle import RobotFile
@@ -67,9 +67,7 @@ class PluginContext:
 class InputDevice(Protocol):
     """Turns a device's reports into wishes of an operator.
 
-    A class whose devices need a person or a wire, and so real time in simulation, too, states `live = True`. A class
-    that opens nothing when it is made states `pure = True`: `artemis check` makes one, to find what is wrong in its
-    files.
+    Its class may state more: `NeedsRealTime`, `OpensNothing`; its `Config`: `LimitsInput`.
     """
 
     Config: ClassVar[type[Config]]
@@ -89,7 +87,7 @@ class Localizer(Protocol):
     """Tells where the robot is on a map: a tracker beside the floor, a scanner on the robot, another program.
 
     What it finds is told as a `PoseFix`, in the frame `map`, with the run time at which the robot was there; it may
-    come up to two seconds late. It states `live = True` and `pure = True` as an input does.
+    come up to two seconds late. Its class may state `NeedsRealTime` and `OpensNothing`, as that of an input.
     """
 
     Config: ClassVar[type[Config]]
@@ -119,7 +117,7 @@ class Follower(Protocol):
 
     A path with reversals is given part by part. For one that is driven backwards the snapshot's pose, odometry and
     set-points are those of a robot whose other end is ahead, and the command is turned back; what was sensed stays as
-    it is.
+    it is. Its `Config` may state `LimitsFollower`.
     """
 
     Config: ClassVar[type[Config]]
@@ -157,3 +155,62 @@ class Observer(Protocol):
 
     def close(self) -> None:
         """The run is over: write what waits, and give everything back; harmless when repeated."""
+
+
+# ---------------------------------------------------------------------------------------------- what may be stated
+
+
+@runtime_checkable
+class NeedsRealTime(Protocol):
+    """An input or localizer whose devices need a person or a wire, where `live`: a simulation then keeps real time."""
+
+    live: bool
+
+
+@runtime_checkable
+class OpensNothing(Protocol):
+    """An input or localizer that opens nothing when it is made, where `pure`: `artemis check` makes one, to try it."""
+
+    pure: bool
+
+
+@runtime_checkable
+class LimitsInput(Protocol):
+    """Keys of an input: the robot drives no faster by hand; checked against its limit and its stopping distance."""
+
+    max_speed_m_s: float | None
+    """Of the virtual front wheel [m/s]; None: as the robot file says."""
+
+
+@runtime_checkable
+class LimitsFollower(Protocol):
+    """Keys of a follower: the robot drives no faster along a path, and not for ever (PTH-08)."""
+
+    speed_m_s: float | None
+    """Of the virtual front wheel [m/s]; None: as the robot file says."""
+
+
+def is_live(plugin: object) -> bool:
+    """Whether a plugin, or its class, needs real time."""
+    return isinstance(plugin, NeedsRealTime) and plugin.live
+
+
+def is_pure(plugin: object) -> bool:
+    """Whether a plugin's class may be tried before the run."""
+    return isinstance(plugin, OpensNothing) and plugin.pure
+
+
+def input_speed(config: object) -> float | None:
+    """The speed [m/s] that the keys of an input state; None: none. Raises PluginError: it is no number."""
+    return _number(config, config.max_speed_m_s) if isinstance(config, LimitsInput) else None
+
+
+def follower_speed(config: object) -> float | None:
+    """The speed [m/s] that the keys of a follower state; None: none. Raises PluginError: it is no number."""
+    return _number(config, config.speed_m_s) if isinstance(config, LimitsFollower) else None
+
+
+def _number(config: object, speed: object) -> float | None:
+    if speed is None or (isinstance(speed, int | float) and not isinstance(speed, bool)):
+        return speed
+    raise PluginError(f"{type(config).__name__} states the speed {speed!r:.40}: artemis needs a number [m/s], or None")

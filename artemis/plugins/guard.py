@@ -7,6 +7,7 @@ program. An answer goes on as plain values: numbers are floats, whatever the plu
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import repeat
 from math import isfinite, sqrt
 from typing import ClassVar, TypeGuard
 
@@ -18,6 +19,7 @@ from artemis.errors import DeviceLost
 from artemis.motion.angles import wrap
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Follower, Following, InputDevice, Localizer
+from artemis.plugins.process import Asked
 from artemis.values import Action, DriveCommand, OperatorInput, Pose, PoseFix, Request, Snapshot, Tracking
 
 LATE = 0.015
@@ -29,8 +31,8 @@ BAD_SAMPLES, BAD_TIME = 5, 1.0
 LOST, OUT_OF_RANGE = "INP-01", "INP-06"
 RAISED, LATE_INPUT, GARBAGE, LATE_FOLLOWER = "PLG-02", "PLG-03", "PLG-06", "PTH-09"
 
-LOCALIZER = "localizer"
-"""Its name in faults."""
+LOCALIZER, FOLLOWER = "localizer", "follower"
+"""Their names in faults."""
 FARTHEST, SUREST, VAGUEST = 1e6, 1e-12, 1e6
 """A fix is not farther away [m]; its variances [m², rad²] are not smaller and not larger."""
 DEPENDENT = 1e-6
@@ -48,10 +50,15 @@ class PluginGuard:
     """Asks the inputs and the localizer of a run, and measures how long each plugin takes."""
 
     def __init__(
-        self, inputs: Mapping[str, InputDevice], clock: Callable[[], float], localizer: Localizer | None = None
+        self,
+        inputs: Mapping[str, InputDevice],
+        clock: Callable[[], float],
+        localizer: Localizer | None = None,
+        asked: Asked | None = None,
     ) -> None:
-        """`clock` measures the plugins [s]."""
+        """`clock` measures the plugins [s]; `asked` is told which one is asked."""
         self.inputs, self._clock, self._localizer = inputs, clock, localizer
+        self._asked = asked or Asked()
         self._last: dict[str, tuple[float, OperatorInput]] = {}
         self._late: dict[tuple[str, str], int] = {}
         self._bad: dict[str, list[float]] = {}
@@ -66,6 +73,7 @@ class PluginGuard:
         if self._localizer is None:
             return ()
         begun = self._clock()
+        self._asked.begin(LOCALIZER)
         try:
             found = self._localizer.fixes(now)
         except DeviceLost:  # how old the newest fix is tells
@@ -73,6 +81,8 @@ class PluginGuard:
         except PLUGIN_ERRORS as error:
             self._problems.append((RAISED, LOCALIZER, told(error)))
             return ()
+        finally:
+            self._asked.end()
         self._judge_time(LATE_INPUT, LOCALIZER, self._clock() - begun)
         if (fixes := plain_fixes(found)) is None:
             self._problems.append((GARBAGE, LOCALIZER, told(found)))
@@ -86,10 +96,27 @@ class PluginGuard:
 
     def watched(self, follower: Follower) -> Follower:
         """The follower, its time measured."""
-        return _WatchedFollower(follower, self._clock, self._judge_time)
+        return _WatchedFollower(follower, self._clock, self._judge_time, self._asked)
+
+    def close(self) -> list[Problem]:
+        """Give every device back, whatever the others do; what they did wrong."""
+        devices: dict[str, InputDevice | Localizer] = {**self.inputs}
+        if self._localizer is not None:
+            devices[LOCALIZER] = self._localizer
+        problems = []
+        for name, device in devices.items():
+            self._asked.begin(name)
+            try:
+                device.close()
+            except PLUGIN_ERRORS as error:
+                problems.append((RAISED, name, told(error)))
+            finally:
+                self._asked.end()
+        return problems
 
     def _ask(self, name: str, now: float) -> OperatorInput | None:
         begun = self._clock()
+        self._asked.begin(name)
         try:
             sample = self.inputs[name].read(now)
         except DeviceLost as error:
@@ -98,6 +125,8 @@ class PluginGuard:
         except PLUGIN_ERRORS as error:
             self._problems.append((RAISED, name, told(error)))
             return None
+        finally:
+            self._asked.end()
         self._judge_time(LATE_INPUT, name, self._clock() - begun)
         if not is_whole_input(sample) or sample.source != name:
             self._problems.append((GARBAGE, name, told(sample)))
@@ -123,36 +152,35 @@ class PluginGuard:
             self._problems.append((id, name, f"{took * 1000:.0f} ms, {late} times in a row"))
 
 
-def close(inputs: Mapping[str, InputDevice | Localizer]) -> list[Problem]:
-    """Give every device back, whatever the others do; what they did wrong."""
-    problems = []
-    for name, device in inputs.items():
-        try:
-            device.close()
-        except PLUGIN_ERRORS as error:
-            problems.append((RAISED, name, told(error)))
-    return problems
-
-
 class _WatchedFollower:
     """A follower whose answers are timed."""
 
     Config: ClassVar[type[Config]] = Config
 
     def __init__(
-        self, follower: Follower, clock: Callable[[], float], judge: Callable[[str, str, float], None]
+        self,
+        follower: Follower,
+        clock: Callable[[], float],
+        judge: Callable[[str, str, float], None],
+        asked: Asked,
     ) -> None:
-        self._follower, self._clock, self._judge = follower, clock, judge
+        self._follower, self._clock, self._judge, self._asked = follower, clock, judge, asked
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
-        self._follower.start(path, snapshot)
+        self._asked.begin(FOLLOWER)
+        try:
+            self._follower.start(path, snapshot)
+        finally:
+            self._asked.end()
 
     def step(self, snapshot: Snapshot) -> Following:
         begun = self._clock()
+        self._asked.begin(FOLLOWER)
         try:
             return self._follower.step(snapshot)
         finally:
-            self._judge(LATE_FOLLOWER, "follower", self._clock() - begun)
+            self._asked.end()
+            self._judge(LATE_FOLLOWER, FOLLOWER, self._clock() - begun)
 
 
 def is_whole_input(answer: object) -> TypeGuard[OperatorInput]:
@@ -169,7 +197,7 @@ def is_whole_input(answer: object) -> TypeGuard[OperatorInput]:
 
 def _holds(parts: object, kinds: tuple[type, ...]) -> bool:
     """Whether it is a tuple of such parts."""
-    return isinstance(parts, tuple) and all(isinstance(part, kinds) for part in parts)
+    return isinstance(parts, tuple) and all(map(isinstance, parts, repeat(kinds)))
 
 
 def is_in_range(sample: OperatorInput) -> bool:

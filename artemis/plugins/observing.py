@@ -10,6 +10,7 @@ from typing import Generic, TypeVar
 from artemis.devices.can_bus import Traffic
 from artemis.plugins.contracts import Observer
 from artemis.plugins.guard import GARBAGE, PLUGIN_ERRORS, RAISED, Problem, told
+from artemis.plugins.process import Asked
 from artemis.values import Tick
 
 QUEUE_TICKS = 500
@@ -118,9 +119,14 @@ class Observation:
         threaded: bool,
         patience: float | None = PATIENCE,
         bound: int = QUEUE_TICKS,
+        asked: Asked | None = None,
     ) -> None:
-        """Begin. `threaded` in real time; else it sees each tick at once. `patience` [s] at the end; None: endless."""
-        self._name, self._observer, self._patience = name, observer, patience
+        """Begin. `threaded` in real time; else it sees each tick at once. `patience` [s] at the end; None: endless.
+
+        `asked` is told of one that is not `threaded`.
+        """
+        self.name, self._observer, self._patience = name, observer, patience
+        self._asked = asked if asked is not None and not threaded else Asked()
         self._problems: deque[Problem] = deque()
         self._stopped = self._closed = False
         self._first_dropped = 0
@@ -136,7 +142,7 @@ class Observation:
             self.dropped += 1
             if self.dropped == 1:
                 self._first_dropped = dropped[0].snapshot.sensed.index
-                self._complain(SLOW, f"it does not see all ticks, from tick {self._first_dropped} on")
+                self._complain(SLOW, f"it misses ticks, from tick {self._first_dropped} on")
 
     def take_problems(self) -> list[Problem]:
         """What went wrong since the last call."""
@@ -155,6 +161,7 @@ class Observation:
 
     def _work(self, seen: tuple[Tick, Traffic, float] | None) -> None:
         """In the thread: show it a tick, or close it."""
+        self._asked.begin(self.name)
         try:
             if seen is None:
                 self._observer.close()
@@ -165,13 +172,15 @@ class Observation:
         except PLUGIN_ERRORS as error:
             self._stopped = True
             self._complain(RAISED, told(error))
+        finally:
+            self._asked.end()
 
     def _pass_on(self, problem: object) -> None:
         match problem:
-            case (str(id), self._name, str(words)):
+            case (str(id), self.name, str(words)):
                 self._complain(id, words)
             case _:
                 self._complain(GARBAGE, told(problem))
 
     def _complain(self, id: str, words: str) -> None:
-        self._problems.append((id, self._name, words))
+        self._problems.append((id, self.name, words))

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
-from math import nan
+from math import isfinite, nan
 
 from artemis.errors import ConfigError
 from artemis.motion.fitting import route_for
 from artemis.motion.path import Path
+from artemis.motion.perception import moment, stale_age
+from artemis.motion.poses import placed, seen_from
 from artemis.motion.route import Route, route_from_csv
 from artemis.recording.mcap_reader import Recording
+from artemis.recording.schemas import TickRecord
 from artemis.values import Pose, Tracking
 
 SAME = 1e-3
@@ -61,6 +64,32 @@ def _followed(route: Route, nearest: bool, tracking: Tracking, pose: Pose | None
         return route, 0.0
     begun = route.begun_at(route.nearest(pose.x, pose.y), tracking.arc_length)
     return begun, route.length - begun.length
+
+
+class TruePoses:
+    """True poses at the moments that the estimated ones are of: when the drives measured, not when the tick began."""
+
+    def __init__(self, recording: Recording) -> None:
+        names = list(recording.robot.drives)
+        left, right, *_ = recording.robot.places
+        self._driven = {names[left], names[right]}
+        self._stale = stale_age(1.0 / recording.mission.get("tick_hz", 50))
+        self._last: tuple[float, Pose] | None = None
+        """Run time [s] and true pose of the last tick."""
+
+    def of(self, tick: TickRecord) -> tuple[float, Pose | None]:
+        """Moment [s of the run] of a tick's estimated pose, and the true pose then; None: nobody knows."""
+        sensed, true = tick.snapshot.sensed, tick.true_pose
+        measured = moment(sensed, [drive for drive in sensed.drives if drive.name in self._driven], self._stale)
+        last, self._last = self._last, None
+        if true is None or not isfinite(true.x):
+            return measured, None
+        self._last = sensed.time, true
+        if last is None or tick.wish.reset_pose or not last[0] <= measured < sensed.time:
+            return measured, true
+        share, step = (measured - last[0]) / (sensed.time - last[0]), seen_from(last[1], true)
+        there = Pose(x=share * step.x, y=share * step.y, heading=share * step.heading)
+        return measured, placed(last[1], there)
 
 
 class TruePlaces:

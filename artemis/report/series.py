@@ -16,7 +16,7 @@ from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.report.bus_load import BusLoad
-from artemis.report.cross_track import TruePlaces, routes_of
+from artemis.report.cross_track import TruePlaces, TruePoses, routes_of
 from artemis.report.rows import Errors, Rows
 from artemis.values import DriveFeedback, Mode, Pose, SetPoints, Tracking
 from artemis.vehicle import RobotFile
@@ -49,6 +49,8 @@ class Series:
 
     time: Array
     """Run time [s], shape (n,)."""
+    moment: Array
+    """When the drives measured what the poses are computed from, at the SYNC before [s of the run]."""
     estimated: Array
     """Where the robot believed to be: x, y [m], heading [rad]; shape (n, 3)."""
     source: str
@@ -56,7 +58,7 @@ class Series:
     odometry: Array
     """Pose by odometry alone; with a localizer laid onto its first pose."""
     true: Array
-    """True pose, likewise."""
+    """True pose, likewise, at the moment that the estimated one is of."""
     distance: float
     """Distance of the rear axle centre, forward and back [m]."""
     speed: Array
@@ -120,7 +122,7 @@ def read_series(recording: Recording, *, every_tick: bool = False) -> Series:
 
 
 _COLUMNS = (
-    "time",
+    *("time", "moment"),
     *("x", "y", "heading"),
     *("odometry_x", "odometry_y", "odometry_heading"),
     *("true_x", "true_y", "true_heading"),
@@ -146,6 +148,7 @@ class _Reader:
 
     def __init__(self, recording: Recording, every_tick: bool) -> None:
         self._recording, robot = recording, recording.robot
+        self._true_poses = TruePoses(recording)
         self._states = {name: _Spans() for name in robot.drives}
         self._drives = [
             (name, _SET_POINTS[drive.role, drive.side], self._states[name], _MEASURED[drive.role])
@@ -175,13 +178,12 @@ class _Reader:
         """The next tick."""
         snapshot, points = tick.snapshot, tick.set_points
         sensed, odometry, time = snapshot.sensed, snapshot.odometry, snapshot.sensed.time
-        located, by_wheels, true = snapshot.pose, odometry.pose, tick.true_pose
+        located, by_wheels = snapshot.pose, odometry.pose
+        moment, true = self._true_poses.of(tick)
         estimated = located.pose
         if located.frame != "odom":
             self._located = self._located or (estimated, by_wheels)
             by_wheels = placed(self._located[0], seen_from(self._located[1], by_wheels))
-        if true is not None and not isfinite(true.x):
-            true = None
         tracking = tick.wish.tracking if tick.mode is Mode.FOLLOW else None
         if tracking is not None and not isfinite(tracking.arc_length):
             tracking = None
@@ -193,7 +195,7 @@ class _Reader:
         if true is not None:
             self._error_end = hypot(estimated.x - true.x, estimated.y - true.y)
         at = true or _NO_POSE
-        row = [time, estimated.x, estimated.y, estimated.heading, by_wheels.x, by_wheels.y, by_wheels.heading]
+        row = [time, moment, estimated.x, estimated.y, estimated.heading, by_wheels.x, by_wheels.y, by_wheels.heading]
         row += (at.x, at.y, at.heading)
         row += (arc_length, cross_track, true_arc_length, true_cross_track)
         row += (odometry.speed, planned_speed, feedforward, feedback, sensed.late)
@@ -221,6 +223,7 @@ class _Reader:
         bus_time, bus_load = self.bus.shares(self._recording.robot.bitrate)
         return Series(
             time=columns["time"],
+            moment=columns["moment"],
             estimated=table[:, _AT["x"] : _AT["heading"] + 1],
             source=self._source,
             odometry=table[:, _AT["odometry_x"] : _AT["odometry_heading"] + 1],

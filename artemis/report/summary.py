@@ -98,7 +98,7 @@ def _result(recording: Recording, run: Series) -> str:
     if outcome := recording.outcome or "".join(ends[-1:]):
         return outcome
     if run.finished:
-        return "ended in order"
+        return "ended normally"
     mode = run.modes[-1].value if run.modes else "the beginning"
     return f"broken off in {mode}"
 

@@ -180,6 +180,11 @@ def _setup() -> list[ObjectEntry]:
         _row(0x2071, 2, U16, "rw cfg", 0xE007),
         _row(0x2071, 3, U16, "rw cfg"),
         _row(0x2071, 4, U16, "rw cfg", 0x0008),
+        _row(0x2074, 1, I32, "ro T"),  # the position marker: no digital input is wired, so nothing is ever captured
+        _row(0x2074, 2, U8, "rw cfg", 0, 0, 2),
+        _row(0x2074, 3, U8, "rw cfg", 0, 0, 3),
+        _row(0x2074, 4, U16, "rw T"),
+        *(_row(0x2074, sub, I32, "ro T") for sub in (5, 6)),
         _row(0x2078, 1, U16, "rw R T"),
         _row(0x2078, 2, U16, "rw cfg"),
         _row(0x2078, 3, U16, "rw cfg"),

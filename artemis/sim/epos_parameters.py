@@ -49,7 +49,14 @@ class ParameterMemory:
         self._stored = {key: self._dictionary.values[key] for key in self._keys}
 
     def _restore(self) -> None:
-        """Defaults take effect at once; they outlast the power only when stored."""
+        """Defaults take effect at once, and nothing is stored any more: after a restart they hold, too.
+
+        CiA 301 (object 0x1011, sub-index 1) has the restored defaults set valid by Reset Node or a power cycle; stored
+        values that came back then would undo the restore. That they act before is inferred: the firmware specification
+        (14.9) allows the restore only while the power stage is disabled, as changes of motor and sensor, and names
+        store and restart for the identifiers of sub-index 5 alone.
+        """
+        self._stored = {}
         for key in self._keys:
             default = self._defaults[key]
             if self._dictionary.values[key] != default:

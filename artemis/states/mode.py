@@ -59,7 +59,6 @@ class RoutineMode:
     def __init__(self, shared: Shared) -> None:
         self.shared, self.plan, self.bring_up = shared, shared.plan, shared.bring_up
         self._routine: Routine | None = None
-        self._begun = False
 
     def routine(self, snapshot: Snapshot) -> Routine:
         """The mode's logic from its first snapshot on; must not end by itself."""
@@ -127,6 +126,12 @@ def is_second(shared: Shared, snapshot: Snapshot) -> bool:
     return not shared.bring_up.connected and any(fault.id == "COM-18" for fault in snapshot.verdict.faults)
 
 
+def nobody_answers(snapshot: Snapshot) -> bool:
+    """No drive was ever heard, and that is said (COM-32): what each does not answer is no news."""
+    heard = any(drive.nmt is not None or drive.age is not None for drive in snapshot.sensed.drives)
+    return not heard and any(fault.id == "COM-32" for fault in snapshot.verdict.faults)
+
+
 def hands_on(inputs: Iterable[OperatorInput]) -> str | None:
     """What a person has to do before every control rests; None: nothing. Of some devices nothing is known at first."""
     held = [sample for sample in inputs if not sample.neutral]
@@ -188,7 +193,7 @@ def come_to_rest(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
             shared.bring_up.stop = None
             return snapshot
         told = wish if passed < shared.plan.stop_time else replace(wish, traction=Goal.DISABLED)
-        snapshot = yield replace(told, jobs=jobs, heartbeat=wish.heartbeat and stop.heartbeat)
+        snapshot = yield replace(told, jobs=jobs, heartbeat=stop.heartbeat)
 
 
 UNRESPONSIVE = 0.1

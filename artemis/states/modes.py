@@ -25,12 +25,14 @@ class Modes:
     """The present mode and the logic of each; what they share: `Shared`.
 
     Attributes:
-        failed: A fault or a stop ended the run before its last step, or a drive did not end in order.
+        mode: The present mode.
+        failed: A fault or a stop ended the run before its last step, or a drive did not end normally.
     """
 
     def __init__(self, shared: Shared) -> None:
         self._shared = shared
         self._machine = ModeMachine()
+        self.mode = self._machine.mode
         self._end_requested = self._end_wished = False
         self.failed = False
         self._stopped_for = Severity.NONE
@@ -45,11 +47,6 @@ class Modes:
             Mode.END: EndMode(shared),
         }
 
-    @property
-    def mode(self) -> Mode:
-        """The present mode."""
-        return self._machine.mode
-
     def advance(self, snapshot: Snapshot, wished: Event | None) -> Cause | None:
         """Change the mode by the most urgent event that the present one expects; `wished`: what the mode asked for.
 
@@ -62,6 +59,7 @@ class Modes:
             self._shared.bring_up.held = True
         for cause in self._causes(verdict, requests, wished):
             if self._machine.fire(cause.event):
+                self.mode = self._machine.mode
                 if cause.event is Event.END and (self._shared.current is not None or verdict.stops):
                     self.failed = True
                 self._stopped_for = verdict.severity if self.mode is Mode.QUICKSTOP else Severity.NONE

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from artemis.states.mode import PATIENCE, at_rest, give_up, hands_on
-from artemis.states.plan import CalibrateStep, FollowStep, Shared, TeleopStep, WaitStep
+from artemis.states.plan import CalibrateStep, FollowStep, Shared, TeleopStep
 from artemis.values import DriveCommand, Event, Snapshot, Wish
 
 
@@ -14,7 +14,6 @@ class ReadyMode:
 
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
-        self._since = 0.0
 
     def enter(self, snapshot: Snapshot) -> None:
         """A step has ended, or the bring-up; a wait that was interrupted goes on."""
@@ -36,8 +35,8 @@ class ReadyMode:
                         return replace(stand, phase=held)
                     return give_up(replace(stand, phase=held), late=True)
                 return replace(stand, event=Event.TELEOP)
-            case WaitStep(seconds=seconds):
+            case wait:
                 done = snapshot.time - self._since
-                if over := done >= seconds:
+                if over := done >= wait.seconds:
                     self._since = snapshot.time
                 return replace(stand, done=done, over=over, phase="waiting")

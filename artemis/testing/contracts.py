@@ -27,7 +27,7 @@ from artemis.motion.angles import difference
 from artemis.motion.limits import Gate, is_sane
 from artemis.motion.odometry import move
 from artemis.motion.path import Path, path_from_points
-from artemis.plugins.contracts import Follower, Following, InputDevice, PluginContext
+from artemis.plugins.contracts import Follower, Following, InputDevice, PluginContext, is_live
 from artemis.plugins.guard import LATE, is_in_range, is_whole_input, plain_following
 from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, breaches
 from artemis.values import LocatedPose, Odometry, OperatorInput, Pose, Sensed, SetPoints, Snapshot, Verdict
@@ -177,7 +177,7 @@ class InputContract(PluginContract):
 
     def test_same_reads_give_same_samples(self) -> None:
         """Time comes from `now` alone. Not asked of a `live` device, which reports when it likes."""
-        if getattr(self.plugin, "live", False):
+        if is_live(self.plugin):
             return
         with self.made() as one, self.made() as other:
             for tick in range(round(self.duration / PERIOD)):

@@ -22,6 +22,7 @@ from pydantic import BaseModel
 from typer.main import get_command
 
 from artemis import vehicle
+from artemis.app import run_mission
 from artemis.cli import app
 from artemis.commands.plugins import begin_plugin
 from artemis.mission import load_mission, schema
@@ -180,12 +181,15 @@ def test_readme_lists_every_command() -> None:
 # --------------------------------------------------------------------------------------------------- missions and files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", YAML_BLOCKS, ids=str)
-def test_mission_of_the_docs_is_valid(block: Block, tmp_path: Path) -> None:
+def test_mission_of_the_docs_runs_to_its_end(block: Block, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "missions", tmp_path, ignore=shutil.ignore_patterns("runs"), dirs_exist_ok=True)
     mission = tmp_path / "of_the_docs.yaml"
     mission.write_text(block.text)
-    assert load_mission(mission).mission.mission == yaml.safe_load(block.text)["mission"]
+    loaded = load_mission(mission)
+    assert loaded.mission.mission == yaml.safe_load(block.text)["mission"]
+    assert not run_mission(loaded, mission, simulate=True).failed
 
 
 def models(model: type[BaseModel]) -> Iterator[type[BaseModel]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -393,3 +394,28 @@ def test_output_survives_a_terminal_without_the_letters(tmp_path: Path) -> None:
     )
     assert found.returncode == 2
     assert b"rzburg.yaml:7:1: steering: unknown key" in found.stderr
+
+
+@pytest.mark.parametrize("arguments", [["plugins"], ["--version"], ["check", MISSIONS / "figure_eight.yaml"]])
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_that_cannot_be_written_is_said(arguments: list[str | Path], unbuffered: str) -> None:
+    with Path("/dev/full").open("w") as full:
+        found = subprocess.run(
+            [*ARTEMIS, *map(str, arguments)],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=PATIENCE,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        )
+    assert found.returncode == 1
+    assert found.stderr == "artemis: standard output cannot be written: No space left on device\n"
+
+
+def test_a_run_whose_output_cannot_be_written_ends_and_says_so(tmp_path: Path) -> None:
+    mission = write_mission(tmp_path)
+    with Path("/dev/full").open("w") as full:
+        command = [*ARTEMIS, "run", str(mission)]
+        found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE)
+    assert found.returncode == 143
+    assert found.stderr == "artemis: standard output cannot be written: No space left on device; the run ends\n"

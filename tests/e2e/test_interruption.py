@@ -29,14 +29,37 @@ def assert_stopped_on_the_way(folder: Path) -> None:
     assert_left_at_rest(run)
 
 
-def test_a_signal_ends_a_run_on_virtual_time_in_order(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_a_run_in_order_without_a_terminal(tmp_path: Path, number: signal.Signals) -> None:
     with started("run", endless_mission(tmp_path)) as process:
         read_until(process, "following")
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         rest, errors = process.communicate(timeout=PATIENCE)
     assert errors == ""
-    assert "ended by SIGINT; drives stopped and released" in rest
-    assert process.returncode == 130
+    assert f"ended by {number.name}; drives stopped and released" in rest
+    assert process.returncode == 128 + number
+    assert_stopped_on_the_way(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("ignored", "sent", "ends_by"),
+    [
+        ("INT", [signal.SIGINT], signal.SIGINT),  # as a script starts what it ends with `&`
+        ("HUP", [signal.SIGHUP, signal.SIGTERM], signal.SIGTERM),  # `nohup`: the first signal is none
+    ],
+)
+def test_a_stop_is_never_ignored_and_only_nohup_outlives_a_terminal(
+    tmp_path: Path, ignored: str, sent: list[signal.Signals], ends_by: signal.Signals
+) -> None:
+    command = f"trap '' {ignored}; exec {' '.join(ARTEMIS)} run {endless_mission(tmp_path)}"
+    pipe = subprocess.PIPE
+    with subprocess.Popen(["sh", "-c", command], stdin=subprocess.DEVNULL, stdout=pipe, text=True) as process:
+        read_until(process, "following")
+        for number in sent:
+            process.send_signal(number)
+        rest, _ = process.communicate(timeout=PATIENCE)
+    assert f"ended by {ends_by.name}; drives stopped and released" in rest
+    assert process.returncode == 128 + ends_by
     assert_stopped_on_the_way(tmp_path)
 
 

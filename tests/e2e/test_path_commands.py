@@ -111,7 +111,7 @@ def test_a_file_that_is_there_is_kept_unless_forced(folder: Path, tmp_path: Path
     (tmp_path / "distance.csv").write_text("mine")
     kept = artemis_here("path", "record", folder / "run", "-o", tmp_path / "distance.csv")
     assert kept.returncode == 2
-    assert kept.stderr == f"{tmp_path}/distance.csv: is there already; another name, or --force\n"
+    assert kept.stderr == f"{tmp_path}/distance.csv: exists already; choose another name or --force\n"
     assert (tmp_path / "distance.csv").read_text() == "mine"
     forced = artemis_here("path", "record", folder / "run", "-o", tmp_path / "distance.csv", "--force")
     assert forced.returncode == 0
@@ -251,7 +251,7 @@ def test_a_path_that_follow_refuses_is_shown_with_the_reasons(
         (["none.csv"], "none.csv: file not found"),
         (["bad.csv"], "bad.csv:2:3: y: expected a finite number, found 'b'"),
         (["good.csv", "--robot", "good.csv"], "good.csv:"),
-        (["good.csv", "--speed", "0.3"], "--speed 0.3: expected more than 0 m/s, and a robot with --robot"),
+        (["good.csv", "--speed", "0.3"], "--speed 0.3: expected up to 20 m/s, and a robot with --robot"),
         (["good.csv", "-o", "figure.doc"], "figure.doc: no figure can be drawn as that"),
         (["good.csv", "-o", "no/figure.png"], "no/figure.png: cannot be written"),
     ],

@@ -24,7 +24,7 @@ def test_space_stops_r_goes_on_and_q_ends(tmp_path: Path) -> None:
         screen.see_driving()
         screen.press(CTRL_Z)  # must not suspend a process that drives
         screen.press(b" ")
-        screen.see("stopped: arm to go on")
+        screen.see("stopped: arm to continue")
         screen.press(b"r")
         screen.see("following")
         screen.press(b"q")
@@ -55,7 +55,7 @@ def test_a_terminal_that_is_closed_stops_the_robot(tmp_path: Path) -> None:
         screen.see_driving()
         os.close(screen.device)
         os.close(screen.host)
-        screen.process.wait(timeout=PATIENCE)
+        assert screen.process.wait(timeout=PATIENCE) == 128 + signal.SIGHUP
     run = only_run(tmp_path)
     assert modes_of(run)[-3:] == ["follow", "quickstop", "end"]
     assert_left_at_rest(run)

@@ -93,7 +93,6 @@ def targets(folder: Path) -> list[Target]:
 # ---------------------------------------------------------------------------------------------- frames
 
 _DECODERS: tuple[Callable[[bytes], object], ...] = (
-    canopen.decode_request,
     canopen.decode_answer,
     canopen.nmt_from_heartbeat,
     canopen.emergency_from_data,

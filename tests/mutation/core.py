@@ -5,11 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 _ROWS = ("unit/test_supervisor_rows.py",)
+_MODES = ("unit/test_mode_details.py", "unit/test_mode_memory.py", "unit/test_mode_corners.py")
+_STOPS = ("unit/test_stop_details.py", "unit/test_modes_at_rest.py", "unit/test_mode_fault.py", *_MODES)
 _TABLE = ("unit/test_faults_page.py", "unit/test_catalogue.py", *_ROWS)
 
 CORE: Mapping[str, tuple[str, ...]] = {
     "motion/limits.py": ("unit/test_limits.py", "properties/test_limits_properties.py"),
     "states/machine.py": ("unit/test_machine.py", "properties/test_machine_properties.py"),
+    "states/modes.py": ("unit/test_modes.py", "unit/test_core.py", *_MODES),
+    "states/mode.py": (*_STOPS, "unit/test_modes.py", "unit/test_mode_init.py"),
+    "states/plan.py": ("unit/test_modes.py", "unit/test_mode_timed.py", *_STOPS, "unit/test_core.py"),
+    "states/init.py": ("unit/test_bring_up_details.py", "unit/test_mode_init.py", *_MODES),
+    "states/ready.py": ("unit/test_modes.py", "unit/test_mode_timed.py", *_MODES),
+    "states/teleop.py": ("unit/test_modes.py", "unit/test_mode_teleop.py", "unit/test_mode_timed.py", *_MODES),
+    "states/quickstop.py": _STOPS,
+    "states/fault.py": _STOPS,
+    "states/end.py": _STOPS,
+    "robot.py": ("unit/test_core.py", "unit/test_robot.py"),
     "devices/epos_state.py": ("unit/test_epos_state.py", "properties/test_epos_state_properties.py"),
     "devices/canopen.py": ("unit/test_canopen.py", "properties/test_canopen_properties.py"),
     "supervision/measures.py": (

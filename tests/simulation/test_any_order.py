@@ -159,7 +159,7 @@ class AnyOrder(RuleBasedStateMachine):
         """From a fault to motion it takes an arm, again after each one.
 
         Starting the run is the first arm. A fault that ends a bring-up before it came to arming leaves it in place: a
-        row that recovers by itself may then go on to `ready`, where motion still waits for a released and pressed
+        row that recovers automatically may then go on to `ready`, where motion still waits for a released and pressed
         enable button.
         """
         armed = True

@@ -1,4 +1,4 @@
-"""The arm is a person's: nothing that recovers by itself takes the place of one that is missing."""
+"""The arm is a person's: nothing that recovers automatically takes the place of one that is missing."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ def test_a_question_that_nobody_can_answer_is_a_fault(tmp_path: Path) -> None:
     run = calibrate(tmp_path, reference_deg={}).run()
 
     assert [fault.id for fault in run.faults] == ["CAL-01"]
-    assert "nobody answers: left wheel" in run.faults[0].text
+    assert "no answer from the operator: left wheel" in run.faults[0].text
     assert_safe(run)
 
 
@@ -169,7 +169,7 @@ def test_nobody_is_asked_whose_hands_are_at_a_wheel_before_they_are_off(tmp_path
 def test_a_key_that_bounces_accepts_once(tmp_path: Path) -> None:
     run = calibrate(tmp_path, simulation=jogs((5.0, "accept"), (5.1, "accept")), reference_deg={}).run()
 
-    assert "nobody answers: right wheel" in run.faults[0].text
+    assert "no answer from the operator: right wheel" in run.faults[0].text
 
 
 # ---------------------------------------------------------------------------------------------- new potentiometers

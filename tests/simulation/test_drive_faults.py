@@ -126,3 +126,24 @@ def test_a_fault_at_the_very_time_of_a_tick_is_named_by_its_emergency(tmp_path: 
     faults = {"faults": [{"at_s": 8.0, "inject": "DRV-25", "node": "steer-left"}]}
     seen = Rig(write_mission(tmp_path, [{"wait": {"seconds": 10}}], tick_hz=tick_hz, simulation=faults)).run()
     assert seen.fault_ids == ["DRV-25"]
+
+
+@pytest.mark.parametrize("code", sorted(NEEDS_MORE_THAN_A_RESET), ids=lambda code: f"0x{code:04X}")
+def test_a_drive_found_in_a_fault_that_needs_an_nmt_reset_is_brought_up(tmp_path: Path, code: int) -> None:
+    rig = Rig(write_mission(tmp_path, [{"wait": {"seconds": 0.1}}]))
+
+    def fail() -> None:
+        rig.drive("steer-left").emergency(code, rig.bus.loop.time(), heard=False)
+
+    seen = rig.at(0.1, fail).run()
+    assert (seen.status, seen.fault_ids) == (0, [])
+
+
+@pytest.mark.parametrize("code", sorted(NEEDS_MORE_THAN_A_RESET), ids=lambda code: f"0x{code:04X}")
+def test_a_fault_that_needs_an_nmt_reset_is_acknowledged_once_though_its_emergency_was_lost(
+    tmp_path: Path, code: int
+) -> None:
+    faults = {"faults": [{"at_s": 8.0, "inject": catalogue.EMERGENCIES[code], "node": "steer-left", "heard": False}]}
+    acts = {"operator": [{"at_s": 12.0, "do": "acknowledge"}, {"at_s": 18.0, "do": "arm"}]}
+    seen = Rig(write_mission(tmp_path, [{"wait": {"seconds": 15.0}}], simulation={**faults, **acts})).run()
+    assert (seen.status, seen.fault_ids) == (0, ["COM-01"])

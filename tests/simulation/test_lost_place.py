@@ -62,7 +62,7 @@ def test_a_path_is_not_gone_on_with_from_an_unknown_place(tmp_path: Path, fault:
 
 def assert_not_resumed(seen: Run) -> None:
     assert seen.outcome is not None
-    with pytest.raises(ConfigError, match="nobody knows where the robot is"):
+    with pytest.raises(ConfigError, match="the position of the robot is unknown"):
         app.resumption_from(load_mission(seen.mission), seen.mission, seen.outcome.run.path)
 
 

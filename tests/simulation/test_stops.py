@@ -66,7 +66,7 @@ def assert_path_was_finished(seen: Run) -> None:
 
 @pytest.fixture(scope="module")
 def stopped(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """A quick stop with nobody there to arm again."""
+    """A quick stop with no operator to arm again."""
     rig = Rig(write_mission(tmp_path_factory.mktemp("stopped"), STEPS, FILES))
     return rig.while_following(rig.request(Request.QUICKSTOP), distance=0.6, name="stop").run()
 

@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 from core_builders import ROBOT
+from sdo_server_side import decode_request
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
-from artemis.devices.canopen import Expedited, decode_request, encode_request
+from artemis.devices.canopen import Expedited, encode_request
 from artemis.devices.drive import Drives
 from artemis.devices.epos_jobs import EposJobs
 from artemis.errors import ProtocolError

@@ -168,7 +168,7 @@ def test_problem_tells_frame_mode_and_reason() -> None:
     assert allow(Mode.FAULT).problem(speed(0.5, word=OFF)) == (
         "0x201 [00 00 a6 07 00 00] in fault: target of 0.50 m/s, at most 0.00"
     )
-    assert allow(Mode.INIT).problem(Frame(0x123)) == "0x123 [] in init: is none of ours"
+    assert allow(Mode.INIT).problem(Frame(0x123)) == "0x123 [] in init: is not a frame of artemis"
 
 
 # ---------------------------------------------------------------------------------------------- targets that fall

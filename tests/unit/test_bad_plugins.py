@@ -120,8 +120,8 @@ def test_stall_makes_every_timer_late_that_falls_into_it() -> None:
     async def main() -> None:
         loop = asyncio.get_running_loop()
         happened: list[float] = []
-        for time in (0.1, 0.3, 0.6):
-            loop.call_at(time, lambda: happened.append(loop.time()))
+        for due in (0.1, 0.3, 0.6):
+            loop.call_at(due, lambda: happened.append(loop.time()))
         loop.call_at(0.05, stall, 0.4)
         await asyncio.sleep(1.0)
         assert happened == pytest.approx([0.45, 0.45, 0.6])

@@ -59,7 +59,7 @@ class TestDeadReckoning:
     def test_of_one_wheel_is_the_odometer_bit_for_bit_but_rounding(self) -> None:
         log = one_wheel_log(1)
         machine = Kinematics(wheelbase=0.56, kingpin_distance=0.0, scrub_radius=0.0)
-        geometry = Geometry(wheelbase_m=0.56, track_m=1e-12, scrub_radius_m=0.0, driven_axle="front")
+        geometry = Geometry.model_construct(wheelbase_m=0.56, track_m=1e-12, scrub_radius_m=0.0, driven_axle="front")
 
         difference = dead_reckoned(log, machine) - odometer_poses(log, geometry)
 
@@ -320,7 +320,7 @@ class TestClosing:
             assert abs(values_found[name].value - true) <= values_found[name].half_width
 
     def test_one_run_is_refused(self) -> None:
-        with pytest.raises(CalibrationError, match="both ways"):
+        with pytest.raises(CalibrationError, match="both directions"):
             fit_closing([self.closed({}, 1.0, 1)], BASE, TWO_WHEELS)
 
 
@@ -389,7 +389,7 @@ class TestMachineFile:
         [
             ({"columns": ["time", "distance", "-"]}, "steering is missing"),
             ({"columns": ["time", "distance", "steering", "distance_left"]}, "distance_left is not of"),
-            ({"columns": ["time", "distance", "steering", "distance"]}, "twice"),
+            ({"columns": ["time", "distance", "steering", "distance"]}, "duplicate column"),
             ({"columns": ["time", "distance", "steering", "true_x"]}, "true_x and true_y"),
             ({"metres_per_count": 0.0}, "worth 0"),
             ({"track_m": 0.4}, "left and a right"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 from core_builders import ROBOT
 from epos_jobs_rig import LEFT, STEER_LEFT, STEER_RIGHT, WATCH, Rig, bring_up, changed, has, on
@@ -129,5 +131,26 @@ def test_mode_that_is_not_taken_over_is_an_error() -> None:
         rig.node._dictionary.getters[key_of(0x6061, 0)] = lambda: 1
         with pytest.raises(DeviceError, match=r"shows operating mode 1, not 3"):
             await rig.jobs.configure()
+
+    on(LEFT, test)
+
+
+@pytest.mark.parametrize("delay", [0.001, 0.03, 0.3])
+def test_mode_that_is_taken_over_a_moment_later_is_waited_for(delay: float) -> None:
+    async def test(rig: Rig) -> None:
+        loop, getters, key = asyncio.get_running_loop(), rig.node._dictionary.getters, key_of(0x6061, 0)
+        true, shown = getters[key], getters[key]()
+
+        follow = rig.node._dictionary.written[key_of(0x6060, 0)]
+
+        def take_over(mode: int) -> None:
+            follow(mode)
+            loop.call_later(delay, getters.__setitem__, key, true)
+
+        rig.node._dictionary.written[key_of(0x6060, 0)] = take_over
+        getters[key] = lambda: shown
+        await rig.jobs.secure(0.0)
+        await rig.jobs.configure()
+        assert has(rig, 0x6061) == 3
 
     on(LEFT, test)

@@ -10,12 +10,14 @@ from core_builders import ROBOT
 from epos_jobs_rig import LEFT, PER_DEGREE, STEER_LEFT, STEER_RIGHT, WATCH, Rig, bring_up, changed, has, on
 
 from artemis.devices.can_bus import Frame
+from artemis.devices.epos_jobs import RESET_FOR
 from artemis.devices.epos_objects import Units
 from artemis.drive_states import DriveState, Nmt
 from artemis.errors import DeviceError, DeviceRestarted, DeviceTimeout, NotKept
 from artemis.sim.dictionary import AbortCode, AccessRefused, key_of
 from artemis.sim.epos import SimSettings
-from artemis.values import Job, JobKind
+from artemis.supervision.catalogue import ROWS
+from artemis.values import RESETS, Job, JobKind
 
 # ---------------------------------------------------------------------------------------------- secure
 
@@ -87,14 +89,94 @@ def test_fault_that_is_found_is_reset() -> None:
     on(STEER_LEFT, test)
 
 
-def test_fault_that_cannot_be_reset_is_an_error_with_the_history() -> None:
+@pytest.mark.parametrize(("code", "reset"), [(0x8120, 0x82), (0xFF04, 0x81)])
+def test_fault_that_needs_an_nmt_reset_and_that_nobody_heard_of_gets_it(code: int, reset: int) -> None:
     async def test(rig: Rig) -> None:
-        rig.node.emergency(0xFF04, asyncio.get_running_loop().time())  # only a node reset clears it
-        await asyncio.sleep(0.01)
-        with pytest.raises(DeviceError, match=r"stays in fault, not switch on disabled; error history: 0xFF04"):
+        rig.node.emergency(code, asyncio.get_running_loop().time(), heard=False)
+        await asyncio.sleep(0.02)
+        rig.drives.wire.take_traffic(0.0)
+        await rig.jobs.secure(0.0)
+        assert has(rig, 0x6041) & 0x417F == 0x0140
+        assert nmt_commands(rig) == [0x80, reset, 0x80]
+        await rig.jobs.configure()
+
+    on(STEER_LEFT, test)
+
+
+def test_reset_of_the_whole_node_is_enough_where_two_errors_need_different_ones() -> None:
+    async def test(rig: Rig) -> None:
+        for code in (0x8120, 0xFF04, 0x8120):
+            rig.node.emergency(code, asyncio.get_running_loop().time(), heard=False)
+        await asyncio.sleep(0.02)
+        rig.drives.wire.take_traffic(0.0)
+        await rig.jobs.secure(0.0)
+        assert nmt_commands(rig) == [0x80, 0x81, 0x80]
+
+    on(LEFT, test)
+
+
+def test_reset_that_was_asked_for_is_not_repeated() -> None:
+    async def test(rig: Rig) -> None:
+        stays_in_fault(rig, 0x8120)
+        rig.drives.wire.take_traffic(0.0)
+        tried = r"after NMT Reset Communication, fault reset; error history: 0x8120"
+        with pytest.raises(DeviceError, match=tried):
+            await rig.jobs.secure(RESETS["communication"])
+        assert nmt_commands(rig) == [0x82, 0x80]
+
+    on(LEFT, test)
+
+
+@pytest.mark.parametrize("code", sorted(RESET_FOR))
+def test_fault_that_remains_is_an_error_with_what_was_tried_and_the_history(code: int) -> None:
+    async def test(rig: Rig) -> None:
+        stays_in_fault(rig, code)
+        reset = {"node": "NMT Reset Node", "communication": "NMT Reset Communication"}[RESET_FOR[code]]
+        told = rf"stays in fault, not switch on disabled after fault reset, {reset}; error history: 0x{code:04X}"
+        with pytest.raises(DeviceError, match=told):
             await rig.jobs.secure(0.0)
 
     on(LEFT, test)
+
+
+def test_fault_that_no_reset_is_for_is_an_error_with_the_history() -> None:
+    async def test(rig: Rig) -> None:
+        rig.node.emergency(0x2310, asyncio.get_running_loop().time())
+        rig.node.failures.refuse_states(DriveState.SWITCH_ON_DISABLED)
+        await asyncio.sleep(0.01)
+        told = r"stays in fault, not switch on disabled after fault reset; error history: 0x2310"
+        with pytest.raises(DeviceError, match=told):
+            await rig.jobs.secure(0.0)
+
+    on(LEFT, test)
+
+
+def test_state_that_is_no_fault_and_remains_is_an_error_without_a_reset() -> None:
+    async def test(rig: Rig) -> None:
+        rig.node.failures.misreport(0x6041, 0, lambda _: 0x0121)
+        with pytest.raises(
+            DeviceError, match=r"stays in ready to switch on, not switch on disabled; error history: empty"
+        ):
+            await rig.jobs.secure(0.0)
+
+    on(LEFT, test)
+
+
+def test_resets_are_those_of_the_fault_table() -> None:
+    needed = {code: row.recovery.reset for row in ROWS.values() for code in row.codes if row.recovery.reset}
+    assert needed == RESET_FOR
+
+
+def stays_in_fault(rig: Rig, code: int) -> None:
+    """The drive has an error whose cause remains, whatever is reset, and remembers it."""
+    rig.node.failures.misreport(0x6041, 0, lambda _: 0x0108)
+    rig.node.failures.misreport(0x1003, 0, lambda _: 1)
+    rig.node.failures.misreport(0x1003, 1, lambda _: code)
+
+
+def nmt_commands(rig: Rig) -> list[int]:
+    """NMT commands to the drive since the last look."""
+    return [frame.data[0] for ours, frame in rig.drives.wire.take_traffic(0.0) if ours and frame.id == 0]
 
 
 def test_silent_drive_is_a_timeout_that_names_it() -> None:

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from artemis.config import Config
 from artemis.errors import ConfigError, DeviceLost
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.guard import PluginGuard, close, plain_fixes
+from artemis.plugins.guard import PluginGuard, plain_fixes
 from artemis.plugins.localizers.simulated_tracker import SimulatedTracker, SimulatedTrackerConfig
 from artemis.plugins.localizers.tracker import TrackerConfig, TrackerLocalizer
 from artemis.testing.contracts import ROBOT
@@ -109,7 +109,7 @@ def test_a_simulated_tracker_sees_nothing_for_a_while_and_something_else_for_ano
     assert not [fix for _, fix in found if 2.0 <= fix.time < 4.0]
     wrong = [fix.time for _, fix in found if fix.pose.y > 1.0]
     assert (len(wrong), wrong[0]) == (5, 5.0)
-    with pytest.raises(ValueError, match="is no time"):
+    with pytest.raises(ValueError, match="is not a time span"):
         SimulatedTrackerConfig(drop_out=((4.0, 2.0),))
 
 
@@ -157,7 +157,7 @@ def test_a_localizer_that_raises_or_is_late_is_a_fault_and_one_that_is_gone_is_s
     for _ in range(3):
         guard.fixes(0.0)
     assert [(id, name) for id, name, _ in guard.take_problems()] == [("PLG-03", "localizer")]
-    assert [id for id, _, _ in close({"localizer": Strange(lambda now: ())})] == ["PLG-02"]
+    assert [id for id, _, _ in PluginGuard({}, lambda: 0.0, Strange(lambda now: ())).close()] == ["PLG-02"]
 
 
 @pytest.mark.parametrize(

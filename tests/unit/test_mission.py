@@ -183,6 +183,7 @@ def test_without_a_supervision_part_its_default_holds(folder: Path) -> None:
         (folder / "robots/artemis.yaml")
         .read_text()
         .replace("quick_stop_deceleration_m_s2: 1.5", "quick_stop_deceleration_m_s2: 0.4")
+        .replace(" deceleration_m_s2: 1.0", " deceleration_m_s2: 0.4")
     )
     problems = refusal(folder, "supervision:\n  stop_distance_m: 0.6\n", "")
     assert [problem.split(": ")[1] for problem in problems] == ["steps[3].teleop.input"]

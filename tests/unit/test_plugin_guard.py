@@ -16,7 +16,7 @@ from robot_rig import StubInput
 from artemis.errors import DeviceLost
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
-from artemis.plugins.guard import PluginGuard, close, is_in_range, is_whole_input, plain_following
+from artemis.plugins.guard import PluginGuard, is_in_range, is_whole_input, plain_following
 from artemis.values import Action, DriveCommand, OperatorInput, Request, Snapshot, Tracking
 
 GOOD = OperatorInput(source="stick", speed=0.3, steering=-0.1, enabled=True, neutral=False, age=0.01, axes=(0.5, -1.0))
@@ -386,7 +386,10 @@ def test_every_device_is_given_back_whatever_the_others_do() -> None:
                 raise self.error
 
     inputs = {"a": Clinging(OSError("held")), "b": Clinging(SystemExit(0)), "c": Clinging()}
-    assert close(inputs) == [("PLG-02", "a", "OSError('held')"), ("PLG-02", "b", "SystemExit(0)")]
+    assert PluginGuard(inputs, lambda: 0.0).close() == [
+        ("PLG-02", "a", "OSError('held')"),
+        ("PLG-02", "b", "SystemExit(0)"),
+    ]
     assert [device.closed for device in inputs.values()] == [1, 1, 1]
 
 

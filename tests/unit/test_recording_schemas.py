@@ -81,6 +81,13 @@ def test_sensed_values_survive_exactly(sensed: Sensed) -> None:
     assert recorded(sensed) == sensed
 
 
+def test_a_record_from_before_there_were_scans_has_none() -> None:
+    tick = next(synthetic_run.run()).tick
+    record, none = tick_record(tick), b',"scans":[]'
+    assert record.count(none) == 1
+    assert tick_from_record(record.replace(none, b"")).snapshot == tick.snapshot
+
+
 def test_nan_survives() -> None:
     sample = OperatorInput(source="stick", speed=math.nan, steering=-math.inf, age=None, axes=(math.nan, 1.0))
     back = recorded(Sensed(index=1, time=0.02, inputs=(sample,))).inputs[0]

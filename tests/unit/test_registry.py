@@ -10,6 +10,7 @@ import pytest
 
 from artemis.errors import PluginError
 from artemis.plugins import registry
+from artemis.plugins.contracts import follower_speed, input_speed, is_live, is_pure
 from artemis.plugins.followers.indiveri import IndiveriFollower
 from artemis.plugins.inputs.scripted import ScriptedInput
 from artemis.plugins.registry import FOLLOWERS, INPUTS, listing, load
@@ -153,3 +154,40 @@ def test_input_is_no_follower(site: Site) -> None:
 def test_what_is_no_class_is_refused(site: Site) -> None:
     site.install("plugin-pad", "Stick = 12\n")
     assert "is not a class but 12" in reason("pad")
+
+
+@pytest.mark.parametrize("name", ["live", "pure"])
+def test_what_a_plugin_states_is_true_or_false(site: Site, name: str) -> None:
+    site.install("plugin-pad", GOOD + f"    {name} = 'yes'\n")
+    assert f"states {name} = 'yes': True or False is meant" in reason("pad")
+
+
+class Silent:
+    pass
+
+
+class Stating:
+    live = pure = True
+    speed_m_s: object = 0.3
+    max_speed_m_s: object = None
+
+
+def test_what_a_plugin_does_not_state_is_none_of_it() -> None:
+    assert (is_live(Silent), is_pure(Silent), input_speed(Silent()), follower_speed(Silent())) == (
+        False,
+        False,
+        None,
+        None,
+    )
+    assert (is_live(Stating), is_pure(Stating()), input_speed(Stating()), follower_speed(Stating())) == (
+        True, True, None, 0.3,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("speed", ["fast", True, [1.0]])
+def test_speed_that_is_no_number_is_an_error_of_the_plugin(speed: object) -> None:
+    stating = Stating()
+    stating.speed_m_s = stating.max_speed_m_s = speed
+    for read in (input_speed, follower_speed):
+        with pytest.raises(PluginError, match=r"Stating states the speed .*: artemis needs a number \[m/s\], or None"):
+            read(stating)

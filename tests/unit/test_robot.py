@@ -15,6 +15,7 @@ from artemis.clock import run
 from artemis.devices.can_bus import Frame
 from artemis.robot import Robot
 from artemis.states.mode import OFF, ON, STOPPING
+from artemis.supervision import catalogue
 from artemis.values import Job, JobKind, OperatorInput, Request, Sensed, Tick, Wish
 
 
@@ -144,6 +145,13 @@ def test_request_comes_once_with_the_next_scheduled_tick(request_: Request) -> N
     assert rig.urgent == []
 
 
+def test_fault_that_was_noticed_beside_the_ticks_comes_once_with_the_next() -> None:
+    rig, fault = Rig(), catalogue.fault("PLG-05")
+    rig.at(0.051, lambda: rig.robot.report(fault))
+    rig.run()
+    assert [(round(s.time, 6), s.faults) for s in rig.core.seen if s.faults] == [(0.06, (fault,))]
+
+
 def test_requests_of_input_devices_come_with_those_of_the_operator() -> None:
     def ending(now: float) -> OperatorInput:
         return OperatorInput(source="stick", requests=(Request.DONE,) if now > 0.05 - 1e-6 else ())
@@ -249,7 +257,7 @@ def test_lost_bus_is_a_fault_in_every_tick_until_it_is_back() -> None:
     rig.at(0.091, lambda: setattr(rig.bus, "lost", False))
     rig.run()
     assert {(time, id) for time, id, _ in rig.faults()} == {(0.06, "COM-22"), (0.08, "COM-22"), (0.1, "COM-22")}
-    assert any(frame.time > 0.1 for frame in rig.bus.sent), "and goes on"
+    assert any(frame.time > 0.1 for frame in rig.bus.sent), "and continues"
 
 
 def test_bus_that_cannot_be_written_is_a_fault_in_the_next_tick() -> None:

@@ -156,6 +156,21 @@ def test_restore_brings_the_factory_back_only_while_disabled() -> None:
     assert rig.read(0x1011, 1, "I") == 1
 
 
+@pytest.mark.parametrize("restart", ["reset node", "power"])
+def test_restored_defaults_hold_after_the_restart_that_makes_them_valid(restart: str) -> None:
+    rig = Rig()
+    rig.write(0x6065, 0, "I", 9999)
+    rig.write(0x200C, 1, "I", 42)
+    rig.write(0x1010, 1, "I", 0x65766173)
+    rig.write(0x1011, 1, "I", 0x64616F6C)
+    if restart == "power":
+        rig.node.power_on(rig.now)
+    else:
+        rig.nmt(RESET_NODE)
+    rig.run(0.06)
+    assert (rig.read(0x6065, 0, "I"), rig.read(0x200C, 1, "I")) == (2000, 0)
+
+
 def test_restored_identifiers_wait_for_store_and_restart() -> None:
     rig = Rig()
     rig.write(0x1400, 1, "I", 0x333)

@@ -134,3 +134,12 @@ def test_the_server_forgets_a_transfer_when_told() -> None:
     server.reset()
     answer = server.answer(bytes.fromhex("60 00 00 00 00 00 00 00"))
     assert answer == bytes.fromhex("80 00 00 00 01 00 04 05")
+
+
+def test_the_position_marker_is_there_and_has_captured_nothing() -> None:
+    rig = Rig()
+    assert [rig.node.read(0x2074, sub) for sub in range(7)] == [6, 0, 0, 0, 0, 0, 0]
+    rig.write(0x2074, 2, "B", 2)
+    assert rig.read(0x2074, 2, "B") == 2
+    assert rig.refusal(0x2074, 2, "B", 3) == 0x06090031
+    assert rig.refusal(0x2074, 1, "i", 1) == 0x06010002
