@@ -51,9 +51,9 @@ def refuse_taken(files: Iterable[Path], force: bool) -> None:
         raise ConfigError(problems)
 
 
-def refuse_smoothing(smoothing: float) -> list[str]:
+def refuse_smoothing(smoothing: float | None) -> list[str]:
     """Why the wavelength [m] of a smoothing makes no sense."""
-    return [] if 0 <= smoothing <= 5 else [f"--smoothing {smoothing:g}: expected 0 to 5 m"]
+    return [] if smoothing is None or 0 <= smoothing <= 5 else [f"--smoothing {smoothing:g}: expected 0 to 5 m"]
 
 
 def comments(lines: Iterable[str]) -> str:

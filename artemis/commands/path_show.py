@@ -73,6 +73,8 @@ def _show(part: PartFacts, robot: RobotFile | None, speed: float | None) -> bool
     place = f"at {place_on(path, worst)}"
     _row("length", f"{path.length:.3f} m, {'closed' if path.closed else 'open'}, driven {_direction(part.backward)}")
     _row("points", f"{part.points}, at most {part.gap:.3f} m apart, at most {1000 * part.off:.1f} mm off the curve")
+    if path.drawn is not None and (words := path.drawn.words()):
+        _row("noise", words)
     _row("extent", f"x {_range(path.x)}, y {_range(path.y)}")
     _row("tightest", f"radius {1 / sharpest:.2f} m {place}" if sharpest > 1e-3 else "straight")
     if path.speed is not None:

@@ -173,13 +173,16 @@ def _result(outcome: Outcome, faults: Sequence[str]) -> str:
 def _numbers(found: Summary) -> list[tuple[str, str]]:
     lines = [("", found.missing)] if found.missing else []
     lines.append(("distance", f"{found.distance:.2f} m, up to {found.max_speed:.2f} m/s"))
-    for name, rms, worst in (
-        ("estimated", found.cross_track_rms, found.cross_track_max),
-        ("true", found.true_cross_track_rms, found.true_cross_track_max),
+    for label, name, rms, worst in (
+        ("cross-track", "estimated", found.cross_track_rms, found.cross_track_max),
+        ("cross-track", "true", found.true_cross_track_rms, found.true_cross_track_max),
+        ("as given", "estimated", found.given_rms, found.given_max),
+        ("as given", "true", found.true_given_rms, found.true_given_max),
     ):
         if rms is not None and worst is not None:
-            text = f"{rms * 1000:5.1f} mm RMS, {worst * 1000:5.1f} mm at most, by the {name} pose"
-            lines.append(("cross-track", text))
+            path = ", from the path before it was smoothed and rounded" if label == "as given" else ""
+            text = f"{rms * 1000:5.1f} mm RMS, {worst * 1000:5.1f} mm at most, by the {name} pose{path}"
+            lines.append((label, text))
     if found.position_error_end is not None:
         lines.append((found.source, f"{found.position_error_end * 1000:5.1f} mm from the true position at the end"))
     lines.append(("bus load", f"{found.bus_load_mean:.1%}, {found.bus_load_max:.1%} at most"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
 from math import inf
 from operator import itemgetter
 
@@ -38,13 +37,15 @@ def stale_age(tick: float) -> float:
     return max(0.08, 2.5 * tick)
 
 
-def moment(sensed: Sensed, driven: Iterable[DriveFeedback], stale: float) -> float:
+def moment(time: float, left: DriveFeedback, right: DriveFeedback, stale: float) -> float:
     """When the older of the positions of both driven wheels was measured [s of the run]: the pose is of that moment.
 
-    By the times of their frames on the bus. A drive that was not heard for longer than `stale` [s] counts as standing.
+    By the times of their frames on the bus, at run time `time` [s]. A drive that was not heard for longer than `stale`
+    [s] counts as standing.
     """
-    ages = [drive.age for drive in driven if drive.age is not None]
-    return sensed.time - min(max(ages, default=0.0), stale)
+    first, second = left.age or 0.0, right.age or 0.0
+    age = first if first > second else second
+    return time - (age if age < stale else stale)
 
 
 class Perception:
@@ -126,7 +127,7 @@ class Perception:
         """
         last, self._measured = self._measured, None
         if left.age is not None and right.age is not None:
-            self._measured = moment(sensed, (left, right), self._stale)
+            self._measured = moment(sensed.time, left, right, self._stale)
         if last is None or self._measured is None:
             return sensed.time - before
         if self._measured - last < self._dt_max / 4:
@@ -139,7 +140,8 @@ class Perception:
         if localisation is None:
             return LocatedPose(pose=odometry.pose, lost=self._lost or unheard)
         if not sensed.urgent:
-            localisation.move(moment(sensed, self._by_place(sensed.drives)[:2], self._stale), odometry)
+            left, right, *_ = self._by_place(sensed.drives)
+            localisation.move(moment(sensed.time, left, right, self._stale), odometry)
         localisation.take(sensed.fixes, sensed.time)
         return localisation.located(sensed.time, dt, at_once=at_once, unheard=unheard, odometry=odometry)
 

@@ -145,6 +145,8 @@ def _rows(facts: Summary) -> list[tuple[str, str]]:
         ("distance", f"{facts.distance:.2f} m"),
         (f"cross-track error by {facts.source}: RMS, largest", _pair(facts.cross_track_rms, facts.cross_track_max)),
         ("cross-track error, true: RMS, largest", _pair(facts.true_cross_track_rms, facts.true_cross_track_max)),
+        (f"distance from the path as given, by {facts.source}: RMS, largest", _pair(facts.given_rms, facts.given_max)),
+        ("distance from the path as given, true: RMS, largest", _pair(facts.true_given_rms, facts.true_given_max)),
         (f"error of {facts.source} at the end", _known(facts.position_error_end)),
         ("highest speed: robot, a wheel", f"{facts.max_speed:.3f} m/s, {facts.max_wheel_speed:.3f} m/s"),
         ("largest steering angle of a wheel", f"{degrees(facts.max_steering):.1f}°"),

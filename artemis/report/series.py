@@ -16,7 +16,7 @@ from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.report.bus_load import BusLoad
-from artemis.report.cross_track import TruePlaces, TruePoses, routes_of
+from artemis.report.cross_track import GivenErrors, TruePlaces, TruePoses, routes_of
 from artemis.report.rows import Errors, Rows
 from artemis.values import DriveFeedback, Mode, Pose, SetPoints, Tracking
 from artemis.vehicle import RobotFile
@@ -85,6 +85,11 @@ class Series:
     error: Errors
     """Cross-track error by the estimated pose [m], over all ticks."""
     true_error: Errors
+    """The same by the true pose."""
+    given_error: Errors
+    """Distance from the path as it was given, before smoothing and rounding [m], by the estimated pose, over all ticks;
+    none where that path was followed as it was given."""
+    true_given_error: Errors
     """The same by the true pose."""
     error_end: float | None
     """Distance of the last estimated from the last true position [m]."""
@@ -165,6 +170,7 @@ class _Reader:
         """Of the last tick."""
         self._ticks = 0
         self._error, self._true_error = Errors(), Errors()
+        self._given, self._true_given = GivenErrors(), GivenErrors()
         self._error_end: float | None = None
         self._way = 0.0
         self._driven: float | None = None
@@ -192,6 +198,8 @@ class _Reader:
         arc_length, cross_track, planned_speed, feedforward, feedback = followed
         self._error.add(cross_track)
         self._true_error.add(true_cross_track)
+        self._given.add(estimated, self._true_places.given)
+        self._true_given.add(true, self._true_places.given)
         if true is not None:
             self._error_end = hypot(estimated.x - true.x, estimated.y - true.y)
         at = true or _NO_POSE
@@ -220,6 +228,8 @@ class _Reader:
         table = self._rows.table()
         columns = {name: table[:, number] for name, number in _AT.items()}
         modes = self._modes.intervals()
+        self._given.finish()
+        self._true_given.finish()
         bus_time, bus_load = self.bus.shares(self._recording.robot.bitrate)
         return Series(
             time=columns["time"],
@@ -242,6 +252,8 @@ class _Reader:
             ticks=self._ticks,
             error=self._error,
             true_error=self._true_error,
+            given_error=self._given.errors,
+            true_given_error=self._true_given.errors,
             error_end=self._error_end,
             modes=modes,
             steps=tuple(interval for interval in modes if interval.value in _DOING),
