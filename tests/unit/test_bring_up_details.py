@@ -179,7 +179,7 @@ def test_history_that_cannot_be_read_or_is_empty_proves_nothing() -> None:
         player = bring_up(drives)
         (job,) = player.until(lambda wish: any(job.kind is JobKind.READ_HISTORY for job in wish.jobs)).jobs
         assert job.drive == "steer-left"
-        found = JobResult(id=job.id, kind=job.kind, drive=job.drive, **result)  # type: ignore[arg-type]
+        found = JobResult(id=job.id, kind=job.kind, drive=job.drive, **result)
         wish = player.tick(results=(found,))
         assert fault_of(wish) == ("COM-30", "steer-left")
         assert told in str(wish.fault)
