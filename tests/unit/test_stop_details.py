@@ -239,7 +239,7 @@ def test_fault_is_acknowledged_within_ten_minutes_of_the_histories_and_not_a_tic
 def test_fault_names_the_first_of_its_causes(says: dict[str, bool], phase: str) -> None:
     player = in_fault()
     player.world["verdict"] = found = judged("DRV-25", "DRV-02", device="steer-left", **says)
-    player.until(lambda wish: "acknowledge to" in wish.phase or "cannot go on" in wish.phase)
+    player.until(lambda wish: "acknowledge to" in wish.phase or "cannot continue" in wish.phase)
     wish = player.tick(requests=(Request.ACKNOWLEDGE,))
     assert wish.phase.startswith(phase)
     assert wish.phase.endswith(found.faults[0].text)
