@@ -59,6 +59,9 @@ def test_tick_says_why_its_mode_began() -> None:
     assert stopped.cause == Cause(event=Event.STOP, request=Request.QUICKSTOP)
 
 
+SURE = (0.01, 0.0, 0.0, 0.01, 0.0, 0.01)
+
+
 class AskedLocalizer:
     """A localizer that notes when it is asked."""
 
@@ -69,7 +72,7 @@ class AskedLocalizer:
 
     def fixes(self, now: float) -> tuple[PoseFix, ...]:
         self.times.append(round(now, 6))
-        return ()
+        return (PoseFix(time=now, pose=Pose(x=now), covariance=SURE, source="tracker"),)
 
     def close(self) -> None: ...
 
@@ -82,11 +85,14 @@ def test_times_are_those_of_the_run_whenever_it_begins() -> None:
         return OperatorInput(source="stick")
 
     rig = Rig(stick=read)
+    attended: list[float] = []
+    rig.attended = lambda time: attended.append(round(time, 6)) is None
     rig.begins, rig.localizer = 1.5, (localizer := AskedLocalizer())
     rig.run(0.1)
     times = [round(seen.time, 6) for seen in rig.core.seen]
     assert times[:3] == [0.0, 0.02, 0.04]
-    assert asked == localizer.times == times
+    assert asked == attended == localizer.times == times
+    assert [round(fix.time, 6) for seen in rig.core.seen for fix in seen.fixes] == times
     assert [round(seen.sent, 6) for seen in rig.core.seen] == [0.0, *times[:-1]]
     assert not any(seen.urgent or seen.late for seen in rig.core.seen)
 
@@ -98,3 +104,23 @@ def test_nobody_attends_a_robot_of_which_nothing_else_is_said() -> None:
         return robot.tick(0.0)
 
     assert not run(main(), simulated=True).snapshot.sensed.attended
+
+
+def test_bus_that_is_found_lost_between_ticks_makes_an_extra_tick_that_says_why() -> None:
+    rig = Rig()
+
+    def unplug() -> None:
+        rig.bus.lost = True
+        rig.bus.wake()
+
+    rig.at(0.051, unplug)
+    rig.run(0.1)
+    assert [round(seen.time, 6) for seen in rig.urgent] == [0.051]
+    assert "unplugged" in rig.urgent[0].faults[0].text
+
+
+def test_health_of_the_bus_is_sensed() -> None:
+    rig = Rig()
+    rig.bus.error_frames = 3
+    rig.run(0.1)
+    assert [seen.bus.error_frames for seen in rig.core.seen][:2] == [3, 0]
