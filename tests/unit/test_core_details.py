@@ -86,7 +86,12 @@ def test_times_are_those_of_the_run_whenever_it_begins() -> None:
 
     rig = Rig(stick=read)
     attended: list[float] = []
-    rig.attended = lambda time: attended.append(round(time, 6)) is None
+
+    def there(time: float) -> bool:
+        attended.append(round(time, 6))
+        return True
+
+    rig.attended = there
     rig.begins, rig.localizer = 1.5, (localizer := AskedLocalizer())
     rig.run(0.1)
     times = [round(seen.time, 6) for seen in rig.core.seen]
@@ -121,6 +126,17 @@ def test_bus_that_is_found_lost_between_ticks_makes_an_extra_tick_that_says_why(
 
 def test_health_of_the_bus_is_sensed() -> None:
     rig = Rig()
-    rig.bus.error_frames = 3
+
+    def disturb() -> None:
+        rig.bus.error_frames += 3
+
+    rig.at(0.03, disturb)
     rig.run(0.1)
-    assert [seen.bus.error_frames for seen in rig.core.seen][:2] == [3, 0]
+    assert [seen.bus.error_frames for seen in rig.core.seen] == [0, 0, 3, 0, 0, 0]
+
+
+def test_callback_that_fails_without_an_exception_ends_the_run_with_what_was_said() -> None:
+    rig = Rig()
+    rig.at(0.03, lambda: rig.loop.call_exception_handler({"message": "something odd"}))
+    with pytest.raises(RuntimeError, match="something odd"):
+        rig.run(0.1)
