@@ -28,7 +28,7 @@ from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used,
 from artemis.plugins.contracts import InputDevice, Localizer, Observer, is_live
 from artemis.plugins.guard import GARBAGE, PluginGuard, Problem
 from artemis.plugins.observing import Observation
-from artemis.plugins.process import Asked, plugins_watched
+from artemis.plugins.process import AskedPlugin, plugins_watched
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import JOURNAL, Recorder
@@ -130,7 +130,7 @@ class _Run:
     """Run time [s]."""
     failed: bool = False
     results: Results = field(default_factory=Results)
-    asked: Asked = field(default_factory=Asked)
+    asked: AskedPlugin = field(default_factory=AskedPlugin)
 
     def go(self, loop: type[asyncio.AbstractEventLoop]) -> Outcome:
         """Run to the end, in the time of such a loop."""
