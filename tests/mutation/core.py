@@ -21,7 +21,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "states/quickstop.py": _STOPS,
     "states/fault.py": _STOPS,
     "states/end.py": _STOPS,
-    "robot.py": ("unit/test_core.py", "unit/test_robot.py"),
+    "robot.py": ("unit/test_core_details.py", "unit/test_core.py", "unit/test_robot.py"),
     "devices/epos_state.py": ("unit/test_epos_state.py", "properties/test_epos_state_properties.py"),
     "devices/canopen.py": ("unit/test_canopen.py", "properties/test_canopen_properties.py"),
     "supervision/measures.py": (

@@ -10,7 +10,7 @@ from core_builders import NAMES, PERIOD, ROBOT, ObedientDrives, Player, fault_of
 
 from artemis.drive_states import DriveState, Goal
 from artemis.motion.potentiometers import memory_numbers
-from artemis.states.init import ANSWER_TIME, HEARTBEATS, InitMode
+from artemis.states.init import ANSWER_TIME, HEARTBEATS, WATCH_TIME, InitMode
 from artemis.states.mode import PATIENCE
 from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.values import Event, JobKind, JobResult, Wish
@@ -214,3 +214,24 @@ def test_fault_reset_that_is_not_obeyed_for_another_reason_is_told_so() -> None:
     wish = player.until(has_fault)
     assert fault_of(wish) == ("COM-08", "traction-left")
     assert "fault reset refused; state switch on disabled" in str(wish.fault)
+
+
+def test_drive_has_one_and_a_half_seconds_and_not_a_tick_longer() -> None:
+    drives = ObedientDrives()
+    player = bring_up(drives)
+    drives.changes["traction-right"] = {"age": None}
+    player.until(lambda wish: wish.phase == "first contact")
+    player.time = player.time - PERIOD + ANSWER_TIME
+    assert not has_fault(player.tick())
+    assert has_fault(player.tick())
+
+
+def test_drive_may_miss_us_from_the_very_end_of_its_time_on() -> None:
+    drives = ObedientDrives()
+    player = bring_up(drives)
+    player.until(lambda wish: wish.phase == "proving the watchdog")
+    last_beat = player.time - 2 * PERIOD
+    for name in NAMES:
+        drives.changes[name] = {"state": DriveState.FAULT, "emergencies": (0x8130,)}
+    player.time = last_beat + WATCH_TIME
+    assert not has_fault(player.tick())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import pytest
 from core_builders import ROBOT, ROUTE, Player, StubFollower, drive, drives, judged, shared, snapshot
 from msgspec.structs import replace
@@ -14,6 +16,7 @@ from artemis.states.plan import (
     CalibrateStep,
     FollowStep,
     Plan,
+    Results,
     Shared,
     TeleopStep,
     WaitStep,
@@ -212,3 +215,13 @@ def test_run_that_is_gone_on_with_begins_where_the_earlier_one_ended_and_keeps_w
     assert (later.position, first.position) == (Position(step=2, done=0.5), Position())
     assert (later.results.tracks, first.results.tracks) == ({"way": track}, {})
     assert later.results.tracks["way"] is not track, "the plan never changes"
+
+
+def test_what_nobody_has_said_of_a_bring_up_or_of_a_run_is_not_so() -> None:
+    assert BringUp(_ids=(ids := count(1))) == BringUp(
+        armed=True, connected=False, aligned=False, placed=False, held=False, taken=False, stop=None, _ids=ids
+    )
+    assert Results() == Results(tracks={}, steering={}, kept={}, tried={})
+    assert [Plan(robot=ROBOT, steps=(), found=found).blind for found in (None, {}, {"left": 0.1})] == [
+        False, True, True,
+    ]  # fmt: skip
