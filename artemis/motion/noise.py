@@ -146,7 +146,9 @@ def _deviations(points: Array, stride: int) -> Array:
     weights = [
         np.prod([at[j] / (at[j] - at[i]) for j in range(4) if j != i], axis=0) for i in range(4)
     ]  # of Lagrange's cubic
-    middle = sum(weight[:, None] * around[k] for weight, k in zip(weights, (0, 1, 3, 4), strict=True))
+    middle = np.zeros_like(around[0])
+    for weight, k in zip(weights, (0, 1, 3, 4), strict=True):
+        middle += weight[:, None] * around[k]
     along = around[4] - around[0]
     along /= np.maximum(np.hypot(*along.T), 1e-9)[:, None]
     off = around[2] - middle
