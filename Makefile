@@ -63,7 +63,7 @@ fuzz: $(READY)
 	@$(BIN)/python -m tests.fuzz --seconds $(or $(SECONDS),60)
 
 picture: $(READY)
-	@$(BIN)/python docs/images/figure_eight.py
+	@$(BIN)/python docs/images/drive.py
 
 thesis: $(READY)
 	@$(BIN)/python docs/images/thesis.py

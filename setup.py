@@ -22,6 +22,7 @@ artemis/plugins/followers/progress.py
 artemis/plugins/guard.py
 artemis/recording/event_log.py
 artemis/recording/mcap_file.py
+artemis/recording/mcap_writer.py
 artemis/sim/axis.py
 artemis/sim/bus.py
 artemis/sim/dictionary.py
@@ -33,10 +34,12 @@ artemis/sim/epos_parameters.py
 artemis/sim/epos_pdo.py
 artemis/sim/epos_power.py
 artemis/sim/epos_sdo.py
+artemis/sim/truth.py
 artemis/sim/vehicle.py
 artemis/sim/wheels.py
 artemis/sim/wire.py
 artemis/sim/world.py
+artemis/states/follow.py
 artemis/states/modes.py
 artemis/states/parts.py
 artemis/supervision/measures.py

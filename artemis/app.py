@@ -1,10 +1,9 @@
-"""The composition root: a loaded mission becomes parts, and parts a run. Only here real or simulated is picked."""
+"""The composition root: a loaded mission becomes parts, and parts a run."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path as FilePath
@@ -14,34 +13,29 @@ from msgspec import structs
 
 from artemis import clock
 from artemis.attendance import Attendance, Operator
-from artemis.devices.can_bus import CanBus, FrameBus, Traffic
-from artemis.devices.drive import Drives
+from artemis.devices.can_bus import Traffic
+from artemis.devices.device import Device
 from artemis.devices.host import MOST_MEMORY, HostWatch, usage
-from artemis.devices.reopening import ReopeningBus
-from artemis.errors import RecordingError
+from artemis.equipment import Equipment, Machine, Witness, opened
 from artemis.mission.injector import Simulated
 from artemis.mission.loading import LoadedMission
-from artemis.mission.schema import BusWords, Stop
-from artemis.motion.route import Route
+from artemis.mission.schema import Stop
 from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, plan_for, plugin_made, setup_for
 from artemis.plugins.contracts import InputDevice, Localizer, Observer, is_live
-from artemis.plugins.guard import GARBAGE, PluginGuard, Problem
-from artemis.plugins.observing import Observation
-from artemis.plugins.process import AskedPlugin, plugins_watched
-from artemis.recording.disk import Disk, low_disk
-from artemis.recording.journal import Entry, Journal, Level
-from artemis.recording.mcap_writer import JOURNAL, Recorder
-from artemis.recording.provenance import Provenance, ResumePoint, first_entries
-from artemis.recording.resume import BROKEN, DONE, where_it_stopped
-from artemis.recording.run_folder import RunFolder, create_run_folder, keep_calibration, keep_paths
+from artemis.plugins.guard import PluginGuard
+from artemis.plugins.process import AskedPlugin
+from artemis.recording.disk import Disk
+from artemis.recording.provenance import ResumePoint
+from artemis.recording.resume import DONE, where_it_stopped
+from artemis.recording.run_folder import RunFolder
 from artemis.robot import Core, Robot
-from artemis.states.plan import FollowStep, Plan, Results, with_followers
+from artemis.run_record import RunRecord, files_of, provenance_of
+from artemis.states.plan import Plan, Results, with_followers
 from artemis.supervision import catalogue
-from artemis.values import Fault, Pose, Severity, Tick
+from artemis.values import Fault, Severity, Tick
 
 if TYPE_CHECKING:
-    from artemis.sim.bus import Surroundings
     from artemis.sim.world import World
 
 
@@ -75,8 +69,9 @@ class Outcome:
 class Parts:
     """What a run is made of where it is not as its mission says: a test hands it in."""
 
-    machine: Callable[[], tuple[FrameBus, World | None]] | None = None
-    """Opens the bus on the running loop; with the world behind it, where that is a simulated one."""
+    machine: Machine | None = None
+    sensors: Callable[[], Sequence[Device]] = lambda: ()
+    """Opens devices that the robot file does not know, on the running loop."""
     plan: Plan | None = None
     inputs: Mapping[str, InputDevice] | None = None
     robot: Callable[..., Robot] = Robot
@@ -99,35 +94,22 @@ def resumption_from(
     """
     steps = sum(not isinstance(step.action, Stop) for step in loaded.mission.steps)
     simulated, root = is_simulated(loaded, simulate), loaded.folder / loaded.mission.record
-    return where_it_stopped(run, _files(loaded, source), steps, simulated=simulated, root=root)
-
-
-def _files(loaded: LoadedMission, source: FilePath) -> dict[str, bytes]:
-    """The mission's file and all that it names."""
-    return {**loaded.files, source.name: source.read_bytes()}
+    return where_it_stopped(run, files_of(loaded, source), steps, simulated=simulated, root=root)
 
 
 @dataclass(slots=True, kw_only=True)
 class _Run:
-    """A run under distance: what it is made of, and what is noted of it meanwhile."""
+    """A run under way: what it is made of, and what is noted of it meanwhile."""
 
     loaded: LoadedMission
     simulated: bool
-    virtual: bool
-    """On virtual time."""
-    resume_point: ResumePoint | None
     plan: Plan
     parts: Parts
-    disk: Disk
-    folder: RunFolder
-    recorder: Recorder
-    observers: list[Observation]
-    """Those that are handed in; the mission's own are added."""
+    equip: Callable[[], Equipment]
+    """Opens the devices on the running loop."""
+    record: RunRecord
     attendance: Attendance
     watch: Watch
-    witness: Callable[[World], Surroundings]
-    time: float = 0.0
-    """Run time [s]."""
     failed: bool = False
     results: Results = field(default_factory=Results)
     asked: AskedPlugin = field(default_factory=AskedPlugin)
@@ -135,58 +117,43 @@ class _Run:
     def go(self, loop: type[asyncio.AbstractEventLoop]) -> Outcome:
         """Run to the end, in the time of such a loop."""
         begun = clock.stopwatch()
-        outcome = BROKEN
-        with ExitStack() as ends:
-            for observer in self.observers:
-                ends.callback(observer.close)
-            ends.callback(lambda: self.recorder.close(outcome))
-            patient = self.attendance.is_undisturbed if self.virtual else None
-            ours = {observer.name for observer in self.observers}
-            ends.enter_context(plugins_watched(self.asked, ours, self._warn, patient))
-            for name, use in self.loaded.mission.observers.items():
-                setup = replace(setup_for(self.loaded, name), run=self.folder.path)
-                observer = plugin_made("artemis.observers", use, setup)
-                self.observers.append(Observation(name, observer, threaded=not self.virtual, asked=self.asked))
-                ends.callback(self._close, self.observers[-1])
-            runner = ends.enter_context(asyncio.Runner(loop_factory=loop))
+        patient = None if self.record.threaded else self.attendance.is_undisturbed
+        with self.record.observing(self.asked, patient), asyncio.Runner(loop_factory=loop) as runner:
             runner.run(self._main())
-            outcome = "failed" if self.failed else DONE
-        kept = keep_paths(self.folder, {name: track.as_csv() for name, track in self.results.tracks.items()})
-        kept += keep_calibration(self.folder, {side: fit.record for side, fit in self.results.steering.items()})
+            self.record.outcome = "failed" if self.failed else DONE
+        troubles = self.record.conclude(self.results)
         return Outcome(
             failed=self.failed,
             interrupted=self.attendance.interrupted,
-            run=self.folder,
-            duration=self.time,
+            run=self.record.folder,
+            duration=self.record.time,
             elapsed=clock.stopwatch() - begun,
             steering=self.results.steering,
-            troubles=(*(trouble.detail for trouble in self.recorder.troubles()), *kept),
+            troubles=troubles,
         )
 
     async def _main(self) -> None:
-        loop = asyncio.get_running_loop()
-        bus, world = self._machine(loop)
+        loop, record = asyncio.get_running_loop(), self.record
+        equipment = self.equip()
 
         def wake() -> None:
             loop.call_soon_threadsafe(robot.tick_now)
 
         inputs = self._inputs(wake)
         live = {name for name, device in inputs.items() if is_live(device)}
-        localizer = self._localizer(world, loop.time())
+        localizer = self._localizer(equipment.world, loop.time())
         guard = PluginGuard(inputs, loop.time, localizer, self.asked)
         steps = with_followers(self.plan.steps, guard.watched)
-        drives = Drives(self.loaded.robot, bus)
-        self.recorder.true_pose = self._true_pose(world)
+        record.recorder.true_pose = equipment.true_pose
         host = HostWatch()
 
         def observe(tick: Tick) -> None:
-            self.time, self.failed, now = tick.snapshot.time, tick.failed, loop.time()
-            traffic = drives.wire.take_traffic(now)
-            self.recorder.see(tick, traffic, now)
-            for observer in self.observers:
-                observer.see(tick, traffic, now)
-            self._report(robot, tick.snapshot.sensed.attended)
-            if not self.virtual and (grown := host.look(self.time)) is not None:
+            self.failed, now = tick.failed, loop.time()
+            traffic = equipment.traffic(now)
+            record.see(tick, traffic, now)
+            for fault in record.faults(tick.snapshot.sensed.attended):
+                robot.report(fault)
+            if record.threaded and (grown := host.look(record.time)) is not None:
                 robot.report(growth(grown, usage()[0]))
             if live and any(sample.source in live for sample in tick.snapshot.sensed.inputs if sample.age is not None):
                 self.attendance.hands = True
@@ -195,56 +162,30 @@ class _Run:
         period = 1 / self.loaded.mission.tick_hz
         core = Core(structs.replace(self.plan, steps=steps), period)
         self.results = core.results
-        robot = self.parts.robot(core, drives, guard, period, observe, self.attendance.there)
-        if world is not None and (injector := self.loaded.injector) is not None:
-            run = Simulated(
-                robot=self.loaded.robot, world=world, bus=bus, disk=self.disk, inputs=inputs, request=robot.request
-            )
-            injector.begin(run, self.loaded.mission.simulation.faults, self.recorder.note)
+        robot = self.parts.robot(core, equipment.devices, guard, period, observe, self.attendance.there)
+        self._begin_faults(equipment, inputs, robot)
         stop_listening = self.attendance.begin(loop, robot.request)
         try:
-            self._show_paths()
+            record.show_paths(self.plan)
             await robot.run()
         finally:
             stop_listening()
-            self._note(guard.close())
-            bus.close()
+            record.note(guard.close())
+            equipment.devices.close()
 
-    def _close(self, observer: Observation) -> None:
-        observer.close()
-        self._note(observer.take_problems())
-
-    def _note(self, problems: list[Problem]) -> None:
-        """What went wrong at the end."""
-        for id, name, seen in problems:
-            self._warn(f"{id} {name}: {seen}, when it was closed")
-
-    def _warn(self, text: str) -> None:
-        self.recorder.note(Entry(time=self.time, kind="warning", text=text, level=Level.WARNING))
-
-    def _machine(self, loop: asyncio.AbstractEventLoop) -> tuple[FrameBus, World | None]:
-        """The bus, and the world behind it where that is simulated; one that can fail where the mission wants that."""
-        mission, injector = self.loaded.mission, self.loaded.injector
-        if self.parts.machine is not None:
-            bus, world = self.parts.machine()
-        elif isinstance(mission.bus, BusWords) and not self.simulated:
-            words = mission.bus.words
-            return ReopeningBus(lambda: CanBus(words), loop.time), None
-        else:
-            bus, world = self._simulated_machine(loop)
-        if world is not None and injector is not None:
-            bus = injector.failing_bus(bus, mission.simulation.seed)
-        return bus, world
-
-    def _simulated_machine(self, loop: asyncio.AbstractEventLoop) -> tuple[FrameBus, World]:
-        from artemis.sim.bus import SimBus
-        from artemis.sim.truth import moved_to
-        from artemis.sim.world import World
-
-        robot, true, resumed = self.loaded.robot, self.loaded.true_robot, self.resume_point
-        true = moved_to(true, self._world_origin(), resumed.true_pose or resumed.pose) if resumed else true
-        world = World(robot, true, seed=self.loaded.mission.simulation.seed, start=loop.time())
-        return SimBus(self.witness(world), robot.bitrate, loop), world
+    def _begin_faults(self, equipment: Equipment, inputs: dict[str, InputDevice], robot: Robot) -> None:
+        """Those that the mission wants; only in a simulated world."""
+        loaded, world = self.loaded, equipment.world
+        if world is not None and (injector := loaded.injector) is not None:
+            run = Simulated(
+                robot=loaded.robot,
+                world=world,
+                bus=equipment.bus,
+                disk=self.record.disk,
+                inputs=inputs,
+                request=robot.request,
+            )
+            injector.begin(run, loaded.mission.simulation.faults, self.record.recorder.note)
 
     def _inputs(self, wake: Callable[[], None]) -> dict[str, InputDevice]:
         if self.parts.inputs is not None:
@@ -257,21 +198,6 @@ class _Run:
         self.asked.end()
         return devices
 
-    def _true_pose(self, world: World | None) -> Callable[[Tick], Pose | None]:
-        """Tells where the simulated robot really is; nobody knows of a real one."""
-        if world is None:
-            return lambda tick: None
-        from artemis.sim.truth import Truth
-
-        origin = self._world_origin() if self.resume_point else Pose()
-        return Truth(world, origin, fixed=self.plan.localized).pose
-
-    def _world_origin(self) -> Pose:
-        """Where a simulation's true poses count from: its map, or where the robot stands when a mission begins."""
-        from artemis.sim.truth import origin_of
-
-        return Pose() if self.plan.localized else origin_of(self.loaded.true_robot)
-
     def _localizer(self, world: World | None, begun: float) -> Localizer | None:
         if (use := localizer_used(self.loaded, self.simulated)) is None:
             return None
@@ -280,21 +206,6 @@ class _Run:
             setup = replace(setup, true_pose=lambda: (world.time - begun, world.pose))
         localizer: Localizer = plugin_made("artemis.localizers", use, setup)
         return localizer
-
-    def _report(self, robot: Robot, attended: bool) -> None:
-        """What goes wrong with observers is a warning; nobody there and no journal: the run is not gone on with."""
-        for id, name, seen in self.recorder.take_problems():
-            severity = Severity.CONTROLLED_STOP if name == JOURNAL and not attended else None
-            robot.report(catalogue.fault(id, "", seen, severity))
-        for observer in self.observers:
-            for id, name, seen in observer.take_problems():
-                id = id if id in catalogue.ROWS else GARBAGE
-                robot.report(catalogue.fault(id, name, seen, Severity.WARN))
-
-    def _show_paths(self) -> None:
-        for step in self.plan.steps:
-            if isinstance(step, FollowStep) and isinstance(step.route, Route):
-                self.recorder.show_path(0.0, step.route.poses(0.05), "map" if self.plan.localized else "odom")
 
 
 def growth(grown: str, memory: int) -> Fault:
@@ -311,7 +222,7 @@ def run_mission(
     watch: Watch = lambda tick, traffic: None,
     observers: Mapping[str, Observer] | None = None,
     operator: Operator | None = None,
-    witness: Callable[[World], Surroundings] = lambda world: world,
+    witness: Witness = lambda world: world,
     start: datetime | None = None,
     resume_point: ResumePoint | None = None,
     parts: Parts | None = None,
@@ -340,60 +251,23 @@ def run_mission(
     injector = loaded.injector if simulated else None
     plan = parts.plan or plan_for(loaded, simulated, resume_point)
     disk = parts.disk or (Disk() if injector is None else injector.failing_disk(loaded.folder))
-    provenance = _provenance(loaded, source, start or clock.wall_date(), simulated, resume_point)
     attendance = Attendance(loaded.mission.simulation.operator if simulated else (), operator)
-    folder, recorder = _recorder(loaded, provenance, disk, virtual, alone=not (virtual or attendance.expected))
+    provenance = provenance_of(loaded, source, start or clock.wall_date(), simulated, resume_point)
+    alone = not (virtual or attendance.expected)
+    record = RunRecord(loaded, provenance, disk, observers or {}, threaded=not virtual, alone=alone)
+
+    def equip() -> Equipment:
+        instead = parts.machine, parts.sensors
+        return opened(loaded, resume_point, witness, *instead, simulated=simulated, localized=plan.localized)
+
     run = _Run(
         loaded=loaded,
         simulated=simulated,
-        virtual=virtual,
-        resume_point=resume_point,
         plan=plan,
         parts=parts,
-        disk=disk,
-        folder=folder,
-        recorder=recorder,
-        observers=[
-            Observation(name, observer, threaded=not virtual, patience=None)
-            for name, observer in (observers or {}).items()
-        ],
+        equip=equip,
+        record=record,
         attendance=attendance,
         watch=watch,
-        witness=witness,
     )
     return run.go(loop)
-
-
-def _provenance(
-    loaded: LoadedMission, source: FilePath, start: datetime, simulated: bool, resume_point: ResumePoint | None
-) -> Provenance:
-    mission = loaded.mission.model_copy(update={"bus": "simulation"}) if simulated else loaded.mission
-    return Provenance(
-        start=start,
-        mission=mission.model_dump_json().encode(),
-        robot=loaded.robot.model_dump_json().encode(),
-        files=_files(loaded, source),
-        resume_point=resume_point,
-    )
-
-
-def _recorder(
-    loaded: LoadedMission, provenance: Provenance, disk: Disk, virtual: bool, alone: bool
-) -> tuple[RunFolder, Recorder]:
-    """Make the folder of a run, and what writes into it; with enough room for one that is left `alone`."""
-    mission, root = loaded.mission.mission, loaded.folder / loaded.mission.record
-    warning = low_disk(root, disk)
-    if warning and alone:
-        raise RecordingError(warning)
-    folder = create_run_folder(root, mission, provenance.start, provenance.files)
-    recorder = Recorder(
-        folder.recording,
-        provenance,
-        threaded=not virtual,
-        journal=Journal(folder.journal, disk),
-        nodes={name: drive.node_id for name, drive in loaded.robot.drives.items()},
-        disk=disk,
-    )
-    for entry in first_entries(mission, loaded.robot.robot, provenance, warning, loaded.remarks):
-        recorder.note(entry)
-    return folder, recorder

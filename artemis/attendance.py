@@ -70,7 +70,7 @@ class Attendance:
     def begin(self, loop: asyncio.AbstractEventLoop, request: Callable[[Request], None]) -> Callable[[], None]:
         """Pass on what everybody asks for from now on; returns how to stop.
 
-        SIGINT, SIGTERM and SIGHUP end the run in order, whoever started it; a second one stops quickly. SIGINT does so
+        SIGINT, SIGTERM and SIGHUP end the run, whoever started it; a second one stops quickly. SIGINT does so
         also where a shell had it ignored, as for a script's `artemis run ... &`: nothing may refuse to stop a robot.
         SIGHUP alone stays ignored where it was (`nohup`) and nobody is at the terminal: that run was to outlive it.
         Where somebody was, the person who could have stopped the robot is gone: a quick stop.

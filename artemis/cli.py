@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import logging
 import os
@@ -24,7 +25,7 @@ COMMANDS = "artemis.commands"
 app = typer.Typer(
     name="artemis",
     rich_markup_mode=None,
-    add_completion=False,
+    add_completion=True,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
@@ -34,7 +35,7 @@ app.add_typer(plugins, name="plugins")
 app.add_typer(paths, name="path")
 
 calibrate = typer.Typer(
-    rich_markup_mode=None, no_args_is_help=True, help="Teach artemis what it has to know of a device."
+    rich_markup_mode=None, no_args_is_help=True, help="Measure a machine, or teach artemis an input device."
 )
 app.add_typer(calibrate, name="calibrate")
 
@@ -53,7 +54,7 @@ def _tell_version(asked: bool) -> None:
 @app.callback()
 def common(
     _version: Annotated[
-        bool, typer.Option("--version", help="Say which artemis this is.", callback=_tell_version, is_eager=True)
+        bool, typer.Option("--version", help="Print the version.", callback=_tell_version, is_eager=True)
     ] = False,
 ) -> None:
     """Drive robots with maxon EPOS motor controllers: missions, simulated drives, recordings."""
@@ -63,7 +64,7 @@ def common(
 def run(
     mission: MissionFile,
     simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
-    resume: Annotated[Path | None, typer.Option(metavar="RUN", help="Go on where that run of it stopped.")] = None,
+    resume: Annotated[Path | None, typer.Option(metavar="RUN", help="Resume that run where it stopped.")] = None,
 ) -> None:
     """Run a mission: bring the drives up, align, do its steps, stop, leave a recording and a report."""
     from artemis.commands.run import run_and_report
@@ -88,13 +89,40 @@ def check(missions: Annotated[list[Path], typer.Argument(metavar="MISSION...", h
 
 
 @app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where to; made if it is not there.")] = Path(),
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: the machine is ARTEMIS.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+) -> None:
+    """Ask for the machine, and write its robot file and a first mission, which run simulated at once."""
+    from artemis.commands.init import begin
+
+    begin(folder, ask=not yes, force=force)
+
+
+@app.command()
+def doctor(
+    mission: Annotated[
+        Path | None, typer.Option("--mission", metavar="M", help="Also what this mission needs; asks its drives.")
+    ] = None,
+    report: Annotated[bool, typer.Option("--report", help="Everything, to paste where you ask for help.")] = False,
+) -> None:
+    """Check this computer: packages, CAN, input devices, plugins, disk, clock, timing; for each problem, what to do."""
+    from artemis.commands.doctor import examine
+
+    raise typer.Exit(examine(mission, report=report))
+
+
+@app.command()
 def sim(
     robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="Robot file (YAML).")],
     interface: Annotated[str, typer.Option(help="python-can's name of the back end.")],
     channel: Annotated[str, typer.Option(help="Channel, as python-can calls it.")],
-    option: Annotated[list[str] | None, typer.Option(metavar="K=V", help="Another word of the back end.")] = None,
-    seed: Annotated[int, typer.Option(help="Of all that is random.")] = 1,
-    true: Annotated[Path | None, typer.Option("--true", metavar="FILE", help="What is true of the machine.")] = None,
+    option: Annotated[list[str] | None, typer.Option(metavar="K=V", help="Extra python-can option.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
+    true: Annotated[
+        Path | None, typer.Option("--true", metavar="FILE", help="True parameters of the simulated machine.")
+    ] = None,
 ) -> None:
     """Simulate the robot's drives on a real bus, in real time, for any CANopen tool. Ctrl-C ends it."""
     from artemis.commands.simulate import simulate
@@ -145,9 +173,11 @@ def devices(
 
 @calibrate.command("input")
 def calibrate_input(
-    device: Annotated[str | None, typer.Option(metavar="V:P|SERIAL", help="Which, if there are several.")] = None,
+    device: Annotated[
+        str | None, typer.Option(metavar="V:P|SERIAL", help="Which device, if there are several.")
+    ] = None,
     name: Annotated[str | None, typer.Option(help="Of the profile; the device's own, if left out.")] = None,
-    output: Annotated[Path | None, typer.Option(metavar="FILE", help="Where to, instead of your profiles.")] = None,
+    output: Annotated[Path | None, typer.Option(metavar="FILE", help="Output file, instead of your profiles.")] = None,
 ) -> None:
     """Teach a joystick, gamepad or wheel: asks for each control, and writes the profile once that is confirmed."""
     from artemis.commands import calibrate_input
@@ -163,11 +193,12 @@ def calibrate_odometry(
         typer.Option(metavar="FILE", help="True poses of each run in turn: CSV or TUM; or `simulation`, once."),
     ] = None,
     check: Annotated[
-        list[Path] | None, typer.Option(metavar="RUN", help="Not fitted, only compared; its truth after the others'.")
+        list[Path] | None,
+        typer.Option(metavar="RUN", help="Not fitted, only compared; its truth comes after the others'."),
     ] = None,
     same_clock: Annotated[bool, typer.Option("--same-clock", help="The truths' times are run times.")] = False,
     returns_to_start: Annotated[
-        bool, typer.Option("--returns-to-start", help="No truth: every run ended on the marks where it began.")
+        bool, typer.Option("--returns-to-start", help="No truth: every run ended on the marks where it started.")
     ] = False,
     closing: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Or ended there: CSV with run, x_m, y_m, heading_deg.")
@@ -200,9 +231,9 @@ def calibrate_steering(
     reference_right: Annotated[
         float | None, typer.Option(metavar="DEG", min=-45, max=45, help="Of the right wheel.")
     ] = None,
-    new: Annotated[bool, typer.Option("--new", help="New potentiometers: believe nothing that they say.")] = False,
+    new: Annotated[bool, typer.Option("--new", help="New potentiometers: ignore their calibration.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Keep the result without asking.")] = False,
-    store: Annotated[bool, typer.Option("--store", help="Only write the robot file's into the drives.")] = False,
+    store: Annotated[bool, typer.Option("--store", help="Only write the robot file's values into the drives.")] = False,
     simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
     write_simulated: Annotated[
         bool, typer.Option("--write-simulated", help="Change the robot file also by what simulated drives showed.")
@@ -220,7 +251,7 @@ def calibrate_steering(
             )
         )
     if side or reference or new or yes or write_simulated:
-        raise ConfigError("--store writes what the robot file says: it measures nothing, and goes alone")
+        raise ConfigError("--store writes what the robot file says: it measures nothing, and takes no other option")
     raise typer.Exit(calibrate_steering.store_steering(mission, simulate))
 
 
@@ -278,7 +309,7 @@ def list_plugins(context: typer.Context) -> None:
 
 @plugins.command("new")
 def new_plugin(
-    kind: Annotated[str, typer.Argument(metavar="input|follower|observer", help="What it is.")],
+    kind: Annotated[str, typer.Argument(metavar="input|follower|localizer|observer", help="What it is.")],
     name: Annotated[str, typer.Argument(metavar="NAME", help="What missions will call it.")],
     folder: Annotated[Path, typer.Option(help="Where the package's folder is made.")] = Path(),
 ) -> None:
@@ -320,13 +351,15 @@ def main() -> None:
         with exit_refused():
             app()
     except SystemExit as ended:
-        status = ended.code if isinstance(ended.code, int) else FAILED
-        raise
+        status = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except Exception as error:  # noqa: BLE001  nothing but the shell is above it
         status = _explain(error)
-        sys.exit(status)
-    finally:
-        leave_threads(before, status)
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        status = _explain(error)
+    leave_threads(before, status)
+    sys.exit(status)
 
 
 def _prepare_output() -> None:
@@ -351,6 +384,12 @@ def _explain(error: Exception) -> int:
         case RecordingError():
             print(f"artemis: {error}", file=sys.stderr)
             return REFUSED
+        case OSError(filename=None, errno=errno.ENOSPC | errno.EDQUOT | errno.EFBIG | errno.EIO):
+            from artemis.commands.terminal import lose_output
+
+            lose_output()
+            print(f"artemis: standard output cannot be written: {error.strerror}", file=sys.stderr)
+            return FAILED
         case ArtemisError():
             print(f"artemis: {error}", file=sys.stderr)
             return FAILED
@@ -361,5 +400,5 @@ def _explain(error: Exception) -> int:
     import traceback
 
     traceback.print_exception(error)
-    print("artemis: this is a bug of artemis itself; a robot that was running has been told to stop", file=sys.stderr)
+    print("artemis: this is a bug in artemis; a running robot was commanded to stop", file=sys.stderr)
     return OWN_BUG

@@ -92,6 +92,5 @@ def wall_date() -> datetime:
     return datetime.now(UTC)
 
 
-def stopwatch() -> float:
-    """Seconds on a clock that only measures durations (for statistics, never for control)."""
-    return time.perf_counter()
+stopwatch = time.perf_counter
+"""Seconds on a clock that only measures durations (for statistics, never for control)."""

@@ -22,6 +22,8 @@ class DriveState(Enum):
     FAULT = "fault"
     UNKNOWN = "unknown"
 
+    __hash__ = object.__hash__  # the one of Enum is a function in Python, and every tick looks up by states and goals
+
 
 POWERED = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
 """The power stage is on: the motor may turn, and brakes."""
@@ -35,6 +37,8 @@ class Goal(Enum):
     HOLD = "hold"  # stay enabled if enabled, off if off: for steering while the robot comes to rest
     QUICK_STOPPED = "quick-stopped"
     FAULT_RESET = "fault reset"
+
+    __hash__ = object.__hash__
 
 
 class Nmt(Enum):

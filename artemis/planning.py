@@ -61,12 +61,13 @@ def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
 
 
 def _teleop_step(loaded: LoadedMission, action: Teleop) -> TeleopStep:
-    _, config = plugin_from("artemis.inputs", loaded.mission.inputs[action.input])
+    plugin, config = plugin_from("artemis.inputs", loaded.mission.inputs[action.input])
     return TeleopStep(
         input=action.input,
         seconds=action.until.seconds,
         speed=input_speed(config),
         record=action.record or "",
+        enabled_by=getattr(plugin, "enabled_by", "the enable button"),
     )
 
 

@@ -10,8 +10,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from artemis.clock import until
-from artemis.devices.drive import Drives
-from artemis.errors import DeviceLost
+from artemis.devices.device import Actuators
 from artemis.motion.limits import Gate, is_sane
 from artemis.motion.pace import Pace
 from artemis.motion.perception import Perception
@@ -66,26 +65,25 @@ class Core:
 
 
 class Robot:
-    """The decision core joined to drives and inputs: ticks on schedule, jobs beside the ticks."""
+    """The decision core joined to devices and inputs: ticks on schedule, jobs beside the ticks."""
 
     def __init__(
         self,
         core: Core,
-        drives: Drives,
+        devices: Actuators,
         guard: PluginGuard,
         period: float,
         observe: Callable[[Tick], None],
         attended: Callable[[float], bool] = lambda time: False,
     ) -> None:
         """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s]."""
-        self._core, self._drives, self._guard, self._period, self._observe = core, drives, guard, period, observe
+        self._core, self._devices, self._guard, self._period, self._observe = core, devices, guard, period, observe
         self._requests: list[Request] = []
         self._results: list[JobResult] = []
         self._faults: list[Fault] = []
         self._index, self._start, self._late, self._sent = 0, 0.0, 0.0, 0.0
         self._ticking, self._attended = False, attended
         self._failure: BaseException | None = None
-        drives.wire.listen(self._wake)
 
     def tick(self, now: float, urgent: bool = False) -> Tick:
         """One tick at loop time `now` [s]. An urgent one, off the schedule, writes stop frames only."""
@@ -105,6 +103,8 @@ class Robot:
         self._start = deadline = loop.time()
         try:
             async with asyncio.TaskGroup() as self._tasks:
+                works = self._devices.begin(self._start, self.tick_now, self._meet)
+                beside = [self._tasks.create_task(work) for work in works]
                 while not self.tick(loop.time()).wish.finished:
                     deadline += self._period
                     await until(deadline)
@@ -112,8 +112,10 @@ class Robot:
                         raise self._failure
                     self._late = loop.time() - deadline
                     deadline += self._late if self._late > self._period else 0.0  # ticks that were missed stay missed
+                for task in beside:
+                    task.cancel()
         except BaseException:
-            self._drives.stop()
+            self._devices.stop()
             raise
 
     def report(self, fault: Fault) -> None:
@@ -127,13 +129,10 @@ class Robot:
             self.tick_now()
 
     def _sense(self, now: float, urgent: bool) -> Sensed:
-        try:
-            self._drives.receive()
-        except DeviceLost as error:
-            self._lose(error)
+        readings = self._devices.sense(now)
         inputs, fixes = self._guard.read(now - self._start), self._guard.fixes(now - self._start)
-        self._faults += (catalogue.fault(*problem) for problem in self._guard.take_problems())
-        self._requests += (request for sample in inputs for request in sample.requests)
+        self._faults += [catalogue.fault(*problem) for problem in self._guard.take_problems()]
+        self._requests += [request for sample in inputs for request in sample.requests]
         self._index += 1
         sensed = Sensed(
             index=self._index - 1,
@@ -142,42 +141,31 @@ class Robot:
             sent=self._sent,
             urgent=urgent,
             attended=self._attended(now - self._start),
-            drives=self._drives.feedback(now),
-            bus=self._drives.wire.health(),
+            drives=readings.drives,
+            bus=readings.bus,
             inputs=inputs,
             requests=tuple(self._requests),
             results=tuple(self._results),
             faults=tuple(self._faults),
             fixes=fixes,
+            scans=readings.scans,
         )
         for taken in (self._requests, self._results, self._faults):
             taken.clear()
         return sensed
 
-    def _lose(self, error: DeviceLost) -> bool:
-        if (lost := catalogue.fault("COM-22", detail=error.problem)) not in self._faults:
-            self._faults.append(lost)
-        return True
+    def _meet(self, id: str, device: str, seen: str) -> None:
+        """Keep what a device reports for the next tick, each problem once."""
+        if (fault := catalogue.fault(id, device, seen)) not in self._faults:
+            self._faults.append(fault)
 
     def _write(self, tick: Tick) -> None:
-        try:
-            self._drives.write(tick)
-        except DeviceLost as error:
-            self._lose(error)
+        self._devices.write(tick)
         for job in tick.wish.jobs:
             self._tasks.create_task(self._perform(job))
 
     async def _perform(self, job: Job) -> None:
-        self._results.append(await self._drives.perform(job))
-
-    def _wake(self) -> None:
-        """Frames wait between ticks: answers go to their jobs; an emergency makes an extra tick, as a lost bus does."""
-        try:
-            urgent = self._drives.receive()
-        except DeviceLost as error:
-            urgent = self._lose(error)
-        if urgent:
-            self.tick_now()
+        self._results.append(await self._devices.perform(job))
 
     def tick_now(self) -> None:
         """An extra tick, off the schedule: something urgent waits to be read."""
@@ -187,4 +175,4 @@ class Robot:
     def _fail(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """A callback beside the ticks failed: stop the drives now, and end the run with its error."""
         self._failure = context.get("exception") or RuntimeError(context["message"])
-        self._drives.stop()
+        self._devices.stop()

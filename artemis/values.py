@@ -11,6 +11,7 @@ from enum import Enum, IntEnum
 from msgspec import Struct
 
 from artemis.drive_states import DriveState, Goal, Nmt
+from artemis.scan import Scan
 
 
 class DriveFeedback(Struct, frozen=True, kw_only=True, gc=False):
@@ -145,6 +146,7 @@ class Sensed(Struct, frozen=True, kw_only=True, gc=False):
     faults: tuple[Fault, ...] = ()
     """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
     fixes: tuple[PoseFix, ...] = ()  # what a localizer found since the last tick
+    scans: tuple[Scan, ...] = ()  # of laser scanners, those that are new since the last tick, oldest first
 
 
 class Pose(Struct, frozen=True, kw_only=True, gc=False):
@@ -227,6 +229,9 @@ class Severity(IntEnum):
     OFF = 5  # S0: off at once, the robot coasts
 
 
+_STOPPING = Severity.CONTROLLED_STOP
+
+
 class Mode(Enum):
     """Robot modes."""
 
@@ -238,6 +243,8 @@ class Mode(Enum):
     QUICKSTOP = "quickstop"
     FAULT = "fault"
     END = "end"
+
+    __hash__ = object.__hash__  # as of `DriveState`
 
 
 class Fault(Struct, frozen=True, kw_only=True, gc=False):
@@ -274,7 +281,7 @@ class Verdict(Struct, frozen=True, kw_only=True, gc=False):
     @property
     def stops(self) -> bool:
         """The robot has to come to rest."""
-        return self.severity >= Severity.CONTROLLED_STOP
+        return self.severity >= _STOPPING
 
     @property
     def limits(self) -> bool:
@@ -385,5 +392,5 @@ class Tick(Struct, frozen=True, kw_only=True, gc=False):
     """Where the mission is after it."""
     wish: Wish
     failed: bool = False
-    """A fault or a stop ended the run before its last step, or a drive did not end in order."""
+    """A fault or a stop ended the run before its last step, or a drive did not end normally."""
     set_points: SetPoints

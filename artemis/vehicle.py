@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from artemis.config import Config
+from artemis.config import Config, Inconsistent, Quantity
+from artemis.yaml_file import KeyPath
 
 Positive = Annotated[float, Field(gt=0)]
+Length = Annotated[float, Quantity(0.1, 10.0, "m")]
+Inset = Annotated[float, Quantity(0.0, 2.0, "m")]
+Speed = Annotated[float, Quantity(0.02, 20.0, "m/s")]
+WishedSpeed = Annotated[float, Quantity(0.001, 20.0, "m/s")]
+"""Of a follower or an input; how fast a robot may drive, its file says."""
+Acceleration = Annotated[float, Quantity(0.05, 30.0, "m/s²")]
+Voltage = Annotated[float, Quantity(0.0, 5.0, "V")]
+Slope = Annotated[float, Quantity(5.0, 2000.0, "degrees/V", signed=True)]
+Rolled = Annotated[float, Quantity(1e-8, 0.1, "m per count")]
+Current = Annotated[int, Quantity(20, 65535, "mA")]
 Unsigned16 = Annotated[int, Field(ge=0, le=0xFFFF)]
 Gain = Annotated[int, Field(ge=0, le=32767)]
-Pair = Annotated[tuple[float, float], Field(strict=False)]  # YAML knows only lists
+Voltages = Annotated[tuple[Voltage, Voltage], Field(strict=False)]  # YAML knows only lists
+Slopes = Annotated[tuple[Slope, Slope], Field(strict=False)]
 PiGains = Annotated[tuple[Gain, Gain], Field(strict=False)]
 PidGains = Annotated[tuple[Gain, Gain, Gain], Field(strict=False)]
 
@@ -23,10 +37,10 @@ OPERATING_MODES = {"traction": 3, "steering": -1}
 class Geometry(Config):
     """Where the wheels are. Kingpins stand `track_m - 2 * scrub_radius_m` apart on the front axle."""
 
-    wheelbase_m: Positive
-    track_m: Positive
+    wheelbase_m: Length
+    track_m: Length
     """Distance of the front wheels' contact points (and of the rear wheels)."""
-    scrub_radius_m: Annotated[float, Field(ge=0)]
+    scrub_radius_m: Inset
     """Contact point outboard of the kingpin."""
     driven_axle: Literal["front", "rear"]
 
@@ -39,24 +53,24 @@ class Geometry(Config):
 class Limits(Config):
     """What the machine may do. Steering rate and wheel speed are per wheel."""
 
-    speed_m_s: Positive
+    speed_m_s: Speed
     """Of the virtual front wheel."""
-    wheel_speed_m_s: Positive
-    acceleration_m_s2: Positive
-    deceleration_m_s2: Positive
+    wheel_speed_m_s: Speed
+    acceleration_m_s2: Acceleration
+    deceleration_m_s2: Acceleration
     """Of a controlled stop."""
-    quick_stop_deceleration_m_s2: Positive
-    steering_deg: Annotated[float, Field(gt=0, lt=80)]
+    quick_stop_deceleration_m_s2: Acceleration
+    steering_deg: Annotated[float, Quantity(5.0, 79.0, "degrees")]
     """Of the virtual front wheel."""
-    steering_rate_wheel_deg_s: Positive
+    steering_rate_wheel_deg_s: Annotated[float, Quantity(2.0, 720.0, "degrees/s")]
 
 
 class Potentiometers(Config):
     """One steered wheel. Both potentiometers, angle = slope * (voltage - zero), and the encoder of its motor."""
 
-    zero_v: Pair
-    slope_deg_per_v: Pair
-    scale: Positive = 1.0
+    zero_v: Voltages
+    slope_deg_per_v: Slopes
+    scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
     """True change of the wheel's angle per change that the encoder counts through the gear."""
 
 
@@ -65,15 +79,15 @@ class SteeringCalibration(Config):
 
     left: Potentiometers
     right: Potentiometers
-    disagreement_deg: Positive = 3.0
+    disagreement_deg: Annotated[float, Quantity(0.1, 30.0, "degrees")] = 3.0
     """The two potentiometers of a wheel may differ by this much (fault STE-03 beyond)."""
 
 
 class TractionCalibration(Config):
     """Metres that a wheel rolls per encoder count."""
 
-    left_m_per_count: Positive
-    right_m_per_count: Positive
+    left_m_per_count: Rolled
+    right_m_per_count: Rolled
 
 
 class Calibration(Config):
@@ -88,10 +102,10 @@ class Motor(Config):
 
     type: Literal["dc", "ec_sine", "ec_block"]
     pole_pairs: Annotated[int, Field(ge=1, le=255)]
-    continuous_current_ma: Unsigned16
-    output_current_ma: Annotated[int, Field(ge=1, le=0xFFFF)]
-    thermal_time_constant_s: Annotated[float, Field(ge=0.1, le=540)]
-    max_speed_rpm: Annotated[int, Field(ge=1, le=25000)]
+    continuous_current_ma: Current
+    output_current_ma: Current
+    thermal_time_constant_s: Annotated[float, Quantity(0.1, 540.0, "s")]
+    max_speed_rpm: Annotated[int, Quantity(100, 25000, "rpm")]
 
 
 class Sensor(Config):
@@ -126,10 +140,10 @@ class Drive(Config):
     """Expected 0x2003:2 with its last digit masked: 0x6010 is an EPOS 24/1, 0x6210 an EPOS 24/5."""
     min_firmware: Annotated[int, Field(ge=0x2030, le=0xFFFF)] = 0x2032
     """Lowest software version 0x2003:1; before 0x2030 the heartbeat consumer does not exist."""
-    serial_number: int | None = None
+    serial_number: Annotated[int, Field(ge=0, le=0xFFFFFFFFFFFFFFFF)] | None = None
     motor: Motor
     sensor: Sensor
-    gear_ratio: Positive
+    gear_ratio: Annotated[float, Quantity(1.0, 10_000.0, "motor turns per wheel turn")]
     """Motor turns per wheel turn."""
     gains: Gains | None = None
     following_error_counts: Annotated[int, Field(ge=1, le=0xFFFFFFFF)] = 2000
@@ -148,16 +162,12 @@ class RobotFile(Config):
     """The identifier of the host's heartbeat is 0x700 plus this."""
 
     @model_validator(mode="after")
-    def _complete(self) -> Self:
-        ids = [drive.node_id for drive in self.drives.values()] + [self.host_node_id]
-        if len(set(ids)) != len(ids):
-            raise ValueError("two nodes (or a node and host_node_id) share an id")
-        places = sorted((drive.role, drive.side) for drive in self.drives.values())
-        expected = [("steering", "left"), ("steering", "right"), ("traction", "left"), ("traction", "right")]
-        if places != expected:
-            raise ValueError("drives must be one traction and one steering drive on each side")
-        if self.geometry.kingpin_distance_m < 0:
-            raise ValueError("scrub_radius_m is more than half of track_m")
+    def _fits_together(self) -> Self:
+        problems = [*_nodes(self), *_geometry(self.geometry)]
+        if not problems:
+            problems = [*_traction(self), *_steering(self), *_limits(self.limits)]
+        if problems:
+            raise Inconsistent(problems)
         return self
 
     def drive_at(self, role: str, side: str) -> tuple[str, Drive]:
@@ -179,3 +189,118 @@ class RobotFile(Config):
     def potentiometers(self, side: str) -> Potentiometers:
         """Potentiometer calibration of one side."""
         return self.calibration.steering.left if side == "left" else self.calibration.steering.right
+
+
+Problems = Iterator[tuple[KeyPath, str]]
+
+
+def _nodes(robot: RobotFile) -> Problems:
+    """Each node has an id of its own, and each place one drive."""
+    owner: dict[int, str] = {}
+    for name, drive in robot.drives.items():
+        if (other := owner.setdefault(drive.node_id, name)) != name:
+            yield ("drives", name, "node_id"), f"{drive.node_id} is the id of {other}, too: each node has its own"
+        sensor, motor = drive.sensor, drive.motor
+        if sensor.type == "hall" and sensor.counts_per_turn != 6 * motor.pole_pairs:
+            yield (
+                ("drives", name, "sensor", "counts_per_turn"),
+                f"expected 6 x pole_pairs = {6 * motor.pole_pairs} with halls, found {sensor.counts_per_turn}",
+            )
+    if robot.host_node_id in owner:
+        yield (
+            ("host_node_id",),
+            f"{robot.host_node_id} is the id of {owner[robot.host_node_id]}, too: each node has its own",
+        )
+    found: Counter[tuple[str, str]] = Counter((drive.role, drive.side) for drive in robot.drives.values())
+    wrong = [
+        f"found {found[role, side] or 'no'} {role} drive{'s' if found[role, side] > 1 else ''} on the {side}"
+        for role in OPERATING_MODES
+        for side in ("left", "right")
+        if found[role, side] != 1
+    ]
+    if wrong:
+        yield ("drives",), f"expected one traction and one steering drive on each side, {', '.join(wrong)}"
+
+
+def _geometry(geometry: Geometry) -> Problems:
+    if geometry.kingpin_distance_m < 0:
+        yield (
+            ("geometry", "scrub_radius_m"),
+            f"{geometry.scrub_radius_m:g} m is more than half of track_m ({geometry.track_m:g} m)",
+        )
+    if geometry.track_m > 3 * geometry.wheelbase_m:
+        yield (
+            ("geometry", "track_m"),
+            f"expected at most three times wheelbase_m ({geometry.wheelbase_m:g} m), found {geometry.track_m:g} m",
+        )
+
+
+_CIRCUMFERENCE = Quantity(0.05, 10.0, "m a turn")
+"""Of a driven wheel."""
+
+
+def _traction(robot: RobotFile) -> Problems:
+    """Metres per count, encoder and gear make a wheel, on both sides the same; the motor reaches the speed."""
+    around = {}
+    for side in ("left", "right"):
+        name, drive = robot.drive_at("traction", side)
+        rolled, counts = robot.metres_per_count(side), drive.sensor.counts_per_turn * drive.gear_ratio
+        around[side] = rolled * counts
+        key = "calibration", "traction", f"{side}_m_per_count"
+        try:
+            _CIRCUMFERENCE.check(around[side])
+        except ValueError as error:
+            product = f"{rolled:g} m x {counts:g} counts (counts_per_turn x gear_ratio of {name})"
+            yield key, f"{product}: {error}; is it in millimetres, or one of the others wrong?"
+            return
+        turns = drive.motor.max_speed_rpm / drive.gear_ratio / 60
+        wanted, highest = robot.limits.wheel_speed_m_s, turns * around[side]
+        if wanted > highest:
+            reason = f"max_speed_rpm {drive.motor.max_speed_rpm} rpm, gear_ratio {drive.gear_ratio:g}"
+            text = (
+                f"{wanted:g} m/s is more than {name} reaches: {highest:.3g} m/s ({reason}, {around[side]:.3g} m a turn)"
+            )
+            yield ("limits", "wheel_speed_m_s"), text
+    if not 0.8 <= around["left"] / around["right"] <= 1.25:
+        text = (
+            f"makes wheels of {around['left']:.4g} m (left) and {around['right']:.4g} m around; expected about the same"
+        )
+        yield key, text
+
+
+def _steering(robot: RobotFile) -> Problems:
+    """The potentiometers show every angle, and the motor turns as fast as it has to."""
+    limits = robot.limits
+    for side in ("left", "right"):
+        name, drive = robot.drive_at("steering", side)
+        pots = robot.potentiometers(side)
+        for number, (zero, slope) in enumerate(zip(pots.zero_v, pots.slope_deg_per_v, strict=True)):
+            swing = limits.steering_deg / abs(slope)
+            if zero - swing < 0.0 or zero + swing > 5.0:
+                yield (
+                    ("calibration", "steering", side, "slope_deg_per_v", number),
+                    f"at +-{limits.steering_deg:g} degrees (limits.steering_deg) the potentiometer would show "
+                    f"{zero - swing:.3g} and {zero + swing:.3g} V; the analog input reads 0 to 5 V",
+                )
+        highest = drive.motor.max_speed_rpm / drive.gear_ratio * 6
+        if limits.steering_rate_wheel_deg_s > highest:
+            yield (
+                ("limits", "steering_rate_wheel_deg_s"),
+                f"{limits.steering_rate_wheel_deg_s:g} degrees/s is more than the {highest:.3g} degrees/s of {name}: "
+                f"max_speed_rpm {drive.motor.max_speed_rpm} rpm, gear_ratio {drive.gear_ratio:g}",
+            )
+        error = drive.following_error_counts / (drive.sensor.counts_per_turn * drive.gear_ratio) * 360
+        if not 0.01 <= error <= 45:
+            yield (
+                ("drives", name, "following_error_counts"),
+                f"{drive.following_error_counts} counts are {error:.3g} degrees of the wheel; expected 0.01 to 45",
+            )
+
+
+def _limits(limits: Limits) -> Problems:
+    if limits.quick_stop_deceleration_m_s2 < limits.deceleration_m_s2:
+        yield (
+            ("limits", "quick_stop_deceleration_m_s2"),
+            f"{limits.quick_stop_deceleration_m_s2:g} m/s² is softer than a controlled stop "
+            f"(deceleration_m_s2: {limits.deceleration_m_s2:g} m/s²)",
+        )

@@ -18,11 +18,9 @@ import yaml
 
 from artemis.errors import ConfigError
 
-MAX_BYTES = 1 << 20
-MAX_DEPTH = 20
-MAX_ALIASES = 50
-MAX_NODES = 10_000
-"""Keys, values and list items of one document, aliases counted as often as they are used."""
+MAX_BYTES, MAX_DEPTH, MAX_ALIASES = 1 << 20, 20, 50
+MAX_NODES, MAX_MESSAGE_NODES = 10_000, 2_000_000
+"""Keys, values and list items of one document, aliases counted as often as they are used; and of a program's file."""
 
 Scalar: TypeAlias = bool | int | float | str | None
 Data: TypeAlias = "Scalar | list[Data] | dict[str, Data]"
@@ -37,8 +35,7 @@ _NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]")
 _WORDS: Mapping[str, Data] = {"": None, "~": None, "null": None, "true": True, "false": False}
 _STANDARD_TAG = "tag:yaml.org,2002:"
-_MAX_DIGITS = 20
-_MAX_SHOWN = 60
+_MAX_DIGITS, _MAX_SHOWN = 20, 60
 
 _SURPRISES: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"(?i:on|yes|y)|True|TRUE"), "{0} is a word in artemis' YAML, write true"),
@@ -145,14 +142,18 @@ def load(path: Path) -> Document:
     return document
 
 
-def survey(raw: bytes, source: str) -> tuple[Document, list[str]]:
+def survey(raw: bytes, source: str, *, messages: bool = False) -> tuple[Document, list[str]]:
     """The document, and the problems that leave the rest of it readable, so that a schema can add its own.
+
+    With `messages`, of a program, it is the list of all documents that are not empty, up to `MAX_MESSAGE_NODES` large.
 
     Raises:
         ConfigError: not UTF-8, broken syntax, several documents or too much of it: the rest cannot be read.
     """
-    composer = _Composer(source, _text(raw, source))
-    root = composer.document()
+    composer = _Composer(source, _text(raw, source), MAX_MESSAGE_NODES if messages else MAX_NODES)
+    nodes = composer.roots(several=messages)
+    listed = _Node((1, 1), [node for node in nodes if node.content is not None])
+    root = listed if messages else nodes[0] if nodes else _Node((1, 1), None)
     positions: dict[KeyPath, Position] = {}
     data = _flatten(root, (), positions)
     damaged = frozenset(composer.damaged)
@@ -221,7 +222,8 @@ def _node(position: Position, content: list[_Node] | dict[str, _Node]) -> _Node:
 class _Composer:
     """Turns the parser's events into nodes; PyYAML's own composer and constructors are too lenient."""
 
-    def __init__(self, source: str, text: str) -> None:
+    def __init__(self, source: str, text: str, most: int) -> None:
+        self._most = most
         self.problems: list[str] = []
         self.damaged: list[KeyPath] = []
         self._source = source
@@ -235,18 +237,18 @@ class _Composer:
             place = _place(text, error.position)
             raise self._fatal(place, f"character U+{error.character:04X} is not allowed in YAML") from None
 
-    def document(self) -> _Node:
-        """The root node of the only document; an empty file is null at 1:1."""
+    def roots(self, *, several: bool) -> list[_Node]:
+        """The root node of each document, of which there is one at most unless `several`."""
+        roots: list[_Node] = []
         self._next()  # stream start
-        if isinstance(self._next(), yaml.StreamEndEvent):
-            return _Node((1, 1), None)
-        event = self._next()
-        root = self._compose(event, _position(event), ())
-        self._next()  # document end
-        after = self._next()
-        if not isinstance(after, yaml.StreamEndEvent):
-            raise self._fatal(_position(after), "a second document begins: one file holds one")
-        return root
+        while not isinstance(begin := self._next(), yaml.StreamEndEvent):
+            if roots and not several:
+                raise self._fatal(_position(begin), "a second document begins: one file holds one")
+            event = self._next()
+            roots.append(self._compose(event, _position(event), ()))
+            self._anchors.clear()
+            self._next()  # document end
+        return roots
 
     def _fatal(self, position: Position, text: str, path: KeyPath = ()) -> ConfigError:
         return ConfigError([*self.problems, _line(self._source, position, path, text)])
@@ -281,7 +283,7 @@ class _Composer:
         anchor = event.anchor if isinstance(event, yaml.NodeEvent) else None
         if anchor is not None:
             if anchor in self._anchors:
-                self._complain(where, path, f"anchor &{anchor} stands twice")
+                self._complain(where, path, f"anchor &{anchor} is defined twice")
             self._anchors[anchor] = None
         if isinstance(event, yaml.ScalarEvent):
             node = _Node(where, self._scalar(event, where, path))
@@ -295,8 +297,8 @@ class _Composer:
 
     def _count(self, nodes: int, where: Position, path: KeyPath) -> None:
         self._nodes += nodes
-        if self._nodes > MAX_NODES:
-            raise self._fatal(where, f"more than {MAX_NODES} values (aliases expanded)", path)
+        if self._nodes > self._most:
+            raise self._fatal(where, f"more than {self._most} values (aliases expanded)", path)
 
     def _alias(self, event: yaml.AliasEvent, where: Position, path: KeyPath) -> _Node:
         self._aliases += 1
@@ -304,7 +306,7 @@ class _Composer:
             raise self._fatal(where, f"more than {MAX_ALIASES} aliases", path)
         target = self._anchors.get(event.anchor or "")
         if target is None:
-            text = "stands inside its own anchor" if event.anchor in self._anchors else "has no anchor before it"
+            text = "is inside its own anchor" if event.anchor in self._anchors else "has no anchor before it"
             self._complain(where, path, f"alias *{event.anchor} {text}")
             return _Node(where, {} if path[-1:] == ("<<",) else None)
         if len(path) + target.height > MAX_DEPTH:
@@ -328,7 +330,7 @@ class _Composer:
             earlier = merged if key == "<<" else entries.get(key)
             if earlier is not None:
                 line, column = earlier.position
-                self._complain(place, (*path, key), f"key stands twice, first at {line}:{column}")
+                self._complain(place, (*path, key), f"duplicate key, first at {line}:{column}")
             elif key == "<<":
                 merged = value
             else:

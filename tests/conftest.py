@@ -6,17 +6,19 @@ Anything may run on any worker of pytest-xdist, beside anything else.
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections import Counter
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-sys.path.append(str(Path(__file__).parent / "simulation"))  # tests of replay run missions on the rig that is there
+for _shared in ("simulation", "e2e"):  # what tests of other folders take from there: the rig of whole runs, the command
+    sys.path.append(str(Path(__file__).parent / _shared))
 
-settings.register_profile("short", settings.default, deadline=None)
+settings.register_profile("short", settings.default, deadline=None, max_examples=40)
 settings.register_profile("exhaustive", settings.default, deadline=None, max_examples=400)
 
 
@@ -42,3 +44,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if counts[name] % sampled.args[0]:
                 item.add_marker(pytest.mark.exhaustive)
             counts[name] += 1
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are processors: the one with the tests in real time mostly waits."""
+    return (os.cpu_count() or 1) + 1
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _short_alignment(request: pytest.FixtureRequest) -> Iterator[None]:
+    """In the whole runs of modules with the mark `short_alignment`."""
+    if not request.node.get_closest_marker("short_alignment"):
+        yield
+        return
+    from every_row import short_alignment
+
+    with short_alignment():
+        yield

@@ -51,7 +51,7 @@ def fit_closing(runs: Sequence[Closed], base: Kinematics, parameters: Sequence[P
         CalibrationError: fewer than two runs, or they show nothing.
     """
     if len(runs) < 2:
-        raise CalibrationError("one run alone shows nothing by its end: drive round both ways")
+        raise CalibrationError("a single run shows nothing by where it ends: drive in both directions")
     bands = np.array([each.band for each in parameters])
     weights = [np.linalg.inv(_covariance(dead_reckoned(run.log, base))) for run in runs]
     free = np.ones(len(bands), dtype=bool)

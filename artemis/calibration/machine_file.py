@@ -60,7 +60,7 @@ class Machine(Config):
         if surplus := set(given) - wanted - set(TRUTH):
             raise ValueError(f"columns: {', '.join(sorted(surplus))} is not of this machine")
         if len(set(given)) < len(given):
-            raise ValueError("columns: one stands there twice")
+            raise ValueError("columns: duplicate column")
         if 0 < len(set(given) & set(TRUTH)) < (2 if "true_heading" not in given else 3):
             raise ValueError("columns: of the true pose there must be true_x and true_y")
         if not self.metres_per_count or not self.radians_per_steering_unit:

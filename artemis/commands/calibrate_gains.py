@@ -84,7 +84,7 @@ def calibrate_gains(mission: Path, wanted: Wanted) -> int:
     finally:
         _tell_gains(trial, watch)
     if outcome.exit_status or watch.stopped:
-        _say("trial       broken off: nothing is kept")
+        _say("trial       aborted: nothing is kept")
         return outcome.exit_status or FAILED
     if problem := _unproven(trial, watch, found, outcome):
         _say(f"{'trial       not whole' if trial.new is None else 'kept        nothing'}: {problem}")

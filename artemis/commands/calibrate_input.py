@@ -54,7 +54,7 @@ class Terminal:
             return None
         line = sys.stdin.readline()
         if not line:
-            raise ConfigError("nobody is at the terminal any more; nothing was written")
+            raise ConfigError("the terminal was closed; nothing was written")
         return line.strip()
 
 
@@ -150,7 +150,7 @@ async def _do(lesson: Lesson[Learnt], reader: HidReader, person: Dialogue) -> Le
             try:
                 values = {**values, **(descriptor.decode(report) or {})}
             except HidError as error:
-                person.say(f"passed over: {error}")
+                person.say(f"skipped: {error}")
                 continue
             moments.append(Moment(time=loop.time(), values=values, heard=True))
         if reader.state == "lost":

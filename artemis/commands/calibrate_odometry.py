@@ -28,6 +28,7 @@ from artemis.mission.loading import load_model
 from artemis.motion.table import MAX_CHARACTERS, Table
 from artemis.motion.trajectory import Trajectory
 from artemis.motion.truth import truth_from
+from artemis.recording.disk import write_whole
 from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
 from artemis.yaml_edit import edit
@@ -228,7 +229,7 @@ def _values(found: Estimates, source: Source) -> tuple[str, Sequence[str], list[
 
 
 def _held(found: Estimates) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
-    return "Held as described", ("what", "why"), list(held_of(found))
+    return "Not estimated (robot-file value kept)", ("what", "why"), list(held_of(found))
 
 
 def _tell(tables: Sequence[tuple[str, Sequence[str], list[tuple[str, ...]]]], found: Estimates) -> None:
@@ -268,9 +269,9 @@ def _write_page(text: str, folder: Path) -> None:
     page = folder / PAGE
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        page.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise RecordingError(f"{page}: cannot be written: {error.strerror}") from error
+        raise RecordingError(f"{folder}: cannot be made: {error.strerror}") from error
+    write_whole(page, text)
     sys.stdout.write(f"{page}\n")
 
 

@@ -100,7 +100,7 @@ class _RobotFile:
             return
         try:
             if read(self._path) != self._known:
-                raise ConfigError(f"{self._path}: somebody else changed it meanwhile")
+                raise ConfigError(f"{self._path}: it was changed by another program meanwhile")
             edit(self._path, changes(outcome.steering))
         except ConfigError as error:
             self.failed, self.told = True, f"NOT changed: {error}; the values are in {outcome.run.calibration}"
@@ -126,9 +126,7 @@ def store_steering(source: Path, simulate: bool) -> int:
     except DeviceError as error:
         told = f"{told}: {error}"
     finally:  # also if somebody stops it
-        _tell(
-            [f"{name} keeps the robot file's values" for name in kept] or ["no drive was told to keep anything"], told
-        )
+        _tell([f"{name} keeps the robot file's values" for name in kept] or ["no drive was written to"], told)
     return int(len(kept) < len(wanted))
 
 

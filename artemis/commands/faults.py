@@ -128,7 +128,7 @@ def _reaction(row: Row) -> str:
 def _recovery(row: Row) -> str:
     recovery = row.recovery
     if row.found is Found.LOADING:
-        return "mend the file"
+        return "fix the file"
     words = recovery.kind.value
     if recovery.kind is Kind.AUTOMATIC:
         unless = f", not beside {', '.join(recovery.unless)}" if recovery.unless else ""

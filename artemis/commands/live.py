@@ -10,12 +10,14 @@ from math import degrees
 from typing import ClassVar
 
 from artemis.clock import stopwatch
+from artemis.commands.terminal import lose_output
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
 from artemis.plugins.guard import Problem
 from artemis.recording.event_log import values_of
 from artemis.report.fault_words import DID, next_step
+from artemis.states.requests import ignored
 from artemis.supervision.catalogue import ROWS
 from artemis.values import Fault, JobKind, Mode, OperatorInput, Severity, Snapshot, Tick, Verdict
 
@@ -63,7 +65,9 @@ class LiveView:
             self._load.count(tick.snapshot.time, traffic)
         sensed = tick.snapshot.sensed
         for request in sensed.requests:
-            self._say(sensed.time, "request", request.value)
+            reason = ignored(request, tick)
+            text = f"{request.value}: ignored, {reason}" if reason else request.value
+            self._say(sensed.time, "request", text, _YELLOW if reason else None)
         if tick.snapshot.verdict is not self._verdict:
             self._compare(sensed.time, tick.snapshot.verdict)
         for result in sensed.results:
@@ -122,10 +126,9 @@ class LiveView:
         try:
             sys.stdout.write(text)
             sys.stdout.flush()
-        except OSError:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, sys.stdout.fileno())
-            os.close(nowhere)
+        except OSError as error:
+            lose_output()
+            sys.stderr.write(f"artemis: standard output cannot be written: {error.strerror}; the run ends\n")
             self._lost = True
 
     def _status(self, tick: Tick) -> str:

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-SMOOTHING, SPACING = 0.3, 0.05
-"""Defaults, those of `artemis.motion` (which imports numpy)."""
+SPACING = 0.05
+"""Default, that of `artemis.motion.track` (which imports numpy)."""
 
 paths = typer.Typer(
     rich_markup_mode=None,
@@ -17,7 +17,12 @@ paths = typer.Typer(
 )
 
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The path file to write.")]
-Smoothing = Annotated[float, typer.Option(metavar="M", help="Wavelength whose waves are halved; 0: none.")]
+Smoothing = Annotated[
+    float | None,
+    typer.Option(
+        metavar="M", help="Smoothing: waves of this length are halved; 0: none. Default: 0.3, more if it is noisy."
+    ),
+]
 WithSpeed = Annotated[bool, typer.Option("--with-speed", help="Keep the speeds, too.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite.")]
 
@@ -26,11 +31,11 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite.")]
 def record_path(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.mcap.")],
     output: Output,
-    name: Annotated[str | None, typer.Option(metavar="NAME", help="What a step recorded as that.")] = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="Name under which a step recorded it.")] = None,
     begin: Annotated[float | None, typer.Option("--from", metavar="T", help="Run time [s].")] = None,
     end: Annotated[float | None, typer.Option("--to", metavar="T", help="Run time [s].")] = None,
     close_within: Annotated[float, typer.Option(metavar="M", help="Close it if its ends are so near.")] = 0.0,
-    smoothing: Smoothing = SMOOTHING,
+    smoothing: Smoothing = None,
     spacing: Annotated[float, typer.Option(metavar="M", help="Between the points.")] = SPACING,
     speed: Annotated[float | None, typer.Option(metavar="M/S", help="Must be possible on it.")] = None,
     with_speed: WithSpeed = False,
@@ -64,15 +69,15 @@ def show_paths(
 
 @paths.command("import")
 def import_path(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Table, GPX track, or waypoints of ROS (YAML).")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Table, GPX, KML, GeoJSON, or poses of ROS (YAML).")],
     output: Output,
     kind: Annotated[
-        str | None, typer.Option("--format", metavar="csv|gpx|nav2", help="By the suffix, if left out.")
+        str | None, typer.Option("--format", metavar="csv|gpx|kml|geojson|nav2", help="By the suffix, if left out.")
     ] = None,
-    closed: Annotated[bool, typer.Option("--closed", help="Its end goes on to its start.")] = False,
+    closed: Annotated[bool, typer.Option("--closed", help="The path is closed.")] = False,
     reverse: Annotated[bool, typer.Option("--reverse", help="From its last point to its first.")] = False,
     origin: Annotated[bool, typer.Option("--origin", help="Move it: begins at 0, 0 along x.")] = False,
-    smoothing: Smoothing = SMOOTHING,
+    smoothing: Smoothing = None,
     with_speed: WithSpeed = False,
     force: Force = False,
 ) -> None:

@@ -46,14 +46,14 @@ def refuse_taken(files: Iterable[Path], force: bool) -> None:
         elif not file.parent.is_dir():
             problems.append(f"{file.parent}: no such folder")
         elif file.exists() and not force:
-            problems.append(f"{file}: is there already; another name, or --force")
+            problems.append(f"{file}: exists already; choose another name or --force")
     if problems:
         raise ConfigError(problems)
 
 
-def refuse_smoothing(smoothing: float) -> list[str]:
+def refuse_smoothing(smoothing: float | None) -> list[str]:
     """Why the wavelength [m] of a smoothing makes no sense."""
-    return [] if 0 <= smoothing <= 5 else [f"--smoothing {smoothing:g}: expected 0 to 5 m"]
+    return [] if smoothing is None or 0 <= smoothing <= 5 else [f"--smoothing {smoothing:g}: expected 0 to 5 m"]
 
 
 def comments(lines: Iterable[str]) -> str:

@@ -12,9 +12,8 @@ from artemis.commands.path_files import comments, refuse_smoothing, refuse_taken
 from artemis.commands.path_formats import READERS, SUFFIXES, Given
 from artemis.errors import ConfigError, shown
 from artemis.motion.joining import Placement, bulge, join
-from artemis.motion.path import SMOOTHING
-from artemis.motion.path_points import MAX_GAP, moving
-from artemis.motion.route import Part, Route, Stretch, across, stretches, turns_on_the_spot
+from artemis.motion.path_points import MAX_GAP, distinct
+from artemis.motion.route import Part, Route, Stretch, across, noise_words, stretches, turns_on_the_spot
 from artemis.motion.table import MAX_CHARACTERS
 from artemis.motion.track import SPACING
 from artemis.motion.waypoints import deviation, drawn, rows_of
@@ -27,7 +26,7 @@ def import_path(
     output: Path,
     kind: str | None,
     *,
-    smoothing: float = SMOOTHING,
+    smoothing: float | None = None,
     closed: bool = False,
     reverse: bool = False,
     origin: bool = False,
@@ -40,7 +39,7 @@ def import_path(
         file: What to read.
         output: The path file.
         kind: One of `READERS`; None: by the suffix.
-        smoothing: Wavelength [m] of which the amplitude is halved.
+        smoothing: Wavelength [m] of which the amplitude is halved; None: as of `path_from_points`.
         closed: It goes on from its end to its start.
         reverse: From its last point to its first, with the robot's headings as they are.
         origin: Moved so that it begins at 0, 0, the robot facing along x.
@@ -58,8 +57,7 @@ def import_path(
         raise ConfigError(f"{file}: {problem}; choose with --format {'|'.join(READERS)}")
     refuse_taken([output], force)
     given = _checked(READERS[kind](read(file, MAX_CHARACTERS), str(file)), str(file))
-    if reverse:
-        given = _turned(given)
+    given = _turned(given) if reverse else given
     if with_speed and given.speed is None:
         raise ConfigError(f"{file}: no speeds in it; leave --with-speed out")
     found = stretches(given.x, given.y, given.heading)
@@ -77,13 +75,13 @@ def import_path(
     if problems := [f"{given.places[found[part][0]]}: {words}" for part, words in turns_on_the_spot(route.parts)]:
         raise ConfigError(problems)
     rows = rows_of(route, str(output), with_speed=with_speed)
-    words = [*_words(given, found, rows.route, file.name), *given.notes]
+    words = [*_words(given, found, rows.route, file.name), *noise_words(route), *given.notes]
     made = f"Made of {file.name} ({kind}){', turned round' if reverse else ''}{', moved' if origin else ''}"
     write_files({output: comments([made, *words]) + rows.text}, force)
     say(output, words)
 
 
-def _joined(given: Given, found: Sequence[Stretch], closed: bool, smoothing: float) -> Route:
+def _joined(given: Given, found: Sequence[Stretch], closed: bool, smoothing: float | None) -> Route:
     """Smooth curves through the points, one for each direction."""
     parts = []
     for first, last, backward in found:
@@ -128,8 +126,7 @@ def _checked(given: Given, source: str) -> Given:
     Raises:
         ConfigError: too few points, headings across the path, speeds that are none.
     """
-    kept = moving(given.x, given.y)
-    x, y = given.x[kept], given.y[kept]
+    x, y, kept = distinct(given.x, given.y)
     if len(kept) < 2:
         raise ConfigError(f"{source}:1:1: {len(kept)} distinct points; expected at least 2")
     places = [given.places[index] for index in kept]

@@ -14,9 +14,9 @@ import numpy as np
 from artemis.commands.path_files import comments, keeps_up, refuse_smoothing, say, write_files
 from artemis.errors import ConfigError, shown
 from artemis.mission.problems import nearest
-from artemis.motion.path import SMOOTHING
+from artemis.motion.path_points import distinct
 from artemis.motion.route import SHORTEST as SHORTEST_PART
-from artemis.motion.route import Part, Route
+from artemis.motion.route import Part, Route, noise_words
 from artemis.motion.spline import Array
 from artemis.motion.track import SHORTEST, SPACING, Track, loop_end
 from artemis.motion.waypoints import Leg, PathRows, deviation, drawn, highest_speed, legs_of, rows_of
@@ -33,8 +33,8 @@ LEAP = 0.2
 class Drawing:
     """How a path is made of points."""
 
-    smoothing: float = SMOOTHING
-    """Wavelength [m] of which the amplitude is halved."""
+    smoothing: float | None = None
+    """Wavelength [m] of which the amplitude is halved; None: as of `artemis.motion.path.path_from_points`."""
     spacing: float = SPACING
     """Between the points of the file [m]."""
     close_within: float = 0.0
@@ -90,6 +90,10 @@ class Made:
     off: float
     """Largest distance of what was driven from the path [m]."""
     frame: str
+    smoothing: float
+    """Longest wavelength [m] of which the amplitude was halved."""
+    noise: list[str]
+    """What smoothing did about noise, in words."""
 
     def words(self, robot: RobotFile) -> list[str]:
         """What to know of it."""
@@ -98,6 +102,7 @@ class Made:
         return [
             f"{route.length:.2f} m{', closed' if route.closed else ''}, driven {self.driven}",
             f"at most {1000 * self.off:.1f} mm from what was driven",
+            *self.noise,
             keeps_up(slowest, *highest_speed(slowest, robot)),
         ]
 
@@ -246,19 +251,20 @@ def _made(driven: DrivenTicks, legs: Sequence[Leg], drawing: Drawing, source: st
         kept = leg.kept[:count]
         speeds = np.abs([driven.speeds[index] for index in kept]) if drawing.with_speed else None
         try:
-            x, y = _points([driven.poses[index] for index in kept])
+            x, y, own = distinct(*_points([driven.poses[index] for index in kept]))
             curve = drawn(
                 x,
                 y,
                 spacing=drawing.spacing,
                 smoothing=drawing.smoothing,
                 closed=closed,
-                speed=speeds,
+                speed=None if speeds is None else speeds[own],
                 between_halts=not whole,
             )
         except ConfigError as error:
             raise ConfigError([f"{source}: {problem}" for problem in error.problems]) from error
         parts.append(Part(path=curve, backward=leg.backward))
+    curves = [part.path.drawn for part in parts if part.path.drawn is not None]
     rows = rows_of(Route(tuple(parts)), source, with_speed=drawing.with_speed)
     for leg, count, part in zip(legs, counts, rows.route.parts, strict=True):
         off = max(off, deviation(*_points(driven.poses[leg.kept[0] : leg.kept[count - 1] + 1]), part.path)[0])
@@ -269,6 +275,8 @@ def _made(driven: DrivenTicks, legs: Sequence[Leg], drawing: Drawing, source: st
         driven=f"{directions}, {driven.times[legs[0].kept[0]]:.2f} s to {end:.2f} s of the run",
         off=off,
         frame=driven.frame,
+        smoothing=max(curve.smoothing for curve in curves),
+        noise=noise_words(Route(tuple(parts))),
     )
 
 
@@ -280,9 +288,10 @@ def _header(recording: Recording, choice: RecordedPart, drawing: Drawing, made: 
     lines = [
         f"Path of the centre of the rear axle in the frame of the {frame} of the run {run}",
         f"of {recording.start:%Y-%m-%d %H:%M:%S} UTC, {choice.words()}, {made.driven}.",
-        f"Length {length}; a point every {drawing.spacing:g} m; smoothing {drawing.smoothing:g} m;",
+        f"Length {length}; a point every {drawing.spacing:g} m; smoothing {made.smoothing:.3g} m;",
         f"read again, the curve is at most {1000 * made.off:.1f} mm from what was driven.",
     ]
+    lines += [f"Noise: {words}" for words in made.noise]
     backward = any(part.backward for part in made.rows.route.parts)
     lines += ["Where the headings point against the way it is driven backwards."] if backward else []
     lines += [f"The recording is not whole: {recording.missing}."] if recording.missing else []

@@ -16,6 +16,7 @@ from artemis.mission.loading import load_model
 from artemis.motion.path import Path as Curve
 from artemis.motion.path import place_on
 from artemis.motion.path_facts import PartFacts, demand_of, facts_of
+from artemis.motion.path_points import MAX_SPEED
 from artemis.motion.route import route_from_csv
 from artemis.motion.table import MAX_CHARACTERS
 from artemis.vehicle import RobotFile
@@ -34,8 +35,8 @@ def show_paths(files: Sequence[Path], robot_file: Path | None, speed: float | No
     Raises:
         ConfigError: a file cannot be read, the figure cannot be written.
     """
-    if speed is not None and (robot_file is None or not 0 < speed < math.inf):
-        raise ConfigError(f"--speed {speed:g}: expected more than 0 m/s, and a robot with --robot")
+    if speed is not None and (robot_file is None or not 0 < speed <= MAX_SPEED):
+        raise ConfigError(f"--speed {speed:g}: expected up to {MAX_SPEED:g} m/s, and a robot with --robot")
     if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ConfigError(f"{figure}: no figure can be drawn as that: name it .png, .svg or .pdf")
     robot = None
@@ -72,6 +73,8 @@ def _show(part: PartFacts, robot: RobotFile | None, speed: float | None) -> bool
     place = f"at {place_on(path, worst)}"
     _row("length", f"{path.length:.3f} m, {'closed' if path.closed else 'open'}, driven {_direction(part.backward)}")
     _row("points", f"{part.points}, at most {part.gap:.3f} m apart, at most {1000 * part.off:.1f} mm off the curve")
+    if path.drawn is not None and (words := path.drawn.words()):
+        _row("noise", words)
     _row("extent", f"x {_range(path.x)}, y {_range(path.y)}")
     _row("tightest", f"radius {1 / sharpest:.2f} m {place}" if sharpest > 1e-3 else "straight")
     if path.speed is not None:

@@ -11,15 +11,16 @@ from pathlib import Path
 from string import Template
 
 from artemis.errors import ConfigError
-from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, OBSERVERS, listing
+from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, LOCALIZERS, OBSERVERS, listing
 
-GROUPS = {"input": INPUTS, "follower": FOLLOWERS, "observer": OBSERVERS}
+GROUPS = {"input": INPUTS, "follower": FOLLOWERS, "localizer": LOCALIZERS, "observer": OBSERVERS}
 NAME = re.compile("[a-z][a-z0-9]*(-[a-z0-9]+)*")
 LONGEST = 30
 """Letters of a name: longer ones would make long lines of the package's code."""
 ADVICE = {
-    "input": "As it is, it drives by itself, with nobody at an enable button: run it in simulation only.",
+    "input": "As written it drives without an enable button: run it in simulation only.",
     "follower": "It is pure pursuit, to begin with; `path.csv` is a path to try it on.",
+    "localizer": "As it is, it knows where a simulated robot is: in `fixes`, ask your device instead.",
     "observer": "It writes how far the robot has gone into `NAME.txt` of the run's folder, to begin with.",
 }
 
@@ -49,16 +50,18 @@ def begin_plugin(kind: str, name: str, folder: Path) -> None:
     if not folder.is_dir():
         problems.append(f"--folder {folder}: no such folder")
     elif root.exists():
-        problems.append(f"{root}: is there already; another name, or another --folder")
+        problems.append(f"{root}: exists already; choose another name or --folder")
     if problems:
         raise ConfigError(problems)
+    target = root
     try:
         for file, text in _Package(kind, name).files().items():
-            (root / file).parent.mkdir(parents=True, exist_ok=True)
-            (root / file).write_text(text, encoding="utf-8")
+            target = root / file
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise ConfigError(f"{error.filename}: cannot be written: {error.strerror}") from error
-    sys.stdout.write(f"{root}: made; README.md says how to go on\n")
+        raise ConfigError(f"{error.filename or target}: cannot be written: {error.strerror}") from error
+    sys.stdout.write(f"{root}: created; see README.md for what to do next\n")
 
 
 def _problems_of_name(name: str, kind: str) -> list[str]:

@@ -10,11 +10,12 @@ from math import isfinite, radians
 from pathlib import Path
 
 from artemis.commands.path_formats import text_of
-from artemis.errors import ConfigError, RecordingError
+from artemis.errors import ConfigError
 from artemis.motion.comparison import ALIGNMENTS, Alignment, Comparison, compare
 from artemis.motion.table import MAX_CHARACTERS
 from artemis.motion.trajectory import Trajectory
 from artemis.motion.truth import as_tum, truth_from
+from artemis.recording.disk import write_whole
 from artemis.recording.mcap_reader import Recording
 from artemis.report.page import write_report
 from artemis.report.series import Series, read_series
@@ -126,9 +127,6 @@ def _export(run: Series, folder: Path) -> list[Path]:
         frame = "odom" if run.source == "odometry" else "map"
         head = f"# {folder.resolve().name}: centre of the rear axle {what}; frame {frame}, run time [s]\n"
         file = folder / name
-        try:
-            file.write_text(f"{head}# timestamp tx ty tz qx qy qz qw\n{as_tum(trajectory)}", encoding="utf-8")
-        except OSError as error:
-            raise RecordingError(f"{file}: cannot be written: {error.strerror}") from error
+        write_whole(file, f"{head}# timestamp tx ty tz qx qy qz qw\n{as_tum(trajectory)}")
         written.append(file)
     return written

@@ -14,6 +14,7 @@ from shlex import quote
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
 from artemis.commands.terminal import DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
+from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords, Follow
@@ -105,7 +106,7 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
         if left := unfinished_run(root, loaded.mission.mission, simulated=simulated):
             run, until = left
             command = _command(source, run, simulate)
-            _print("last run", f"ended without shutdown at {until:.2f} s; to go on with it: {command}")
+            _print("last run", f"ended without shutdown at {until:.2f} s; to resume it: {command}")
         return None
     found, notes = resumption_from(loaded, source, resume, simulate)
     at = found.position
@@ -114,7 +115,7 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
     _print("resuming", f"{found.run}: step {at.step + 1} ({what}), {done} of it done")
     pose = found.pose
     _print("", f"where it stopped: x {pose.x:.2f} m, y {pose.y:.2f} m, heading {degrees(pose.heading):.0f} deg")
-    _print("", "the robot must not have been moved since: the odometry goes on from there")
+    _print("", "the robot must not have been moved since: the odometry continues from there")
     for note in notes:
         _print("warning", note)
     return found
@@ -126,8 +127,7 @@ def _command(source: Path, run: Path, simulate: bool) -> str:
 
 def _title(loaded: LoadedMission, simulated: bool) -> str:
     bus = loaded.mission.bus
-    words = bus.words if isinstance(bus, BusWords) and not simulated else {}
-    place = " ".join(str(words[word]) for word in ("interface", "channel") if word in words)
+    place = place_of(bus.words) if isinstance(bus, BusWords) and not simulated else ""
     return f"mission {loaded.mission.mission}: {loaded.robot.robot} on {place or 'simulated drives'}"
 
 
@@ -173,13 +173,16 @@ def _result(outcome: Outcome, faults: Sequence[str]) -> str:
 def _numbers(found: Summary) -> list[tuple[str, str]]:
     lines = [("", found.missing)] if found.missing else []
     lines.append(("distance", f"{found.distance:.2f} m, up to {found.max_speed:.2f} m/s"))
-    for name, rms, worst in (
-        ("estimated", found.cross_track_rms, found.cross_track_max),
-        ("true", found.true_cross_track_rms, found.true_cross_track_max),
+    for label, name, rms, worst in (
+        ("cross-track", "estimated", found.cross_track_rms, found.cross_track_max),
+        ("cross-track", "true", found.true_cross_track_rms, found.true_cross_track_max),
+        ("as given", "estimated", found.given_rms, found.given_max),
+        ("as given", "true", found.true_given_rms, found.true_given_max),
     ):
         if rms is not None and worst is not None:
-            text = f"{rms * 1000:5.1f} mm RMS, {worst * 1000:5.1f} mm at most, by the {name} pose"
-            lines.append(("cross-track", text))
+            path = ", from the path before it was smoothed and rounded" if label == "as given" else ""
+            text = f"{rms * 1000:5.1f} mm RMS, {worst * 1000:5.1f} mm at most, by the {name} pose{path}"
+            lines.append((label, text))
     if found.position_error_end is not None:
         lines.append((found.source, f"{found.position_error_end * 1000:5.1f} mm from the true position at the end"))
     lines.append(("bus load", f"{found.bus_load_mean:.1%}, {found.bus_load_max:.1%} at most"))

@@ -9,7 +9,7 @@ from math import degrees
 from pathlib import Path
 
 from artemis import clock
-from artemis.devices.can_bus import CanBus, check_bus_words
+from artemis.devices.can_bus import CanBus, check_bus_words, place_of
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
 from artemis.sim.server import serve
@@ -70,7 +70,7 @@ async def _serve(robot: RobotFile, true: PlantParameters, words: dict[str, objec
     bus = CanBus(words)
     world = World(robot, true, seed=seed, start=loop.time())
     names = ", ".join(f"{node.name} ({node.node_id})" for node in world.nodes)
-    sys.stdout.write(f"{robot.robot}: {names} on {words['interface']} {words['channel']}; Ctrl-C ends\n")
+    sys.stdout.write(f"{robot.robot}: {names} on {place_of(words)}; Ctrl-C ends\n")
     sys.stdout.flush()
     terminal = sys.stdout.isatty()
     status = (lambda: _show(world)) if terminal else None

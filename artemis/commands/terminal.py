@@ -34,6 +34,13 @@ _ARE_YOU_THERE, _ASKED = b"\x1b[5n", 0.05
 """Device status report (ECMA-48, 8.3.35): any terminal answers. Asked so often [s]."""
 
 
+def lose_output() -> None:
+    """What is printed from now on goes nowhere: standard output cannot be written."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+
+
 def somebody_is_there() -> bool:
     """Whether standard input is a terminal whose keys come to us (not to a shell that runs us in the background)."""
     try:

@@ -29,6 +29,7 @@ TOLERANCE = 1.02
 """Of the wheel speed's limit."""
 MOST = 2
 """Frames of one identifier in a tick, but for NMT and SDO."""
+_STOPPED = (Mode.FAULT, Mode.END)
 _FUNCTION = 0x780
 """Function code of an identifier; the rest is the node id (CiA 301 7.3.3)."""
 _NMT_COMMANDS = frozenset(NmtCommand)
@@ -60,6 +61,8 @@ class AllowList:
             self._rules[RXPDO[0] + node] = self._set_point(node, rpm)
             self._rules[RXPDO[1] + node] = self._stop
             self._rules[SDO_REQUEST + node] = self._sdo
+        self.ours = frozenset(self._rules)
+        """Identifiers that nobody but us may send."""
         self._counted = [identifier for identifier in self._rules if identifier & _FUNCTION not in (NMT, SDO_REQUEST)]
         self._sent = dict.fromkeys(self._counted, 0)
 
@@ -75,19 +78,15 @@ class AllowList:
             self._ceiling = 0.0
         self._mode = mode
 
-    def is_ours(self, identifier: int) -> bool:
-        """Whether nobody but us may send this identifier."""
-        return identifier in self._rules
-
     def problem(self, frame: Frame) -> str | None:
         """Why `frame` must not leave now; None: it may."""
         rule = self._rules.get(frame.id)
         if rule is None or frame.rtr:
-            return self._told(frame, "is none of ours")
-        if frame.id in self._sent:
-            sent = self._sent[frame.id] = self._sent[frame.id] + 1
-            if sent > MOST:
-                return self._told(frame, f"was sent {sent} times in one tick")
+            return self._told(frame, "is not a frame of artemis")
+        if (before := self._sent.get(frame.id)) is not None:
+            self._sent[frame.id] = before + 1
+            if before >= MOST:
+                return self._told(frame, f"was sent {before + 1} times in one tick")
         wrong = rule(frame.data)
         return None if wrong is None else self._told(frame, wrong)
 
@@ -96,7 +95,7 @@ class AllowList:
 
     def _nmt(self, data: bytes) -> str | None:
         if len(data) != 2 or data[0] not in _NMT_COMMANDS or data[1] not in self._nodes:
-            return "is no NMT command to a node of ours"
+            return "is no NMT command to a node of the robot file"
         if data[0] == NmtCommand.STOP:
             return "NMT Stop also stops the drive's messages: never"
         return None if self._mode in SERVICE else "NMT commands only while nothing drives"
@@ -110,7 +109,7 @@ class AllowList:
         def judge(data: bytes) -> str | None:
             if len(data) != 6:
                 return "is no set-point"
-            if self._mode in (Mode.FAULT, Mode.END) and data[0] not in _OFF_WORDS:
+            if self._mode in _STOPPED and data[0] not in _OFF_WORDS:
                 return "may only stop, switch off or reset"
             speed = abs(int.from_bytes(data[2:], "little", signed=True)) / rpm
             self._asked[node] = speed

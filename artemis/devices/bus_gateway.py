@@ -4,14 +4,29 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable
+from typing import Protocol
 
 from artemis.devices.allow_list import AllowList
 from artemis.devices.can_bus import Frame, FrameBus
-from artemis.errors import DeviceBusy
+from artemis.devices.canopen import EMERGENCY
+from artemis.devices.device import Report
+from artemis.devices.tally import Tally
+from artemis.errors import DeviceBusy, DeviceLost, ProtocolError
 from artemis.values import BusHealth, Mode
 from artemis.vehicle import RobotFile
 
+LOST = "COM-22"
 _WELL = BusHealth()
+
+
+def _unheard(id: str, device: str, seen: str) -> None:
+    """Outside of a run nobody asks: drives on a lost bus do not answer."""
+
+
+class Counted(Protocol):
+    """A node that counts its malformed frames."""
+
+    tally: Tally
 
 
 class BusGateway:
@@ -25,14 +40,53 @@ class BusGateway:
         self._blocked: list[str] = []
         self._refused = self._refused_now = 0
         self._error_frames = bus.error_frames
+        self._report: Report = _unheard
+        self.handlers: dict[int, tuple[Counted, Callable[[Frame], None]]] = {}
+        """What to do with a frame, by its identifier."""
 
     def begin(self, mode: Mode) -> None:
         """A tick in `mode` begins to write."""
         self._allow.begin(mode)
 
-    def listen(self, wake: Callable[[], None]) -> None:
-        """Have `wake` called when frames wait between ticks that may be urgent."""
-        self._bus.listen(wake)
+    def listen(self, wake: Callable[[], None] = lambda: None, report: Report = _unheard) -> None:
+        """Take frames in as they arrive. `wake` is called where they cannot wait; `report`, where the bus is lost."""
+
+        def hear() -> None:
+            if self.look():
+                wake()
+
+        self._report = report
+        self._bus.listen(hear)
+
+    def look(self) -> bool:
+        """Take in what waits; whether it cannot wait for a tick: an emergency, or a lost bus, which is reported."""
+        try:
+            return self.take_in()
+        except DeviceLost as error:
+            self.lose(error)
+            return True
+
+    def take_in(self) -> bool:
+        """Hand every waiting frame to its handler; whether one was an emergency (not "errors gone").
+
+        Raises:
+            DeviceLost: the adapter is gone.
+        """
+        urgent = False
+        for frame in self.receive():
+            known = self.handlers.get(frame.id)
+            if known is not None and not frame.rtr:
+                node, handler = known
+                try:
+                    handler(frame)
+                except ProtocolError:
+                    node.tally.malformed += 1
+                urgent = urgent or (EMERGENCY < frame.id < EMERGENCY + 0x80 and frame.data[:2] != b"\0\0")
+        return urgent
+
+    def lose(self, error: DeviceLost) -> None:
+        """Report that the adapter is gone."""
+        self._report(LOST, "", error.problem)
 
     def send(self, frame: Frame) -> None:
         """Queue a frame, if it may leave; one that the adapter has no room for is dropped and counted.
@@ -58,12 +112,16 @@ class BusGateway:
         Raises:
             DeviceLost: the adapter is gone.
         """
-        frames = self._bus.receive()
+        frames, traffic, ours = self._bus.receive(), self._traffic, self._allow.ours
         for frame in frames:
-            self._traffic.append((False, frame))
-            if self._allow.is_ours(frame.id):
+            traffic.append((False, frame))
+            if frame.id in ours:
                 self._foreign.append(frame.id)
         return frames
+
+    def close(self) -> None:
+        """Give the bus back; harmless when repeated."""
+        self._bus.close()
 
     def health(self) -> BusHealth:
         """How the bus has been since the last call."""

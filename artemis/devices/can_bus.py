@@ -18,7 +18,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar
+from zlib import crc32
+
+from msgspec import Struct
 
 from artemis import clock
 from artemis.errors import ConfigError, DeviceBusy, DeviceLost
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-class Frame(NamedTuple):
+class Frame(Struct, frozen=True, gc=False):
     """One classic CAN data frame with an 11-bit identifier (or a remote frame, `rtr`)."""
 
     id: int
@@ -95,6 +98,9 @@ _ECHOING = {"udp_multicast"}
 _WITHOUT_ADAPTER = {"virtual", "udp_multicast"}
 """Back ends that are always there."""
 
+_DEFAULT_GROUPS, _DEFAULT_PORT = (None, "239.74.163.2", "ff15:7079:7468:6f6e:6465:6d6f:6d63:6173"), 43113
+"""Of python-can's udp_multicast."""
+
 _ECHO_TIME = 1.0
 """An own frame that did not come back within this time [s] was lost on the way."""
 
@@ -123,8 +129,7 @@ class CanBus:
     """A `FrameBus` on a python-can back end, read by the running loop (or by one thread that only hands over).
 
     Error frames are counted; extended, FD and own frames are dropped. `Frame.time` is the loop's time when the kernel
-    took the frame in, or where it does not tell, when it was read. On one host, udp_multicast buses with the same port
-    hear each other even in different groups.
+    took the frame in, or where it does not tell, when it was read.
     """
 
     def __init__(self, words: Mapping[str, Any]) -> None:
@@ -139,6 +144,7 @@ class CanBus:
             raise ConfigError(problems)
         import can
 
+        words = with_port(words)
         interface = str(words["interface"])
         self.name = f"CAN {interface} {words.get('channel', '')}".rstrip()
         self.error_frames = 0
@@ -147,7 +153,7 @@ class CanBus:
         try:
             self._bus = can.Bus(ignore_config=True, **words)
         except Exception as error:
-            advice = "is it plugged in, its driver installed, and nobody else using it?"
+            advice = "is it plugged in, is its driver installed, does another program use it?"
             raise DeviceLost(self.name, f"cannot be opened: {type(error).__name__}: {error}; {advice}") from error
         self._message = can.Message
         self._interface = interface
@@ -280,7 +286,7 @@ class CanBus:
         while self._sent and self._sent[0][3] < frame.time - _ECHO_TIME:
             self._sent.popleft()
         for position, sent in enumerate(self._sent):
-            if sent[:3] == frame[:3]:
+            if sent[:3] == (frame.id, frame.data, frame.rtr):
                 del self._sent[position]
                 return True
         return False
@@ -311,6 +317,24 @@ def detected_adapters() -> list[Mapping[str, object]]:
     except Exception as error:
         raise DeviceLost("CAN", f"adapters cannot be looked for: {type(error).__name__}: {error}") from error
     return [words for words in found if words["interface"] not in _WITHOUT_ADAPTER]
+
+
+def with_port(words: Mapping[str, Any]) -> dict[str, Any]:
+    """Words of a bus, with a port of its own for each group of udp_multicast that names none.
+
+    python-can binds the port of all groups: on one host, buses with one port hear each other whatever their group.
+    Its own default groups keep its port, for other CANopen tools.
+    """
+    if words.get("interface") != "udp_multicast" or "port" in words or words.get("channel") in _DEFAULT_GROUPS:
+        return dict(words)
+    return {**words, "port": _DEFAULT_PORT + 1 + crc32(str(words.get("channel")).encode()) % 10_000}
+
+
+def place_of(words: Mapping[str, Any]) -> str:
+    """A bus for people: interface and channel, and the port where artemis chose it."""
+    chosen = with_port(words)
+    place = " ".join(str(words[word]) for word in ("interface", "channel") if word in words)
+    return f"{place} port {chosen['port']}" if "port" not in words and "port" in chosen else place
 
 
 def check_bus_words(words: Mapping[str, Any]) -> list[str]:

@@ -91,7 +91,11 @@ def _pack(layout: struct.Struct, *values: int | bytes) -> bytes:
     try:
         return layout.pack(*values)
     except struct.error as error:
-        raise ProtocolError(f"{values} does not fit its fields: {error}") from None
+        raise _does_not_fit(values, error) from None
+
+
+def _does_not_fit(values: tuple[int | bytes, ...], error: struct.error) -> ProtocolError:
+    return ProtocolError(f"{values} does not fit its fields: {error}")
 
 
 class ObjectType(Enum):
@@ -146,7 +150,10 @@ class PdoLayout:
 
     def pack(self, *values: int) -> bytes:
         """Data of a PDO with these values, one for each field."""
-        return _pack(self._layout, *values)
+        try:
+            return self._layout.pack(*values)
+        except struct.error as error:
+            raise _does_not_fit(values, error) from None
 
     def unpack(self, data: bytes) -> tuple[int, ...]:
         """Values of a received PDO; surplus bytes are ignored (CiA 301 7.2.2)."""
@@ -286,87 +293,45 @@ _SEGMENT = struct.Struct("<B7s")
 
 def encode_request(request: Request) -> bytes:
     """The eight bytes from client to server. Raises ProtocolError when a field is out of range or data too long."""
-    return _encode(request, 0x20)
-
-
-def encode_answer(answer: Answer) -> bytes:
-    """The eight bytes from server to client. Raises ProtocolError when a field is out of range or data too long."""
-    return _encode(answer, 0x40)
-
-
-def _encode(value: Request | Answer, begin: int) -> bytes:
-    """`begin`: first byte of a transfer that carries data in this direction."""
-    match value:
+    match request:
         case Segment(toggle=toggle, data=data, last=last):
             if len(data) > 7:
                 raise ProtocolError(f"{len(data)} bytes do not fit a segment")
             return _SEGMENT.pack(toggle << 4 | (7 - len(data)) << 1 | last, data)
         case NextSegment(toggle=toggle):
             return _SEGMENT.pack(0x60 | toggle << 4, b"")
-        case SegmentAccepted(toggle=toggle):
-            return _SEGMENT.pack(0x20 | toggle << 4, b"")
         case Expedited(data=rest, sized=sized):
             if not (1 if sized else 4) <= len(rest) <= 4:
                 raise ProtocolError(f"{len(rest)} bytes do not fit an expedited transfer")
-            command = begin | (4 - len(rest)) << 2 | 0x02 | sized
+            command = 0x20 | (4 - len(rest)) << 2 | 0x02 | sized
         case Segmented(size=size):
-            command, rest = (begin, b"") if size is None else (begin | 0x01, ObjectType.U32.encode(size))
+            command, rest = (0x20, b"") if size is None else (0x21, ObjectType.U32.encode(size))
         case Abort(code=code):
             command, rest = 0x80, ObjectType.U32.encode(code)
         case Upload():
             command, rest = 0x40, b""
-        case _:  # Accepted
-            command, rest = 0x60, b""
-    return _pack(_BEGIN, command, value.index, value.subindex, rest)
-
-
-def decode_request(data: bytes) -> Request:
-    """What a client asks for. Block transfers are not supported: ProtocolError, to be answered by UNKNOWN_COMMAND."""
-    command, index, subindex, rest = _fields(data)
-    match command >> 5:
-        case 1:
-            return _begin(command, index, subindex, rest)
-        case 2:
-            return Upload(index=index, subindex=subindex)
-        case 3:
-            return NextSegment(toggle=bool(command & 0x10))
-    return _either_way(data)
+    return _pack(_BEGIN, command, request.index, request.subindex, rest)
 
 
 def decode_answer(data: bytes) -> Answer:
-    """What a server answers."""
-    command, index, subindex, rest = _fields(data)
-    match command >> 5:
-        case 1:
-            return SegmentAccepted(toggle=bool(command & 0x10))
-        case 2:
-            return _begin(command, index, subindex, rest)
-        case 3:
-            return Accepted(index=index, subindex=subindex)
-    return _either_way(data)
-
-
-def _fields(data: bytes) -> tuple[int, int, int, bytes]:
+    """What a server answers. Block transfers are not supported: ProtocolError."""
     if len(data) != 8:
         raise ProtocolError(f"SDO frame of {len(data)} bytes instead of 8")
     command, index, subindex, rest = _BEGIN.unpack(data)
-    return command, index, subindex, rest
-
-
-def _begin(command: int, index: int, subindex: int, rest: bytes) -> Expedited | Segmented:
-    sized = bool(command & 0x01)
-    if command & 0x02:
-        data = rest[: 4 - (command >> 2 & 0x03)] if sized else rest
-        return Expedited(index=index, subindex=subindex, data=data, sized=sized)
-    return Segmented(index=index, subindex=subindex, size=int.from_bytes(rest, "little") if sized else None)
-
-
-def _either_way(data: bytes) -> Segment | Abort:
-    command, index, subindex, rest = _fields(data)
+    toggle, sized = bool(command & 0x10), bool(command & 0x01)
     match command >> 5:
         case 0:
-            unused = command >> 1 & 0x07
-            return Segment(toggle=bool(command & 0x10), data=data[1 : 8 - unused], last=bool(command & 0x01))
+            return Segment(toggle=toggle, data=data[1 : 8 - (command >> 1 & 0x07)], last=sized)
+        case 1:
+            return SegmentAccepted(toggle=toggle)
+        case 2 if command & 0x02:
+            content = rest[: 4 - (command >> 2 & 0x03)] if sized else rest
+            return Expedited(index=index, subindex=subindex, data=content, sized=sized)
+        case 2:
+            size = int.from_bytes(rest, "little") if sized else None
+            return Segmented(index=index, subindex=subindex, size=size)
+        case 3:
+            return Accepted(index=index, subindex=subindex)
         case 4:
             return Abort(index=index, subindex=subindex, code=int.from_bytes(rest, "little"))
     raise ProtocolError(f"unknown SDO command specifier in [{data.hex(' ')}]")

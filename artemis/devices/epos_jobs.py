@@ -39,7 +39,7 @@ from artemis.devices.epos_state import Controlword, state_from_statusword
 from artemis.drive_states import POWERED, DriveState
 from artemis.errors import DeviceError, DeviceLost, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
 from artemis.motion.ackermann import Ackermann
-from artemis.values import RESETS, Job, JobKind
+from artemis.values import RESETS, Job, JobKind, JobResult
 from artemis.vehicle import OPERATING_MODES
 
 RESET_TIME = 1.0
@@ -90,6 +90,15 @@ class EposJobs:
         self._set_point = SET_POINT[epos.drive.role]
         self._boots = 0
         self._one_at_a_time = asyncio.Lock()  # an end that comes early must not overtake the configuration
+
+    async def result(self, job: Job) -> JobResult:
+        """Do a job once those before it have ended; a drive that fails is a result, not an exception."""
+        try:
+            values = await self.perform(job)
+        except DeviceError as error:
+            fault = fault_of(error)
+            return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, detail=error.problem, fault=fault)
+        return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True, values=values)
 
     async def perform(self, job: Job) -> tuple[int, ...]:
         """Do a job once those before it have ended; its values, if it has any. Raises what the jobs raise."""

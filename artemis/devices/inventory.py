@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import suppress
 from dataclasses import dataclass
 
 from artemis.devices.can_bus import FrameBus
@@ -12,7 +11,7 @@ from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.epos_objects import SERIAL_NUMBER, U32, VENDOR, Object
 from artemis.drive_states import Nmt
-from artemis.errors import DeviceError, DeviceLost
+from artemis.errors import DeviceError
 from artemis.vehicle import RobotFile
 
 LISTEN = 0.5
@@ -44,14 +43,9 @@ class NodeReport:
 async def ask_nodes(robot: RobotFile, bus: FrameBus) -> list[NodeReport]:
     """Every drive of the robot file, in its order. Only reads; not while somebody else talks SDO to the drives."""
     drives = Drives(robot, bus)
-
-    def receive() -> None:
-        with suppress(DeviceLost):  # then no drive answers, which is told
-            drives.receive()
-
-    drives.wire.listen(receive)
+    drives.wire.listen()
     await asyncio.sleep(LISTEN)
-    receive()
+    drives.wire.look()
     return list(await asyncio.gather(*(_ask(drive) for drive in drives.nodes)))
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 
 from artemis.devices.can_bus import FrameBus
 from artemis.devices.canopen import HEARTBEAT
 from artemis.devices.drive import Drives
 from artemis.devices.epos_jobs import EposJobs
-from artemis.errors import DeviceError, DeviceLost
+from artemis.errors import DeviceError
 from artemis.values import Job, JobKind
 from artemis.vehicle import RobotFile
 
@@ -47,7 +46,7 @@ async def store(
         told: is called with the name of each drive that has stored them.
 
     Raises:
-        DeviceError: somebody else commands the drives; a drive is another one, does not answer, or does not keep a
+        DeviceError: another master commands the drives; a drive is another one, does not answer, or does not keep a
             value. The next were not asked.
     """
     drives = _drives(robot, bus)
@@ -63,22 +62,17 @@ async def store(
 
 def _check_alone(drives: Drives, robot: RobotFile, name: str) -> None:
     """Nobody else was heard sending what only we may send, since the last time."""
-    drives.receive()
+    drives.wire.take_in()
     if foreign := drives.wire.health().foreign:
         who = "another artemis uses this bus (COM-18): end it"
         if HEARTBEAT + robot.host_node_id not in foreign:
-            who = f"somebody else commands the drives (COM-17): 0x{foreign[0]:03X} was heard"
+            who = f"another CANopen master commands the drives (COM-17): 0x{foreign[0]:03X} was heard"
         raise DeviceError(name, f"was sent nothing: {who}")
 
 
 def _drives(robot: RobotFile, bus: FrameBus) -> Drives:
     drives = Drives(robot, bus)
-
-    def receive() -> None:
-        with suppress(DeviceLost):  # then no drive answers, which is told
-            drives.receive()
-
-    drives.wire.listen(receive)
+    drives.wire.listen()
     return drives
 
 

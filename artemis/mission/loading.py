@@ -350,31 +350,30 @@ class _Loading:
                 hint = nearest(name, recorded, "recorded before") if recorded else "; no step before has `record:`"
                 self._complain((*at, "path", "recorded"), f"no step before this one records {name}{hint}")
             return
-        raw = self._file((*at, "path"), follow.path)
+        raw = self._file((*at, "path"), follow.path) if isinstance(follow.path, str) else b""
         if raw is None:
             return
-        from artemis.motion.route import route_from_csv
+        from artemis.mission.paths import drivable_route, named, route_of
 
+        name = named(follow)
         try:
-            route = route_from_csv(raw.decode(), str(self._folder / follow.path))
+            route = route_of(follow, raw, str(self._folder / name))
         except UnicodeDecodeError as error:
-            self._complain((*at, "path"), f"byte {error.start + 1} is not UTF-8: {follow.path}")
+            self._complain((*at, "path"), f"byte {error.start + 1} is not UTF-8: {name}")
             return
         except ConfigError as error:
-            self._problems += error.problems
+            self._problems += error.problems if raw else [self._document.problem((*at, "path"), str(error))]
             return
         if follow.laps > 1 and not route.closed:
-            how = "open" if len(route.parts) == 1 else "not: it reverses"
-            self._complain((*at, "laps"), f"{follow.laps} laps need a closed path; {follow.path} is {how}")
+            how = "open: it must end where it begins" if len(route.parts) == 1 else "not: it reverses"
+            self._complain((*at, "laps"), f"{follow.laps} laps need a closed path; {name} is {how}")
         elif robot is not None and config is not None and speed is not None:
-            from artemis.mission.paths import drivable_route
-
             try:
                 self._routes[index], remarks = drivable_route(follow, route, robot, speed)
-                self._remarks += [f"{follow.path}: {remark}" for remark in remarks]
+                self._remarks += [f"{name}: {remark}" for remark in remarks]
             except ConfigError as error:
                 for problem in error.problems:
-                    self._complain((*at, "path"), f"{follow.path}: {problem}")
+                    self._complain((*at, "path"), f"{name}: {problem}")
 
     def _check_teleop(
         self, at: KeyPath, teleop: Teleop, robot: RobotFile | None, inputs: Mapping[str, Config | None]

@@ -4,9 +4,28 @@ from __future__ import annotations
 
 from artemis.errors import ConfigError
 from artemis.mission.schema import Follow
+from artemis.mission.waypoints import Waypoints
 from artemis.motion.fitting import route_for
-from artemis.motion.route import Route
+from artemis.motion.joining import straight
+from artemis.motion.route import Route, noise_words, route_from_csv
 from artemis.vehicle import RobotFile
+
+
+def named(follow: Follow) -> str:
+    """Its path, for people."""
+    return follow.path if isinstance(follow.path, str) else "line of waypoints"
+
+
+def route_of(follow: Follow, raw: bytes | None, source: str) -> Route:
+    """The route of the waypoints of `follow`, or of its path file, read from `source`.
+
+    Raises:
+        ConfigError: every problem found; of a file with file:line:column.
+        UnicodeDecodeError: the file is no text.
+    """
+    if isinstance(follow.path, Waypoints):
+        return straight(follow.path.waypoints, closed=follow.laps > 1)
+    return route_from_csv((raw or b"").decode(), source)
 
 
 def drivable_route(follow: Follow, route: Route, robot: RobotFile, speed: float) -> tuple[Route, list[str]]:
@@ -18,14 +37,14 @@ def drivable_route(follow: Follow, route: Route, robot: RobotFile, speed: float)
     route, remarks = route_for(route, robot, speed, **follow.wanted)
     problems = [_with_hint(problem, follow) for problem in route.problems(robot, speed)]
     if problems:
-        raise ConfigError(problems)
+        raise ConfigError([*problems, *noise_words(route)])
     return route, remarks
 
 
 def _with_hint(problem: str, follow: Follow) -> str:
     """What `follow` has keys against."""
-    if "too sharp" in problem and not follow.round_corners_m:
+    if "too sharp" in problem and not follow.wanted["round_corners"]:
         return f"{problem}, or write how far the path may leave it: round_corners_m: 0.15"
-    if "too fast" in problem and not follow.allow_slowdown:
+    if "too fast" in problem and not follow.wanted["allow_slowdown"]:
         return f"{problem}, or write allow_slowdown: true"
     return problem

@@ -9,6 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from artemis.config import Inconsistent
 from artemis.errors import shown
 from artemis.yaml_file import Document, KeyPath, surprise
 
@@ -70,11 +71,16 @@ def problems_from(error: ValidationError, document: Document, model: type[BaseMo
     """One line with file, position and key for each error that `model` found in the part of a document at `at`."""
     found = [(_path(document, (*at, *detail["loc"])), detail) for detail in error.errors(include_url=False)]
     beside = ("plugin",) if at[-1:] == ("follower",) else ()  # a follower's own keys stand beside its name
-    return [
-        document.problem(path, _words(detail, model, path[len(at) :], beside))
-        for path, detail in found
-        if not _follows_from_damage(document, path, detail["type"])
-    ]
+    problems = []
+    for path, detail in found:
+        if _follows_from_damage(document, path, detail["type"]):
+            continue
+        reason = detail.get("ctx", {}).get("error")
+        if isinstance(reason, Inconsistent):
+            problems += [document.problem((*path, *below), text) for below, text in reason.problems]
+        else:
+            problems.append(document.problem(path, _words(detail, model, path[len(at) :], beside)))
+    return problems
 
 
 def _follows_from_damage(document: Document, path: KeyPath, kind: str) -> bool:

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, mode
 
 from artemis import vehicle
 from artemis.config import Config
+from artemis.mission.waypoints import Waypoints
 from artemis.supervision.catalogue import ROWS
 
 Positive = Annotated[float, Field(gt=0)]
@@ -173,6 +174,8 @@ class Recorded(Config):
 
 
 def _kind_of_path(path: object) -> str:
+    if isinstance(path, Waypoints) or (isinstance(path, dict) and "waypoints" in path):
+        return "<waypoints>"
     return "<recorded>" if isinstance(path, dict | Recorded) else "<file>"
 
 
@@ -180,9 +183,13 @@ class Follow(Config):
     """Drive along a path to its end."""
 
     path: Annotated[
-        Annotated[FileName, Tag("<file>")] | Annotated[Recorded, Tag("<recorded>")], Discriminator(_kind_of_path)
+        Annotated[FileName, Tag("<file>")]
+        | Annotated[Recorded, Tag("<recorded>")]
+        | Annotated[Waypoints, Tag("<waypoints>")],
+        Discriminator(_kind_of_path),
     ]
-    """Table of x, y in metres, from where the robot stands when the run is armed; or {recorded: NAME}."""
+    """Table of x, y in metres, from where the robot stands when the run is armed; or {recorded: NAME}; or
+    {waypoints: [[x, y], ...]}."""
     follower: FollowerUse
     laps: Annotated[int, Field(ge=1, le=10_000)] = 1
     """More than one only on a closed path."""
@@ -193,23 +200,25 @@ class Follow(Config):
     direction: Literal["forward", "backward"] | None = None
     """Which end of the robot is ahead when it begins; each reversal changes that. Goes before the path's headings, and
     before what `from_end` makes of them; without any of these: forward."""
-    round_corners_m: Annotated[float, Field(ge=0, le=1)] = 0.0
+    round_corners_m: Annotated[float, Field(ge=0, le=1)] | None = None
     """A corner that is too sharp for the robot becomes the nearest curve that it can drive, if that is no farther from
-    the corner; 0: it is refused (PTH-03)."""
-    allow_slowdown: bool = False
-    """Where steering or a wheel cannot keep up the robot drives slower; false: the path is refused (PTH-03)."""
+    the corner; 0: it is refused (PTH-03). If left out: 0, but 1 for waypoints."""
+    allow_slowdown: bool | None = None
+    """Where steering or a wheel cannot keep up the robot drives slower; false: the path is refused (PTH-03). If left
+    out: false, but true for waypoints."""
     max_cross_track_m: Annotated[float, Field(gt=0, le=0.6)] = 0.6
     """Farther from the path than this the robot is lost and stops (fault PTH-06)."""
 
     @property
     def wanted(self) -> dict[str, Any]:
         """How its path is wanted: words of `artemis.motion.fitting.route_for`, and of `FollowStep`."""
+        lines = isinstance(self.path, Waypoints)
         return {
             "laps": self.laps,
             "from_end": self.from_end,
             "backward": None if self.direction is None else self.direction == "backward",
-            "round_corners": self.round_corners_m,
-            "allow_slowdown": self.allow_slowdown,
+            "round_corners": float(lines) if self.round_corners_m is None else self.round_corners_m,
+            "allow_slowdown": lines if self.allow_slowdown is None else self.allow_slowdown,
         }
 
 
@@ -286,7 +295,7 @@ def _check_steps(steps: tuple[Step, ...]) -> tuple[Step, ...]:
     steerings = [step.calibrate.steering for step in steps if step.calibrate is not None]
     measured = [steering for steering in steerings if isinstance(steering, MeasureSteering)] if len(steps) > 1 else []
     if any(one.potentiometers == "new" for one in measured):
-        raise ValueError("new potentiometers are calibrated in a mission of their own: no other step may stand beside")
+        raise ValueError("new potentiometers are calibrated in a mission of their own, without other steps")
     if any(one.save != "nothing" for one in measured):
         raise ValueError(
             "what is saved holds from the next start on: no other step may stand beside a calibration "

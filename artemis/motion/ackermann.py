@@ -91,7 +91,13 @@ class Ackermann:
         A front wheel stands outboard of its kingpin: turning it to the left at `rate` [rad/s] rolls the left one back
         and the right one forward by scrub_radius * rate, also when the robot stands (missing in thesis eq. 3.8, 3.9).
         """
-        left, right = self.speed_ratios(steering)
+        return self.rolling_speeds(speed, self.speed_ratios(steering), rate_left, rate_right)
+
+    def rolling_speeds(
+        self, speed: float, ratios: tuple[float, float], rate_left: float, rate_right: float
+    ) -> tuple[float, float]:
+        """As `wheel_speeds`, where the `speed_ratios` of the angle are known."""
+        left, right = ratios
         return speed * left - self.scrub_radius * rate_left, speed * right + self.scrub_radius * rate_right
 
     def twist_from_wheels(

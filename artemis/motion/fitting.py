@@ -37,7 +37,7 @@ def route_for(
 def fitted(
     route: Route, robot: RobotFile, speed: float, *, round_corners: float = 0.0, allow_slowdown: bool = False
 ) -> tuple[Route, list[str]]:
-    """The route as the robot can drive it, and in words what was changed.
+    """The route as the robot can drive it, and in words what was changed, smoothing of noise among it.
 
     Args:
         route: as read.
@@ -49,18 +49,18 @@ def fitted(
     Raises:
         ConfigError: a corner needs more than `round_corners`, or no curve leads around it.
     """
-    parts, words = [], []
+    parts, lines = [], []
     for number, part in enumerate(route.parts, start=1):
         path = part.path
-        told: list[str] = []
+        told = [words] if path.drawn is not None and (words := path.drawn.words()) else []
         if round_corners > 0.0:
             path, told = _rounded(path, robot, round_corners)
         if allow_slowdown:
             path, slowest = _slowed(path, robot, speed)
             told += slowest
         parts.append(replace(part, path=path))
-        words += [f"part {number}: {line}" if len(route.parts) > 1 else line for line in told]
-    return Route(tuple(parts)), words
+        lines += [f"part {number}: {line}" if len(route.parts) > 1 else line for line in told]
+    return Route(tuple(parts)), lines
 
 
 def _rounded(path: Path, robot: RobotFile, farthest: float) -> tuple[Path, list[str]]:

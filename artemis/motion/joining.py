@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from artemis.motion.path import SMOOTHING, Path
+from artemis.motion.path import SMOOTHING, Path, path_from_points
 from artemis.motion.path_points import MAX_GAP, MIN_STEP
+from artemis.motion.route import Part, Route, stretches
 from artemis.motion.spline import Array
 from artemis.motion.track import SPACING
-from artemis.motion.waypoints import drawn, largest_distance
+from artemis.motion.waypoints import check_extent, drawn, largest_distance
 
 
-def join(x: Array, y: Array, *, closed: bool, smoothing: float = SMOOTHING, speed: Array | None = None) -> Path:
+def join(x: Array, y: Array, *, closed: bool, smoothing: float | None = None, speed: Array | None = None) -> Path:
     """The smooth curve through waypoints at least `MIN_STEP` apart, as densely sampled as a recorded path.
 
     Args:
         x: coordinates [m], shape (n,).
         y: likewise.
         closed: goes on from its end to its start; if not, it does so where its ends meet anyway.
-        smoothing: wavelength [m] of which the amplitude is halved; 0 goes exactly through the points.
+        smoothing: as of `path_from_points`.
         speed: at the points [m/s].
 
     Raises:
@@ -31,6 +34,31 @@ def join(x: Array, y: Array, *, closed: bool, smoothing: float = SMOOTHING, spee
     meet = len(x) > 1 and math.hypot(x[0] - x[-1], y[0] - y[-1]) < MIN_STEP
     decided = True if closed else meet if apart else None
     return drawn(x, y, spacing=SPACING, smoothing=smoothing, closed=decided, speed=speed)
+
+
+def straight(waypoints: Sequence[Sequence[float]], *, closed: bool = False) -> Route:
+    """The route of straight lines from waypoint to waypoint: x, y [m], at least `MIN_STEP` apart from each other.
+
+    It reverses where a path file does, and begins forwards. `closed`: it goes on from its last waypoint to its first,
+    if both are at the same place.
+
+    Raises:
+        ConfigError: it is too short or too long.
+    """
+    corners = np.array(waypoints, dtype=float)
+    check_extent(*corners.T)
+    distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
+    places = [np.linspace(a, b, math.ceil((b - a) / SPACING), endpoint=False) for a, b in pairwise(distance)]
+    dense = np.append(np.concatenate(places), distance[-1])
+    x, y = (np.interp(dense, distance, column) for column in corners.T)
+    around = closed and math.dist(corners[0], corners[-1]) < MIN_STEP
+    found = stretches(x, y, None)
+    parts = []
+    for first, last, backward in found:
+        px, py, whole = x[first : last + 1], y[first : last + 1], len(found) == 1
+        path = path_from_points(px, py, smoothing=SMOOTHING, closed=around and whole, between_halts=not whole)
+        parts.append(Part(path=path, backward=backward))
+    return Route(tuple(parts))
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,8 @@ from artemis.vehicle import RobotFile
 SHORTEST_STEP = 1e-6
 """Below this [s] no time has passed: differences of angles over it would be rounding errors."""
 
+_RUN = Action.RUN
+
 
 class Gate:
     """Makes of a command what the machine may do next. Pure: the same arguments give the same set-points.
@@ -45,7 +47,7 @@ class Gate:
             ceiling: A lower limit of the virtual wheel's speed, either way [m/s].
             stop: Controlled stop: slow down to standstill, wheels held.
         """
-        if command.action is not Action.RUN:
+        if command.action is not _RUN:
             return _set_points(0.0, last.steering, (0.0, 0.0), (last.steering_left, last.steering_right))
         dt = min(max(0.0, dt), 2 * self._period)
         if dt < SHORTEST_STEP:
@@ -55,12 +57,13 @@ class Gate:
         steering, left, right, paired = self._steer(command.steering, last, self._rate * dt)
         lasts = max(dt, self._period)  # a step that follows a late one comes early, but its wheels turn until the next
         rates = (left - last.steering_left) / lasts, (right - last.steering_right) / lasts
-        top = self._top_speed(steering, rates) if paired else 0.0
+        ratios = self._ackermann.speed_ratios(steering)
+        top = self._top_speed(ratios, rates) if paired else 0.0
         if abs(last.speed) - self._deceleration * dt > top:
             return self._brake(last, dt)  # slow down first, then steer
         top = max(0.0, min(ceiling, self._speed, top))
         speed = self._ramp(last.speed, _clamp(command.speed, -top, top), dt)
-        return _set_points(speed, steering, self._ackermann.wheel_speeds(speed, steering, *rates), (left, right))
+        return _set_points(speed, steering, self._ackermann.rolling_speeds(speed, ratios, *rates), (left, right))
 
     def _brake(self, last: SetPoints, dt: float) -> SetPoints:
         """One step of the controlled stop: as slow as the deceleration allows, wheels held."""
@@ -86,11 +89,10 @@ class Gate:
         left, right = _clamp(target_left, left - step, left + step), _clamp(target_right, right - step, right + step)
         return car.steering_from_wheel_angles(left, right), left, right, False
 
-    def _top_speed(self, steering: float, rates: tuple[float, float]) -> float:
+    def _top_speed(self, ratios: tuple[float, float], rates: tuple[float, float]) -> float:
         """Speed of the virtual wheel at which the faster wheel, rolling and steered, reaches its limit."""
         roll = self._ackermann.scrub_radius * max(abs(rates[0]), abs(rates[1]))
-        left, right = self._ackermann.speed_ratios(steering)
-        return max(0.0, self._wheel_speed - roll) / max(abs(left), abs(right))
+        return max(0.0, self._wheel_speed - roll) / max(abs(ratios[0]), abs(ratios[1]))
 
     def _ramp(self, speed: float, target: float, dt: float) -> float:
         """One step from `speed` towards `target`; a change of direction first comes to a halt."""
@@ -102,7 +104,7 @@ class Gate:
 
 def is_sane(command: DriveCommand) -> bool:
     """Whether the numbers of a RUN command are finite; the others' numbers are not used."""
-    return command.action is not Action.RUN or (isfinite(command.speed) and isfinite(command.steering))
+    return command.action is not _RUN or (isfinite(command.speed) and isfinite(command.steering))
 
 
 def _clamp(value: float, low: float, high: float) -> float:

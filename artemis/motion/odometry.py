@@ -24,6 +24,8 @@ class Odometer:
     def reset(self, pose: Pose | None = None) -> None:
         """Begin anew at `pose` (default: the origin), at rest."""
         self.odometry = Odometry(pose=pose or Pose())
+        self._rolled = self._slipped = 0.0
+        """Since the speed was measured last [m]."""
         self.forget_angles()
 
     def forget_angles(self) -> None:
@@ -44,7 +46,8 @@ class Odometer:
             distance_right: The same of the right one.
             steering_left: Angle of the left front wheel now [rad].
             steering_right: The same of the right one.
-            dt: Time since then [s]; if 0, speed and slip keep their values.
+            dt: Time from the measurement of the last update to this one's [s]; if 0, speed and slip keep their values,
+                and what was rolled counts for the next ones.
 
         The distances belong to the mean angle over the step. Both wheels give the virtual one's distance by least
         squares, after the roll of the turning kingpins is removed. The pose moves along the arc of that angle (thesis
@@ -64,12 +67,14 @@ class Odometer:
 
         distance, residual = car.twist_from_wheels(distance_left, distance_right, mean, turned_left, turned_right)
         advance = distance * cos(mean)
+        rolled, slipped = self._rolled + distance, self._slipped + residual
+        self._rolled, self._slipped = (rolled, slipped) if dt <= 0.0 else (0.0, 0.0)
         self.odometry = Odometry(
             pose=move(last.pose, advance, distance * sin(mean) / car.wheelbase),
-            speed=distance / dt if dt > 0.0 else last.speed,
+            speed=rolled / dt if dt > 0.0 else last.speed,
             steering=steering,
             distance=last.distance + advance,
-            slip=residual / dt if dt > 0.0 else last.slip,
+            slip=slipped / dt if dt > 0.0 else last.slip,
         )
         return self.odometry
 

@@ -11,6 +11,7 @@ from msgspec import Struct
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
 from artemis.motion.demand import steering_per_distance
+from artemis.motion.noise import Drawn, Noise, noise_of
 from artemis.motion.path_points import MIN_STEP, cusps, read_points, wrapped
 from artemis.motion.spline import Array, parameter_from_arc, smoothed, smoothed_between_halts
 from artemis.vehicle import RobotFile
@@ -19,7 +20,10 @@ SPACING = 0.02
 """Arc length between samples [m]; the real spacing is a little less, so that they end with the path."""
 SMOOTHING = 0.3
 """Wavelength [m] of which smoothing halves the amplitude. A drivable circle (r > 0.3 m) moves by less than 1 mm, while
-the noise of millimetres in a recording, which curvature would multiply, goes."""
+the noise of a tenth of a millimetre, which curvature would multiply, goes. Points with more are smoothed by more."""
+SHAPE = 2.0
+"""Smoothing moves half of the points by no more than this many standard deviations of their noise; it would change the
+shape of the path, not the noise."""
 WINDOW = 0.3
 
 
@@ -51,8 +55,7 @@ class Path:
         spacing: arc length between samples [m].
         closed: the end joins the start.
         laps: how often a closed path is driven; the rest of one may end before its last lap does.
-        deviation: largest distance of a given point from the curve [m].
-        dropped: given points that were left out because the robot stood still there.
+        drawn: the points that it was made of; None: it was made of none.
     """
 
     def __init__(
@@ -65,12 +68,11 @@ class Path:
         spacing: float,
         closed: bool = False,
         speed: Array | None = None,
-        deviation: float = 0.0,
-        dropped: int = 0,
+        drawn: Drawn | None = None,
     ) -> None:
         self.x, self.y, self.heading, self.curvature, self.speed = x, y, heading, curvature, speed
         self.spacing, self.closed, self.laps = spacing, closed, 1
-        self.deviation, self.dropped = deviation, dropped
+        self.drawn = drawn
         # Scalars are read from lists: several times faster than from arrays.
         self._x: list[float] = x.tolist()
         self._y: list[float] = y.tolist()
@@ -135,8 +137,7 @@ class Path:
             spacing=self.spacing,
             closed=self.closed,
             speed=None if self.speed is None else self._from(first, self.speed),
-            deviation=self.deviation,
-            dropped=self.dropped,
+            drawn=self.drawn,
         )
         rest.laps = self.laps - laps
         rest._driven = self._driven + first * self.spacing if self.closed else 0.0
@@ -243,14 +244,15 @@ class Path:
         return x, y, end_heading, end_curvature
 
 
-def path_from_csv(text: str, source: str, *, spacing: float = SPACING, smoothing: float = SMOOTHING) -> Path:
+def path_from_csv(text: str, source: str, *, spacing: float = SPACING, smoothing: float | None = None) -> Path:
     """Read the curve of a path file without reversals: columns x, y [m], optionally heading [rad] and speed [m/s].
 
     Args:
         text: the whole file: comma, semicolon or blanks between cells, header optional, `#` starts a comment.
         source: its name, for messages.
         spacing: arc length between samples [m].
-        smoothing: wavelength [m] of which the amplitude is halved; 0 goes exactly through the points.
+        smoothing: wavelength [m] of which the amplitude is halved; 0 goes exactly through the points, None: as of
+            `path_from_points`.
 
     Raises:
         ConfigError: every problem found, with file:line:column (faults PTH-01, PTH-02, PTH-04).
@@ -259,9 +261,7 @@ def path_from_csv(text: str, source: str, *, spacing: float = SPACING, smoothing
     for index, turn in cusps(points.x, points.y):
         points.report(index, f"the path reverses here ({math.degrees(turn):.0f} deg); split it")
     points.table.raise_problems()
-    path = path_from_points(points.x, points.y, speed=points.speed, spacing=spacing, smoothing=smoothing)
-    path.dropped = len(points.table.lines) - len(points.kept)
-    return path
+    return path_from_points(points.x, points.y, speed=points.speed, spacing=spacing, smoothing=smoothing)
 
 
 def path_from_points(
@@ -270,7 +270,7 @@ def path_from_points(
     *,
     speed: Array | None = None,
     spacing: float = SPACING,
-    smoothing: float = SMOOTHING,
+    smoothing: float | None = None,
     closed: bool | None = None,
     between_halts: bool = False,
 ) -> Path:
@@ -281,7 +281,8 @@ def path_from_points(
         y: likewise.
         speed: speed of the virtual front wheel at the points [m/s], or None.
         spacing: arc length between samples [m].
-        smoothing: wavelength [m] of which the amplitude is halved; 0 goes exactly through the points.
+        smoothing: wavelength [m] of which the amplitude is halved; 0 goes exactly through the points. None:
+            `SMOOTHING`, and of points that jitter as much as their noise needs.
         closed: whether it goes on from its end to its start; None: if they meet.
         between_halts: it is open, and keeps its curvature up to its ends, as between two reversals.
     """
@@ -295,12 +296,12 @@ def path_from_points(
     elif closed:
         points[-1] = points[0]
     parameter = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
-    if smoothing == 0:
-        smooth = points
-    elif between_halts:
-        smooth = smoothed_between_halts(parameter, points, smoothing)
-    else:
-        smooth = smoothed(parameter, points, smoothing, closed)
+    noise = noise_of(*points.T) if smoothing is None else Noise()
+    wavelength = noise.wavelength(SMOOTHING) if smoothing is None else smoothing
+    smooth = _smooth(parameter, points, wavelength, closed, between_halts)
+    while wavelength > SMOOTHING and smoothing is None and _shifted(points, smooth) > SHAPE * noise.deviation:
+        wavelength = max(SMOOTHING, 0.8 * wavelength)
+        smooth = _smooth(parameter, points, wavelength, closed, between_halts)
     curve = CubicSpline(parameter, smooth, bc_type="periodic" if closed else "not-a-knot")
     sampled, arc = parameter_from_arc(curve, parameter[-1], spacing)
     (px, py), (dx, dy), (ddx, ddy) = curve(sampled).T, curve(sampled, 1).T, curve(sampled, 2).T
@@ -312,8 +313,21 @@ def path_from_points(
         spacing=arc / (len(sampled) - 1),
         closed=closed,
         speed=None if speed is None else np.interp(sampled, parameter, speed),
-        deviation=float(np.max(np.hypot(*(smooth - points).T))),
+        drawn=Drawn(points=points, moved=np.hypot(*(smooth - points).T), smoothing=wavelength, noise=noise),
     )
+
+
+def _smooth(parameter: Array, points: Array, wavelength: float, closed: bool, between_halts: bool) -> Array:
+    if wavelength == 0:
+        return points
+    if between_halts:
+        return smoothed_between_halts(parameter, points, wavelength)
+    return smoothed(parameter, points, wavelength, closed)
+
+
+def _shifted(points: Array, smooth: Array) -> float:
+    """Distance by which half of the points were moved [m]."""
+    return float(np.median(np.hypot(*(smooth - points).T)))
 
 
 def check_drivable(path: Path, robot: RobotFile, speed: float) -> list[str]:

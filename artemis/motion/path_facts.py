@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from artemis.motion.path import Path, check_drivable, steering_demand
-from artemis.motion.path_points import COLUMNS, points_of
+from artemis.motion.path_points import path_table, points_of
 from artemis.motion.route import part_of, stretches
-from artemis.motion.table import Table
 from artemis.motion.waypoints import check_extent, deviation, highest_speed
 from artemis.vehicle import RobotFile
 
@@ -43,7 +42,7 @@ def facts_of(text: str, source: str) -> Facts:
     Raises:
         ConfigError: what cannot be read, with file:line:column.
     """
-    table = Table(text, source, COLUMNS, required=("x", "y"))
+    table = path_table(text, source)
     table.raise_problems()
     points = points_of(table)
     x, y = points.x, points.y

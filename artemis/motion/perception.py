@@ -31,10 +31,23 @@ UNCOUNTED_WAY, UNHEARD_TIME = 0.01, 0.5
 """A driven wheel that rolled further than this [m] while it was not heard, or was not heard for so long [s] since it
 rolled, is anywhere."""
 
+_ON = DriveState.OPERATION_ENABLE
+
 
 def stale_age(tick: float) -> float:
     """Feedback older than this [s] says nothing any more; `tick`: period of the scheduled ticks [s]."""
     return max(0.08, 2.5 * tick)
+
+
+def moment(time: float, left: DriveFeedback, right: DriveFeedback, stale: float) -> float:
+    """When the older of the positions of both driven wheels was measured [s of the run]: the pose is of that moment.
+
+    By the times of their frames on the bus, at run time `time` [s]. A drive that was not heard for longer than `stale`
+    [s] counts as standing.
+    """
+    first, second = left.age or 0.0, right.age or 0.0
+    age = first if first > second else second
+    return time - (age if age < stale else stale)
 
 
 class Perception:
@@ -58,6 +71,8 @@ class Perception:
         self._ackermann = Ackermann(robot.geometry)
         self._by_place = itemgetter(*robot.places)
         """Traction left, right, steering left, right."""
+        self._measured: float | None = None
+        """When the newest positions were measured [s of the run]; None: at least one drive was not heard."""
         self._rolled: deque[tuple[float, float, float]] = deque()
         self._stood = 0.0, 0.0
         """What both driven wheels had rolled [m] when they were last heard together; infinite: they were rolling."""
@@ -86,7 +101,7 @@ class Perception:
                 dt = min(sensed.time - before, self._dt_max)
                 distance = left.position - last_left, right.position - last_right
                 self._odometry = self._odometer.update(
-                    *distance, steer_left.position, steer_right.position, sensed.time - before
+                    *distance, steer_left.position, steer_right.position, self._elapsed(sensed, before, left, right)
                 )
             self._rolled.append((sensed.time, left.position, right.position))
             while len(self._rolled) > 2 and self._rolled[1][0] <= sensed.time - STANDING_TIME:
@@ -106,27 +121,41 @@ class Perception:
             verdict=verdict,
         )
 
+    def _elapsed(self, sensed: Sensed, before: float, left: DriveFeedback, right: DriveFeedback) -> float:
+        """Time between the last measurement of the wheels and this one [s], by their frames: a tick may come late.
+
+        0 where it is less than half a tick: then the counts are too coarse for a speed. Until both drives were heard,
+        the time since the tick at `before` [s of the run].
+        """
+        last, self._measured = self._measured, None
+        if left.age is not None and right.age is not None:
+            self._measured = moment(sensed.time, left, right, self._stale)
+        if last is None or self._measured is None:
+            return sensed.time - before
+        if self._measured - last < self._dt_max / 4:
+            self._measured = last
+        return self._measured - last
+
     def _located(self, sensed: Sensed, dt: float, *, at_once: bool, unheard: bool) -> LocatedPose:
         """The pose; without a localizer that of the odometry. `at_once`: it may jump."""
         localisation, odometry = self._localisation, self._odometry
         if localisation is None:
             return LocatedPose(pose=odometry.pose, lost=self._lost or unheard)
         if not sensed.urgent:
-            ages = [drive.age for drive in self._by_place(sensed.drives)[:2] if drive.age is not None]
-            localisation.move(sensed.time - min(max(ages, default=0.0), self._stale), odometry)
+            left, right, *_ = self._by_place(sensed.drives)
+            localisation.move(moment(sensed.time, left, right, self._stale), odometry)
         localisation.take(sensed.fixes, sensed.time)
         return localisation.located(sensed.time, dt, at_once=at_once, unheard=unheard, odometry=odometry)
 
     def as_they_stand(self, sensed: Sensed, last: SetPoints) -> SetPoints:
         """`last`, but with the measured angles while a steering drive is off, and no speed while traction is."""
         left, right, steer_left, steer_right = self._by_place(sensed.drives)
-        on = DriveState.OPERATION_ENABLE
-        if steer_left.state is not on or steer_right.state is not on:
-            angle_left = last.steering_left if steer_left.state is on else steer_left.position
-            angle_right = last.steering_right if steer_right.state is on else steer_right.position
+        if steer_left.state is not _ON or steer_right.state is not _ON:
+            angle_left = last.steering_left if steer_left.state is _ON else steer_left.position
+            angle_right = last.steering_right if steer_right.state is _ON else steer_right.position
             steering = self._ackermann.steering_from_wheel_angles(angle_left, angle_right)
             last = replace(last, steering=steering, steering_left=angle_left, steering_right=angle_right)
-        if left.state is not on or right.state is not on:
+        if left.state is not _ON or right.state is not _ON:
             last = replace(last, speed=0.0, speed_left=0.0, speed_right=0.0)
         return last
 

@@ -108,8 +108,7 @@ def _joined(path: Path, pieces: list[Array]) -> Path:
         spacing=float(at[1]),
         closed=path.closed,
         speed=None if path.speed is None else np.interp(np.interp(at, arc, source), np.arange(len(path.x)), path.speed),
-        deviation=path.deviation,
-        dropped=path.dropped,
+        drawn=path.drawn,
     )
     made.laps = path.laps
     return made

@@ -160,6 +160,11 @@ def route_from_csv(text: str, source: str) -> Route:
     return Route(tuple(parts))
 
 
+def noise_words(route: Route) -> list[str]:
+    """What smoothing did about noise, part by part."""
+    return [words for part in route.parts if part.path.drawn is not None and (words := part.path.drawn.words())]
+
+
 def turns_on_the_spot(parts: Sequence[Part]) -> Iterator[tuple[int, str]]:
     """Parts that do not begin with the heading with which the one before ends: which, and words for it."""
     for number, (before, after) in enumerate(pairwise(parts), start=1):
@@ -196,8 +201,6 @@ def part_of(points: Points, stretch: Stretch, *, whole: bool) -> Part:
     piece = slice(first, last + 1)
     speed = None if points.speed is None else points.speed[piece]
     path = path_from_points(points.x[piece], points.y[piece], speed=speed, between_halts=not whole)
-    if whole:
-        path.dropped = len(points.table.lines) - len(points.kept)
     return Part(path=path, backward=backward)
 
 
@@ -242,7 +245,6 @@ def _turned(path: Path) -> Path:
         spacing=path.spacing,
         closed=path.closed,
         speed=None if path.speed is None else path.speed[::-1],
-        deviation=path.deviation,
-        dropped=path.dropped,
+        drawn=path.drawn,
     )
     return turned.with_laps(path.laps)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bisect
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from artemis.errors import ConfigError, shown, similar
 
@@ -16,31 +16,55 @@ MAX_PROBLEMS = 20
 """A file of another kind has a problem in every line; the first ones tell."""
 
 
+Layout = Callable[[Sequence[Sequence[float]]], "tuple[str, ...] | str"]
+"""Columns without names -> their names here, or why nobody can know them."""
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+_DECIMAL_COMMAS = re.compile(rf"\s*{_DECIMAL_COMMA.pattern}(?:[ \t]+{_DECIMAL_COMMA.pattern})+\s*")
+
+
 class Table:
     """The rows that could be read, column by column, and everything that was wrong.
 
     Problems of meaning are added with `report`, so that the reader of the message sees all of them at once.
     """
 
-    def __init__(self, text: str, source: str, names: Mapping[str, str], *, required: Sequence[str]) -> None:
+    def __init__(
+        self,
+        text: str,
+        source: str,
+        names: Mapping[str, str],
+        *,
+        required: Sequence[str],
+        layout: Layout | None = None,
+        max_columns: int = MAX_COLUMNS,
+    ) -> None:
         """Read a table of finite numbers.
 
         Args:
             text: the whole file.
             source: its name, for messages.
-            names: what a header may call a column -> the column's name here. Without a header the columns are the
-                distinct names, in this order.
+            names: what a header may call a column -> the column's name here, "" for one that is not read. Without a
+                header, which may stand in the comment above the first row, the columns are the distinct names, in
+                this order.
             required: columns that must be there.
+            layout: without a header, which columns these are.
+            max_columns: more are refused.
 
         Attributes:
             columns: numbers by the column's name; all lists are equally long.
             lines: line in the file of each row, from 1.
             complete: every required column is there.
+            header: its cells in small letters; none if there is no header.
         """
         self.source = source
         self.columns: dict[str, list[float]] = {}
         self.lines: list[int] = []
         self.complete = False
+        self.header: list[str] = []
+        self._cells: list[int] = []
+        """Of each column the cell in a line, from 0."""
+        self._hints: set[str] = set()
+        self._layout, self._max_columns = layout, max_columns
         self._names = names
         self._problems: list[tuple[int, int, str]] = []
         self._unreadable: list[int] = []
@@ -54,7 +78,7 @@ class Table:
     def report(self, row: int, problem: str, column: str | None = None) -> None:
         """Note a problem of a row that could be read, or of one of its cells."""
         line = self.lines[row]
-        cell = list(self.columns).index(column) if column else 0
+        cell = self._cells[list(self.columns).index(column)] if column else 0
         self._problems.append((line, self._position(line, cell), problem))
 
     def report_file(self, problem: str) -> None:
@@ -83,30 +107,70 @@ class Table:
         rows = ((number, line) for number, line in filled if line.strip())
         number, first = next(rows, (1, ""))
         self._separator = next((mark for mark in ";," if mark in first), None)
-        cells = first.split(self._separator)
-        if first and all(_number(cell) is None for cell in cells):
-            if len(cells) > MAX_COLUMNS:
-                self._problems.append((number, 1, f"{len(cells)} columns; expected at most {MAX_COLUMNS}"))
-                return
+        if self._separator == "," and _DECIMAL_COMMAS.fullmatch(first):
+            self._separator = None
+        cells = self._split(first)
+        if len(cells) > self._max_columns:
+            self._problems.append((number, 1, f"{len(cells)} columns; expected at most {self._max_columns}"))
+            return
+        if first and not any(_number(cell) is not None or _DECIMAL_COMMA.fullmatch(cell) for cell in cells):
             self._read_header(number, cells)
+        elif commented := self._commented_header(number, len(cells)):
+            self._read_header(*commented)
+            self._read_row(number, first)
         else:
-            self.columns = {name: [] for name in list(dict.fromkeys(self._names.values()))[: len(cells)]}
+            self._name_columns(len(cells))
             if first:
                 self._read_row(number, first)
+        for line_number, line in rows:
+            if len(self.lines) == MAX_ROWS:
+                self._problems.append((line_number, 1, f"more than {MAX_ROWS} rows; thin the table out"))
+                break
+            self._read_row(line_number, line)
+        if self._layout is not None and not self.header and self.lines:
+            self._lay_out(self._layout(list(self.columns.values())))
+            if not self.complete and self._problems:
+                return
         missing = [name for name in required if name not in self.columns or not first]
         self.complete = not missing
         if missing:
             self._problems.append((number, 1, f"expected the columns {', '.join(required)}; no {', '.join(missing)}"))
-        for number, line in rows:
-            if len(self.lines) == MAX_ROWS:
-                self._problems.append((number, 1, f"more than {MAX_ROWS} rows; thin the table out"))
-                break
-            self._read_row(number, line)
+
+    def _split(self, line: str) -> list[str]:
+        return [cell.strip().strip('"').strip() for cell in line.split(self._separator)]
+
+    def _commented_header(self, number: int, count: int) -> tuple[int, list[str]] | None:
+        """The names in the comment above the first row, and its line, if each of them is known."""
+        above = number - 1
+        written = self._text[above - 1].strip() if above else ""
+        if not written.startswith("#"):
+            return None
+        for cells in (self._split(written[1:]), written[1:].split()):
+            if len(cells) == count and all(self._names.get(cell.strip().lower()) is not None for cell in cells):
+                return above, cells
+        return None
+
+    def _name_columns(self, count: int) -> None:
+        """Of a table without a header."""
+        if self._layout is None:
+            names = list(dict.fromkeys(self._names.values()))
+        else:
+            names = [f"column {index + 1}" for index in range(count)]
+        self.columns = {name: [] for name in names[:count]}
+        self._cells = list(range(len(self.columns)))
+
+    def _lay_out(self, names: tuple[str, ...] | str) -> None:
+        if isinstance(names, str):
+            self._problems.append((self.lines[0], 1, names))
+        else:
+            self.columns = dict(zip(names, self.columns.values(), strict=True))
 
     def _read_header(self, number: int, cells: list[str]) -> None:
-        for index, cell in enumerate(cells):
-            written = cell.strip()
+        self.header = [cell.lower() for cell in cells]
+        for index, written in enumerate(cells):
             name = self._names.get(written.lower())
+            if name == "":
+                continue
             if name is None:
                 problem = f"unknown column {shown(written)}; {similar(written.lower(), self._names)}"
                 self._problems.append((number, self._position(number, index), problem))
@@ -114,34 +178,45 @@ class Table:
                 problem = f"second column for {name}: {shown(written)}"
                 self._problems.append((number, self._position(number, index), problem))
             self.columns[name if name and name not in self.columns else f"column {index + 1}"] = []
+            self._cells.append(index)
 
     def _read_row(self, number: int, line: str) -> None:
-        cells = line.split(self._separator)
-        count = len(self.columns)
+        cells = self._split(line)
+        count = len(self.header) or len(self.columns)
         if len(cells) != count:
             problem = f"expected {count} columns ({', '.join(self.columns)}), found {len(cells)}"
-            self._problems.append((number, self._position(number, min(len(cells), count + 1) - 1), problem))
-            self._unreadable.append(number)
+            twice = self._separator == "," and len(cells) == 2 * count
+            hint = "a comma separates columns: write a point in a number, or semicolons between columns"
+            self._complain(number, min(len(cells), count + 1) - 1, problem, hint if twice else "")
             return
-        values = [_number(cell) for cell in cells]
+        values = [_number(cells[index]) for index in self._cells]
         numbers = [value for value in values if value is not None and math.isfinite(value)]
-        if len(numbers) == count:
+        if len(numbers) == len(values):
             self.lines.append(number)
             for column, value in zip(self.columns.values(), numbers, strict=True):
                 column.append(value)
             return
-        self._unreadable.append(number)
-        for index, (name, found) in enumerate(zip(self.columns, values, strict=True)):
+        for index, name, found in zip(self._cells, self.columns, values, strict=True):
             if found is None or not math.isfinite(found):
-                problem = f"{name}: expected a finite number, found {shown(cells[index].strip())}"
-                self._problems.append((number, self._position(number, index), problem))
+                problem = f"{name}: expected a finite number, found {shown(cells[index])}"
+                comma = _DECIMAL_COMMA.fullmatch(cells[index])
+                self._complain(number, index, problem, "write a point instead of the comma" if comma else "")
+
+    def _complain(self, number: int, index: int, problem: str, hint: str = "") -> None:
+        """Note what makes a row unreadable; of what has one cause in every row, the first one and a hint."""
+        self._unreadable.append(number)
+        if not hint:
+            self._problems.append((number, self._position(number, index), problem))
+        elif hint not in self._hints:
+            self._hints.add(hint)
+            self._problems.append((number, self._position(number, index), f"{problem}: {hint}"))
 
     def _position(self, line: int, cell: int) -> int:
         """Column in the file of a cell's first character, from 1."""
         text = self._text[line - 1].partition("#")[0]
         if self._separator is None:
             starts = [match.start() for match in re.finditer(r"\S+", text)]
-            return starts[cell] + 1
+            return starts[cell] + 1 if cell < len(starts) else 1
         before = self._separator.join(text.split(self._separator)[:cell])
         start = len(before) + (1 if cell else 0)
         rest = text[start:]

@@ -13,7 +13,7 @@ from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
 from artemis.motion.fitting import fitted
 from artemis.motion.path import path_from_points
-from artemis.motion.path_points import MIN_STEP, moving
+from artemis.motion.path_points import MIN_STEP, distinct
 from artemis.motion.route import Part, Route
 from artemis.motion.spline import Array
 from artemis.motion.totals import total
@@ -119,8 +119,8 @@ class Track:
         parts = []
         for poses, backward in legs:
             x, y = np.array([(pose.x, pose.y) for pose in poses]).T
-            kept = moving(x, y)
-            path = path_from_points(x[kept], y[kept], closed=closed, between_halts=not whole)
+            x, y, _ = distinct(x, y)
+            path = path_from_points(x, y, closed=closed, between_halts=not whole)
             parts.append(Part(path=path, backward=backward))
         speed = robot.limits.speed_m_s if speed is None else speed
         route = Route(tuple(parts))

@@ -93,7 +93,7 @@ def drawn(
     y: Array,
     *,
     spacing: float,
-    smoothing: float,
+    smoothing: float | None = None,
     closed: bool | None = None,
     speed: Array | None = None,
     between_halts: bool = False,
@@ -172,7 +172,14 @@ def deviation(x: Array, y: Array, path: Path) -> tuple[float, int]:
 
 
 def largest_distance(points: Array, line: Array) -> tuple[float, int]:
-    """Largest distance [m] of `points` from a densely sampled `line`, and of which point; both have shape (n, 2)."""
+    """Largest of `distances`, and of which point."""
+    distance = distances(points, line)
+    worst = int(np.argmax(distance))
+    return float(distance[worst]), worst
+
+
+def distances(points: Array, line: Array) -> Array:
+    """Distances [m] of `points` from a densely sampled `line`, shape (n,); both have shape (n, 2)."""
     from scipy.spatial import cKDTree  # no run needs it
 
     candidates = cKDTree(line).query(points, k=min(CANDIDATES, len(line)))[1]
@@ -180,8 +187,7 @@ def largest_distance(points: Array, line: Array) -> tuple[float, int]:
     for nearest in candidates.T:
         for first in (np.maximum(nearest - 1, 0), np.minimum(nearest, len(line) - 2)):
             distance = np.minimum(distance, _from_segments(points, line[first], line[first + 1]))
-    worst = int(np.argmax(distance))
-    return float(distance[worst]), worst
+    return distance
 
 
 def _from_segments(points: Array, begins: Array, ends: Array) -> Array:

@@ -7,6 +7,7 @@ program. An answer goes on as plain values: numbers are floats, whatever the plu
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import repeat
 from math import isfinite, sqrt
 from typing import ClassVar, TypeGuard
 
@@ -196,7 +197,7 @@ def is_whole_input(answer: object) -> TypeGuard[OperatorInput]:
 
 def _holds(parts: object, kinds: tuple[type, ...]) -> bool:
     """Whether it is a tuple of such parts."""
-    return isinstance(parts, tuple) and all(isinstance(part, kinds) for part in parts)
+    return isinstance(parts, tuple) and all(map(isinstance, parts, repeat(kinds)))
 
 
 def is_in_range(sample: OperatorInput) -> bool:

@@ -142,7 +142,7 @@ class Observation:
             self.dropped += 1
             if self.dropped == 1:
                 self._first_dropped = dropped[0].snapshot.sensed.index
-                self._complain(SLOW, f"it does not see all ticks, from tick {self._first_dropped} on")
+                self._complain(SLOW, f"it misses ticks, from tick {self._first_dropped} on")
 
     def take_problems(self) -> list[Problem]:
         """What went wrong since the last call."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
@@ -67,6 +68,22 @@ def write_all(file: Writable, data: bytes) -> None:
         if not written:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         left = left[written:]
+
+
+def write_whole(file: Path, text: str) -> None:
+    """Put a file there, whole or not at all: what was there stays if the disk refuses.
+
+    Raises:
+        RecordingError: it cannot be written.
+    """
+    part = file.with_name(f"{file.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(file)
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+        raise RecordingError(f"{file}: cannot be written: {error.strerror}") from error
 
 
 def low_disk(folder: Path, disk: Disk) -> str | None:

@@ -10,6 +10,7 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT
 from artemis.motion.potentiometers import memory_words
 from artemis.recording.journal import Entry, Level
+from artemis.states.requests import ignored
 from artemis.supervision.catalogue import EMERGENCIES, ROWS, emergency
 from artemis.supervision.catalogue.row import SHORT
 from artemis.supervision.supervisor import ALL_RECOVERIES
@@ -72,7 +73,7 @@ class EventLog:
         self._keep(sensed.time, frames)
         entries: list[Entry] = []
         if sensed.requests:
-            entries += self._requests(sensed, previous.mode if previous else tick.mode)
+            entries += self._requests(tick, previous.mode if previous else tick.mode)
         for drive in sensed.drives:
             if drive.emergencies or drive.boots:
                 entries += self._said(sensed.time, drive)
@@ -107,23 +108,27 @@ class EventLog:
             names = dict.fromkeys(self._nodes)
         ids = {self._nodes[name] for name in names}
         found = [
-            [round(at - self._origin, 6), "tx" if sent else "rx", f"{identifier:03X}", data.hex().upper()]
+            [round(frame.time - self._origin, 6), "tx" if sent else "rx", f"{frame.id:03X}", frame.data.hex().upper()]
             for _, frames in self._recent
-            for sent, (identifier, data, _, at) in frames
-            if identifier & 0x7F in ids or identifier == NMT
+            for sent, frame in frames
+            if frame.id & 0x7F in ids or frame.id == NMT
         ]
         text = f"{', '.join(names)}: {len(found)} frames of the last {EVIDENCE_TIME:g} s"
         return Entry(time=time, kind="frames", text=text, data={"drives": list(names), "frames": found})
 
     # -------------------------------------------------------------------------------------------------- requests
 
-    def _requests(self, sensed: Sensed, mode: Mode) -> Iterator[Entry]:
-        """Who asked for what, in which mode; what it leads to, other entries tell."""
+    def _requests(self, tick: Tick, mode: Mode) -> Iterator[Entry]:
+        """Who asked for what, in which mode; what it leads to, other entries tell, and if to nothing, why."""
+        sensed = tick.snapshot.sensed
         by_input = [(request, sample.source) for sample in sensed.inputs for request in sample.requests]
         by_operator = Counter(sensed.requests) - Counter(request for request, _ in by_input)
         for request, source in [*((request, "") for request in by_operator.elements()), *by_input]:
             data = {"request": request.value, "by": source or "operator", "mode": mode.value}
             text = f"{request.value} (by {source})" if source else request.value
+            if reason := ignored(request, tick):
+                data["ignored"] = reason
+                text += f": ignored, {reason}"
             yield Entry(time=sensed.time, kind="request", text=text, data=data)
 
     # -------------------------------------------------------------------------------------------------- the verdict
@@ -160,7 +165,7 @@ class EventLog:
             self._recovered[id] += 1
             times = ROWS[id].recovery.times
             told.append(f"{id} {self._recovered[id]} of {times} times" if times else id)
-        text = f"by itself: {', '.join(told)}; recovery {self._recoveries} of {ALL_RECOVERIES} in this run"
+        text = f"automatically: {', '.join(told)}; recovery {self._recoveries} of {ALL_RECOVERIES} in this run"
         data = {"faults": _listed(faults), "recoveries": self._recoveries, "at_most": ALL_RECOVERIES}
         return Entry(time=time, kind="recovered", text=text, level=Level.WARNING, data=data)
 
@@ -184,7 +189,7 @@ class EventLog:
         if cause.request is not None:
             return {"request": cause.request.value}, cause.request.value
         if cause.event is Event.ACKNOWLEDGED:
-            words = cause.event.value if self._forgotten_by == "person" else "recovered by itself"
+            words = cause.event.value if self._forgotten_by == "person" else "recovered automatically"
             return {"event": cause.event.value, "by": self._forgotten_by}, words
         faults, words = {"faults": _listed(cause.faults)}, [named(fault) for fault in cause.faults]
         if cause.event in (Event.FAULT, Event.STOP):
@@ -297,7 +302,7 @@ def _acknowledged(time: float, forgotten: Sequence[Fault], verdict: Verdict) -> 
 def _verdict(time: float, verdict: Verdict) -> Entry:
     words = [SHORT.get(verdict.severity, "nothing is wrong")]
     words += ["leads to fault"] * verdict.to_fault
-    words += ["recovers by itself"] * verdict.recovers + ["and goes on"] * verdict.resumes
+    words += ["recovers automatically"] * verdict.recovers + ["and continues"] * verdict.resumes
     words += ["not in this run"] * verdict.final
     words += ["PRESS THE EMERGENCY STOP: the robot does not stop"] * verdict.alarm
     data = {

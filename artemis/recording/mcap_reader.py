@@ -5,6 +5,7 @@ Never more of it is in memory than one chunk and the files that the mission name
 
 from __future__ import annotations
 
+import os
 import struct
 from array import array
 from collections import deque
@@ -12,9 +13,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from functools import cached_property
-from io import BufferedReader, BytesIO
+from io import BufferedReader, BytesIO, FileIO
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
+from zlib import crc32
 
 import msgspec
 import zstandard
@@ -22,7 +24,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Metadata
-from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.stream_reader import StreamReader
 from pydantic import ValidationError
 
 from artemis.devices.can_bus import Frame
@@ -39,6 +41,8 @@ _MESSAGE = struct.Struct("<HIQ8x")
 """Channel, sequence and log time at the beginning of a message; the publishing time is the same."""
 _CHUNK_FIELDS = 8 + 8 + 8 + 4 + 4 + 8
 """Bytes of a chunk beside the name of its compression and its data."""
+MOST_IN_CHUNK = 64 * 1024 * 1024
+"""A chunk that claims to hold more bytes is damaged: the recorder ends one with the message that passes 256 KiB."""
 _DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
 """What a damaged file makes the mcap package raise (checksums: ValueError; absurd lengths: the last two)."""
 _NOT_UNDERSTOOD = (msgspec.DecodeError, ValueError, RecursionError)
@@ -241,7 +245,7 @@ class Recording:
     @contextmanager
     def _opened(self) -> Iterator[BufferedReader]:
         try:
-            with self.path.open("rb") as stream:
+            with _BoundedFile(FileIO(self.path)) as stream:
                 yield stream
         except FileNotFoundError:
             raise RecordingError(f"{self.path}: no recording here; name a run folder or an MCAP file") from None
@@ -320,10 +324,37 @@ class Recording:
         return "; ".join(parts) or None
 
 
+class _BoundedFile(BufferedReader):
+    """A file that takes no more memory than it is long, whatever length a damaged record claims."""
+
+    def __init__(self, raw: FileIO) -> None:
+        super().__init__(raw)
+        self._length = os.fstat(raw.fileno()).st_size
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """As any file."""
+        return super().read(self._length if size is None else min(size, self._length))
+
+
 def _content(chunk: Chunk, *, check: bool) -> bytes:
-    """The records of a chunk, decompressed, and checked if asked for."""
-    stream, length = get_chunk_data_stream(chunk, validate_crc=check)
-    return stream.read(length)
+    """The records of a chunk, decompressed, and checked if asked for.
+
+    Raises:
+        ValueError: it claims to be larger than any that was ever written, is compressed otherwise, or damaged.
+    """
+    content, claimed = chunk.data, chunk.uncompressed_size
+    if chunk.compression == "zstd":
+        size = zstandard.get_frame_parameters(content).content_size
+        claimed = claimed if size == zstandard.CONTENTSIZE_UNKNOWN else max(claimed, size)
+    elif chunk.compression:
+        raise ValueError(f"a chunk is compressed by {chunk.compression!r}; expected zstd")
+    if claimed > MOST_IN_CHUNK:
+        raise ValueError(f"a chunk claims {claimed} bytes, more than {MOST_IN_CHUNK} that it may hold")
+    if chunk.compression:
+        content = zstandard.decompress(content, max_output_size=claimed)
+    if check and chunk.uncompressed_crc not in (0, crc32(content)):
+        raise ValueError("the checksum of a chunk is wrong")
+    return content
 
 
 def _line_from(record: bytes) -> tuple[schemas.Log, Level]:

@@ -31,7 +31,7 @@ from artemis.values import Pose, Snapshot, Tick
 
 CHUNK_SIZE = 256 * 1024
 """Bytes (before compression) that are written at once; a killed run loses less than this."""
-FLUSH_PERIOD, FAST_FLUSH_PERIOD = 0.2, 0.8
+FLUSH_PERIOD, FAST_FLUSH_PERIOD = 0.2, 0.4
 """What is older than this [s] is with the operating system: in real time, and on virtual time."""
 POSE_PERIOD = 0.1
 """Poses and transforms for viewers come this often [s]; `/tick` holds those of every tick."""

@@ -71,7 +71,7 @@ def first_entries(
     if (resumed := provenance.resume_point) is not None:
         pose = [resumed.pose.x, resumed.pose.y, resumed.pose.heading]
         data = {"run": resumed.run, "step": resumed.position.step, "done": resumed.position.done, "pose": pose}
-        entries.append(Entry(time=0.0, kind="resume", text=f"goes on with {resumed.run}", data=data))
+        entries.append(Entry(time=0.0, kind="resume", text=f"resumes {resumed.run}", data=data))
     if warning:
         entries.append(Entry(time=0.0, kind="warning", text=warning, level=Level.WARNING))
     return entries + [Entry(time=0.0, kind="path", text=remark) for remark in remarks]

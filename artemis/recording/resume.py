@@ -17,7 +17,7 @@ from artemis.recording.run_folder import RunFolder
 from artemis.recording.schemas import TickRecord
 from artemis.values import Mode, Pose, Request
 
-DONE, BROKEN = "done", "did not end in order"
+DONE, BROKEN = "done", "did not end normally"
 """How a run ended: with its last step, and by a failure of the program."""
 LONGEST_GAP = 1.0
 """A robot that went on for longer than this [s] after the last recorded tick is anywhere."""
@@ -43,7 +43,7 @@ def where_it_stopped(
 
     Raises:
         ConfigError: it was finished, its mission is another one now, it was simulated and this one is not or the other
-            way round, nobody knows where the robot is now, or nothing of it can be recovered.
+            way round, the position of the robot is unknown now, or nothing of it can be recovered.
     """
     try:
         return _where_it_stopped(Recording(run), run, files, steps, simulated, root)
@@ -61,16 +61,18 @@ def _where_it_stopped(
     if last is None:
         raise _refused(run, recording.missing or "it holds no tick")
     if last.position.step >= steps or DONE in (recording.outcome, entries[-1].text if _ended(entries) else ""):
-        raise ConfigError(f"{run}: this run is done, there is nothing to resume; leave --resume away to drive it again")
+        raise ConfigError(f"{run}: this run is complete; omit --resume to run the mission again")
     if was_simulated and not simulated:
-        raise _refused(run, "it was simulated, and this run is not; only with --simulate it can go on")
+        raise _refused(run, "it was simulated, and this run is not; it can be resumed only with --simulate")
     if simulated and not was_simulated:
         raise _refused(run, "it was not simulated, and this run is")
     if last.snapshot.pose.lost:
         why = (
-            "wheels rolled while nobody counted" if last.snapshot.odometry.lost else "no localizer had seen it for long"
+            "wheels rolled while their encoders were not read"
+            if last.snapshot.odometry.lost
+            else "no localizer had seen it for long"
         )
-        raise _refused(run, f"{why}: nobody knows where the robot is")
+        raise _refused(run, f"{why}: the position of the robot is unknown")
     if not simulated and (since := _driven_since(recording, root)) is not None:
         raise _refused(run, f"{since.name} has driven the robot since: only that run knows where it is")
     notes = [f"the recording is not whole: {recording.missing}"] if recording.missing else []
@@ -118,7 +120,7 @@ def _check_files(recording: Recording, files: Mapping[str, bytes]) -> None:
         raise ConfigError(
             [
                 f"{name}: is not what it was in {recording.path.parent}, so that run cannot be resumed; bring the file "
-                "back from the copy there, or leave --resume away to start afresh"
+                "back from the copy there, or omit --resume to start from the beginning"
                 for name in changed
             ]
         )
@@ -131,20 +133,20 @@ def _ended(entries: tuple[Entry, ...]) -> bool:
 def _doubts(run: Path, recording: Recording, last: TickRecord, entries: tuple[Entry, ...]) -> list[str]:
     """Why a real robot may not stand where the recording ends."""
     time, speed = last.snapshot.time, abs(last.snapshot.odometry.speed)
-    unknown = "nobody knows where the robot is"
+    unknown = "the position of the robot is unknown"
     until = entries[-1].time if entries else time
     if until > time + LONGEST_GAP:
-        seen = f"its recording ends at {time:.2f} s, the run went on until {until:.2f} s"
+        seen = f"its recording ends at {time:.2f} s, the run lasted until {until:.2f} s"
         raise _refused(run, f"{seen}: {unknown}")
     if not entries and recording.missing:
-        raise _refused(run, f"its recording is cut off, and no journal tells how long it went on: {unknown}")
+        raise _refused(run, f"its recording is cut off, and no journal shows how long the run lasted: {unknown}")
     for entry in entries:
         if entry.kind == "fault" and entry.data.get("id") in _DISK and entry.time > time:
             failed = f"{entry.data['id']} at {entry.time:.2f} s"
             raise _refused(run, f"the disk failed ({failed}) after what is recorded: {unknown}")
-    return [f"the robot was moving with {speed:.2f} m/s when the recording ends: it stands further on"] * (
-        speed > MOVING
-    )
+    return [
+        f"the robot was moving with {speed:.2f} m/s when the recording ends: it stands further along than recorded"
+    ] * (speed > MOVING)
 
 
 def _driven_since(recording: Recording, root: Path) -> Path | None:
@@ -189,4 +191,4 @@ def _tracks(run: Path, recording: Recording, step: int) -> dict[str, Track]:
 
 
 def _refused(run: Path, reason: str) -> ConfigError:
-    return ConfigError(f"{run}: cannot be resumed: {reason}; leave --resume away to start afresh")
+    return ConfigError(f"{run}: cannot be resumed: {reason}; omit --resume to start from the beginning")

@@ -11,6 +11,7 @@ from itertools import count
 from pathlib import Path, PurePath
 
 from artemis.errors import RecordingError
+from artemis.recording.disk import write_whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +58,9 @@ def keep_paths(folder: RunFolder, paths: Mapping[str, str]) -> list[str]:
         file = folder.paths / f"{name}.csv"
         try:
             file.parent.mkdir(exist_ok=True)
-            file.write_text(text, encoding="utf-8")
-        except OSError as error:
-            refused.append(f"{file}: {error.strerror}; `artemis path record {folder.path}` makes it again")
+            write_whole(file, text)
+        except (OSError, RecordingError) as error:
+            refused.append(f"{error}; `artemis path record {folder.path}` makes it again")
     return refused
 
 
@@ -68,9 +69,9 @@ def keep_calibration(folder: RunFolder, found: Mapping[str, object]) -> list[str
     if not found:
         return []
     try:
-        folder.calibration.write_text(json.dumps({"steering": found}, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        return [f"{folder.calibration}: {error.strerror}; the journal has the values"]
+        write_whole(folder.calibration, json.dumps({"steering": found}, indent=2) + "\n")
+    except RecordingError as error:
+        return [f"{error}; the journal has the values"]
     return []
 
 
@@ -84,6 +85,7 @@ def create_run_folder(root: Path, mission: str, start: datetime, files: Mapping[
         RecordingError: the folder or a copy cannot be made.
     """
     name = re.sub(r"[^\w.-]+", "-", mission).strip("-.") or "mission"
+    target = root
     try:
         folder = RunFolder(path=_new_folder(root, f"{start:%Y%m%dT%H%M%SZ}-{name}"))
         for file, content in files.items():
@@ -91,7 +93,7 @@ def create_run_folder(root: Path, mission: str, start: datetime, files: Mapping[
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(content)
     except OSError as error:
-        problem = f"{error.filename}: {error.strerror}"
+        problem = f"{error.filename or target}: {error.strerror}"
         raise RecordingError(f"cannot make the folder of the run: {problem}; see `record:` in the mission") from error
     return folder
 

@@ -267,7 +267,7 @@ def pack_frames(frames: Sequence[tuple[bool, Frame]]) -> bytes:
     """Frames, each with "sent by us", as consecutive `FRAME_RECORD`s."""
     pack = _FRAME.pack
     return b"".join(
-        [pack(time, sent | rtr << 1, identifier, len(data), data) for sent, (identifier, data, rtr, time) in frames]
+        [pack(frame.time, sent | frame.rtr << 1, frame.id, len(frame.data), frame.data) for sent, frame in frames]
     )
 
 

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
-from math import nan
+from math import isfinite, nan
+
+import numpy as np
 
 from artemis.errors import ConfigError
 from artemis.motion.fitting import route_for
+from artemis.motion.joining import straight
 from artemis.motion.path import Path
+from artemis.motion.perception import moment, stale_age
+from artemis.motion.poses import placed, seen_from
 from artemis.motion.route import Route, route_from_csv
+from artemis.motion.spline import Array
+from artemis.motion.waypoints import distances
 from artemis.recording.mcap_reader import Recording
+from artemis.recording.schemas import TickRecord
+from artemis.report.rows import Errors
 from artemis.values import Pose, Tracking
 
 SAME = 1e-3
@@ -19,33 +28,47 @@ PROJECTION_WINDOW = 0.5
 """The true pose is looked for this far [m] around its last place on the path."""
 STEP = 0.05
 """So far it moves from one tick to the next on its path at most [m], or it is looked for anew."""
+SPACING = 0.02
+BLOCK = 4096
 _NOWHERE = nan, nan
 
 
 def routes_of(recording: Recording) -> dict[int, tuple[Route, bool]]:
-    """The path files that the mission follows and that can be read, by the step's number.
+    """The path files and waypoints that the mission follows and that can be read, by the step's number.
 
     As it wants them driven; and whether they are begun at the place that is nearest to the robot.
     """
     routes = {}
     for number, step in enumerate(recording.mission.get("steps", ())):
         follow = step.get("follow") or {}
-        name, direction = follow.get("path"), follow.get("direction")
-        if not isinstance(name, str):
-            continue  # another step, or a path that was recorded
+        direction, rounding = follow.get("direction"), follow.get("round_corners_m")
         try:
+            given, lines = _given(recording, follow.get("path"), follow.get("laps", 1))
             route, _ = route_for(
-                route_from_csv(recording.files[name].decode(), name),
+                given,
                 recording.robot,
                 (follow.get("follower") or {}).get("speed_m_s") or recording.robot.limits.speed_m_s,
                 from_end=follow.get("from_end", False),
                 backward=None if direction is None else direction == "backward",
-                round_corners=follow.get("round_corners_m", 0.0),
+                round_corners=float(lines) if rounding is None else rounding,
             )
         except (KeyError, UnicodeDecodeError, ConfigError):
-            continue  # no file, or damaged in the recording: then there is no path to compare with
+            continue  # none, recorded in this run, or damaged in the recording: then there is no path to compare with
         routes[number] = route, follow.get("start") == "nearest"
     return routes
+
+
+def _given(recording: Recording, path: object, laps: int) -> tuple[Route, bool]:
+    """The route as the mission gives it, and whether by waypoints.
+
+    Raises KeyError: it does not, or not by something that is in the recording. ConfigError, UnicodeDecodeError: it
+    cannot be read.
+    """
+    if isinstance(path, str):
+        return route_from_csv(recording.files[path].decode(), path), False
+    if isinstance(path, dict):
+        return straight(path["waypoints"], closed=laps > 1), True
+    raise KeyError
 
 
 def _followed(route: Route, nearest: bool, tracking: Tracking, pose: Pose | None) -> tuple[Route, float] | None:
@@ -63,6 +86,74 @@ def _followed(route: Route, nearest: bool, tracking: Tracking, pose: Pose | None
     return begun, route.length - begun.length
 
 
+class TruePoses:
+    """True poses at the moments that the estimated ones are of: when the drives measured, not when the tick began."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._left, self._right, *_ = recording.robot.places
+        self._stale = stale_age(1.0 / recording.mission.get("tick_hz", 50))
+        self._last: tuple[float, Pose] | None = None
+        """Run time [s] and true pose of the last tick."""
+
+    def of(self, tick: TickRecord) -> tuple[float, Pose | None]:
+        """Moment [s of the run] of a tick's estimated pose, and the true pose then; None: nobody knows."""
+        sensed, true = tick.snapshot.sensed, tick.true_pose
+        drives = sensed.drives
+        measured = moment(sensed.time, drives[self._left], drives[self._right], self._stale) if drives else sensed.time
+        last, self._last = self._last, None
+        if true is None or not isfinite(true.x):
+            return measured, None
+        self._last = sensed.time, true
+        if last is None or tick.wish.reset_pose or not last[0] <= measured < sensed.time:
+            return measured, true
+        share, step = (measured - last[0]) / (sensed.time - last[0]), seen_from(last[1], true)
+        there = Pose(x=share * step.x, y=share * step.y, heading=share * step.heading)
+        return measured, placed(last[1], there)
+
+
+def _changed(route: Route) -> Array | None:
+    """The points that a route was made of, as a line with a point every `SPACING`; None: it leaves none of them."""
+    points, curves = [], []
+    for part in route.parts:
+        if part.path.drawn is None:
+            return None
+        points.append(part.path.drawn.points)
+        curves.append(np.column_stack([part.path.x, part.path.y]))
+    if distances(np.vstack(points), np.vstack(curves)).max() <= SAME:
+        return None
+    return np.vstack([_dense(corners) for corners in points])
+
+
+def _dense(corners: Array) -> Array:
+    distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
+    places = np.union1d(distance, np.arange(0.0, distance[-1], SPACING))
+    return np.column_stack([np.interp(places, distance, column) for column in corners.T])
+
+
+class GivenErrors:
+    """How far poses are from the points of a path as they were given, before smoothing and rounding."""
+
+    def __init__(self) -> None:
+        self.errors = Errors()
+        self._line: Array | None = None
+        self._poses: list[tuple[float, float]] = []
+
+    def add(self, pose: Pose | None, line: Array | None) -> None:
+        """A pose that follows the path of these points; None: unknown, or there is no such path."""
+        if line is not self._line or len(self._poses) >= BLOCK:
+            self.finish()
+            self._line = line
+        if pose is not None and line is not None:
+            self._poses.append((pose.x, pose.y))
+
+    def finish(self) -> None:
+        """Count the last ones."""
+        if self._line is not None and self._poses:
+            for distance in distances(np.array(self._poses), self._line).tolist():
+                self.errors.add(distance)
+        self._poses.clear()
+
+
 class TruePlaces:
     """Where the true pose is on the path that is followed, tick by tick."""
 
@@ -70,7 +161,10 @@ class TruePlaces:
         """`routes` as of `routes_of`."""
         self.paths: list[Path] = []
         """Every path that was followed so far."""
+        self.given: Array | None = None
+        """Points of the route that is followed as they were given, x, y [m]; None: its curve leaves none of them."""
         self._routes = routes
+        self._given = {step: points for step, (route, _) in routes.items() if (points := _changed(route)) is not None}
         self._following = False
         self._route: Route | None = None
         self._begins: list[float] = []
@@ -86,7 +180,7 @@ class TruePlaces:
             true: pose; None: nobody knows.
         """
         if tracking is None:
-            self._following = False
+            self._following, self.given = False, None
             return _NOWHERE
         if not self._following:
             self._following = True
@@ -105,10 +199,11 @@ class TruePlaces:
     def _begin(self, step: int, tracking: Tracking, true: Pose | None) -> None:
         route = self._routes.get(step)
         found = None if route is None else _followed(*route, tracking, true)
-        self._route, self._near = None, {}
+        self._route, self._near, self.given = None, {}, None
         if found is not None:
             self._route, driven = found
             self._begins = [begin + driven for begin in self._route.begins]
+            self.given = self._given.get(step)
             for part in self._route.parts:
                 if not any(part.path.x is other.x for other in self.paths):
                     self.paths.append(part.path)

@@ -8,25 +8,25 @@ from collections.abc import Sequence
 from artemis.recording.journal import Entry
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Kind, Row
-from artemis.values import Severity
+from artemis.values import JobKind, Severity
 
 DID = {
-    Severity.WARN: "nothing: the run goes on",
+    Severity.WARN: "nothing: the run continues",
     Severity.LIMIT: "drives on, slowly",
     Severity.CONTROLLED_STOP: "controlled stop, drives stay on",
     Severity.QUICK_STOP: "quick stop by the drives, then off",
     Severity.OFF: "drives off: the robot can roll",
 }
 """What artemis does, by severity."""
-_MEND = "mend the cause, acknowledge, arm"
+_MEND = "fix the cause, acknowledge, arm"
 _NEXT = {
-    Kind.ITSELF: "goes by itself when the cause is gone",
-    Kind.AUTOMATIC: f"artemis tries again by itself when the cause is gone; if that does not help: {_MEND}",
+    Kind.ITSELF: "clears when the cause is gone",
+    Kind.AUTOMATIC: f"artemis recovers automatically when the cause is gone; if that does not help: {_MEND}",
     Kind.ACKNOWLEDGED: _MEND,
     Kind.CALIBRATED: f"{_MEND}; the wheels are aligned again",
     Kind.CONFIGURED: f"{_MEND}; the drive is reset and configured again",
 }
-NEVER = "not in this run: mend the cause, then go on with --resume"
+NEVER = "not in this run: fix the cause, then continue with --resume"
 
 
 def next_step(row: Row, final: bool) -> str:
@@ -53,7 +53,8 @@ def histories(entries: Sequence[Entry]) -> list[str]:
     """The drives' own error histories, as last read: drive, and codes with their meaning."""
     found: dict[str, str] = {}
     for entry in entries:
-        drive, told, codes = entry.text.removeprefix("read history ").partition(": done: ")
-        if entry.kind == "result" and told:
+        job = f"{JobKind.READ_HISTORY.value} "
+        drive, told, codes = entry.text.removeprefix(job).partition(": done: ")
+        if entry.kind == "result" and entry.text.startswith(job) and told:
             found[drive] = f"{drive}: {codes}"
     return list(found.values())

@@ -7,8 +7,8 @@ from html import escape
 from math import degrees
 from pathlib import Path
 
-from artemis.errors import RecordingError
 from artemis.motion.comparison import Comparison
+from artemis.recording.disk import write_whole
 from artemis.recording.journal import Entry, Level
 from artemis.recording.mcap_reader import Recording
 from artemis.report.fault_words import explained, histories
@@ -65,10 +65,7 @@ def write_report(
     facts = summary(recording, run)
     sections = [] if truth is None else [_truth_section(*truth), *_figures(truth_figures.truth_drawn(run, truth[1]))]
     page = _page(facts, [*sections, *_figures(figures.drawn(run))], run.entries, recording)
-    try:
-        out.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{out}: cannot write the report: {error.strerror}") from error
+    write_whole(out, page)
     return facts
 
 
@@ -89,7 +86,7 @@ def _page(facts: Summary, sections: Sequence[str], entries: Sequence[Entry], rec
     parts = [
         f"<h1>{escape(facts.mission or 'Run')}</h1>",
         f"<p>{escape(facts.robot)} · {facts.start:%Y-%m-%d %H:%M:%S} UTC · {escape(facts.result)}</p>",
-        f"<p>Goes on with {escape(facts.resumed)}.</p>" if facts.resumed else "",
+        f"<p>Resumes {escape(facts.resumed)}.</p>" if facts.resumed else "",
         missing,
         '<div class="cards">',
         *(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for name, value in _cards(facts)),
@@ -148,6 +145,8 @@ def _rows(facts: Summary) -> list[tuple[str, str]]:
         ("distance", f"{facts.distance:.2f} m"),
         (f"cross-track error by {facts.source}: RMS, largest", _pair(facts.cross_track_rms, facts.cross_track_max)),
         ("cross-track error, true: RMS, largest", _pair(facts.true_cross_track_rms, facts.true_cross_track_max)),
+        (f"distance from the path as given, by {facts.source}: RMS, largest", _pair(facts.given_rms, facts.given_max)),
+        ("distance from the path as given, true: RMS, largest", _pair(facts.true_given_rms, facts.true_given_max)),
         (f"error of {facts.source} at the end", _known(facts.position_error_end)),
         ("highest speed: robot, a wheel", f"{facts.max_speed:.3f} m/s, {facts.max_wheel_speed:.3f} m/s"),
         ("largest steering angle of a wheel", f"{degrees(facts.max_steering):.1f}°"),

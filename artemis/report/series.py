@@ -16,7 +16,7 @@ from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.report.bus_load import BusLoad
-from artemis.report.cross_track import TruePlaces, routes_of
+from artemis.report.cross_track import GivenErrors, TruePlaces, TruePoses, routes_of
 from artemis.report.rows import Errors, Rows
 from artemis.values import DriveFeedback, Mode, Pose, SetPoints, Tracking
 from artemis.vehicle import RobotFile
@@ -49,6 +49,8 @@ class Series:
 
     time: Array
     """Run time [s], shape (n,)."""
+    moment: Array
+    """When the drives measured what the poses are computed from, at the SYNC before [s of the run]."""
     estimated: Array
     """Where the robot believed to be: x, y [m], heading [rad]; shape (n, 3)."""
     source: str
@@ -56,7 +58,7 @@ class Series:
     odometry: Array
     """Pose by odometry alone; with a localizer laid onto its first pose."""
     true: Array
-    """True pose, likewise."""
+    """True pose, likewise, at the moment that the estimated one is of."""
     distance: float
     """Distance of the rear axle centre, forward and back [m]."""
     speed: Array
@@ -83,6 +85,11 @@ class Series:
     error: Errors
     """Cross-track error by the estimated pose [m], over all ticks."""
     true_error: Errors
+    """The same by the true pose."""
+    given_error: Errors
+    """Distance from the path as it was given, before smoothing and rounding [m], by the estimated pose, over all ticks;
+    none where that path was followed as it was given."""
+    true_given_error: Errors
     """The same by the true pose."""
     error_end: float | None
     """Distance of the last estimated from the last true position [m]."""
@@ -120,7 +127,7 @@ def read_series(recording: Recording, *, every_tick: bool = False) -> Series:
 
 
 _COLUMNS = (
-    "time",
+    *("time", "moment"),
     *("x", "y", "heading"),
     *("odometry_x", "odometry_y", "odometry_heading"),
     *("true_x", "true_y", "true_heading"),
@@ -146,6 +153,7 @@ class _Reader:
 
     def __init__(self, recording: Recording, every_tick: bool) -> None:
         self._recording, robot = recording, recording.robot
+        self._true_poses = TruePoses(recording)
         self._states = {name: _Spans() for name in robot.drives}
         self._drives = [
             (name, _SET_POINTS[drive.role, drive.side], self._states[name], _MEASURED[drive.role])
@@ -162,6 +170,7 @@ class _Reader:
         """Of the last tick."""
         self._ticks = 0
         self._error, self._true_error = Errors(), Errors()
+        self._given, self._true_given = GivenErrors(), GivenErrors()
         self._error_end: float | None = None
         self._way = 0.0
         self._driven: float | None = None
@@ -175,13 +184,12 @@ class _Reader:
         """The next tick."""
         snapshot, points = tick.snapshot, tick.set_points
         sensed, odometry, time = snapshot.sensed, snapshot.odometry, snapshot.sensed.time
-        located, by_wheels, true = snapshot.pose, odometry.pose, tick.true_pose
+        located, by_wheels = snapshot.pose, odometry.pose
+        moment, true = self._true_poses.of(tick)
         estimated = located.pose
         if located.frame != "odom":
             self._located = self._located or (estimated, by_wheels)
             by_wheels = placed(self._located[0], seen_from(self._located[1], by_wheels))
-        if true is not None and not isfinite(true.x):
-            true = None
         tracking = tick.wish.tracking if tick.mode is Mode.FOLLOW else None
         if tracking is not None and not isfinite(tracking.arc_length):
             tracking = None
@@ -190,10 +198,12 @@ class _Reader:
         arc_length, cross_track, planned_speed, feedforward, feedback = followed
         self._error.add(cross_track)
         self._true_error.add(true_cross_track)
+        self._given.add(estimated, self._true_places.given)
+        self._true_given.add(true, self._true_places.given)
         if true is not None:
             self._error_end = hypot(estimated.x - true.x, estimated.y - true.y)
         at = true or _NO_POSE
-        row = [time, estimated.x, estimated.y, estimated.heading, by_wheels.x, by_wheels.y, by_wheels.heading]
+        row = [time, moment, estimated.x, estimated.y, estimated.heading, by_wheels.x, by_wheels.y, by_wheels.heading]
         row += (at.x, at.y, at.heading)
         row += (arc_length, cross_track, true_arc_length, true_cross_track)
         row += (odometry.speed, planned_speed, feedforward, feedback, sensed.late)
@@ -218,9 +228,12 @@ class _Reader:
         table = self._rows.table()
         columns = {name: table[:, number] for name, number in _AT.items()}
         modes = self._modes.intervals()
+        self._given.finish()
+        self._true_given.finish()
         bus_time, bus_load = self.bus.shares(self._recording.robot.bitrate)
         return Series(
             time=columns["time"],
+            moment=columns["moment"],
             estimated=table[:, _AT["x"] : _AT["heading"] + 1],
             source=self._source,
             odometry=table[:, _AT["odometry_x"] : _AT["odometry_heading"] + 1],
@@ -239,6 +252,8 @@ class _Reader:
             ticks=self._ticks,
             error=self._error,
             true_error=self._true_error,
+            given_error=self._given.errors,
+            true_given_error=self._true_given.errors,
             error_end=self._error_end,
             modes=modes,
             steps=tuple(interval for interval in modes if interval.value in _DOING),

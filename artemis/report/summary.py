@@ -43,6 +43,13 @@ class Summary:
     true_cross_track_rms: float | None
     true_cross_track_max: float | None
     """By the true pose."""
+    given_rms: float | None
+    given_max: float | None
+    """Distance from the path before smoothing and rounding, by the estimated pose; None also where those changed
+    nothing."""
+    true_given_rms: float | None
+    true_given_max: float | None
+    """By the true pose."""
     position_error_end: float | None
     """Distance of the last estimated from the last true position."""
     frames: int
@@ -82,6 +89,10 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         source=run.source,
         true_cross_track_rms=run.true_error.rms,
         true_cross_track_max=run.true_error.max,
+        given_rms=run.given_error.rms,
+        given_max=run.given_error.max,
+        true_given_rms=run.true_given_error.rms,
+        true_given_max=run.true_given_error.max,
         position_error_end=run.error_end,
         frames=run.frames,
         bus_load_mean=float(np.mean(run.bus_load)) if len(run.bus_load) else 0.0,
@@ -98,7 +109,7 @@ def _result(recording: Recording, run: Series) -> str:
     if outcome := recording.outcome or "".join(ends[-1:]):
         return outcome
     if run.finished:
-        return "ended in order"
+        return "ended normally"
     mode = run.modes[-1].value if run.modes else "the beginning"
     return f"broken off in {mode}"
 

@@ -11,7 +11,9 @@ from artemis.report.series import Series
 
 
 def estimated_trajectory(run: Series) -> Trajectory:
-    """The centre of the rear axle by the located pose, in its frame, run time, since the odometry got its origin.
+    """The centre of the rear axle by the located pose, in its frame, since the odometry got its origin.
+
+    Each pose at the run time when the drives measured what it is computed from.
 
     Raises:
         ConfigError: the run ended before.
@@ -29,7 +31,7 @@ def true_trajectory(run: Series) -> Trajectory | None:
 
 
 def _since_placed(run: Series, poses: Array) -> Trajectory:
-    time, poses = run.time[run.placed :], poses[run.placed :]
+    time, poses = run.moment[run.placed :], poses[run.placed :]
     kept = np.isfinite(poses[:, 0]) & (np.diff(time, prepend=-np.inf) > 0)
     if not kept.any():
         raise ConfigError("the run ended before the odometry got its origin: there are no poses")

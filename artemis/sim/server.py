@@ -104,7 +104,7 @@ class _Exchange:
         """The first waiting frame has left: everybody hears it."""
         _, _, _, sender, frame = heappop(self._waiting)
         self._wire_free = max(self._now, self._clock() - self._stood - BURST * self._bit_time)
-        with suppress(DeviceBusy):  # nobody acknowledges what we send: a drive's mailbox is overwritten, too
+        with suppress(DeviceBusy):  # no operator acknowledges what we send: a drive's mailbox is overwritten, too
             self._bus.send(frame)
         self._hear(frame, self._now, sender)
 

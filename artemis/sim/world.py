@@ -8,13 +8,13 @@ from typing import Annotated
 
 from pydantic import Field
 
-from artemis.config import Config
+from artemis.config import Config, Quantity
 from artemis.sim.axis import NOMINAL_VOLTAGE, Axis
 from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.vehicle import Chassis, Vehicle
 from artemis.sim.wheels import DrivenWheel, SteeredWheel
 from artemis.values import Pose
-from artemis.vehicle import Pair, Positive, RobotFile
+from artemis.vehicle import Inset, Length, RobotFile
 
 LONGEST_STEP = 5e-3
 """Axes and vehicle move in equal steps of this length or less (a twentieth more, if that saves a step) [s]."""
@@ -24,46 +24,53 @@ GRAVITY = 9.81
 """[m/s²]."""
 
 
+Scale = Annotated[float, Quantity(0.1, 10.0, "")]
+SignedScale = Annotated[float, Quantity(0.1, 10.0, "", signed=True)]  # a potentiometer may be mounted the other way
+Scales = Annotated[tuple[SignedScale, SignedScale], Field(strict=False)]  # YAML knows only lists
+WheelAngle = Annotated[float, Quantity(-90.0, 90.0, "degrees")]
+Resistance = Annotated[float, Quantity(1e-4, 1000.0, "ohms")]
+
+
 class Supply(Config):
     """Two lead batteries in series and the wires to the drives; braking drives feed back."""
 
-    battery_v: Positive = 25.0
+    battery_v: Annotated[float, Quantity(1.0, 100.0, "V")] = 25.0
     """Without load."""
-    source_resistance_ohm: Positive = 0.1
-    back_feed_resistance_ohm: Positive = 0.5
+    source_resistance_ohm: Resistance = 0.1
+    back_feed_resistance_ohm: Resistance = 0.5
     """Instead of the source resistance while current flows back: the less the battery takes, the higher it is."""
-    capacitance_f: Positive = 0.01
+    capacitance_f: Annotated[float, Quantity(1e-5, 10.0, "F")] = 0.01
     """Of all drives together."""
 
 
 class PlantParameters(Config):
     """What is true of the simulated machine and the software does not know. None: as the robot file says."""
 
-    steering_zero_left_deg: float = 0.0
+    steering_zero_left_deg: WheelAngle = 0.0
     """True wheel angle where the calibrated potentiometers say 0."""
-    steering_zero_right_deg: float = 0.0
-    steering_scale_left: Positive = 1.0
+    steering_zero_right_deg: WheelAngle = 0.0
+    steering_scale_left: Scale = 1.0
     """True change of the wheel angle per count, as a multiple of the robot file's."""
-    steering_scale_right: Positive = 1.0
-    backlash_deg: Annotated[float, Field(ge=0)] = 0.0
+    steering_scale_right: Scale = 1.0
+    backlash_deg: Annotated[float, Quantity(0.0, 30.0, "degrees")] = 0.0
     """Play between each steering motor and its wheel, from end to end, at the wheel; the potentiometers turn with the
     wheel."""
-    wheel_scale_left: Positive = 1.0
+    wheel_scale_left: Scale = 1.0
     """True metres per count, as a multiple of the robot file's."""
-    wheel_scale_right: Positive = 1.0
-    wheelbase_m: Positive | None = None
-    track_m: Positive | None = None
-    scrub_radius_m: Annotated[float, Field(ge=0)] | None = None
-    potentiometer_slopes_left: Pair = (1.0, 1.0)
+    wheel_scale_right: Scale = 1.0
+    wheelbase_m: Length | None = None
+    track_m: Length | None = None
+    scrub_radius_m: Inset | None = None
+    potentiometer_slopes_left: Scales = (1.0, 1.0)
     """True degrees per volt of both potentiometers, as multiples of the robot file's."""
-    potentiometer_slopes_right: Pair = (1.0, 1.0)
-    potentiometer_noise_v: Annotated[float, Field(ge=0)] = 0.0
+    potentiometer_slopes_right: Scales = (1.0, 1.0)
+    potentiometer_noise_v: Annotated[float, Quantity(0.0, 5.0, "V")] = 0.0
     """Standard deviation."""
     slip: Annotated[float, Field(ge=0, lt=0.5)] = 0.0
     """Share of its distance that a driven wheel loses, on average."""
-    start_steering_left_deg: float = 7.0
+    start_steering_left_deg: WheelAngle = 7.0
     """True wheel angle at power-up."""
-    start_steering_right_deg: float = -4.0
+    start_steering_right_deg: WheelAngle = -4.0
     x_m: float = 0.0
     """True place of the rear axle's centre at power-up."""
     y_m: float = 0.0

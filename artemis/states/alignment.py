@@ -47,7 +47,7 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
     volts, snapshot = yield from _read_potentiometers(shared.plan, snapshot)
     names = shared.plan.drives("steering")
     if shared.plan.found and shared.bring_up.taken:
-        seen = "the wheels may have been turned since their angles were measured from outside: begin anew"
+        seen = "the wheels may have been turned since their angles were measured from outside: start again"
         raise Failed(OFF, catalogue.fault("CAL-01", "", seen))
     fault = next((f for name in names for f in _implausible(shared.plan, name, volts[name])), None)
     if fault is not None:
@@ -123,7 +123,7 @@ class Lookout:
         found = [result for result in snapshot.sensed.results if result.id in self._under_way]
         self._under_way.difference_update(result.id for result in found)
         if strangers := [result.drive for result in found if result.values]:
-            wish = replace(wish, phase=f"stopped what somebody else switched on: {', '.join(strangers)}")
+            wish = replace(wish, phase=f"stopped what another master switched on: {', '.join(strangers)}")
         if self._under_way or snapshot.time < self._next:
             return wish
         jobs = shared.bring_up.jobs(JobKind.KEEP_OFF, shared.plan.drives())

@@ -6,7 +6,16 @@ from msgspec.structs import replace
 
 from artemis.drive_states import DriveState, Goal
 from artemis.states.gains import restore_gains
-from artemis.states.mode import STOPPING, Routine, RoutineMode, come_to_rest, finish_jobs, is_second, listen
+from artemis.states.mode import (
+    STOPPING,
+    Routine,
+    RoutineMode,
+    come_to_rest,
+    finish_jobs,
+    is_second,
+    listen,
+    nobody_answers,
+)
 from artemis.supervision import catalogue
 from artemis.values import JobKind, Snapshot, Wish
 
@@ -38,7 +47,7 @@ class EndMode(RoutineMode):
                 break
             results, snapshot = yield from finish_jobs(idle, bring_up.jobs(JobKind.DISARM, plan.drives(role)))
             for result in results:
-                if not result.ok:
+                if not result.ok and not nobody_answers(snapshot):
                     fault = catalogue.fault("COM-34", result.drive, result.detail)
                     snapshot = yield replace(idle, fault=fault, failed=True)
         yield replace(idle, exchange=False)  # the last heartbeat

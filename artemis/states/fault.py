@@ -17,6 +17,7 @@ from artemis.states.mode import (
     finish_jobs,
     give_up,
     is_second,
+    nobody_answers,
     secure,
 )
 from artemis.supervision import catalogue
@@ -39,7 +40,7 @@ class FaultMode(RoutineMode):
         self._lookout = Lookout()
 
     def step(self, snapshot: Snapshot) -> Wish:
-        """As the routine says; an acknowledgment counts also while the robot still stops."""
+        """As the routine says; an acknowledgment counts also while the robot is still stopping."""
         self._acknowledged = self._acknowledged or Request.ACKNOWLEDGE in snapshot.sensed.requests
         if snapshot.verdict.stops:
             self._resumes = snapshot.verdict.resumes
@@ -53,7 +54,7 @@ class FaultMode(RoutineMode):
         """Drives that could not be secured may still turn: they are tried until they are. The first one is a fault."""
         ended = [result for result in snapshot.sensed.results if result.kind is JobKind.SECURE]
         failed = [result.drive for result in ended if not result.ok]
-        if failed and not self._insecure:
+        if failed and not self._insecure and not nobody_answers(snapshot):
             wish = replace(wish, fault=failure(ended))
         self._insecure.difference_update(result.drive for result in ended)
         self._insecure.update(failed)
@@ -91,9 +92,9 @@ class FaultMode(RoutineMode):
         if late or is_second(self.shared, snapshot) or not (snapshot.sensed.attended or goes_on):
             return (yield give_up(replace(idle, phase="fault"), late=late))
         if verdict.final:
-            phase = f"this run cannot go on, end it: {present.text}"
+            phase = f"this run cannot continue; end it: {present.text}"
         elif verdict.recovers:
-            phase = "recovers by itself"
+            phase = "recovers automatically"
         elif self._acknowledged:
             self._acknowledged = False
             phase = f"cannot acknowledge yet: {present.text}"

@@ -122,7 +122,7 @@ def _hold(
         snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=wanted), phase=phase)
         for name, error in _errors(plan, snapshot):
             if (often := swings[name].count(snapshot.time, error)) > MOST_SWINGS:
-                seen = f"swings: {often} turns by a degree or more in {SWING_TIME:g} s; less P or I, or more D"
+                seen = f"oscillates: {often} turns by a degree or more in {SWING_TIME:g} s; less P or I, or more D"
                 raise Failed(STEERING_ON, catalogue.fault("CAL-01", name, seen))
     return snapshot
 
@@ -155,7 +155,7 @@ class OscillationDetector:
                 self._distances[drive.name] += (points.speed_left if left else points.speed_right) * dt
                 often = self._swings[drive.name].count(snapshot.time, self._distances[drive.name] - drive.position)
                 if often > MOST_SWINGS:
-                    seen = f"swings: {often} turns by {1000 * SHAKE:g} mm or more in {SWING_TIME:g} s; less P or I"
+                    seen = f"oscillates: {often} turns by {1000 * SHAKE:g} mm or more in {SWING_TIME:g} s; less P or I"
                     return catalogue.fault("CAL-01", drive.name, seen)
         return None
 

@@ -50,7 +50,7 @@ class InitMode(RoutineMode):
         """Listen, secure, configure, prove, wait for arm, align."""
         shared, plan, bring_up = self.shared, self.plan, self.bring_up
         silent = replace(SILENT, heartbeat=bring_up.connected)  # drives of ours still watch: secured, they no longer do
-        bring_up.connected = bring_up.aligned = False
+        bring_up.connected = bring_up.proving = bring_up.aligned = False
         snapshot = yield from listen(silent, snapshot, snapshot.time + LISTEN)
         results, snapshot = yield from secure(shared, silent, snapshot)
         if all(result.ok for result in results):
@@ -70,7 +70,7 @@ class InitMode(RoutineMode):
         ):
             late = snapshot.time > latest
             if late or not (bring_up.armed or snapshot.sensed.attended):
-                yield give_up(replace(OFF, phase="nobody there to arm"), late=late)
+                yield give_up(replace(OFF, phase="no operator to arm"), late=late)
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
         bring_up.armed = bring_up.held = False
         yield from align(shared, snapshot)
@@ -96,6 +96,7 @@ class InitMode(RoutineMode):
                 missed.add(drive.name)
             return drive.state is DriveState.FAULT
 
+        self.bring_up.proving = True
         earliest, problem = last_beat + WATCH_TIME, "no fault without our heartbeat"
         snapshot = yield from self._until(is_lost, WITHHOLDING, "COM-30", problem, snapshot, earliest)
         unheard = [name for name in self.plan.drives() if name not in missed]
@@ -107,7 +108,9 @@ class InitMode(RoutineMode):
                         f"in fault for another reason: {', '.join(map(hex, result.values)) or result.detail or 'none'}"
                     )
                     raise Failed(SILENT, catalogue.fault("COM-30", result.drive, seen))
-        return (yield from self._until(_off, RESETTING, "COM-08", "fault reset refused", snapshot))
+        snapshot = yield from self._until(_off, RESETTING, "COM-08", "fault reset refused", snapshot)
+        self.bring_up.proving = False
+        return snapshot
 
     def _until(
         self,

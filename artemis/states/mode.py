@@ -126,6 +126,12 @@ def is_second(shared: Shared, snapshot: Snapshot) -> bool:
     return not shared.bring_up.connected and any(fault.id == "COM-18" for fault in snapshot.verdict.faults)
 
 
+def nobody_answers(snapshot: Snapshot) -> bool:
+    """No drive was ever heard, and that is said (COM-32): what each does not answer is no news."""
+    heard = any(drive.nmt is not None or drive.age is not None for drive in snapshot.sensed.drives)
+    return not heard and any(fault.id == "COM-32" for fault in snapshot.verdict.faults)
+
+
 def hands_on(inputs: Iterable[OperatorInput]) -> str | None:
     """What a person has to do before every control rests; None: nothing. Of some devices nothing is known at first."""
     held = [sample for sample in inputs if not sample.neutral]

@@ -62,6 +62,8 @@ class TeleopStep(Struct, frozen=True, kw_only=True):
     """Of the virtual front wheel [m/s], where the input says: it drives no faster."""
     record: str = ""
     """Name of the path that is recorded; none: nothing is."""
+    enabled_by: str = "the enable button"
+    """What a person holds to drive, as messages name it."""
 
 
 class WaitStep(Struct, frozen=True, kw_only=True):
@@ -132,6 +134,8 @@ class BringUp:
     """The next bring-up may go on to enable the drives: starting the run is the first arm, then each takes its own."""
     connected: bool = False
     """The drives have our configuration: process data may be exchanged."""
+    proving: bool = False
+    """Our heartbeat is withheld, or was: the drives may miss it at any moment."""
     aligned: bool = False
     """The wheels were aligned since the drives were last brought up."""
     placed: bool = False

@@ -37,6 +37,8 @@ class QuickstopMode(RoutineMode):
         self._acknowledged = self._resumes = False
         self._lookout = Lookout()
         self.bring_up.armed = False  # what was meant for a bring-up is no arm after a stop
+        if self.bring_up.proving:  # drives that miss our heartbeat now are at no fault: they are secured, as before
+            self.bring_up.connected = False
 
     def step(self, snapshot: Snapshot) -> Wish:
         """As the routine says; drives without our configuration exchange nothing, their jobs stop them."""
@@ -79,7 +81,7 @@ class QuickstopMode(RoutineMode):
 
     def _may_go_on(self, snapshot: Snapshot) -> bool:
         """Armed by a person, or by a mission that says so where all causes are gone; with the controls released."""
-        if _waits_for(snapshot) is not None:
+        if waits_for(snapshot) is not None:
             return False
         return Request.ARM in snapshot.sensed.requests or self._goes_on
 
@@ -93,7 +95,7 @@ class QuickstopMode(RoutineMode):
         alone = not snapshot.sensed.attended and not self._goes_on
         if alone or snapshot.time > latest:
             return give_up(replace(rest, phase="stopped"), late=not alone)
-        wish = replace(rest, phase=_waits_for(snapshot) or "stopped: arm to go on")
+        wish = replace(rest, phase=waits_for(snapshot) or "stopped: arm to continue")
         return self._lookout.watch(self.shared, wish, snapshot)
 
 
@@ -109,11 +111,11 @@ def _ramp(snapshot: Snapshot) -> Wish:
     return replace(ON, command=DriveCommand(steering=snapshot.set_points.steering), phase="stopping")
 
 
-def _waits_for(snapshot: Snapshot) -> str | None:
+def waits_for(snapshot: Snapshot) -> str | None:
     """What the operator has to do before arming; None: nothing."""
     verdict = snapshot.verdict
     if verdict.final:
-        return f"this run cannot go on, end it: {verdict.faults[0].text}"
+        return f"this run cannot continue; end it: {verdict.faults[0].text}"
     if verdict.stops:
-        return "recovers by itself" if verdict.recovers else f"acknowledge: {verdict.faults[0].text}"
+        return "recovers automatically" if verdict.recovers else f"acknowledge: {verdict.faults[0].text}"
     return hands_on(snapshot.sensed.inputs)

@@ -80,7 +80,7 @@ def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -
         else:
             straight[side], snapshot = yield from _ask_straight(shared.plan, side, snapshot)
     if by_hand := [side for side in step.sides if side not in step.reference]:
-        snapshot = yield from _ask("hands off, the wheels turn to both sides now: enter: go, q: no", snapshot)
+        snapshot = yield from _ask("keep clear, the wheels turn to both sides now: enter: start, q: cancel", snapshot)
         if shared.plan.blind:
             snapshot = yield from _take_as_straight(shared, {side: straight[side][0] for side in by_hand}, snapshot)
             straight.update({side: (0.0, straight[side][1]) for side in by_hand})
@@ -145,7 +145,7 @@ def _check_somebody(snapshot: Snapshot, begun: float, question: str) -> None:
         Failed: nobody is there, or nobody came.
     """
     if not snapshot.sensed.attended or snapshot.time > begun + PATIENCE:
-        raise Failed(STEERING_ON, _refused("", f"nobody answers: {question}"))
+        raise Failed(STEERING_ON, _refused("", f"no answer from the operator: {question}"))
 
 
 def _ask_straight(

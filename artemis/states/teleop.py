@@ -50,7 +50,7 @@ class TeleopMode:
             return replace(ON, command=stand, fault=unheard)
         if not sample.enabled:
             self._released = snapshot.standing  # a press that comes sooner does not count (INP-09)
-            return replace(ON, command=stand, phase="hold the enable button to drive")
+            return replace(ON, command=stand, phase=f"hold {step.enabled_by} to drive")
         if not self._released:
-            return replace(ON, command=stand, phase="release the enable button, and press it again at standstill")
+            return replace(ON, command=stand, phase=f"release {step.enabled_by}, and press it again at standstill")
         return replace(ON, command=DriveCommand(speed=sample.speed, steering=sample.steering), phase="driving")

@@ -34,7 +34,7 @@ def problems_of(id: str, policy: Policy) -> list[str]:
     """What is wrong with a policy, one sentence each: the row, the key, what it says, what the table allows."""
     row = ROWS[id]
     if row.found not in WATCHED:
-        return [f"{id} ({row.name}) is never noticed in a run: {row.found.value}; it takes no policy"]
+        return [f"{id} ({row.name}) is never noticed in a run: {row.found.value}; it cannot have a policy"]
     problems = []
     if policy.reaction is not None and policy.reaction < row.severity:
         problems.append(f"reaction: {SHORT[policy.reaction]} is milder than {id} allows ({SHORT[row.severity]})")
@@ -46,11 +46,11 @@ def problems_of(id: str, policy: Policy) -> list[str]:
     automatic = row.recovery.kind is Kind.AUTOMATIC
     if policy.retries is not None:
         if not automatic:
-            problems.append(f"retries: {id} recovers only this way: {row.recovery.kind.value}")
+            problems.append(f"retries: {id} recovers only by: {row.recovery.kind.value}")
         elif not 0 <= policy.retries <= row.recovery.times:
             problems.append(f"retries: {policy.retries} is not within 0 and the {row.recovery.times} of {id}")
     if policy.resume == "continue" and not (automatic and policy.retries != 0):
-        problems.append(f"resume: {id} does not recover by itself, so nothing can continue")
+        problems.append(f"resume: {id} does not recover by itself, so the run cannot continue")
     return problems
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections import deque
+from bisect import bisect_left, bisect_right
 from math import degrees
 from operator import itemgetter
 
@@ -37,6 +36,8 @@ PROGRESS = 0.01
 """A robot on its way along a path gets further by this [m] within the row's time."""
 
 
+_ON, _ENABLED, _QUICK_STOPPED, _RUN = DriveState.OPERATION_ENABLE, Goal.ENABLED, Goal.QUICK_STOPPED, Action.RUN
+
 Drives = tuple[DriveFeedback, DriveFeedback, DriveFeedback, DriveFeedback]
 """Traction left, right, steering left, right."""
 
@@ -50,8 +51,6 @@ class Wheels:
 
     _speeds: tuple[float, float]
     """Of the driven wheels (left, right) in this tick [m/s]."""
-    _asked_columns: tuple[tuple[float, ...], ...]
-    """`_asked` in columns, of a tick in which the wheels are driven."""
 
     def __init__(self, robot: RobotFile, tick: float, blind: bool = False) -> None:
         """`blind`: the calibration of the potentiometers means nothing."""
@@ -59,10 +58,14 @@ class Wheels:
         self._car = Ackermann(robot.geometry)
         self._steered = [SteeredWheelMonitor(robot, side, blind) for side in ("left", "right")]
         self._by_place = itemgetter(*robot.places)
-        self._moments: deque[tuple[float, float, float]] = deque()
-        """Time [s], distances of both wheels [m]."""
-        self._asked: deque[tuple[float, float, float]] = deque()
-        """Time [s], speeds of both wheels [m/s]."""
+        self._rolled_at = list[float]()
+        """Times of the following [s]."""
+        self._rolled = list[float](), list[float]()
+        """Distances of the left and of the right wheel [m]."""
+        self._asked_at = list[float]()
+        """Times of the following [s]."""
+        self._asked = list[float](), list[float]()
+        """Speeds of the left and of the right wheel [m/s]."""
         self._planned = 0.0
         self._ramp_from = 0.0
         self._braking = False
@@ -84,14 +87,15 @@ class Wheels:
         drives: Drives = self._by_place(sensed.drives)
         stale = [drive.age is None or drive.age > self._stale for drive in drives]
         if not last.exchange or stale[0] or stale[1]:
-            self._moments.clear()
+            for column in (self._rolled_at, *self._rolled):
+                column.clear()
             self.speed = 0.0
             return []
         self._look(sensed.time, drives, last, points, stops)
         readings = self._traction(drives, stops)
         if last.supervised:
             readings += self._slip(drives)
-            turns, (left, right) = last.steering is Goal.ENABLED, self._steered
+            turns, (left, right) = last.steering is _ENABLED, self._steered
             if not stale[2]:
                 readings += left.read(drives[2], points.steering_left, turns)
             if not stale[3]:
@@ -103,25 +107,29 @@ class Wheels:
     # ------------------------------------------------------------------------------------------ driven wheels
 
     def _look(self, now: float, drives: Drives, last: Wish, points: SetPoints, stops: bool) -> None:
-        moments = self._moments
-        dt = now - moments[-1][0] if moments else 0.0
-        moments.append((now, drives[0].position, drives[1].position))
-        while len(moments) > 1 and moments[1][0] <= now - SLIP_TIME:
-            moments.popleft()
+        times, lefts, rights = self._rolled_at, *self._rolled
+        dt = now - times[-1] if times else 0.0
+        times.append(now)
+        lefts.append(drives[0].position)
+        rights.append(drives[1].position)
+        while len(times) > 1 and times[1] <= now - SLIP_TIME:
+            del times[0], lefts[0], rights[0]
         self._speeds = left, right = self._over(SPEED_TIME)
         self.speed = max(abs(left), abs(right))
-        driven = last.command.action is Action.RUN and last.traction is Goal.ENABLED
-        self._asked.append((now, points.speed_left, points.speed_right) if driven else (now, 0.0, 0.0))
-        while self._asked[0][0] < now - ANSWER_TIME:
-            self._asked.popleft()
+        driven = last.command.action is _RUN and last.traction is _ENABLED
+        times, lefts, rights = self._asked_at, *self._asked
+        times.append(now)
+        lefts.append(points.speed_left if driven else 0.0)
+        rights.append(points.speed_right if driven else 0.0)
+        while times[0] < now - ANSWER_TIME:
+            del times[0], lefts[0], rights[0]
         if driven:
-            self._asked_columns = _, lefts, rights = tuple(zip(*self._asked, strict=True))
             self._planned = max(max(lefts), max(rights), -min(lefts), -min(rights))
         elif self._driven or (stops and not self._stops):  # it may roll though nobody drove it
             self._ramp_from, self._planned = now + RAMP_DELAY, max(self._planned, self.speed)
             self._braking = self._planned > MOVING
         elif now > self._ramp_from:
-            brakes = last.traction is Goal.QUICK_STOPPED and any(drive.state in POWERED for drive in drives[:2])
+            brakes = last.traction is _QUICK_STOPPED and any(drive.state in POWERED for drive in drives[:2])
             ramp = self._limits.quick_stop_deceleration_m_s2 if brakes else COASTING
             self._planned = max(0.0, self._planned - ramp * dt)
         self._braking = self._braking and not driven and self.speed > AT_REST
@@ -129,15 +137,12 @@ class Wheels:
 
     def _over(self, time: float) -> tuple[float, float]:
         """Speeds (left, right) over about the last `time` [s]."""
-        now, left, right = self._moments[-1]
-        for moment in reversed(self._moments):
-            if now - moment[0] >= 0.99 * time:
-                break
-        then, left_then, right_then = moment
-        span = now - then
+        times, (lefts, rights) = self._rolled_at, self._rolled
+        then = max(bisect_right(times, times[-1] - 0.99 * time) - 1, 0)
+        span = times[-1] - times[then]
         if span <= 0.0:
             return 0.0, 0.0
-        return (left - left_then) / span, (right - right_then) / span
+        return (lefts[-1] - lefts[then]) / span, (rights[-1] - rights[then]) / span
 
     def _traction(self, drives: Drives, stops: bool) -> list[Reading]:
         readings: list[Reading] = []
@@ -152,16 +157,16 @@ class Wheels:
                 words = f"{excess + self._planned:.2f} m/s, {self._planned:.2f} planned"
                 readings.append(("RUN-03", "", excess, words))
             return readings
-        times, lefts, rights = self._asked_columns
-        recent = bisect_left(times, times[-1] - TRAIL_TIME)
-        for drive, speed, asked in ((left, self._speeds[0], lefts), (right, self._speeds[1], rights)):
-            low, high = min(asked[recent:]), max(asked[recent:])
+        recent = bisect_left(self._asked_at, self._asked_at[-1] - TRAIL_TIME)
+        for drive, speed, asked in zip((left, right), self._speeds, self._asked, strict=True):
+            trailing = asked[recent:]
+            low, high = min(trailing), max(trailing)
             beyond = max(speed - max(high, 0.0), min(low, 0.0) - speed)
             if beyond > max(MOVING, RELATIVE * max(-low, high)):
                 readings.append(("RUN-01", drive.name, beyond, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}"))
             if abs(speed) < STILL and min(abs(min(asked)), abs(max(asked))) > FAST:
                 readings.append(("RUN-04", drive.name, 1.0, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}"))
-        left_on, right_on = left.state is DriveState.OPERATION_ENABLE, right.state is DriveState.OPERATION_ENABLE
+        left_on, right_on = left.state is _ON, right.state is _ON
         if left_on != right_on and self.speed > MOVING:
             readings.append(("RUN-06", left.name if left_on else right.name, 1.0, ""))
         return readings
@@ -189,7 +194,7 @@ class Wheels:
     def _pair(self, drives: Drives, last: Wish) -> list[Reading]:
         """Both wheels stand about one turning point: asked where the robot may drive."""
         _, _, left, right = drives
-        if last.traction is Goal.ENABLED and self._steered[0].is_aligned and self._steered[1].is_aligned:
+        if last.traction is _ENABLED and self._steered[0].is_aligned and self._steered[1].is_aligned:
             fits = self._car.wheel_angles(self._car.steering_from_left(left.position))[1]
             if (apart := abs(fits - right.position)) > 0.02:
                 words = f"{degrees(left.position):.1f} and {degrees(right.position):.1f} degrees"
@@ -201,7 +206,7 @@ class Wheels:
     def _wished(self, last: Wish) -> list[Reading]:
         readings: list[Reading] = []
         command, tracking = last.command, last.tracking
-        if command.action is Action.RUN:
+        if command.action is _RUN:
             reach = degrees(abs(command.steering)) / self._limits.steering_deg
             beyond = max(abs(command.speed) / self._limits.speed_m_s, reach) - 1.0
             if beyond > 0.0:

@@ -40,7 +40,7 @@ def run_all(file: Path) -> int:
         done = run_campaign(campaign, results, bar.advance, lambda: bool(received))
     _conclude(file, campaign, results)
     if received:
-        _say(f"interrupted after {len(results.finished)} of {campaign.words.runs} runs; the same command goes on")
+        _say(f"interrupted after {len(results.finished)} of {campaign.words.runs} runs; the same command continues")
         return 128 + received[0]
     assert done
     return int(any(result.violations for result in results.finished.values()))

@@ -179,7 +179,7 @@ BUS_INJECTIONS: dict[str, Injection] = {
     "COM-14": Injection("feedback arrives damaged", _hit(flip="bits", length="length"), Needs.SOME_DRIVE, Corrupted),
     "COM-15": Injection("feedback arrives late", _hit(delay="delay_s"), Needs.SOME_DRIVE, Delayed),
     "COM-16": Injection("feedback is overtaken", _hit(behind="overtaken_by"), Needs.SOME_DRIVE, Reordered),
-    "COM-17": Injection("somebody else commands a drive", _command, Needs.DRIVE, Foreign),
+    "COM-17": Injection("another CANopen master commands a drive", _command, Needs.DRIVE, Foreign),
     "COM-18": Injection("another host's heartbeat is heard", _second_host, parameters=Lasting),
     "COM-20": Injection("error frames on the wire", _damage, parameters=ErrorFrames),
     "COM-21": Injection("the host's controller is bus off", _lose("bus off"), parameters=Lasting),

@@ -12,6 +12,8 @@ from enum import Enum
 from heapq import heappop, heappush
 from itertools import repeat
 
+from msgspec.structs import replace
+
 from artemis.devices.can_bus import Frame, FrameBus
 from artemis.errors import DeviceError, DeviceLost
 from artemis.sim.bus import SimBus
@@ -163,7 +165,7 @@ class FaultBus:
             with suppress(DeviceError):
                 self._bus.send(frame)
         if to_host and self._lost is None:
-            self._deliver(frame._replace(time=self._loop.time()), self._loop.time())
+            self._deliver(replace(frame, time=self._loop.time()), self._loop.time())
             self._loop.call_soon(self._tell)
 
     def add_error_frames(self, count: int = 1) -> None:
@@ -260,7 +262,7 @@ class FaultBus:
             data = wrong.to_bytes(len(data), "big")
         if rule.length is not None:
             data = data[: rule.length].ljust(rule.length, b"\0")
-        return frame._replace(id=frame.id if rule.id is None else rule.id, data=data)
+        return replace(frame, id=frame.id if rule.id is None else rule.id, data=data)
 
 
 def _times(error: Exception, count: int | None) -> Iterator[Exception]:

@@ -265,7 +265,7 @@ HOST_INJECTIONS: dict[str, Injection] = {
     "SYS-03": _stalls("the computer sleeps", 1.0),
     "SYS-04": Injection("the program fails", _have_a_bug),
     "SYS-05": Injection("the process is asked to end", _send_signal, parameters=Signal),
-    "SYS-07": _stalls("the process is stopped and goes on", 1.0),
+    "SYS-07": _stalls("the process is stopped and continues", 1.0),
     "DSK-02": Injection("the disk is full", _refuse_to_write(errno.ENOSPC), parameters=Files),
     "DSK-05": Injection("the disk fails", _refuse_to_write(errno.EIO), parameters=Files),
     "OPR-01": Injection("the operator acknowledges", _acknowledge),

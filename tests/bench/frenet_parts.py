@@ -52,7 +52,7 @@ def as_it_is() -> Iterator[None]:
 
 
 PARTS: dict[str, Callable[[], object]] = {
-    "all of it": as_it_is,
+    "nothing": as_it_is,
     "no look ahead (`delay_s: 0`)": as_it_is,
     "no speed plan": lambda: patch.object(frenet, "speed_profile", unplanned),
     "no waiting for the wheels": lambda: patch.object(frenet, "LAG", math.inf),

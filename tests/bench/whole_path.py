@@ -199,7 +199,7 @@ class _Hand:
         return lambda: None if task.done() else self._give_up(task)
 
     def _give_up(self, task: asyncio.Task[None]) -> None:
-        self.problem = f"the run ended by itself: {self._tick}"
+        self.problem = f"the run ended automatically: {self._tick}"
         task.cancel()
 
     async def _drive(self, request: Callable[[Request], None]) -> None:

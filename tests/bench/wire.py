@@ -89,11 +89,7 @@ def configure(robot: RobotFile, names: list[str], *, answer_time: float) -> tupl
         world = World(robot, settings=SimSettings(answer_time_s=answer_time))
         bus = _Listening(world, robot.bitrate, loop)
         drives = Drives(robot, bus)
-
-        def take_in() -> None:
-            drives.receive()
-
-        drives.wire.listen(take_in)
+        drives.wire.listen()
         await asyncio.sleep(BOOTED)
         for kind in (JobKind.SECURE, JobKind.CONFIGURE):
             bus.requests, bus.answers = [], []

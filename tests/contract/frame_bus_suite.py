@@ -11,6 +11,8 @@ from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from typing import Protocol
 
+from msgspec.structs import replace
+
 from artemis.clock import run
 from artemis.devices.can_bus import Frame, FrameBus
 
@@ -49,7 +51,7 @@ async def arrived(station: Peer, number: int) -> list[Frame]:
 
 
 def bare(frames: list[Frame]) -> list[Frame]:
-    return [frame._replace(time=0.0) for frame in frames]
+    return [replace(frame, time=0.0) for frame in frames]
 
 
 class FrameBusSuite:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-import os
+import contextlib
 import re
 import shlex
 import shutil
@@ -17,10 +17,12 @@ from typing import Any, get_args
 import pytest
 import yaml
 from _pytest.mark import ParameterSet
+from command_line import artemis_here
 from pydantic import BaseModel
 from typer.main import get_command
 
 from artemis import vehicle
+from artemis.app import run_mission
 from artemis.cli import app
 from artemis.commands.plugins import begin_plugin
 from artemis.mission import load_mission, schema
@@ -125,11 +127,9 @@ def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def artemis(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "MPLCONFIGDIR": str(folder)}
-    line = [sys.executable, "-m", "artemis", *arguments]
-    return subprocess.run(
-        line, cwd=folder, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE
-    )
+    """Run a command in `folder`, in this process: a second less for each."""
+    with contextlib.chdir(folder):
+        return artemis_here(*arguments)
 
 
 def tried() -> Iterator[ParameterSet]:
@@ -181,12 +181,15 @@ def test_readme_lists_every_command() -> None:
 # --------------------------------------------------------------------------------------------------- missions and files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", YAML_BLOCKS, ids=str)
-def test_mission_of_the_docs_is_valid(block: Block, tmp_path: Path) -> None:
+def test_mission_of_the_docs_runs_to_its_end(block: Block, tmp_path: Path) -> None:
     shutil.copytree(ROOT / "missions", tmp_path, ignore=shutil.ignore_patterns("runs"), dirs_exist_ok=True)
     mission = tmp_path / "of_the_docs.yaml"
     mission.write_text(block.text)
-    assert load_mission(mission).mission.mission == yaml.safe_load(block.text)["mission"]
+    loaded = load_mission(mission)
+    assert loaded.mission.mission == yaml.safe_load(block.text)["mission"]
+    assert not run_mission(loaded, mission, simulate=True).failed
 
 
 def models(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
@@ -358,7 +361,7 @@ def test_decisions_are_numbered_and_have_their_parts() -> None:
 
 
 def test_picture_is_small() -> None:
-    assert (ROOT / "docs/images/figure_eight.png").stat().st_size < 200_000
+    assert (ROOT / "docs/images/drive.gif").stat().st_size < 800_000
 
 
 # ----------------------------------------------------------------------------------------------------- sizes and names

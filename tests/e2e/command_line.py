@@ -159,11 +159,11 @@ def assert_left_at_rest(run: Path) -> None:
         written = [
             frame.data[4:]
             for sent, frame in frames
-            if sent and frame[:1] == (0x600 + node,) and frame.data[:4] == WRITE_CONSUMER_HEARTBEAT
+            if sent and frame.id == 0x600 + node and frame.data[:4] == WRITE_CONSUMER_HEARTBEAT
         ]
         assert any(written[0])
         assert written[-1] == bytes(4)
-        assert (0x000, bytes((0x80, node))) in [frame[:2] for frame in ends]
+        assert (0x000, bytes((0x80, node))) in [(frame.id, frame.data) for frame in ends]
     assert ends[-1].id == 0x700 + recording.robot.host_node_id
 
 

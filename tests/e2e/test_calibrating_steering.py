@@ -94,7 +94,7 @@ def test_a_robot_file_that_somebody_else_touched_meanwhile_is_left_alone(
     done = artemis_here("calibrate", "steering", mission, *options)
 
     assert done.returncode == 1
-    why = {"changed": "somebody else changed it meanwhile", "locked": "is read-only"}[meanwhile]
+    why = {"changed": "it was changed by another program meanwhile", "locked": "is read-only"}[meanwhile]
     assert f"NOT changed: {file}: {why}; the values are in" in done.stdout
     assert file.read_text().removesuffix("# mine\n") == ROBOT.read_text(encoding="utf-8")
 
@@ -149,7 +149,7 @@ def test_a_person_turns_a_wheel_straight_reads_the_result_and_says_yes(tmp_path:
             screen.see(rf"left wheel at -0\.{number} deg")
         read(screen, r"left wheel at -0\.8 deg")
         screen.press(b"\n")
-        read(screen, "hands off, the wheels turn to both sides now")
+        read(screen, "keep clear, the wheels turn to both sides now")
         screen.press(b"\n")
         read(screen, "keep this in the drives and the robot file")
         screen.press(b"\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -127,7 +128,7 @@ def test_the_report_can_be_written_again(run: Path) -> None:
     page = run / "report.html"
     before = page.read_text()
     page.unlink()
-    again = artemis("report", run)
+    again = artemis_here("report", run)
     assert (again.returncode, again.stdout) == (0, f"{page}\n")
     assert page.read_text()[:500] == before[:500]
 
@@ -136,7 +137,7 @@ def test_the_report_can_be_written_again(run: Path) -> None:
 
 
 def test_replay_of_a_run_finds_every_command_equal(run: Path) -> None:
-    found = artemis("replay", run)
+    found = artemis_here("replay", run)
     assert found.returncode == 0, found.stdout + found.stderr
     assert re.fullmatch(r"\d+ ticks recomputed: every command equal, bit for bit\n", found.stdout)
 
@@ -205,7 +206,7 @@ def test_everything_wrong_is_said_at_once_with_its_place(tmp_path: Path) -> None
     mission = write_mission(tmp_path, more="tick_hz: 5\nsimulation: {pace: slow}\n")
     robot = tmp_path / "robots/artemis.yaml"
     robot.write_text(robot.read_text().replace("wheelbase_m: 0.560", "wheelbase_m: broad"))
-    for found in (artemis("run", mission), artemis_here("check", mission)):
+    for found in (artemis_here("run", mission), artemis_here("check", mission)):
         assert found.returncode == 2
         lines = found.stderr.splitlines()
         assert len(lines) == 3
@@ -220,7 +221,7 @@ def test_check_names_every_mission_and_a_shared_fault_once(tmp_path: Path) -> No
     bad = [write_mission(tmp_path / "other", name=name) for name in ("one.yaml", "two.yaml")]
     robot = tmp_path / "other/robots/artemis.yaml"
     robot.write_text(robot.read_text().replace("wheelbase_m: 0.560", "wheelbase_m: broad"))
-    found = artemis("check", good, *bad)
+    found = artemis_here("check", good, *bad)
     assert found.returncode == 2
     assert found.stdout == f"{good}: ok\n"
     assert len(found.stderr.splitlines()) == 1
@@ -258,7 +259,7 @@ def test_what_is_no_mission_file_is_refused_in_one_line(tmp_path: Path, what: st
     ],
 )
 def test_a_bus_that_cannot_be_opened_is_said_in_few_lines(tmp_path: Path, bus: str, status: int) -> None:
-    found = artemis("run", write_mission(tmp_path, bus=bus))
+    found = artemis_here("run", write_mission(tmp_path, bus=bus))
     assert found.returncode == status
     assert "Traceback" not in found.stderr
     assert len(found.stderr.splitlines()) <= status
@@ -305,7 +306,7 @@ def test_sim_says_everything_wrong_in_words_and_files_at_once(tmp_path: Path) ->
     robot = tmp_path / "robot.yaml"
     shutil.copy(ROBOT, robot)
     robot.write_text(robot.read_text().replace("track_m: 0.436", "track_m: -1"))
-    found = artemis("sim", robot, "--interface", "sokcetcan", "--channel", "can0", "--true", true)
+    found = artemis_here("sim", robot, "--interface", "sokcetcan", "--channel", "can0", "--true", true)
     assert found.returncode == 2
     assert len(found.stderr.splitlines()) == 4
     assert f"{true}:1:1: slip: " in found.stderr
@@ -362,9 +363,9 @@ def main_raising(monkeypatch: pytest.MonkeyPatch, error: Exception) -> int:
 
 
 def test_graph_plugins_and_schema_print_what_there_is() -> None:
-    assert artemis("graph").stdout.startswith("stateDiagram-v2\n")
-    assert "indiveri" in artemis("plugins").stdout
-    assert '"title": "Robot"' in artemis("schema", "robot").stdout
+    assert artemis_here("graph").stdout.startswith("stateDiagram-v2\n")
+    assert "indiveri" in artemis_here("plugins").stdout
+    assert '"title": "Robot"' in artemis_here("schema", "robot").stdout
 
 
 def test_help_imports_nothing_heavy() -> None:
@@ -393,3 +394,28 @@ def test_output_survives_a_terminal_without_the_letters(tmp_path: Path) -> None:
     )
     assert found.returncode == 2
     assert b"rzburg.yaml:7:1: steering: unknown key" in found.stderr
+
+
+@pytest.mark.parametrize("arguments", [["plugins"], ["--version"], ["check", MISSIONS / "figure_eight.yaml"]])
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_that_cannot_be_written_is_said(arguments: list[str | Path], unbuffered: str) -> None:
+    with Path("/dev/full").open("w") as full:
+        found = subprocess.run(
+            [*ARTEMIS, *map(str, arguments)],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=PATIENCE,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        )
+    assert found.returncode == 1
+    assert found.stderr == "artemis: standard output cannot be written: No space left on device\n"
+
+
+def test_a_run_whose_output_cannot_be_written_ends_and_says_so(tmp_path: Path) -> None:
+    mission = write_mission(tmp_path)
+    with Path("/dev/full").open("w") as full:
+        command = [*ARTEMIS, "run", str(mission)]
+        found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE)
+    assert found.returncode == 143
+    assert found.stderr == "artemis: standard output cannot be written: No space left on device; the run ends\n"

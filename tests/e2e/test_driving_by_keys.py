@@ -15,7 +15,7 @@ FASTER_THAN_ROLLING = r"teleop +\+0\.(0[5-9]|[1-9])"
 DRIVES = r" s  teleop +driving"
 AT_REST, STANDS = r"teleop +[+-]0\.00 m/s", 5
 """A line of the live view, and how many of them have come when the robot certainly stands."""
-LET_GO = "hold the enable button to drive"
+LET_GO = "hold an arrow key to drive"
 
 
 def answer(screen: Terminal, seen: str) -> None:

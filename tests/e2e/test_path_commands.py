@@ -83,7 +83,7 @@ def refused(arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytes
 
 
 def test_a_run_becomes_a_file_with_its_reversals(folder: Path, tmp_path: Path) -> None:
-    done = artemis("path", "record", folder / "run", "-o", tmp_path / "distance.csv")
+    done = artemis_here("path", "record", folder / "run", "-o", tmp_path / "distance.csv")
     assert done.returncode == 0, done.stderr
     assert [file.name for file in tmp_path.iterdir()] == ["distance.csv"]
     text = (tmp_path / "distance.csv").read_text()
@@ -111,7 +111,7 @@ def test_a_file_that_is_there_is_kept_unless_forced(folder: Path, tmp_path: Path
     (tmp_path / "distance.csv").write_text("mine")
     kept = artemis_here("path", "record", folder / "run", "-o", tmp_path / "distance.csv")
     assert kept.returncode == 2
-    assert kept.stderr == f"{tmp_path}/distance.csv: is there already; another name, or --force\n"
+    assert kept.stderr == f"{tmp_path}/distance.csv: exists already; choose another name or --force\n"
     assert (tmp_path / "distance.csv").read_text() == "mine"
     forced = artemis_here("path", "record", folder / "run", "-o", tmp_path / "distance.csv", "--force")
     assert forced.returncode == 0
@@ -210,7 +210,7 @@ def test_name_and_time_are_not_mixed(monkeypatch: pytest.MonkeyPatch, capsys: py
 
 def test_a_path_is_shown_in_numbers_and_drawn(tmp_path: Path) -> None:
     figure = tmp_path / "eight.png"
-    done = artemis("path", "show", PATHS / "figure_eight.csv", "--robot", ROBOT, "-o", figure)
+    done = artemis_here("path", "show", PATHS / "figure_eight.csv", "--robot", ROBOT, "-o", figure)
     assert done.returncode == 0, done.stderr
     assert "  length    16.010 m, closed, driven forwards\n" in done.stdout
     assert "  points    321, at most 0.050 m apart, at most 0.2 mm off the curve\n" in done.stdout
@@ -251,7 +251,7 @@ def test_a_path_that_follow_refuses_is_shown_with_the_reasons(
         (["none.csv"], "none.csv: file not found"),
         (["bad.csv"], "bad.csv:2:3: y: expected a finite number, found 'b'"),
         (["good.csv", "--robot", "good.csv"], "good.csv:"),
-        (["good.csv", "--speed", "0.3"], "--speed 0.3: expected more than 0 m/s, and a robot with --robot"),
+        (["good.csv", "--speed", "0.3"], "--speed 0.3: expected up to 20 m/s, and a robot with --robot"),
         (["good.csv", "-o", "figure.doc"], "figure.doc: no figure can be drawn as that"),
         (["good.csv", "-o", "no/figure.png"], "no/figure.png: cannot be written"),
     ],
@@ -317,8 +317,8 @@ def test_a_file_of_others_becomes_a_path_that_a_mission_accepts(
         ("w.yaml", "poses:\n- {x: 1}\n", [], "w.yaml:2:3: poses[0].y: expected a number, found none"),
         ("w.csv", "x,y\n1,\n", [], "w.csv:2:3: y: expected a finite number, found ''"),
         ("w.csv", "x,y\n0,0\n1,0\n0,0.01\n", ["--closed"], "w.csv:3:1: the path reverses here, so it cannot be"),
-        ("w.kml", "<kml/>", [], "w.kml: its suffix says nothing of its format; choose with --format csv|gpx|nav2"),
-        ("w.csv", "x,y\n", ["--format", "kml"], "w.csv: no format 'kml'; choose with --format csv|gpx|nav2"),
+        ("w.kmz", "<kml/>", [], "w.kmz: its suffix says nothing of its format; choose with --format csv|gpx|kml"),
+        ("w.csv", "x,y\n", ["--format", "shp"], "w.csv: no format 'shp'; choose with --format csv|gpx|kml|geo"),
         ("w.csv", "0,0\n1,0\n", ["--smoothing", "9"], "--smoothing 9: expected 0 to 5 m"),
         ("w.csv", "0,0\n1,0\n", ["--closed"], "w.csv: reverses at"),
     ],
@@ -348,6 +348,6 @@ def test_an_import_overwrites_only_when_forced(
     assert "is a folder" in refused([*line, str(tmp_path)], monkeypatch, capsys)
     assert "no such folder" in refused([*line, str(tmp_path / "no" / "o.csv")], monkeypatch, capsys)
     assert out.read_text() == "mine"
-    assert artemis(*line, out, "--force").returncode == 0
+    assert artemis_here(*line, out, "--force").returncode == 0
     assert path_from_csv(out.read_text(), "out.csv").length == pytest.approx(8.0)
     assert list(tmp_path.iterdir()) == [out]

@@ -52,7 +52,7 @@ def test_a_tracker_with_another_clock_finds_what_the_simulation_knows(run: Path,
     assert found.returncode == 0, found.stderr
     offset, uncertainty, *_ = numbers(found.stdout, "clock")
     middle = float(np.mean(true.time[[0, -1]]))
-    assert offset == pytest.approx(1000.0 + 4e-4 * middle - 0.02, abs=0.012)  # odometry is of the tick before
+    assert offset == pytest.approx(1000.0 + 4e-4 * middle, abs=0.012)
     assert uncertainty < 12
     np.testing.assert_allclose(numbers(found.stdout, "place [mm]"), numbers(known.stdout, "place [mm]"), atol=12.0)
     percent, _, turn = numbers(found.stdout, "over 2 m")

@@ -75,7 +75,7 @@ def test_a_run_that_cannot_be_gone_on_with_tells_no_command_for_it(tmp_path: Pat
     assert (failed.returncode, "go on" in failed.stdout) == (1, False)
     refused = artemis_here("run", tmp_path / "mission.yaml", "--resume", only_run(tmp_path))
     assert refused.returncode == 2
-    assert "nobody knows where the robot is" in refused.stderr
+    assert "the position of the robot is unknown" in refused.stderr
 
 
 def test_a_run_that_a_fault_ended_is_gone_on_with(
@@ -89,7 +89,7 @@ def test_a_run_that_a_fault_ended_is_gone_on_with(
     assert "the robot must not have been moved since" in resumed.stdout
     assert label(resumed.stdout, "result") == "done"
     (second,) = set(runs(folder)) - {first}
-    assert f"Goes on with {first.name}." in (second / "report.html").read_text()
+    assert f"Resumes {first.name}." in (second / "report.html").read_text()
 
 
 def test_a_run_that_is_done_is_refused(resumed: subprocess.CompletedProcess[str], folder: Path, mission: Path) -> None:
@@ -97,9 +97,7 @@ def test_a_run_that_is_done_is_refused(resumed: subprocess.CompletedProcess[str]
     again = artemis_here("run", mission, "--resume", second)
 
     assert (again.returncode, again.stdout) == (2, "")
-    assert again.stderr == (
-        f"{second}: this run is done, there is nothing to resume; leave --resume away to drive it again\n"
-    )
+    assert again.stderr == (f"{second}: this run is complete; omit --resume to run the mission again\n")
     assert len(runs(folder)) == 2
 
 
@@ -126,7 +124,7 @@ def test_after_a_kill_the_next_run_tells_how_to_go_on(tmp_path: Path) -> None:
     with started("run", mission) as process:
         said = read_until(process, "listening")
     assert label(said, "last run") == (
-        f"ended without shutdown at {journal.entries[-1].time:.2f} s; to go on with it: "
+        f"ended without shutdown at {journal.entries[-1].time:.2f} s; to resume it: "
         f"artemis run {mission} --resume {killed}"
     )
     with started("run", mission, "--resume", killed) as process:

@@ -24,7 +24,7 @@ def test_space_stops_r_goes_on_and_q_ends(tmp_path: Path) -> None:
         screen.see_driving()
         screen.press(CTRL_Z)  # must not suspend a process that drives
         screen.press(b" ")
-        screen.see("stopped: arm to go on")
+        screen.see("stopped: arm to continue")
         screen.press(b"r")
         screen.see("following")
         screen.press(b"q")
@@ -36,6 +36,7 @@ def test_space_stops_r_goes_on_and_q_ends(tmp_path: Path) -> None:
     assert_left_at_rest(run)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.realtime
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_a_real_time_run_in_order(tmp_path: Path, number: signal.Signals, status: int) -> None:

@@ -18,6 +18,7 @@ from zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, DataEnd, Footer
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from msgspec import structs
 
 from artemis import clock
 from artemis.devices import canopen
@@ -92,7 +93,6 @@ def targets(folder: Path) -> list[Target]:
 # ---------------------------------------------------------------------------------------------- frames
 
 _DECODERS: tuple[Callable[[bytes], object], ...] = (
-    canopen.decode_request,
     canopen.decode_answer,
     canopen.nmt_from_heartbeat,
     canopen.emergency_from_data,
@@ -153,8 +153,8 @@ def hear(data: bytes) -> None:
     drives, now = Drives(ROBOT, bus), 0.0
     for pause, frame in _frames(data):
         now += pause * MILLISECOND
-        bus.waiting.append(frame._replace(time=now))
-        drives.receive()
+        bus.waiting.append(structs.replace(frame, time=now))
+        drives.wire.take_in()
         for feedback in drives.feedback(now):
             numbers = (feedback.position, feedback.velocity, feedback.current, *feedback.potentiometers)
             assert all(map(isfinite, numbers))

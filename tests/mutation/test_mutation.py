@@ -127,6 +127,7 @@ def examined(folder: Path, tests: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.slow
 def test_a_weak_test_is_found_and_mutants_that_never_end_are_stopped(tmp_path: Path) -> None:
     assert sorted(examined(tmp_path, WEAK).stdout.splitlines()) == [

@@ -50,10 +50,7 @@ class Bench:
             for name, drive in ROBOT.drives.items()
         }
         self.drives = Drives(robot, self.wire)
-        self.drives.wire.listen(self._take_in)
-
-    def _take_in(self) -> None:
-        self.drives.receive()
+        self.drives.wire.listen()
 
     async def perform(self, *kinds: JobKind, value: float = 0.0) -> list[JobResult]:
         """Jobs of each kind for all drives at once, one kind after the other."""
@@ -78,7 +75,7 @@ class Bench:
         for _ in range(count):
             self.drives.write(tick)
             await asyncio.sleep(PERIOD)
-            self.drives.receive()
+            self.drives.wire.take_in()
 
     def states(self) -> set[int]:
         return {node.status for node in self.nodes.values()}

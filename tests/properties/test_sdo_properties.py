@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from hypothesis import example, given
 from hypothesis import strategies as st
+from sdo_server_side import decode_request, encode_answer
 
 from artemis.clock import run, until
 from artemis.devices.can_bus import Frame
@@ -27,8 +28,6 @@ from artemis.devices.canopen import (
     SegmentAccepted,
     Segmented,
     Upload,
-    decode_request,
-    encode_answer,
 )
 from artemis.devices.sdo import COPY_TIME, SdoClient
 from artemis.errors import DeviceTimeout, ProtocolError

@@ -7,6 +7,7 @@ from itertools import pairwise
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
@@ -68,7 +69,7 @@ def test_length_stays_between_no_stuffing_and_the_worst_case(frame: Frame) -> No
 
 @given(frames)
 def test_time_stamp_does_not_change_the_length(frame: Frame) -> None:
-    assert frame_bits(frame._replace(time=12.5)) == frame_bits(frame)
+    assert frame_bits(replace(frame, time=12.5)) == frame_bits(frame)
 
 
 class Echo:
@@ -127,7 +128,7 @@ def test_what_happens_does_not_depend_on_when_the_host_looks(
     delays: list[float], sent: list[tuple[float, Frame]], looks: list[float]
 ) -> None:
     seldom, often = traffic(delays, sent, []), traffic(delays, sent, looks)
-    assert [frame[:3] for frame in often] == [frame[:3] for frame in seldom]
+    assert [replace(frame, time=0.0) for frame in often] == [replace(frame, time=0.0) for frame in seldom]
     assert [frame.time for frame in often] == pytest.approx([frame.time for frame in seldom], abs=1e-8)
 
 

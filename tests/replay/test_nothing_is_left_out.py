@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from base64 import b64decode
 from collections.abc import Iterator
 from enum import Enum
 from math import inf, nan, nextafter
@@ -22,9 +23,12 @@ from artemis.recording.mcap_reader import Recording
 from artemis.recording.replay import replay
 from artemis.recording.schemas import tick_from_record, tick_record
 from artemis.robot import Core
+from artemis.scan import Scan
 from artemis.states.follow import FollowMode
 from artemis.values import Snapshot, Tick, Verdict, Wish
 
+NULLS = b64decode("null" * 2 + "nullAA==")
+"""Bytes that look in JSON as if something were None."""
 Place = tuple[str | int, ...]
 
 
@@ -44,7 +48,7 @@ def made(kind: Any) -> Any:
         return kind(**{name: made(hint) for name, hint in get_type_hints(kind).items()})
     if issubclass(kind, Enum):
         return next(iter(kind))
-    return {bool: True, int: 3, float: 0.1, str: "word"}[kind]
+    return {bool: True, int: 3, float: 0.1, str: "word", bytes: b"\x00\x01\xff"}[kind]
 
 
 def others(kind: Any, value: Any) -> list[Any]:
@@ -59,7 +63,7 @@ def others(kind: Any, value: Any) -> list[Any]:
         return [*nothing, next(other for other in kind if other is not value)]
     if kind is float:
         return [*nothing, nextafter(value, 1.0), nan, inf, -value]
-    return [*nothing, {bool: False, int: 4, str: "word null"}[kind]]
+    return [*nothing, {bool: False, int: 4, str: "word null", bytes: NULLS}[kind]]
 
 
 def changes(kind: Any, value: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
@@ -95,6 +99,7 @@ def test_every_field_of_the_values_of_a_tick_is_changed_here() -> None:
         for name in kind.__struct_fields__:
             assert any(place[: len(where) + 1] == (*where, name) for place in places), (kind, name)
     assert {("wish", "exchange"), ("wish", "supervised"), ("snapshot", "sensed", "drives", 0, "jumps")} <= places
+    assert {("snapshot", "sensed", "scans", 0, name) for name in Scan.__struct_fields__} <= places
 
 
 def test_the_same_tick_is_the_same() -> None:

@@ -99,6 +99,7 @@ def records(seen: Run) -> list[bytes]:
 # ---------------------------------------------------------------------------------------------- replay
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_command_of_a_run_is_recomputed_from_its_recording_bit_for_bit(tmp_path: Path, kind: str) -> None:
     make, mode = KINDS[kind]

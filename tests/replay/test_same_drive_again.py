@@ -99,6 +99,7 @@ def _command(tick: TickRecord) -> tuple[object, ...]:
     return times, snapshot.odometry, replace(verdict, faults=faults), tick.mode, tick.wish, tick.set_points
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("drive", [by_table, by_joystick, by_keys, by_unplugged_joystick])
 def test_the_same_drive_gives_the_same_commands(tmp_path: Path, drive: Callable[[Path], Run]) -> None:
     first = drive(tmp_path)
@@ -141,7 +142,7 @@ def test_what_cannot_be_driven_again_is_refused_before_anything_moves(tmp_path: 
     (problem,) = problems_of(again(first, input="stik"))
     assert problem.startswith("@/again.yaml:24:4: inputs.stick.input: no input stik gave anything in the run runs/")
     (problem,) = problems_of(again(first, deadzone=0.1))
-    assert problem.endswith("inputs.stick.deadzone: of no use with an earlier run; leave it out")
+    assert problem.endswith("inputs.stick.deadzone: not used with an earlier run; leave it out")
     (problem,) = problems_of(again(first, max_speed_m_s=0.1))
     assert problem.endswith("m/s; 0.1 are allowed")
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import random
 
+from msgspec.structs import replace
+
 from artemis.devices.can_bus import Frame
 from artemis.sim.bus import Disturb
 
@@ -26,7 +28,7 @@ def random_disturbance(seed: int, *, loss: float = 0.0, corruption: float = 0.0,
         if frame.data and dice.uniform(0.0, 1.0) < corruption:
             bit = 1 << dice.randrange(8 * len(frame.data))
             wrong = (int.from_bytes(frame.data, "big") ^ bit).to_bytes(len(frame.data), "big")
-            return frame._replace(data=wrong), late
+            return replace(frame, data=wrong), late
         return frame, late
 
     return disturb

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
+import pytest
 from rig import BRAKING, CALIBRATE, DRIVES, TELEOP, TICK, TRACTION, Rig, Run, Seen, follow, straight, write_mission
 from rig import stick as table
 from watched import standing, target_velocity
@@ -114,6 +115,17 @@ class Scene:
 def scenes(of: Mapping[str, Scene | Sequence[Scene]]) -> list[tuple[str, Scene]]:
     """Each scene with its row."""
     return [(id, scene) for id, some in of.items() for scene in ([some] if isinstance(some, Scene) else some)]
+
+
+def cases(of: Mapping[str, Scene | Sequence[Scene]]) -> pytest.MarkDecorator:
+    """A test for each scene; `make test` plays the first one of each row and severity."""
+    played: set[tuple[str, Severity]] = set()
+    params = []
+    for id, scene in scenes(of):
+        case = (id, severity_of(id, scene))
+        params.append(pytest.param(id, scene, marks=[pytest.mark.exhaustive] if case in played else []))
+        played.add(case)
+    return pytest.mark.parametrize(("id", "scene"), params, ids=name_of)
 
 
 def name_of(part: object) -> str:

@@ -9,59 +9,21 @@ import os
 import signal
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path as FilePath
+from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 from injection_rig import LEFT, Host, proves
+from passing_plugins import Stick, Walker, at
 
-from artemis.config import Config
 from artemis.errors import DeviceLost
-from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
-from artemis.values import (
-    DriveCommand,
-    LocatedPose,
-    Odometry,
-    OperatorInput,
-    Request,
-    Sensed,
-    SetPoints,
-    Snapshot,
-    Tracking,
-    Verdict,
-)
+from artemis.values import DriveCommand, OperatorInput, Request
 from artemis_lab.injections.bad_plugins import BadFollower, BadInput
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.stage import Stage
 from artemis_lab.injections.table import inject
-
-
-class Stick:
-    """Held forward."""
-
-    Config: ClassVar[type[Config]] = Config
-
-    def read(self, now: float) -> OperatorInput:
-        return OperatorInput(source="stick", speed=0.2, enabled=True, neutral=False, age=0.0, axes=(0.0, 0.5))
-
-    def close(self) -> None:
-        """Nothing to give back."""
-
-
-class Walker:
-    """Goes on at 0.3 m/s; at the end after 10 s."""
-
-    Config: ClassVar[type[Config]] = Config
-
-    def start(self, path: Path, snapshot: Snapshot) -> None:
-        """Nothing to prepare."""
-
-    def step(self, snapshot: Snapshot) -> Following:
-        tracking = Tracking(arc_length=0.3 * snapshot.time, length=3.0, cross_track=0.0)
-        ended = snapshot.time >= 10.0
-        return Following(command=DriveCommand(speed=0.0 if ended else 0.3), tracking=tracking, finished=ended)
 
 
 class Cast:
@@ -79,16 +41,7 @@ class Cast:
         return self.sticks[name].read(now)
 
     def step(self, now: float = 1.0) -> Following:
-        snapshot = Snapshot(
-            sensed=Sensed(index=0, time=now),
-            dt=0.02,
-            pose=LocatedPose(),
-            odometry=Odometry(),
-            standing=False,
-            set_points=SetPoints(),
-            verdict=Verdict(),
-        )
-        return self.follower.step(snapshot)
+        return self.follower.step(at(now))
 
 
 # ---------------------------------------------------------------------------------------------- inputs
@@ -123,7 +76,7 @@ async def _bad_value(host: Host) -> None:
     cast.inject("INP-06", value="inf")
     assert math.isinf(cast.read().speed)
     cast.inject("INP-06", value="beyond the stop")
-    assert cast.read().axes == (7.0, 0.5)
+    assert cast.read().axes == (7.0, 0.2)
     cast.inject("INP-06", value="a text as number")
     assert isinstance(cast.read().speed, str)
 
@@ -175,7 +128,7 @@ async def _raises(host: Host) -> None:
         cast.step()
     assert cast.read() == Stick().read(1.0)
     await host.tick(0.2)
-    assert cast.step().command.speed == 0.3
+    assert cast.step().command.speed == 1.0
     cast.inject("PLG-02", input="stick")
     with pytest.raises(RuntimeError, match="told to fail"):
         cast.read()
@@ -200,7 +153,7 @@ async def _late(host: Host) -> None:
 async def _leaks(host: Host) -> None:
     cast = Cast(host)
     cast.inject("PLG-05", bytes_per_call=10)
-    assert cast.step().command.speed == 0.3
+    assert cast.step().command.speed == 1.0
 
 
 @proves("PLG-06")
@@ -229,7 +182,7 @@ async def _beyond_the_end(host: Host) -> None:
     cast = Cast(host)
     cast.inject("PTH-08")
     cast.step(9.9)
-    assert (cast.step(12.0).command.speed, cast.step(12.0).finished) == (0.3, False)
+    assert (cast.step(12.0).command.speed, cast.step(12.0).finished) == (9.9, False)
 
 
 # ---------------------------------------------------------------------------------------------- computer and operator
@@ -270,8 +223,8 @@ async def _bad_disk(host: Host) -> None:
     disk = FailingDisk()
     stage = replace(host.stage, disk=disk)
     with TemporaryDirectory() as folder:
-        recording = disk.open(FilePath(folder) / "recording.mcap", "w")
-        journal = disk.open(FilePath(folder) / "journal.jsonl", "x")
+        recording = disk.open(Path(folder) / "recording.mcap", "w")
+        journal = disk.open(Path(folder) / "journal.jsonl", "x")
         with recording, journal:
             for id, code in (("DSK-02", errno.ENOSPC), ("DSK-05", errno.EIO)):
                 assert recording.write(memoryview(b"good")) == 4
@@ -285,7 +238,7 @@ async def _bad_disk(host: Host) -> None:
             for file in (recording, journal):
                 with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
                     file.write(memoryview(b"bad"))
-        assert (FilePath(folder) / "recording.mcap").read_bytes() == b"goodgood"
+        assert (Path(folder) / "recording.mcap").read_bytes() == b"goodgood"
     with pytest.raises(ValueError, match="a disk which can fail"):
         host.inject("DSK-02")
 

@@ -41,6 +41,7 @@ from watched import target_velocity as target_velocity
 from artemis import app, clock, planning
 from artemis.config import Config
 from artemis.devices.can_bus import Frame, Traffic
+from artemis.devices.device import Device
 from artemis.mission.loading import load_mission
 from artemis.plugins.contracts import Follower, InputDevice
 from artemis.recording.replay import Replayed, replay
@@ -219,6 +220,7 @@ class Rig:
         start: float = 0.0,
         longest: float = 60.0,
         simulate: bool = True,
+        sensors: Callable[[], Sequence[Device]] = lambda: (),
     ) -> None:
         """Prepare.
 
@@ -233,6 +235,7 @@ class Rig:
             start: The loop's time when the run begins.
             longest: A run that takes longer fails the test.
             simulate: As in `artemis run --simulate`.
+            sensors: Devices beside the drives.
         """
         self.mission, self.world = mission, world
         with patch(*_PLUGINS):
@@ -243,7 +246,7 @@ class Rig:
         if follower is not None:
             self._plan = replace(self._plan, steps=with_followers(self._plan.steps, lambda _: follower))
         self._input, self._settings, self._disturb = input, settings, disturb
-        self._start, self._longest, self._simulate = start, longest, simulate
+        self._start, self._longest, self._simulate, self._sensors = start, longest, simulate, sensors
         self._acts: list[tuple[float, str, Callable[[], None]]] = []
         self._conditions: list[tuple[Callable[[Seen], bool], float, str, Callable[[], None]]] = []
         self._seen: list[Seen] = []
@@ -288,7 +291,12 @@ class Rig:
         names = self._loaded.mission.inputs
         inputs = None if self._input is None else dict.fromkeys(names, _Unattended(self._input))
         parts = app.Parts(
-            machine=self._machine, plan=self._plan, inputs=inputs, robot=self._make_robot, loop=self._loop()
+            machine=self._machine,
+            sensors=self._sensors,
+            plan=self._plan,
+            inputs=inputs,
+            robot=self._make_robot,
+            loop=self._loop(),
         )
         with patch(*_PLUGINS):
             outcome = app.run_mission(

@@ -170,7 +170,7 @@ def acknowledgment_of_what_is_still_there_is_refused(folder: Path) -> None:
     done = play(folder, "OPR-01", scene)
     refused = first(done, lambda seen: seen.phase.startswith("cannot acknowledge yet"), early)
     assert refused.time <= early + TICK
-    assert "somebody else commands the drives" in refused.phase
+    assert "another CANopen master commands the drives" in refused.phase
     assert {seen.mode for seen in done.seen if AT + TICK < seen.time < 5.19} == {Mode.FAULT}
 
 

@@ -159,7 +159,7 @@ class AnyOrder(RuleBasedStateMachine):
         """From a fault to motion it takes an arm, again after each one.
 
         Starting the run is the first arm. A fault that ends a bring-up before it came to arming leaves it in place: a
-        row that recovers by itself may then go on to `ready`, where motion still waits for a released and pressed
+        row that recovers automatically may then go on to `ready`, where motion still waits for a released and pressed
         enable button.
         """
         armed = True
@@ -193,7 +193,7 @@ class AnyOrder(RuleBasedStateMachine):
 
 TestAnyOrder = AnyOrder.TestCase
 TestAnyOrder.settings = settings(
-    max_examples=20,
+    max_examples=max(8, settings().max_examples // 20),
     stateful_step_count=18,
     deadline=None,
     derandomize=True,

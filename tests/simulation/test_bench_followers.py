@@ -27,6 +27,7 @@ def bench(*arguments: str | Path) -> int:
     return ended.value.code
 
 
+@pytest.mark.exhaustive
 def test_two_followers_on_one_course(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

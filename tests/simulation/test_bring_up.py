@@ -33,6 +33,8 @@ from artemis.sim.epos import SimSettings
 from artemis.sim.world import PlantParameters
 from artemis.values import Mode
 
+pytestmark = pytest.mark.short_alignment
+
 ENABLE = 0x000F
 CONSUMER = 0x1016
 WAIT = {"wait": {"seconds": 0.1}}
@@ -251,7 +253,7 @@ def test_a_host_that_starts_right_after_another_was_killed_stops_the_robot_and_d
 
 
 def test_the_drives_states_before_any_frame_of_ours_do_not_matter_to_the_outcome(tmp_path: Path) -> None:
-    """Drives of a run before that ended in order, without a power cycle: the same as fresh ones."""
+    """Drives of a run before that ended normally, without a power cycle: the same as fresh ones."""
     mission = write_mission(tmp_path, [CALIBRATE, follow()])
     first = run(mission)
     end = first.world.time

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from every_row import short_alignment
 from rig import CALIBRATE, TRACTION, Rig, follow, write_mission
 from steering_rig import (
     HIDDEN,
@@ -29,11 +27,7 @@ from artemis.motion.potentiometers import memory_numbers
 from artemis.sim.world import PlantParameters
 from artemis.values import Mode
 
-
-@pytest.fixture(autouse=True)
-def _short_bring_up() -> Iterator[None]:
-    with short_alignment():
-        yield
+pytestmark = pytest.mark.short_alignment
 
 
 # ---------------------------------------------------------------------------------------------- what is true is found
@@ -150,7 +144,7 @@ def test_a_question_that_nobody_can_answer_is_a_fault(tmp_path: Path) -> None:
     run = calibrate(tmp_path, reference_deg={}).run()
 
     assert [fault.id for fault in run.faults] == ["CAL-01"]
-    assert "nobody answers: left wheel" in run.faults[0].text
+    assert "no answer from the operator: left wheel" in run.faults[0].text
     assert_safe(run)
 
 
@@ -168,14 +162,14 @@ def test_nobody_is_asked_whose_hands_are_at_a_wheel_before_they_are_off(tmp_path
     acts = jogs((5.5, "accept"), (6.5, "accept"), (9.0, "end"))
     run = calibrate(tmp_path, PLAIN, acts, reference_deg={}, save="nothing").run()
 
-    assert any(s.phase.startswith("hands off, the wheels turn") for s in run.in_mode(Mode.CALIBRATE))
+    assert any(s.phase.startswith("keep clear, the wheels turn") for s in run.in_mode(Mode.CALIBRATE))
     assert max(abs(math.degrees(s.tick.set_points.steering)) for s in run.in_mode(Mode.CALIBRATE)) < 0.5
 
 
 def test_a_key_that_bounces_accepts_once(tmp_path: Path) -> None:
     run = calibrate(tmp_path, simulation=jogs((5.0, "accept"), (5.1, "accept")), reference_deg={}).run()
 
-    assert "nobody answers: right wheel" in run.faults[0].text
+    assert "no answer from the operator: right wheel" in run.faults[0].text
 
 
 # ---------------------------------------------------------------------------------------------- new potentiometers

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from every_row import short_alignment
 from rig import Rig
 from steering_rig import (
     LEFT,
@@ -27,11 +25,7 @@ from artemis.drive_states import DriveState
 from artemis.sim.wheels import PotentiometerFailure
 from artemis.values import Mode
 
-
-@pytest.fixture(autouse=True)
-def _short_bring_up() -> Iterator[None]:
-    with short_alignment():
-        yield
+pytestmark = pytest.mark.short_alignment
 
 
 # ---------------------------------------------------------------------------------------------- what is wrong
@@ -195,6 +189,6 @@ def test_angles_of_new_wheels_count_once(tmp_path: Path) -> None:
     run = calibrate(tmp_path, PLAIN, acts, **words).run()
 
     assert [fault.id for fault in run.faults] == ["CAL-01"]
-    assert "begin anew" in run.faults[0].text
+    assert "start again" in run.faults[0].text
     assert run.results.kept == {}
     assert not [truth for truth in run.world.history if DriveState.OPERATION_ENABLE in truth.states[:2]]

@@ -39,6 +39,7 @@ def run_with_emergency(folder: Path, name: str, code: int) -> Run:
     return rig.while_following(rig.emergency(name, code), name="emergency").run()
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("code", ONE_OF_EACH, ids=lambda code: f"0x{code:04X}")
 @pytest.mark.parametrize("name", ["traction-right", "steer-left"])
 def test_an_emergency_while_following_stops_everything_and_says_why(tmp_path: Path, name: str, code: int) -> None:
@@ -97,6 +98,7 @@ def test_every_code_of_the_first_generation_has_its_row() -> None:
     assert set(ERRORS) <= set(catalogue.EMERGENCIES)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("code", sorted(set(ERRORS) - NEEDS_MORE_THAN_A_RESET)[::5], ids=lambda code: f"0x{code:04X}")
 def test_the_run_leaves_the_faulty_drive_without_a_fault_but_with_its_history(tmp_path: Path, code: int) -> None:
     seen = run_with_emergency(tmp_path, "steer-right", code)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from every_row import Scene, assert_follows, assert_noticed, name_of, play, scenes
+from every_row import Scene, assert_follows, assert_noticed, cases, name_of, play, scenes
 from scenes_of_drives import DRIVE_SCENES, LEFT, SILENT, UNHEARD, of_code
 
 
-@pytest.mark.parametrize(("id", "scene"), scenes(DRIVE_SCENES), ids=name_of)
+@cases(DRIVE_SCENES)
 def test_error_of_a_drive_is_noticed_in_time_and_stops_the_robot(tmp_path: Path, id: str, scene: Scene) -> None:
     run = play(tmp_path, id, scene)
     assert_follows(run, scene, assert_noticed(run, id, scene))

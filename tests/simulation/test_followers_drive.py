@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 from rig import CALIBRATE, MISSIONS, run, write_mission
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.short_alignment]
 PATH = (MISSIONS / "paths" / "figure_eight.csv").read_text()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("plugin", "nearness"),
     [("pure_pursuit", 0.08), ("stanley", 0.22)],  # cut corners; and the rear axle inside the front axle's distance

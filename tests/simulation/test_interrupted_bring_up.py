@@ -133,6 +133,7 @@ def test_drives_found_moving_are_stopped_though_the_bring_up_is_interrupted(
     assert_at_rest(seen)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("time", FOUND_MOVING)
 def test_drives_found_moving_are_stopped_at_once_also_when_somebody_could_arm(tmp_path: Path, time: float) -> None:
     rig = found_moving(tmp_path, simulation={"operator": [{"at_s": time + 3.0, "do": "end"}]})
@@ -200,7 +201,7 @@ def end_at(folder: Path, time: float, settings: SimSettings | None = None) -> Ru
     return rig.at(time, rig.request(Request.END), name="end").run()
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("time", BRING_UP, ids=lambda time: f"{time * 1000:.0f} ms")
 def test_an_end_request_during_the_bring_up_leaves_the_drives_at_rest(tmp_path: Path, time: float) -> None:
     seen = end_at(tmp_path, time)
@@ -237,6 +238,20 @@ def test_a_drive_that_cannot_be_released_is_named_and_the_others_are_at_rest(tmp
     assert (seen.status, seen.fault_ids, seen.faults[0].device) == (1, ["COM-34"], "steer-right")
     seen.world.nodes = [node for node in seen.world.nodes if node.name != "steer-right"]
     assert_at_rest(seen)
+
+
+@pytest.mark.parametrize("time", [0.61, 0.733, 0.763, 0.773, 0.803])
+def test_a_stop_while_the_watchdog_is_proven_is_no_fault(tmp_path: Path, time: float) -> None:
+    """The drives miss the heartbeat that was withheld from them after the robot is told to stop."""
+    seen = attended_by(tmp_path, (time, "quickstop"), (4.0, "arm"), steps=[WAIT]).run()
+    assert any(s.phase == "proving the watchdog" for s in seen.seen if s.time < time)
+    assert (seen.status, seen.fault_ids) == (0, [])
+
+
+def test_drives_without_power_are_one_fault(tmp_path: Path) -> None:
+    faults = [{"at_s": 0.0, "inject": "COM-32"}]
+    seen = Rig(write_mission(tmp_path, [WAIT], simulation={"faults": faults})).run()
+    assert (seen.status, seen.fault_ids) == (1, ["COM-32"])
 
 
 # ---------------------------------------------------------------------------------------------- attended, unattended
@@ -287,6 +302,7 @@ def test_the_origin_is_where_the_wheels_are_aligned_first_also_when_the_first_br
     assert_origin_is_where_the_wheels_were_aligned_first(seen)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("phase", ["waiting", "following"])
 @pytest.mark.parametrize("stop", [False, True], ids=["armed at once", "stopped once more"])
 def test_the_origin_stays_when_the_drives_are_brought_up_again(tmp_path: Path, phase: str, stop: bool) -> None:
@@ -296,7 +312,7 @@ def test_the_origin_stays_when_the_drives_are_brought_up_again(tmp_path: Path, p
     waits = once_done(rig, "acknowledge", Mode.INIT, "waiting for arm")
     if stop:
         rig.when(waits, rig.request(Request.QUICKSTOP), after=0.1, name="stop")
-        waits = once_done(rig, "stop", Mode.QUICKSTOP, "stopped: arm to go on")
+        waits = once_done(rig, "stop", Mode.QUICKSTOP, "stopped: arm to continue")
     seen = rig.when(waits, rig.request(Request.ARM), after=0.5, name="arm").run()
     assert seen.modes.count(Mode.INIT) == 2 + stop
     assert_origin_is_where_the_wheels_were_aligned_first(seen)

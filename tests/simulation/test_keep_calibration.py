@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from every_row import short_alignment
 from rig import CALIBRATE, Rig, write_mission
 from steering_rig import (
     LEFT,
@@ -19,11 +17,7 @@ from steering_rig import (
 
 from artemis.drive_states import DriveState
 
-
-@pytest.fixture(autouse=True)
-def _short_bring_up() -> Iterator[None]:
-    with short_alignment():
-        yield
+pytestmark = pytest.mark.short_alignment
 
 
 def test_start_is_refused_where_a_drive_keeps_something_else(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ import shutil
 import tracemalloc
 from pathlib import Path
 
+import pytest
+
 from artemis.app import run_mission
 from artemis.devices.can_bus import Traffic
 from artemis.mission.loading import load_mission
@@ -40,6 +42,7 @@ class _Memory:
             self.least[-1] = min(self.least[-1], tracemalloc.get_traced_memory()[0])
 
 
+@pytest.mark.exhaustive
 def test_memory_is_flat_over_a_run(tmp_path: Path) -> None:
     shutil.copytree(MISSIONS, tmp_path, ignore=shutil.ignore_patterns("runs"), dirs_exist_ok=True)
     mission = tmp_path / "long.yaml"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from disturbance import random_disturbance
+from msgspec.structs import replace
 from rig import (
     BRAKING,
     CALIBRATE,
@@ -27,6 +28,8 @@ from artemis.devices.can_bus import Frame
 from artemis.drive_states import DriveState
 from artemis.sim.bus import Disturb
 from artemis.values import Mode
+
+pytestmark = pytest.mark.short_alignment
 
 SPEED = 0.4
 WATCH = 0.2
@@ -100,6 +103,7 @@ def muted(*identifiers: int) -> Disturb:
     return lambda frame, _now: (None if frame.id in identifiers else frame, 0.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("identifiers", "id", "worst"),
     [((0x180,), "COM-11", 0.1), ((0x280,), "COM-11", 0.1), ((HEARTBEAT,), "COM-28", 0.37)],
@@ -150,7 +154,7 @@ def twice(rig_of: Callable[[], Rig]) -> Disturb:
     def disturb(frame: Frame, now: float) -> tuple[Frame | None, float]:
         bus = rig_of().bus
         if 0x180 < frame.id < 0x200 or 0x280 < frame.id < 0x300 or HEARTBEAT < frame.id < HEARTBEAT + 0x7F:
-            bus._inbox.append(frame._replace(time=now))
+            bus._inbox.append(replace(frame, time=now))
         return frame, 0.0
 
     return disturb

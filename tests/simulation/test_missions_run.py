@@ -95,6 +95,7 @@ def test_twins_differ_in_nothing_but_the_bus() -> None:
     assert one.model_dump(exclude=names) == other.model_dump(exclude=names)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in (BY_HAND, *ELSEWHERE, OTHER_TWIN)])
 def test_a_mission_that_comes_with_artemis_runs_in_simulation_to_its_end(ran: Ran, name: str) -> None:

@@ -78,6 +78,7 @@ FOLLOWER_FAULTS: list[dict[str, Any]] = [
 ]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("fault", FOLLOWER_FAULTS, ids=lambda fault: str(fault["inject"]))
 def test_fault_of_a_follower_replays_bit_for_bit(tmp_path: Path, fault: dict[str, Any]) -> None:
     done = faulty(tmp_path, {"at_s": 9.5, **fault})

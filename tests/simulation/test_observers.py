@@ -21,6 +21,8 @@ from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.values import Severity, Tick
 
+pytestmark = pytest.mark.short_alignment
+
 STEPS = [CALIBRATE, follow(0.4)]
 
 

@@ -96,6 +96,7 @@ MOMENTS = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_an_end_request_ends_in_order_at_every_moment(tmp_path: Path, moment: str) -> None:
     condition, after = MOMENTS[moment]

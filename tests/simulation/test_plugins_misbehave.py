@@ -83,6 +83,7 @@ def test_a_follower_without_a_mistake_drives_the_path(tmp_path: Path) -> None:
     assert (seen.status, seen.fault_ids) == (0, [])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("where", ["speed", "steering"])
 def test_a_command_that_is_no_number_is_a_controlled_stop(tmp_path: Path, number: float, where: str) -> None:

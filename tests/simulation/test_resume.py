@@ -138,7 +138,7 @@ def test_a_stopped_run_whose_process_goes_on_needs_no_resumption(tmp_path: Path)
 def test_the_resumed_run_names_the_one_before_in_journal_and_recording(first: Done, second: Done) -> None:
     start, resume = second.journal[:2]
     assert (start.kind, start.data["mission"]) == ("start", "rig")
-    assert (resume.kind, resume.text) == ("resume", f"goes on with {first.folder.name}")
+    assert (resume.kind, resume.text) == ("resume", f"resumes {first.folder.name}")
     assert resume.data["run"] == first.folder.name
     assert resume.data["step"] == 1
     assert resume.data["done"] == first.arc_lengths()[-1]
@@ -189,7 +189,7 @@ def test_a_recording_cut_anywhere_is_refused_or_gone_on_with_from_what_is_whole(
     for size in range(0, len(whole), len(whole) // 60):
         recording.write_bytes(whole[:size])
         if not done and size < len(whole) // 2 and (found := refused(mission, folder)):
-            assert "leave --resume away to start afresh" in found
+            assert "omit --resume to start from the beginning" in found
         else:
             done.append(resume_point(mission, folder).position.done)
     assert done == sorted(done)
@@ -204,18 +204,18 @@ def test_where_a_real_robot_stands_is_not_guessed(tmp_path: Path) -> None:
     whole = (first.folder / "recording.mcap").read_bytes()
     (first.folder / "recording.mcap").write_bytes(whole[: len(whole) * 6 // 10])
 
-    assert "nobody knows where the robot is" in refused(mission, first.folder)
+    assert "the position of the robot is unknown" in refused(mission, first.folder)
 
 
 # ---------------------------------------------------------------------------------------------- refused
 
 
 def test_a_finished_run_is_not_resumed(mission: Path, second: Done, tmp_path: Path) -> None:
-    assert "this run is done" in refused(mission, second.folder)
+    assert "this run is complete" in refused(mission, second.folder)
     folder = Path(shutil.copytree(second.folder, tmp_path / "cut"))
     whole = (folder / "recording.mcap").read_bytes()
     (folder / "recording.mcap").write_bytes(whole[:-50_000])  # also where the end of the recording is lost
-    assert "this run is done" in refused(mission, folder)
+    assert "this run is complete" in refused(mission, folder)
 
 
 @pytest.mark.parametrize("name", ["mission.yaml", "artemis.yaml", "line.csv"])
@@ -233,7 +233,7 @@ def test_nothing_to_recover_is_said(mission: Path, tmp_path: Path) -> None:
     said = refused(mission, tmp_path)
     assert "cannot be resumed" in said
     assert "no recording here" in said
-    assert "leave --resume away to start afresh" in said
+    assert "omit --resume to start from the beginning" in said
 
 
 # ---------------------------------------------------------------------------------------------- the last run

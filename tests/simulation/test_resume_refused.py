@@ -19,6 +19,8 @@ from artemis.recording.mcap_reader import Recording
 from artemis.values import Mode, Tick
 from artemis_lab.injections.failing_disk import FailingDisk
 
+pytestmark = pytest.mark.short_alignment
+
 BUS = {"interface": "udp_multicast", "channel": "239.74.163.77"}
 
 
@@ -93,7 +95,7 @@ def test_where_a_robot_stands_whose_recording_ended_before_its_run_is_not_guesse
     assert fails[0] - 1.0 < last.snapshot.time < fails[0]
     said = refused(mission, killed)
     assert f"{id} at {fails[0]:.2f} s" in said
-    assert "nobody knows where the robot is" in said
+    assert "the position of the robot is unknown" in said
 
 
 def test_a_run_whose_recording_ended_before_the_robot_drove_is_not_gone_on_with(mission: Path) -> None:
@@ -106,7 +108,7 @@ def test_a_run_whose_recording_ended_before_the_robot_drove_is_not_gone_on_with(
 
     seen = run(mission, until=fail, disk=disk)
     assert not Recording(seen.folder).places_robot()
-    assert "nobody knows where the robot is" in refused(mission, seen.folder)
+    assert "the position of the robot is unknown" in refused(mission, seen.folder)
 
 
 def test_the_journal_of_a_killed_run_knows_how_long_it_lasted(mission: Path) -> None:
@@ -123,10 +125,10 @@ def test_the_journal_of_a_killed_run_knows_how_long_it_lasted(mission: Path) -> 
 
     recording = killed / "recording.mcap"
     size = recording.stat().st_size
-    while "nobody knows where the robot is" not in (said := refused(mission, killed)):
+    while "the position of the robot is unknown" not in (said := refused(mission, killed)):
         size -= 20_000
         recording.write_bytes(recording.read_bytes()[:size])
-    assert f"the run went on until {entries[-1].time:.2f} s" in said
+    assert f"the run lasted until {entries[-1].time:.2f} s" in said
 
 
 def test_a_recording_without_an_end_and_without_a_journal_is_not_trusted(mission: Path) -> None:
@@ -134,7 +136,7 @@ def test_a_recording_without_an_end_and_without_a_journal_is_not_trusted(mission
     run(mission, until=copy)
     (killed / "journal.jsonl").unlink()
 
-    assert "nobody knows where the robot is" in refused(mission, killed)
+    assert "the position of the robot is unknown" in refused(mission, killed)
 
 
 # ---------------------------------------------------------------------------------------------- driven since

@@ -72,6 +72,7 @@ RUBBISH: dict[str, Callable[[OperatorInput], Any]] = {
 
 
 @pytest.mark.sampled(3)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("spoil", RUBBISH.values(), ids=RUBBISH)
 def test_rubbish_from_an_input_stops_the_robot_in_order(tmp_path: Path, spoil: Callable[[OperatorInput], Any]) -> None:
     seen = Rig(write_mission(tmp_path, [TELEOP], FILES, inputs=STICK), input=MadInput(spoil)).run()

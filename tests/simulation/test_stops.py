@@ -66,7 +66,7 @@ def assert_path_was_finished(seen: Run) -> None:
 
 @pytest.fixture(scope="module")
 def stopped(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """A quick stop with nobody there to arm again."""
+    """A quick stop with no operator to arm again."""
     rig = Rig(write_mission(tmp_path_factory.mktemp("stopped"), STEPS, FILES))
     return rig.while_following(rig.request(Request.QUICKSTOP), distance=0.6, name="stop").run()
 
@@ -135,6 +135,7 @@ def test_a_stop_request_before_anything_is_aligned_leads_through_the_whole_bring
     assert_path_was_finished(seen)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("mode", [Mode.READY, Mode.CALIBRATE, Mode.FOLLOW])
 @pytest.mark.parametrize("delay", [0.003, 0.5])
 def test_a_stop_request_is_obeyed_in_every_mode(tmp_path: Path, mode: Mode, delay: float) -> None:
@@ -146,6 +147,7 @@ def test_a_stop_request_is_obeyed_in_every_mode(tmp_path: Path, mode: Mode, dela
 PHASES = ["listening", "secure", "configure", "reading potentiometers", "enabling", "aligning"]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("phase", PHASES)
 def test_a_stop_request_is_obeyed_in_every_phase_of_the_bring_up(tmp_path: Path, phase: str) -> None:
     rig = Rig(write_mission(tmp_path, STEPS, FILES))

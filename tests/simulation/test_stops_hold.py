@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
+from msgspec.structs import replace
 from rig import (
     CALIBRATE,
     NODE,
@@ -35,6 +36,8 @@ from artemis.drive_states import DriveState
 from artemis.errors import DeviceLost
 from artemis.mission.loading import load_mission
 from artemis.values import Mode, OperatorInput, Request
+
+pytestmark = pytest.mark.short_alignment
 
 OFF, QUICK_STOP, ENABLE = 0x00, 0x0B, 0x0F
 LENGTH = 3.0
@@ -216,7 +219,7 @@ def hesitating(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """After a quick stop, every second an arm and soon after it a stop request."""
     rig = following_rig(tmp_path_factory.mktemp("hesitating"), attended=True)
     rig.while_following(rig.request(Request.QUICKSTOP))
-    waits, tries = phase_is("stopped: arm to go on"), len(DELAYS)
+    waits, tries = phase_is("stopped: arm to continue"), len(DELAYS)
     for number, delay in enumerate(DELAYS):
         rig.when(waits, rig.request(Request.ARM), after=1.0 + number, name=f"arm {number}")
         rig.when(waits, rig.request(Request.QUICKSTOP), after=1.0 + number + delay, name=f"stop {number}")
@@ -252,7 +255,7 @@ def test_a_re_arm_is_over_in_the_time_in_which_stop_requests_were_tried(tmp_path
     """Else the tests above would not try what they say."""
     rig = following_rig(tmp_path, attended=True)
     rig.while_following(rig.request(Request.QUICKSTOP))
-    rig.when(phase_is("stopped: arm to go on"), rig.request(Request.ARM), after=1.0, name="arm")
+    rig.when(phase_is("stopped: arm to continue"), rig.request(Request.ARM), after=1.0, name="arm")
     seen = rig.run()
     ready = seen.first(lambda s: s.now > seen.acts["arm"] and s.mode is Mode.READY)
     assert ready.now - seen.acts["arm"] == pytest.approx(RE_ARM, abs=0.021)
@@ -366,7 +369,7 @@ def test_a_steered_wheel_holds_its_set_point_while_the_other_is_off(tmp_path: Pa
 def test_a_frame_that_is_no_emergency_of_ours_makes_no_extra_tick(tmp_path: Path) -> None:
     rig = following_rig(tmp_path)
     harmless = [
-        Frame(0x089, b"\x10\x10\x01\0\0\0\0\0"),  # an emergency of a node that is none of ours
+        Frame(0x089, b"\x10\x10\x01\0\0\0\0\0"),  # an emergency of a node that is not a frame of artemis
         Frame(0x081, bytes(8)),  # traction-left: no error any more
     ]
     for number, frame in enumerate(harmless):
@@ -388,6 +391,6 @@ def test_an_emergency_of_ours_makes_an_extra_tick(tmp_path: Path) -> None:
 
 def arrive(rig: Rig, frame: Frame) -> None:
     """The host's adapter hears a frame now."""
-    rig.bus._inbox.append(frame._replace(time=rig.bus._loop.time()))
+    rig.bus._inbox.append(replace(frame, time=rig.bus._loop.time()))
     assert rig.bus._wake is not None
     rig.bus._wake()

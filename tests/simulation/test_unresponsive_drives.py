@@ -79,6 +79,7 @@ def assert_stopped(seen: Run, since: float, within: float) -> None:
 # ---------------------------------------------------------------------------------------------- process data
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("request_", [Request.QUICKSTOP, Request.END])
 @pytest.mark.parametrize(("drops", "within"), [(process_data, BY_SDO), (all_but_heartbeats, BY_SILENCE)])
 def test_a_drive_that_hears_no_stop_frame_is_stopped_all_the_same(
@@ -129,6 +130,7 @@ def test_a_steering_drive_that_hears_no_process_data_is_switched_off_once_the_ro
 # ---------------------------------------------------------------------------------------------- NMT states
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.2, 0.3, 0.5])
 @pytest.mark.parametrize("nmt", [b"\x02", b"\x80"], ids=["stopped", "pre-operational"])

@@ -323,7 +323,7 @@ class FakeBus:
     def send(self, frame: Frame) -> None:
         if self.lost:
             raise DeviceLost("CAN", "unplugged")
-        self.sent.append(frame._replace(time=self.clock()))
+        self.sent.append(replace(frame, time=self.clock()))
 
     def receive(self) -> list[Frame]:
         if self.lost:

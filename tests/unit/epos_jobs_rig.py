@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 from core_builders import ROBOT
+from sdo_server_side import decode_request
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
-from artemis.devices.canopen import Expedited, decode_request, encode_request
+from artemis.devices.canopen import Expedited, encode_request
 from artemis.devices.drive import Drives
 from artemis.devices.epos_jobs import EposJobs
 from artemis.errors import ProtocolError
@@ -35,13 +36,10 @@ class Rig:
         self.world = World(ROBOT, STRAIGHT, start=loop.time(), settings=settings)
         self.bus = SimBus(self.world, 1_000_000, loop)
         self.drives = Drives(robot, self.bus)
-        self.drives.wire.listen(lambda: self._receive())
+        self.drives.wire.listen()
         self.epos = next(node for node in self.drives.nodes if node.name == name)
         self.jobs = EposJobs(self.epos)
         self.node: SimEpos = next(node for node in self.world.nodes if node.name == name)
-
-    def _receive(self) -> None:
-        self.drives.receive()
 
     def writes(self) -> list[tuple[int, int, bytes]]:
         """SDO writes to the drive since the last call: index, sub-index, data."""

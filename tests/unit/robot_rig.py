@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from artemis.clock import SimulatedLoop, run
 from artemis.config import Config
 from artemis.devices.can_bus import Frame
+from artemis.devices.device import Device, DeviceGroup
 from artemis.devices.drive import Drives
 from artemis.plugins.contracts import Localizer
 from artemis.plugins.guard import PluginGuard
@@ -71,6 +72,7 @@ class Rig:
         self.bus = FakeBus()
         self.inputs = {name: StubInput(answer) for name, answer in inputs.items()}
         self.observe: Callable[[Tick], None] = lambda tick: None
+        self.sensors: list[Device] = []
         self.attended: Callable[[float], bool] = lambda time: False
         self.acts: list[tuple[float, Callable[[], None]]] = []
         self.begins = 0.0
@@ -92,10 +94,10 @@ class Rig:
         assert isinstance(loop, SimulatedLoop)
         self.loop, self.bus.clock = loop, loop.time
         self.bus.arrived = [Frame(0x181 + node, ENABLED) for node in range(4)]
-        drives = SlowDrives(ROBOT, self.bus)
+        devices = DeviceGroup(tuple(ROBOT.drives), [SlowDrives(ROBOT, self.bus)], self.sensors)
         guard = PluginGuard(self.inputs, loop.time, self.localizer)
         self.robot = Robot(
-            self.core, drives, guard, PERIOD, lambda tick: self.observe(tick), lambda time: self.attended(time)
+            self.core, devices, guard, PERIOD, lambda tick: self.observe(tick), lambda time: self.attended(time)
         )
         for time, act in self.acts:
             loop.call_at(time, act)

@@ -4,78 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
+from passing_plugins import Stick, Walker, at
 
 from artemis.clock import run, stall
-from artemis.config import Config
 from artemis.errors import DeviceLost
-from artemis.motion.path import Path
-from artemis.plugins.contracts import Following
-from artemis.values import (
-    DriveCommand,
-    LocatedPose,
-    Odometry,
-    OperatorInput,
-    Request,
-    Sensed,
-    SetPoints,
-    Snapshot,
-    Tracking,
-    Verdict,
-)
+from artemis.values import Request
 from artemis_lab.injections import bad_plugins
 from artemis_lab.injections.bad_plugins import BadFollower, BadInput
 
-
-class Stick:
-    """Speed is the time in seconds; asks for `done` at every read."""
-
-    Config: ClassVar[type[Config]] = Config
-    closed = False
-
-    def read(self, now: float) -> OperatorInput:
-        return OperatorInput(
-            source="stick", speed=now, enabled=True, requests=(Request.DONE,), age=0.0, axes=(0.1, 0.2), neutral=False
-        )
-
-    def close(self) -> None:
-        self.closed = True
-
-
-class Walker:
-    """Commands the time in seconds as speed; is at the end after 10 s."""
-
-    Config: ClassVar[type[Config]] = Config
-    started = 0
-
-    def start(self, path: Path, snapshot: Snapshot) -> None:
-        self.started += 1
-
-    def step(self, snapshot: Snapshot) -> Following:
-        return Following(
-            command=DriveCommand(speed=snapshot.time),
-            tracking=Tracking(arc_length=snapshot.time, length=10.0, cross_track=0.0),
-            finished=snapshot.time >= 10.0,
-        )
-
-
-def at(time: float) -> Snapshot:
-    return Snapshot(
-        sensed=Sensed(index=0, time=time),
-        dt=0.02,
-        pose=LocatedPose(),
-        odometry=Odometry(),
-        standing=False,
-        set_points=SetPoints(),
-        verdict=Verdict(),
-    )
+ASKING = Stick([Request.DONE])
 
 
 def bad_stick(behaviour: bad_plugins.InputBehaviour | None) -> BadInput:
-    device = BadInput(Stick())
+    device = BadInput(ASKING)
     device.misbehave(behaviour)
     return device
 
@@ -93,11 +38,11 @@ def test_untold_wrappers_pass_everything_through() -> None:
 
 def test_frozen_sample_grows_older_and_asks_for_nothing() -> None:
     device = bad_stick(bad_plugins.freezes())
-    frozen = replace(Stick().read(3.0), requests=())
+    frozen = replace(ASKING.read(3.0), requests=())
     assert device.read(3.0) == frozen
     assert device.read(3.5) == replace(frozen, age=0.5)
     device.misbehave(None)
-    assert device.read(4.0) == Stick().read(4.0)
+    assert device.read(4.0) == ASKING.read(4.0)
 
 
 def test_unplugged_device_raises() -> None:
@@ -137,7 +82,7 @@ def test_late_answers_take_virtual_time_so_often() -> None:
         device = bad_stick(bad_plugins.is_late(0.03, 2))
         times = []
         for _ in range(3):
-            assert device.read(1.0) == Stick().read(1.0)
+            assert device.read(1.0) == ASKING.read(1.0)
             times.append(loop.time())
         assert times == pytest.approx([0.03, 0.06, 0.06])
 
@@ -165,7 +110,7 @@ def test_agenda_happens_at_its_times() -> None:
 
 
 def test_leaking_plugin_answers_all_the_same() -> None:
-    assert bad_stick(bad_plugins.leaks(1000)).read(2.0) == Stick().read(2.0)
+    assert bad_stick(bad_plugins.leaks(1000)).read(2.0) == ASKING.read(2.0)
 
 
 # ---------------------------------------------------------------------------------------------- stalling
@@ -175,8 +120,8 @@ def test_stall_makes_every_timer_late_that_falls_into_it() -> None:
     async def main() -> None:
         loop = asyncio.get_running_loop()
         happened: list[float] = []
-        for time in (0.1, 0.3, 0.6):
-            loop.call_at(time, lambda: happened.append(loop.time()))
+        for due in (0.1, 0.3, 0.6):
+            loop.call_at(due, lambda: happened.append(loop.time()))
         loop.call_at(0.05, stall, 0.4)
         await asyncio.sleep(1.0)
         assert happened == pytest.approx([0.45, 0.45, 0.6])
@@ -184,8 +129,11 @@ def test_stall_makes_every_timer_late_that_falls_into_it() -> None:
     run(main(), simulated=True)
 
 
-def test_stall_without_a_loop_does_nothing() -> None:
+def test_stall_without_a_loop_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+    monkeypatch.setattr("time.sleep", slept.append)
     stall(1000.0)
+    assert slept == []
 
 
 def test_stall_on_a_real_loop_blocks_it() -> None:

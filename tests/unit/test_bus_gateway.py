@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 from core_builders import ROBOT, FakeBus
+from msgspec.structs import replace
 
 from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame
-from artemis.errors import DeviceBusy, DeviceLost
+from artemis.devices.tally import Tally
+from artemis.errors import DeviceBusy, DeviceLost, ProtocolError
 from artemis.values import BusHealth, Mode
 
 SYNC, STOP_NMT, HEARTBEAT = Frame(0x080), Frame(0x000, b"\x02\x01"), Frame(0x77F, b"\x05")
@@ -34,9 +36,9 @@ def test_what_may_leave_leaves_and_is_written_down_with_the_time() -> None:
     bench.wire.send(HEARTBEAT)
     assert [frame.id for frame in bench.bus.sent] == [0x080, 0x77F]
     assert bench.wire.take_traffic(1.0) == [
-        (True, SYNC._replace(time=1.0)),
+        (True, replace(SYNC, time=1.0)),
         (False, Frame(0x181, bytes(6), time=0.98)),
-        (True, HEARTBEAT._replace(time=1.0)),
+        (True, replace(HEARTBEAT, time=1.0)),
     ]
     assert bench.wire.take_traffic(1.0) == [], "each once"
     assert bench.wire.health() == BusHealth()
@@ -125,9 +127,34 @@ def test_held_back_frame_does_not_ask_the_adapter() -> None:
     assert len(bench.wire.health().blocked) == 1
 
 
-def test_wake_goes_to_the_bus() -> None:
-    bench = Bench()
-    woken: list[bool] = []
+class HeardNode:
+    """Keeps the frames that are handed to it."""
+
+    def __init__(self) -> None:
+        self.tally, self.heard = Tally(), list[Frame]()
+
+    def hear(self, frame: Frame) -> None:
+        self.heard.append(frame)
+        if not frame.data:
+            raise ProtocolError("empty")
+
+
+def test_frames_that_arrive_go_to_their_handlers_and_only_an_emergency_wakes() -> None:
+    bench, node, woken = Bench(), HeardNode(), list[bool]()
+    bench.wire.handlers |= {0x181: (node, node.hear), 0x081: (node, node.hear)}
     bench.wire.listen(lambda: woken.append(True))
+    status, emergency, gone = Frame(0x181, b"\x37"), Frame(0x081, b"\x10\x23" + bytes(6)), Frame(0x081, bytes(8))
+    bench.bus.arrived = [status, Frame(0x181, b"\x37", rtr=True), Frame(0x182, b"\x37"), Frame(0x181), gone]
+    bench.bus.wake()
+    assert (node.heard, node.tally.malformed, woken) == ([status, Frame(0x181), gone], 1, [])
+    bench.bus.arrived = [emergency]
     bench.bus.wake()
     assert woken == [True]
+
+
+def test_lost_bus_is_reported_and_wakes() -> None:
+    bench, woken, reported = Bench(), list[bool](), list[tuple[str, str, str]]()
+    bench.wire.listen(lambda: woken.append(True), lambda *problem: reported.append(problem))
+    bench.bus.lost = True
+    bench.bus.wake()
+    assert (woken, reported) == ([True], [("COM-22", "", "unplugged")])

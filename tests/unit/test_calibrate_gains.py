@@ -192,6 +192,7 @@ def on_a_real_robot(monkeypatch: pytest.MonkeyPatch) -> list[Mapping[str, tuple[
     return storing(monkeypatch)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("at", [2.5, 5.0, 8.0, 11.4])
 def test_a_trial_that_was_not_recorded_whole_keeps_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], at: float

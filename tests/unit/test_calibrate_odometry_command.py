@@ -43,7 +43,7 @@ def test_tables_are_fitted_checked_and_drawn(tmp_path: Path, capsys: pytest.Capt
     assert float(lines["to check, fitted"][6]) < 90.0
     page = (tmp_path / "calibration.html").read_text()
     assert page.count("<svg") == 3
-    assert "Held as described" in page
+    assert "Not estimated (robot-file value kept)" in page
 
 
 def test_a_truth_file_stands_for_the_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -74,7 +74,7 @@ def test_loops_that_return_to_their_start(tmp_path: Path, capsys: pytest.Capture
 
     lines = {line.partition("  ")[0]: line.split() for line in told.splitlines()}
     assert float(lines["steering zero [deg]"][4]) == pytest.approx(1.0, abs=0.15)
-    assert "scale" in told.partition("Held as described")[2]
+    assert "scale" in told.partition("Not estimated (robot-file value kept)")[2]
     assert (tmp_path / "calibration.html").read_text().count("<svg") == 2
 
 

@@ -11,7 +11,6 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
 from artemis.devices.epos_objects import UNREADABLE
 from artemis.drive_states import DriveState, Goal
-from artemis.errors import DeviceLost
 from artemis.states.mode import OFF, ON, STOPPING
 from artemis.values import Job, JobKind, JobResult, Mode, SetPoints, Tick, Wish
 
@@ -31,7 +30,7 @@ class Bench:
     def hear(self, node: int, statusword: int, counts: int = 0) -> None:
         data = statusword.to_bytes(2, "little") + counts.to_bytes(4, "little", signed=True)
         self.bus.arrived.append(Frame(0x180 + node, data))
-        self.drives.receive()
+        self.drives.wire.take_in()
 
     def write(
         self, wish: Wish, *, urgent: bool = False, points: SetPoints | None = None, mode: Mode = Mode.READY
@@ -180,7 +179,7 @@ def test_garbage_is_counted_and_dropped_and_the_rest_goes_on(garbage: Frame) -> 
     bench = Bench(DISABLED)
     before = bench.drives.feedback(0.0)
     bench.bus.arrived = [garbage, Frame(0x182, bytes.fromhex("37 03 00 00 00 00"))]
-    bench.drives.receive()
+    bench.drives.wire.take_in()
     after = bench.drives.feedback(0.0)
     sick = (garbage.id & 0x7F) - 1
     assert [feedback.malformed for feedback in after] == [int(number == sick) for number in range(4)]
@@ -192,7 +191,7 @@ def test_garbage_is_counted_and_dropped_and_the_rest_goes_on(garbage: Frame) -> 
 def test_emergency_that_cannot_be_read_is_marked_and_urgent() -> None:
     bench = Bench(DISABLED)
     bench.bus.arrived = [Frame(0x084, b"\x30\x81")]
-    assert bench.drives.receive()
+    assert bench.drives.wire.take_in()
     assert [feedback.emergencies for feedback in bench.drives.feedback(0.0)] == [(), (), (), (UNREADABLE,)]
 
 
@@ -201,14 +200,14 @@ def test_frames_of_strangers_are_ignored(identifier: int) -> None:
     bench = Bench()
     before = bench.drives.feedback(0.0)
     bench.bus.arrived = [Frame(identifier, b"\xff" * 8)]
-    bench.drives.receive()
+    bench.drives.wire.take_in()
     assert bench.drives.feedback(0.0) == tuple(replace(feedback, frames=0) for feedback in before)
 
 
 def test_remote_frames_are_ignored() -> None:
     bench = Bench(DISABLED)
     bench.bus.arrived = [Frame(0x181, b"", rtr=True), Frame(0x701, b"", rtr=True)]
-    bench.drives.receive()
+    bench.drives.wire.take_in()
     feedback = bench.drives.feedback(0.0)[0]
     assert feedback.malformed == 0
     assert feedback.nmt is None
@@ -217,7 +216,7 @@ def test_remote_frames_are_ignored() -> None:
 def test_answer_nobody_waits_for_is_ignored() -> None:
     bench = Bench()
     bench.bus.arrived = [Frame(0x581, bytes(8))]
-    assert not bench.drives.receive()
+    assert not bench.drives.wire.take_in()
     assert bench.drives.nodes[0].sdo.late_answers == 1
 
 
@@ -234,14 +233,14 @@ def test_answer_nobody_waits_for_is_ignored() -> None:
 def test_only_an_emergency_of_our_drives_that_tells_an_error_is_urgent(frame: Frame, urgent: bool) -> None:
     bench = Bench()
     bench.bus.arrived = [frame]
-    assert bench.drives.receive() is urgent
+    assert bench.drives.wire.take_in() is urgent
 
 
 def test_traffic_is_everything_on_the_bus_in_order_once() -> None:
     bench = Bench()
     bench.drives.wire.take_traffic(0.0)
     bench.bus.arrived = [Frame(0x7FF, b"\x01")]
-    bench.drives.receive()
+    bench.drives.wire.take_in()
     bench.write(Wish(exchange=False))
     assert bench.drives.wire.take_traffic(0.0) == [(False, Frame(0x7FF, b"\x01")), (True, HEARTBEAT)]
     assert bench.drives.wire.take_traffic(0.0) == []
@@ -250,13 +249,14 @@ def test_traffic_is_everything_on_the_bus_in_order_once() -> None:
 # ---------------------------------------------------------------------------------------------- a bus that is gone
 
 
-def test_lost_bus_is_told_to_whoever_reads_or_writes() -> None:
-    bench = Bench()
+def test_lost_bus_is_reported_to_the_run_at_every_look_and_write() -> None:
+    bench, reported = Bench(), list[tuple[str, str, str]]()
+    assert list(bench.drives.begin(0.0, lambda: None, lambda *problem: reported.append(problem))) == []
     bench.bus.lost = True
-    with pytest.raises(DeviceLost):
-        bench.drives.receive()
-    with pytest.raises(DeviceLost):
-        bench.write(ON)
+    assert bench.drives.wire.look(), "urgent"
+    assert [drive.name for drive in bench.drives.sense(0.0).drives] == list(NAMES), "as they were last heard"
+    bench.write(ON)
+    assert reported == [("COM-22", "", "unplugged")] * 3
 
 
 def test_job_on_a_lost_bus_is_a_result_and_no_exception() -> None:

@@ -24,7 +24,7 @@ def test_an_error_that_stands_where_its_text_belongs_is_told() -> None:
     assert DeviceLost("stick", OSError("gone")).problem == "gone"  # type: ignore[arg-type]
 
 
-PRIVATE = {"Abort"}
+PRIVATE = {"AccessRefused"}
 """Never leaves its room: what a simulated drive answers."""
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import core_builders
+import pytest
 from core_builders import drive, drives
 from msgspec.structs import replace
 
@@ -165,7 +166,9 @@ def test_every_change_of_the_verdict_is_told() -> None:
     assert entry.data["faults"] == [{"id": "DRV-25", "device": "steer-left"}]
 
     recovering = told(tick(0.0, Mode.FAULT, OVERRUN), tick(0.02, Mode.FAULT, OVERRUN, recovers=True))
-    assert [(entry.kind, entry.text) for entry in recovering] == [("verdict", "S1, leads to fault, recovers by itself")]
+    assert [(entry.kind, entry.text) for entry in recovering] == [
+        ("verdict", "S1, leads to fault, recovers automatically")
+    ]
 
     assert told(tick(0.0, Mode.FAULT, BLOCKED), tick(0.02, Mode.FAULT, BLOCKED)) == []
     alarm = of("verdict", told(tick(0.0, Mode.FAULT, BLOCKED), tick(0.02, Mode.FAULT, BLOCKED, alarm=True)))
@@ -201,8 +204,8 @@ def test_a_recovery_without_a_person_is_told_with_the_budget_spent() -> None:
         entries += event_log.observe(tick(number / 50, Mode.FAULT, *faults, recovers=True), (), number / 50)
 
     first, second = [entry for entry in entries if entry.kind == "recovered"]
-    assert first.text == "by itself: DRV-18 1 of 1 times; recovery 1 of 5 in this run"
-    assert second.text == "by itself: DRV-18 2 of 1 times; recovery 2 of 5 in this run"
+    assert first.text == "automatically: DRV-18 1 of 1 times; recovery 1 of 5 in this run"
+    assert second.text == "automatically: DRV-18 2 of 1 times; recovery 2 of 5 in this run"
     assert second.data == {"faults": [{"id": "DRV-18", "device": "steer-left"}], "recoveries": 2, "at_most": 5}
     assert [entry.data["by"] for entry in entries if entry.kind == "cleared"] == ["artemis", "artemis"]
 
@@ -210,13 +213,51 @@ def test_a_recovery_without_a_person_is_told_with_the_budget_spent() -> None:
 def test_a_bring_up_after_a_fault_names_who_let_it_go_on() -> None:
     for asked, by, words in (
         ((Request.ACKNOWLEDGE,), "person", "acknowledged"),
-        ((), "artemis", "recovered by itself"),
+        ((), "artemis", "recovered automatically"),
     ):
         forgotten = tick(0.02, Mode.FAULT, requests=asked)
         begun = tick(0.04, Mode.INIT, cause=Cause(event=Event.ACKNOWLEDGED))
         entry = of("mode", told(tick(0.0, Mode.FAULT, OVERRUN), forgotten, begun))
         assert entry.text == f"fault -> init: {words}"
         assert entry.data["cause"] == {"event": "acknowledged", "by": by}
+
+
+HELD = OperatorInput(source="stick", neutral=False, age=0.0)
+
+
+@pytest.mark.parametrize(
+    ("request_", "seen", "reason"),
+    [
+        (Request.ARM, tick(0.02, Mode.QUICKSTOP, inputs=(HELD,), phase="release the controls"), "release the controls"),
+        (Request.ARM, tick(0.02, Mode.QUICKSTOP, phase="stopping"), "the robot is still stopping"),
+        (Request.ARM, tick(0.02, Mode.QUICKSTOP), None),
+        (Request.ARM, tick(0.02, Mode.QUICKSTOP, FROZEN), f"acknowledge: {FROZEN.text}"),
+        (Request.ARM, tick(0.02, Mode.FAULT, BLOCKED), "acknowledge the fault first"),
+        (Request.ARM, tick(0.02, Mode.INIT, phase="configure"), "it is not needed yet"),
+        (Request.ARM, tick(0.02, Mode.INIT, inputs=(HELD,), phase="release the controls"), "release the controls"),
+        (Request.ARM, tick(0.02, Mode.INIT, phase="reading potentiometers"), None),
+        (Request.ARM, tick(0.02, Mode.END), "the run ends"),
+        (Request.ACKNOWLEDGE, tick(0.02, Mode.FOLLOW), "there is no fault to acknowledge"),
+        (Request.ACKNOWLEDGE, tick(0.02, Mode.FAULT, phase="acknowledged"), None),
+        (
+            Request.ACKNOWLEDGE,
+            tick(0.02, Mode.FAULT, BLOCKED, phase="cannot acknowledge yet: blocked"),
+            "cannot acknowledge yet: blocked",
+        ),
+        (Request.ACKNOWLEDGE, tick(0.02, Mode.QUICKSTOP, FROZEN), f"its cause is still present: {FROZEN.text}"),
+        (Request.ACKNOWLEDGE, tick(0.02, Mode.QUICKSTOP), None),
+        (Request.DONE, tick(0.02, Mode.FOLLOW), "no step by hand is running"),
+        (Request.DONE, tick(0.02, Mode.TELEOP), None),
+        (Request.ACCEPT, tick(0.02, Mode.READY), "no wheel is being measured"),
+        (Request.QUICKSTOP, tick(0.02, Mode.QUICKSTOP), None),
+    ],
+)
+def test_a_request_that_leads_to_nothing_says_why(request_: Request, seen: Tick, reason: str | None) -> None:
+    sensed = replace(seen.snapshot.sensed, requests=(request_,))
+    asked = replace(seen, snapshot=replace(seen.snapshot, sensed=sensed))
+    entry = of("request", told(tick(), asked))
+    assert entry.data.get("ignored") == reason
+    assert entry.text == (f"{request_.value}: ignored, {reason}" if reason else request_.value)
 
 
 def test_a_request_is_told_once_with_its_source_and_the_mode() -> None:
@@ -228,7 +269,10 @@ def test_a_request_is_told_once_with_its_source_and_the_mode() -> None:
     )
 
     assert [(entry.text, entry.data) for entry in told(tick(), asked)] == [
-        ("arm", {"request": "arm", "by": "operator", "mode": "follow"}),
+        (
+            "arm: ignored, the drives are armed",
+            {"request": "arm", "by": "operator", "mode": "follow", "ignored": "the drives are armed"},
+        ),
         ("quick stop (by stick)", {"request": "quick stop", "by": "stick", "mode": "follow"}),
     ]
 

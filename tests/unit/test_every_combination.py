@@ -61,7 +61,7 @@ def _one_machine(monkeypatch: pytest.MonkeyPatch) -> None:
 def modes_in(mode: Mode) -> Modes:
     """The modes' logic with the machine in `mode`, just entered by a healthy robot."""
     made = Modes(shared(STEPS.get(mode, WaitStep(seconds=1.0)), connected=mode is not Mode.INIT, aligned=True))
-    machine()._model.state = mode
+    machine()._model.state = made.mode = mode
     made._logic[mode].enter(snapshot())
     return made
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from artemis.clock import run, until
 from artemis.devices.can_bus import Frame
@@ -56,7 +57,7 @@ class Wire:
 
     def hear(self, *frames: Frame) -> list[Frame]:
         """What the host gets when these arrive now; each bears the present time."""
-        self.inner.arrived += [frame._replace(time=self.now) for frame in frames]
+        self.inner.arrived += [replace(frame, time=self.now) for frame in frames]
         return self.bus.receive()
 
     def on_wire(self) -> list[Frame]:
@@ -75,7 +76,7 @@ def status(node: int, value: int = 0) -> Frame:
 
 
 def bare(frames: list[Frame]) -> list[Frame]:
-    return [frame._replace(time=0.0) for frame in frames]
+    return [replace(frame, time=0.0) for frame in frames]
 
 
 # ---------------------------------------------------------------------------------------------- which frames
@@ -85,7 +86,7 @@ def test_frames_pass_untouched_without_rules() -> None:
     async def main(wire: Wire) -> None:
         await asyncio.sleep(1.0)
         frames = [status(node) for node in range(1, 5)]
-        assert wire.hear(*frames) == [frame._replace(time=1.0) for frame in frames]
+        assert wire.hear(*frames) == [replace(frame, time=1.0) for frame in frames]
         for frame in frames:
             wire.bus.send(frame)
         assert wire.on_wire() == frames
@@ -188,7 +189,7 @@ def test_delayed_frames_come_late_with_the_time_at_which_they_were_on_the_bus() 
         await asyncio.sleep(0.04)
         assert wire.bus.receive() == []
         await asyncio.sleep(0.01)
-        assert wire.bus.receive() == [status(1)._replace(time=0.0)]
+        assert wire.bus.receive() == [replace(status(1), time=0.0)]
         wire.bus.send(Frame(0x201, b"\1"))
         assert wire.inner.sent == []
         await asyncio.sleep(0.06)
@@ -217,7 +218,7 @@ def test_overtaken_frame_comes_behind_and_keeps_its_time() -> None:
         first = wire.hear(status(1), status(2))
         assert [frame.id for frame in first] == [0x182]
         await asyncio.sleep(0.02)
-        assert wire.hear(status(1, 9)) == [status(1, 9)._replace(time=0.02), status(1)._replace(time=0.0)]
+        assert wire.hear(status(1, 9)) == [replace(status(1, 9), time=0.02), replace(status(1), time=0.0)]
         wire.bus.add(Rule(ids=range(0x201, 0x202), direction=Direction.FROM_HOST, count=1, behind=1))
         for id in (0x201, 0x202, 0x203):
             wire.bus.send(Frame(id))
@@ -261,7 +262,7 @@ def test_injected_frame_reaches_host_and_nodes_and_wakes() -> None:
         assert wire.on_wire() == [frame]
         await asyncio.sleep(0)
         assert wire.woken == [0.5]
-        assert wire.bus.receive() == [frame._replace(time=0.5)]
+        assert wire.bus.receive() == [replace(frame, time=0.5)]
         wire.bus.inject(frame, to_nodes=False)
         assert len(wire.inner.sent) == 1
         assert len(wire.bus.receive()) == 1

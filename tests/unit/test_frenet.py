@@ -186,6 +186,7 @@ def test_with_noise_and_a_wrong_steering_zero(seed: int) -> None:
     assert driven("straight", 38.0, DISTURBED, seed).figures.residual <= 0.003
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("seed", range(10))
 def test_never_lost_on_random_courses(seed: int) -> None:
     """A slice of `artemis bench followers --random 2000 --follower frenet`."""
@@ -214,6 +215,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("name", OTHERS)
 def test_other_robots_by_their_files_alone(name: str, seed: int) -> None:

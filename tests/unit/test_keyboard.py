@@ -134,7 +134,7 @@ def test_closed_terminal_is_a_lost_device() -> None:
 
 
 def test_without_a_terminal_there_is_no_device() -> None:
-    with pytest.raises(DeviceLost, match="run artemis in a terminal"):
+    with pytest.raises(DeviceLost, match="run artemis in one"):
         Desk(there=False).press(UP)
 
 

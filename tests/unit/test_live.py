@@ -35,7 +35,7 @@ LINE = 30
 EXPLAINED = [
     "                 look  wait five minutes; is a wheel dragging?",
     "              artemis  quick stop by the drives, then off",
-    "                 next  mend the cause, acknowledge, arm",
+    "                 next  fix the cause, acknowledge, arm",
 ]
 
 
@@ -107,7 +107,7 @@ def test_the_cause_comes_before_its_effect_and_each_fault_once(capsys: pytest.Ca
 
 def test_a_fault_that_came_once_too_often_says_that_this_run_is_over(capsys: pytest.CaptureFixture[str]) -> None:
     lines = said(capsys, tick(1.0, faults=(replace(OVERHEATED, final=True),)))
-    assert lines[3] == "                 next  not in this run: mend the cause, then go on with --resume"
+    assert lines[3] == "                 next  not in this run: fix the cause, then continue with --resume"
 
 
 def test_a_stale_set_point_that_was_cleared_is_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -109,7 +109,7 @@ def test_a_simulated_tracker_sees_nothing_for_a_while_and_something_else_for_ano
     assert not [fix for _, fix in found if 2.0 <= fix.time < 4.0]
     wrong = [fix.time for _, fix in found if fix.pose.y > 1.0]
     assert (len(wrong), wrong[0]) == (5, 5.0)
-    with pytest.raises(ValueError, match="is no time"):
+    with pytest.raises(ValueError, match="is not a time span"):
         SimulatedTrackerConfig(drop_out=((4.0, 2.0),))
 
 

@@ -1,15 +1,25 @@
 from __future__ import annotations
 
+import struct
+import tracemalloc
+from collections.abc import Iterator
 from io import BytesIO
+from itertools import islice
+from pathlib import Path
 from zlib import crc32
 
-from mcap.data_stream import ReadDataStream
+import pytest
+import synthetic_run
+import zstandard
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import DataEnd, Footer, MessageIndex
+from mcap.records import Chunk, DataEnd, Footer, MessageIndex
 from mcap.stream_reader import StreamReader
 
-from artemis.recording.mcap_file import McapFile
+from artemis.recording import mcap_reader
+from artemis.recording.mcap_file import MAGIC, McapFile
+from artemis.recording.mcap_reader import Recording
 
 
 def written() -> bytes:
@@ -88,3 +98,49 @@ def test_a_file_without_messages_is_whole() -> None:
     assert summary is not None
     assert summary.statistics is not None
     assert summary.statistics.message_count == 0
+
+
+@pytest.mark.parametrize("said_by", ["the chunk", "zstd"])
+def test_a_chunk_that_claims_more_than_any_recorder_writes_takes_no_memory(
+    said_by: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A chunk of 100 kB that says it holds 4 GiB, or does."""
+    recording = synthetic_run.record(tmp_path / "recording.mcap", islice(synthetic_run.run(), 300))
+    monkeypatch.setattr(mcap_reader, "MOST_IN_CHUNK", 1 << 20)
+    assert Recording(recording).missing is None
+    size = 4 << 30 if said_by == "the chunk" else 1
+    much = zstandard.ZstdCompressor().compress(bytes(2 << 20 if said_by == "zstd" else 10))
+    content = bytearray(recording.read_bytes())
+    offset, _ = [place for place in places(content) if place[1] == Opcode.CHUNK][-1]
+    built = RecordBuilder()
+    Chunk("zstd", much, 0, 0, 0, size).write(built)
+    content[offset:] = built.end()  # type: ignore[no-untyped-call]
+    recording.write_bytes(content)
+
+    damaged = Recording(recording)
+
+    assert damaged.missing is not None
+    assert "a chunk claims " in damaged.missing
+
+
+def places(content: bytes | bytearray) -> Iterator[tuple[int, int]]:
+    """Offset and opcode of each record."""
+    offset = len(MAGIC)
+    while offset < len(content) - len(MAGIC):
+        opcode, length = struct.unpack_from("<BQ", content, offset)
+        yield offset, opcode
+        offset += 9 + length
+
+
+def test_a_damaged_length_takes_no_more_memory_than_the_file_is_long(tmp_path: Path) -> None:
+    recording = synthetic_run.record(tmp_path / "recording.mcap", islice(synthetic_run.run(), 300))
+    content = bytearray(recording.read_bytes())
+    offset = next(offset for offset, opcode in places(content) if opcode == Opcode.CHUNK)
+    struct.pack_into("<Q", content, offset + 9 + 8 + 8 + 8 + 4 + 4 + len("zstd"), 1 << 40)
+    recording.write_bytes(content)
+    tracemalloc.start()
+    damaged = Recording(recording)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert damaged.missing is not None
+    assert peak < 50_000_000

@@ -183,6 +183,7 @@ def test_without_a_supervision_part_its_default_holds(folder: Path) -> None:
         (folder / "robots/artemis.yaml")
         .read_text()
         .replace("quick_stop_deceleration_m_s2: 1.5", "quick_stop_deceleration_m_s2: 0.4")
+        .replace(" deceleration_m_s2: 1.0", " deceleration_m_s2: 0.4")
     )
     problems = refusal(folder, "supervision:\n  stop_distance_m: 0.6\n", "")
     assert [problem.split(": ")[1] for problem in problems] == ["steps[3].teleop.input"]
@@ -211,7 +212,8 @@ def test_words_that_the_back_end_does_not_know_are_refused_where_they_stand(fold
 
 def test_calibration_may_come_any_time_before_the_path(folder: Path) -> None:
     first = "  - calibrate: {steering: from_potentiometers}\n"
-    loaded_with(folder, first, first + "  - wait: {seconds: 1}\n")
+    loaded = loaded_with(folder, first, first + "  - wait: {seconds: 1}\n")
+    assert [next(iter(step.model_fields_set)) for step in loaded.mission.steps[:3]] == ["calibrate", "wait", "follow"]
 
 
 def test_problems_come_in_the_order_of_their_lines(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""What modes seldom meet: all drives silent, nobody there to arm, a lost emergency, an end of waiting."""
+"""What modes seldom meet: all drives silent, no operator to arm, a lost emergency, an end of waiting."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_nobody_there_to_arm_a_bring_up_ends_the_run_as_failed() -> None:
     player = bring_up(armed=False)
     player.world["attended"] = False
     wish = player.until(has_event)
-    assert (wish.event, wish.failed, wish.phase) == (Event.END, True, "nobody there to arm")
+    assert (wish.event, wish.failed, wish.phase) == (Event.END, True, "no operator to arm")
     assert not any(map(powered, player.wishes))
 
 
@@ -133,7 +133,7 @@ def test_routine_that_failed_is_told_by_its_fault() -> None:
 def test_armed_stop_stands_on_until_the_mode_changes() -> None:
     robot = ObedientDrives(DriveState.OPERATION_ENABLE)
     player = Player(QuickstopMode(shared(CalibrateStep(), connected=True, aligned=True)), robot.react)
-    player.until(lambda wish: wish.phase == "stopped: arm to go on")
+    player.until(lambda wish: wish.phase == "stopped: arm to continue")
     player.tick(requests=(Request.ARM,))
     player.until(has_event)
     for _ in range(3):
@@ -145,7 +145,7 @@ def test_armed_stop_stands_on_until_the_mode_changes() -> None:
 def test_stop_that_no_arm_helps_says_so() -> None:
     player = Player(QuickstopMode(shared(CalibrateStep(), connected=True, aligned=True)))
     player.world.update(verdict=judged("INP-03", device="stick", final=True))
-    wish = player.until(lambda wish: wish.phase.startswith("this run cannot go on, end it: stick"))
+    wish = player.until(lambda wish: wish.phase.startswith("this run cannot continue; end it: stick"))
     assert wish.event is None
     assert player.tick(requests=(Request.ARM,)).event is None
 

@@ -164,7 +164,7 @@ def test_drive_that_somebody_else_switched_on_is_named() -> None:
         JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True, values=(1,) * (job.drive == LEFT))
         for job in looks
     ]
-    assert player.tick(results=found).phase == f"stopped what somebody else switched on: {LEFT}"
+    assert player.tick(results=found).phase == f"stopped what another master switched on: {LEFT}"
     assert player.tick().phase == "acknowledge to bring the drives up again"
 
 
@@ -301,7 +301,7 @@ def test_fault_that_is_over_by_itself_leads_on_and_arms_only_where_the_mission_s
 ) -> None:
     player, steps = in_fault(**state)
     player.world["verdict"] = judged("COM-11", **says)
-    assert player.until(lambda wish: wish.phase == "recovers by itself").event is None
+    assert player.until(lambda wish: wish.phase == "recovers automatically").event is None
     assert player.tick(verdict=Verdict()).event is Event.ACKNOWLEDGED
     assert steps.bring_up.armed is armed
 
@@ -309,6 +309,6 @@ def test_fault_that_is_over_by_itself_leads_on_and_arms_only_where_the_mission_s
 def test_fault_that_no_acknowledgment_helps_says_so() -> None:
     player, _ = in_fault()
     player.world["verdict"] = judged("STE-04", final=True)
-    wish = player.until(lambda wish: "this run cannot go on" in wish.phase)
+    wish = player.until(lambda wish: "this run cannot continue" in wish.phase)
     assert catalogue.ROWS["STE-04"].text in wish.phase
     assert wish.event is None

@@ -137,7 +137,7 @@ def test_arm_after_a_stop_lets_what_recovers_by_itself_go_on_again() -> None:
     robot = ObedientDrives()
     steps = shared(CalibrateStep(), connected=True, aligned=True, armed=False, held=True)
     player = Player(QuickstopMode(steps), robot.react)
-    player.until(lambda wish: wish.phase == "stopped: arm to go on")
+    player.until(lambda wish: wish.phase == "stopped: arm to continue")
     assert steps.bring_up.held
     player.tick(requests=(Request.ARM,))
     assert not steps.bring_up.held
@@ -148,7 +148,7 @@ def test_arm_that_is_refused_is_still_missing() -> None:
     steps = shared(CalibrateStep(), connected=True, aligned=True, armed=False, held=True)
     player = Player(QuickstopMode(steps))
     player.world["drives"] = drives(state=OFF)
-    player.until(lambda wish: wish.phase == "stopped: arm to go on")
+    player.until(lambda wish: wish.phase == "stopped: arm to continue")
     player.tick(requests=(Request.ARM,), verdict=verdict("INP-03", "stick"))
     assert steps.bring_up.held
 
@@ -172,7 +172,7 @@ def test_fault_that_recovers_by_itself_goes_on_after_an_earlier_stop_was_armed()
     modes.advance(snapshot(requests=(Request.QUICKSTOP,)), None)
     assert (modes.mode, steps.bring_up.held) == (Mode.QUICKSTOP, True)
     stop = Player(modes._logic[Mode.QUICKSTOP], robot.react)
-    stop.until(lambda wish: wish.phase == "stopped: arm to go on")
+    stop.until(lambda wish: wish.phase == "stopped: arm to continue")
     stop.tick(requests=(Request.ARM,))
     assert stop.until(has_event).event is Event.REARMED
     modes.advance(snapshot(), Event.REARMED)
@@ -180,7 +180,7 @@ def test_fault_that_recovers_by_itself_goes_on_after_an_earlier_stop_was_armed()
     modes.advance(snapshot(verdict=found), None)
     fault = Player(modes._logic[Mode.FAULT], robot.react)
     fault.world["verdict"] = found
-    fault.until(lambda wish: wish.phase == "recovers by itself")
+    fault.until(lambda wish: wish.phase == "recovers automatically")
     assert fault.tick(verdict=Verdict()).event is Event.ACKNOWLEDGED
 
 
@@ -197,7 +197,7 @@ def test_seconds_of_a_step_by_hand_go_on_after_each_of_two_stops() -> None:
             assert live.tick(inputs=(AHEAD,)).mode is Mode.TELEOP
             by_hand += 1
         live.until(Mode.QUICKSTOP, requests=(Request.QUICKSTOP,), inputs=(REST,))
-        live.until(lambda tick: tick.wish.phase == "stopped: arm to go on", inputs=(REST,))
+        live.until(lambda tick: tick.wish.phase == "stopped: arm to continue", inputs=(REST,))
         live.until(lambda tick: tick.mode is Mode.READY, requests=(Request.ARM,), inputs=(REST,))
     live.until(Mode.TELEOP)
     while live.ticks[-1].mode is Mode.TELEOP:

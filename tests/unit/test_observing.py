@@ -99,7 +99,7 @@ def test_a_slow_observer_delays_no_tick_and_what_it_misses_is_counted_and_said_o
     watcher.stalled.wait()
     told = show(observation, TICKS[1:])  # they return, although nothing goes on in the thread
     assert watcher.seen == []
-    assert told == [("PLG-03", "page", "it does not see all ticks, from tick 1 on")]
+    assert told == [("PLG-03", "page", "it misses ticks, from tick 1 on")]
     assert observation.dropped == 14
     watcher.goes_on.set()
     while not watcher.seen[1:]:  # one has been taken from the queue

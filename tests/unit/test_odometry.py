@@ -185,6 +185,15 @@ def test_without_time_speed_and_slip_keep_their_values() -> None:
     assert after.pose.x == pytest.approx(0.011)
 
 
+def test_what_rolled_without_time_counts_when_there_is_time_again() -> None:
+    odometer = Odometer(FRONT)
+    odometer.update(0.011, 0.009, 0.0, 0.0, 0.0)
+    after = odometer.update(0.011, 0.009, 0.0, 0.0, 0.04)
+    assert after.speed == pytest.approx(0.5)
+    assert after.slip == pytest.approx(0.05)
+    assert odometer.update(0.011, 0.009, 0.0, 0.0, 0.02).speed == pytest.approx(0.5)
+
+
 def test_reset_begins_anew() -> None:
     odometer = Odometer(FRONT)
     odometer.update(0.5, 0.5, 0.1, 0.1, 0.02)

@@ -27,7 +27,7 @@ def test_one_file_that_is_there_keeps_all_from_being_written(tmp_path: Path) -> 
     with pytest.raises(ConfigError) as caught:
         write_files(files, force=False)
     assert caught.value.problems == [
-        f"{tmp_path}/b.csv: is there already; another name, or --force",
+        f"{tmp_path}/b.csv: exists already; choose another name or --force",
         f"{tmp_path}/no: no such folder",
     ]
     assert [file.name for file in tmp_path.iterdir()] == ["b.csv"]

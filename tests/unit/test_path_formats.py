@@ -54,7 +54,7 @@ def test_tables_are_read_with_any_separator_and_usual_names(text: str, heading: 
         ("x,y\n0,0\n1,inf\n", "f:3:3: y: expected a finite number"),
         ("x,y\n0,0\n1\n", "f:3:1: expected 2 columns"),
         ("x,y,yaw,yaw_deg\n0,0,0,0\n", "f:1:1: a heading both in rad and in degrees"),
-        ("0,0,0,0,0\n1,0,0,0,0\n", "f:1:1: a heading both in rad and in degrees"),
+        ("0,0,0,0,0\n1,0,0,0,0\n", "f:1:1: 5 columns without names: write their names in a first line"),
         ("x,y,yaw,theta\n0,0,0,0\n", "f:1:9: second column for heading"),
         (b"x,y\n0,0\n1,\xff\n", "f:3:3: byte 0xff is not UTF-8"),
     ],
@@ -91,7 +91,7 @@ def test_segments_are_joined_and_routes_stand_in_for_tracks() -> None:
     two = "<trk>" + track((1, 2), (1.1, 2), name="x")[3:-4] + track((1.2, 2), name="y")[3:-4] + "</trk>"
     given = read_gpx(GPX.format(two).encode(), "f")
     assert len(given.x) == 3
-    assert given.notes[1] == "2 segments were joined"
+    assert given.notes[1] == "2 segments were joined; the widest gap is 11057.46 m (f:5:1)"
     route = '<rte><rtept lat="1" lon="2"/><rtept lat="1.1" lon="2"/></rte>'
     assert len(read_gpx(GPX.format(route).encode(), "f").x) == 2
     assert len(read_gpx(GPX.format(route + track((5, 5))).encode(), "f").x) == 1
@@ -112,7 +112,7 @@ OUTSIDE = '<!DOCTYPE gpx SYSTEM "file:///etc/passwd"><gpx/>'
         (BOMB.encode("utf-16"), "f:1:"),
         (OUTSIDE, "f:1:42: a document type (<!DOCTYPE) is refused"),
         ('<?xml version="1.0" encoding="no-such"?><gpx/>', "f:1:"),
-        ("<gpx></gpx>", "f:1:1: no track and no route"),
+        ("<gpx></gpx>", "f:1:1: no track, no route and no waypoints"),
         (GPX.format('\n<trk><trkseg><trkpt lat="1" /></trkseg></trk>'), "f:3:14: lon: expected -180 to 180 de"),
         (GPX.format('\n<trk><trkseg><trkpt lat="north" lon="1"/></trkseg></trk>'), "f:3:14: lat: expected -90 to 90"),
         (GPX.format('<trk><trkpt lat="91" lon="1"/></trk>'), "f:2:67: lat: expected -90 to 90 degrees, found '91'"),

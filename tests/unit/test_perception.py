@@ -108,6 +108,42 @@ def test_angle_that_a_drive_was_told_is_no_steering() -> None:
     assert eyes.look(seen(0.06, angle=turned)).odometry.pose == Pose()
 
 
+# ---------------------------------------------------------------------------------------------- speed
+
+
+def speeds(*ticks: tuple[float, float]) -> list[float]:
+    """Speed after each tick: when it is, and when the drives measured; the robot drives 0.5 m/s all the time."""
+    eyes = Eyes()
+    return [eyes.look(seen(time, 0.5 * measured, age=time - measured)).odometry.speed for time, measured in ticks]
+
+
+def test_tick_that_comes_late_does_not_change_the_speed() -> None:
+    found = speeds((0.02, 0.001), (0.04, 0.021), (0.06, 0.041), (0.0985, 0.061), (0.1, 0.0988), (0.12, 0.101))
+    assert found[1:] == pytest.approx([0.5] * 5)
+
+
+def test_frames_that_miss_a_tick_do_not_change_the_speed() -> None:
+    assert speeds((0.02, 0.001), (0.04, 0.021), (0.06, 0.021), (0.08, 0.061))[1:] == pytest.approx([0.5] * 3)
+
+
+def test_frames_of_one_wheel_that_miss_a_tick_do_not_change_the_speed() -> None:
+    eyes, found = Eyes(), []
+    for number in range(1, 6):
+        time = number * PERIOD
+        feedback = seen(time, 0.5 * time, age=0.0)
+        if number == 3:
+            lost = drive(TRACTION[0], position=0.5 * (time - PERIOD), age=PERIOD)
+            feedback = replace(feedback, drives=(lost, *feedback.drives[1:]))
+        found.append(eyes.look(feedback).odometry.speed)
+    assert found[1:] == pytest.approx([0.5] * 4)
+
+
+def test_drives_that_are_no_longer_heard_count_as_standing() -> None:
+    found = speeds((0.02, 0.001), (0.04, 0.021), *((0.04 + number * PERIOD, 0.021) for number in range(1, 6)))
+    assert found[1] == pytest.approx(0.5)
+    assert found[-1] == 0.0
+
+
 # ---------------------------------------------------------------------------------------------- standstill
 
 

@@ -98,7 +98,10 @@ def test_a_new_package_has_all_that_it_needs(kind: str, tmp_path: Path) -> None:
 
 def test_the_command_says_what_it_made(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["plugins", "new", "input", "pad", "--folder", str(tmp_path)])
-    assert (done.exit_code, done.stdout) == (0, f"{tmp_path / 'artemis-pad'}: made; README.md says how to go on\n")
+    assert (done.exit_code, done.stdout) == (
+        0,
+        f"{tmp_path / 'artemis-pad'}: created; see README.md for what to do next\n",
+    )
 
 
 @pytest.mark.parametrize(
@@ -123,7 +126,7 @@ def test_what_is_there_is_never_overwritten(tmp_path: Path) -> None:
     begin_plugin("input", "pad", tmp_path)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     assert refusal("follower", "pad", tmp_path) == [
-        f"{tmp_path / 'artemis-pad'}: is there already; another name, or another --folder"
+        f"{tmp_path / 'artemis-pad'}: exists already; choose another name or --folder"
     ]
     assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 

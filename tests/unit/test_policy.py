@@ -34,7 +34,7 @@ def test_rows_that_are_noticed_in_a_run_take_a_policy() -> None:
 @pytest.mark.parametrize("policy", [Policy(), Policy(reaction=Severity.OFF), Policy(after_s=0.0), Policy(retries=0)])
 def test_row_that_is_never_noticed_takes_no_policy(id: str, row: Row, policy: Policy) -> None:
     (problem,) = problems_of(id, policy)
-    assert problem == f"{id} ({row.name}) is never noticed in a run: {row.found.value}; it takes no policy"
+    assert problem == f"{id} ({row.name}) is never noticed in a run: {row.found.value}; it cannot have a policy"
 
 
 @cases(SEEN)
@@ -99,10 +99,10 @@ def test_retries_may_be_fewer_and_are_never_more(id: str, row: Row) -> None:
 def test_row_that_is_not_automatic_does_not_become_so(id: str, row: Row) -> None:
     for retries in (0, 1):
         assert problems_of(id, Policy(retries=retries)) == [
-            f"retries: {id} recovers only this distance: {row.recovery.kind.value}"
+            f"retries: {id} recovers only by: {row.recovery.kind.value}"
         ]
     assert problems_of(id, Policy(resume="continue")) == [
-        f"resume: {id} does not recover by itself, so nothing can continue"
+        f"resume: {id} does not recover by itself, so the run cannot continue"
     ]
     assert problems_of(id, Policy(resume="wait")) == []
 
@@ -112,7 +112,7 @@ def test_robot_may_go_on_after_an_automatic_recovery_if_there_is_one(id: str, ro
     assert problems_of(id, Policy(resume="continue")) == []
     assert problems_of(id, Policy(resume="continue", retries=1)) == []
     assert problems_of(id, Policy(resume="continue", retries=0)) == [
-        f"resume: {id} does not recover by itself, so nothing can continue"
+        f"resume: {id} does not recover by itself, so the run cannot continue"
     ]
     assert stricter({id: Policy(resume="continue")}) == ROWS, "the supervisor keeps it"
 

@@ -237,7 +237,7 @@ def test_unknown_profile_is_answered_with_the_nearest_and_all() -> None:
         ("maximum: 16383", "maximum: 100", "p.yaml:9:3: axes.steering: 0, 8192, 100: expected minimum < centre < max"),
         ("centre: 8192, ", "", "axes.steering: its centre is missing"),
         ("field: rz, minimum: 0,", "field: rz, minimum: 0, centre: 9,", "axes.brake: a pedal has no centre"),
-        ("field: rz", "field: z", "a combined axis cannot tell both pedals pressed"),
+        ("field: rz", "field: z", "a combined axis cannot show both pedals pressed"),
         ("  brake: {field: rz, minimum: 0, maximum: 255, inverted: true}\n", "", "a wheel has steering, gas, brake"),
         ("  reverse:", "  revers:", "buttons.revers: no such role; nearest is 'reverse'"),
         ("  enable: button.6\n", "", "buttons.enable: missing"),

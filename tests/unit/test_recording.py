@@ -260,7 +260,7 @@ def test_a_recording_that_nobody_closed_is_read(tmp_path: Path) -> None:
     recording = Recording(tmp_path / "killed.mcap")
     assert recording.outcome == ""
     assert recording.wall_duration is None
-    assert recording.missing == "the file is cut off; the last whole one is tick 80 at 1.60 s"
+    assert recording.missing == "the file is cut off; the last whole one is tick 81 at 1.62 s"
 
 
 def test_a_flipped_bit_ends_what_is_whole(small: Path) -> None:

@@ -155,11 +155,11 @@ def test_a_recording_that_cannot_be_written_ends_and_the_journal_goes_on(
 
 def test_a_recording_that_is_cut_off_by_the_disk_is_told_by_the_journal_how_it_ended(tmp_path: Path) -> None:
     disk = FailingDisk()
-    recorder = record_on(disk, tmp_path, 40, threaded=False, fail=lambda number: None)
+    recorder = record_on(disk, tmp_path, 15, threaded=False, fail=lambda number: None)
     disk.fail("recording", errno.ENOSPC)
     recorder.close("done")
 
-    assert recorder.dropped == 40  # all waited in the first chunk
+    assert recorder.dropped == 15  # all waited in the first chunk
     assert Recording(tmp_path).outcome == ""
     assert [trouble.id for trouble in recorder.troubles()] == ["DSK-02"]
     assert read_journal(tmp_path / "journal.jsonl").entries[-1].text == "done"

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+import errno
+import os
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
 from artemis.errors import RecordingError
+from artemis.recording.disk import write_whole
 from artemis.recording.run_folder import create_run_folder
 
 START = datetime(2026, 3, 1, 12, 30, 5, tzinfo=UTC)
@@ -48,3 +51,30 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "runs").write_text("a file")
     with pytest.raises(RecordingError, match=r"runs: File exists; see `record:` in the mission"):
         create_run_folder(tmp_path / "runs", "m", START, {})
+
+
+def test_a_disk_that_is_full_names_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error while a file is written has no name in it, other than one while it is opened."""
+
+    def full(_: Path, __: bytes) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(RecordingError, match=r"files/mission\.yaml: No space left on device; see `record:`"):
+        create_run_folder(tmp_path / "runs", "m", START, {"mission.yaml": b"a"})
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "report.html"
+    write_whole(file, "before")
+    write_text = Path.write_text
+
+    def full(path: Path, text: str, **keys: str) -> int:
+        write_text(path, text[:3], **keys)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(RecordingError, match=r"report\.html: cannot be written: No space left on device"):
+        write_whole(file, "afterwards")
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+    assert file.read_text() == "before"

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import pytest
 import synthetic_run
@@ -18,7 +19,8 @@ from artemis.recording.schemas import (
     tick_record,
     unpack_frames,
 )
-from artemis.values import DriveFeedback, Fault, OperatorInput, Request, Sensed, Severity
+from artemis.scan import Scan
+from artemis.values import DriveFeedback, Fault, OperatorInput, Request, Sensed, Severity, Tick
 
 floats = st.floats(allow_nan=False)  # nan is equal to nothing: it has its own test
 ages = st.none() | floats
@@ -46,6 +48,15 @@ inputs = st.builds(
     axes=st.lists(floats).map(tuple),
     buttons=st.lists(st.booleans()).map(tuple),
 )
+scans = st.builds(
+    Scan,
+    source=st.just("null"),
+    time=floats,
+    start_angle=floats,
+    increment=floats,
+    ranges=st.binary(max_size=9),
+    intensities=st.binary(max_size=9),
+)
 faults = st.builds(Fault, id=st.just("DRV-25"), severity=st.sampled_from(Severity), text=st.text("null é"))
 sensed_values = st.builds(
     Sensed,
@@ -54,6 +65,7 @@ sensed_values = st.builds(
     drives=st.lists(drives, max_size=4).map(tuple),
     inputs=st.lists(inputs, max_size=2).map(tuple),
     faults=st.lists(faults, max_size=2).map(tuple),
+    scans=st.lists(scans, max_size=2).map(tuple),
 )
 
 
@@ -67,6 +79,13 @@ def recorded(sensed: Sensed) -> Sensed:
 @given(sensed_values)
 def test_sensed_values_survive_exactly(sensed: Sensed) -> None:
     assert recorded(sensed) == sensed
+
+
+def test_a_record_from_before_there_were_scans_has_none() -> None:
+    tick = next(synthetic_run.run()).tick
+    record, none = tick_record(tick), b',"scans":[]'
+    assert record.count(none) == 1
+    assert tick_from_record(record.replace(none, b"")).snapshot == tick.snapshot
 
 
 def test_nan_survives() -> None:
@@ -130,3 +149,30 @@ def test_foxglove_finds_its_time_by_the_title() -> None:
 
     assert timestamp["title"] == "time"
     assert set(timestamp["properties"]) == {"sec", "nsec"}
+
+
+# ----------------------------------------------------------------------------------------------------------- its cost
+
+
+@pytest.mark.skipif(sys.getprofile() is not None, reason="somebody else counts calls")
+def test_recording_a_scan_costs_no_call_and_a_third_more_bytes_than_it_has() -> None:
+    def calls(tick: Tick) -> int:
+        number = 0
+
+        def count(*event: object) -> None:
+            nonlocal number
+            number += event[1] == "call"
+
+        sys.setprofile(count)
+        try:
+            tick_record(tick)
+        finally:
+            sys.setprofile(None)
+        return number
+
+    tick = next(synthetic_run.run()).tick
+    scan = Scan(source="front", time=0.0, start_angle=0.0, increment=0.004, ranges=bytes(range(2)) * 1081)
+    snapshot = replace(tick.snapshot, sensed=replace(tick.snapshot.sensed, scans=(scan,)))
+    with_one = replace(tick, snapshot=snapshot)
+    assert calls(with_one) == calls(tick)
+    assert len(tick_record(with_one)) - len(tick_record(tick)) < 2 * 1081 * 4 / 3 + 150

@@ -195,7 +195,7 @@ def test_a_real_run_has_no_truth_of_its_own(real_run: Path) -> None:
 def test_poses_count_since_the_odometry_got_its_origin(run: Path) -> None:
     series = read_series(Recording(run))
 
-    assert estimated_trajectory(replace(series, placed=100)).time[0] == series.time[100]
+    assert estimated_trajectory(replace(series, placed=100)).time[0] == series.moment[100]
     with pytest.raises(ConfigError, match="the run ended before the odometry got its origin"):
         estimated_trajectory(replace(series, placed=len(series.time)))
 

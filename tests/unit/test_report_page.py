@@ -94,6 +94,7 @@ def test_text_from_a_run_is_escaped(tmp_path: Path) -> None:
     assert "following error <too large>" in page.text
 
 
+CLEARED = JobResult(id=2, kind=JobKind.CLEAR_TARGET, drive="traction-left", ok=True, values=(7,))
 HISTORY = JobResult(id=1, kind=JobKind.READ_HISTORY, drive="steer-left", ok=True, values=(0x8611,))
 
 
@@ -102,7 +103,9 @@ HISTORY = JobResult(id=1, kind=JobKind.READ_HISTORY, drive="steer-left", ok=True
 def test_a_fault_is_explained(tmp_path: Path, journalled: bool) -> None:
     observed = list(synthetic_run.run(hz=10.0, fault_at=3.0))
     tick = observed[-1].tick
-    told = replace(tick, snapshot=replace(tick.snapshot, sensed=replace(tick.snapshot.sensed, results=(HISTORY,))))
+    told = replace(
+        tick, snapshot=replace(tick.snapshot, sensed=replace(tick.snapshot.sensed, results=(HISTORY, CLEARED)))
+    )
     observed[-1] = dataclasses.replace(observed[-1], tick=told)
     journal = Journal(tmp_path / "journal.jsonl") if journalled else None
     synthetic_run.record(tmp_path / "recording.mcap", iter(observed), journal=journal)
@@ -112,8 +115,9 @@ def test_a_fault_is_explained(tmp_path: Path, journalled: bool) -> None:
     assert text.count("DRV-25 steer-left: following error <too large>") == 2  # and among the events
     assert ROWS["DRV-25"].advice in text
     assert ("drives off: the robot can roll" if journalled else "quick stop by the drives, then off") in text
-    assert "mend the cause, acknowledge, arm" in text
+    assert "fix the cause, acknowledge, arm" in text
     assert "Error history of steer-left: 0x8611 following error" in text
+    assert text.count("Error history of") == 1, "other jobs bring other things back"
 
 
 @pytest.mark.usefixtures("text_only")
@@ -143,7 +147,7 @@ def test_the_page_of_a_resumed_run_names_the_run_before(tmp_path: Path) -> None:
     path = synthetic_run.record(tmp_path / "recording.mcap", islice(synthetic_run.run(), 5), resume_point=resume_point)
     write_report(Recording(path), tmp_path / "report.html")
 
-    assert "Goes on with 20260301T110000Z-circle." in (tmp_path / "report.html").read_text()
+    assert "Resumes 20260301T110000Z-circle." in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.parametrize("count", [0, 1, 19])
@@ -181,7 +185,7 @@ def test_many_events_are_cut_short(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("text_only")
 def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     path = synthetic_run.record(tmp_path / "recording.mcap", iter(()))
-    with pytest.raises(RecordingError, match=r"cannot write the report: No such file"):
+    with pytest.raises(RecordingError, match=r"cannot be written: No such file"):
         write_report(Recording(path), tmp_path / "nowhere" / "report.html")
 
 

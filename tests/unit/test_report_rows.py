@@ -99,6 +99,7 @@ def test_a_long_run_has_the_numbers_of_all_its_ticks(tmp_path: Path, monkeypatch
     assert 12.5 in few.time  # when the fault came
 
 
+@pytest.mark.exhaustive
 def test_memory_does_not_grow_with_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rows, "ALL", 500)
     monkeypatch.setattr(rows, "STRETCHES", 20)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import pytest
 from core_builders import NAMES, PERIOD
+from fake_scanner import FakeScanner
 from msgspec.structs import replace
 from robot_rig import EMERGENCY, HEARTBEAT, SYNC, Rig
 
@@ -256,7 +257,7 @@ def test_lost_bus_is_a_fault_in_every_tick_until_it_is_back() -> None:
     rig.at(0.091, lambda: setattr(rig.bus, "lost", False))
     rig.run()
     assert {(time, id) for time, id, _ in rig.faults()} == {(0.06, "COM-22"), (0.08, "COM-22"), (0.1, "COM-22")}
-    assert any(frame.time > 0.1 for frame in rig.bus.sent), "and goes on"
+    assert any(frame.time > 0.1 for frame in rig.bus.sent), "and continues"
 
 
 def test_bus_that_cannot_be_written_is_a_fault_in_the_next_tick() -> None:
@@ -332,6 +333,20 @@ def went_down(rig: Rig) -> float:
     assert [frame.id for frame in rig.bus.sent[first : first + 4]] == [0x301, 0x302, 0x303, 0x304]
     assert all(map(is_stop, rig.bus.sent[first:]))
     return rig.bus.sent[first].time
+
+
+def test_work_of_a_device_beside_the_ticks_ends_with_the_run() -> None:
+    rig, scanner = Rig(), FakeScanner()
+    rig.sensors = [scanner]
+    rig.run(0.2)
+    assert rig.collected("scans") == scanner.made
+    assert (len(scanner.made), scanner.work) == (7, "ended")
+
+
+def test_exception_in_the_work_of_a_device_stops_every_drive() -> None:
+    rig = Rig()
+    rig.sensors = [FakeScanner(fail=2)]
+    assert went_down(rig) == pytest.approx(0.0753)
 
 
 def test_exception_in_a_tick_stops_every_drive_before_it_propagates() -> None:

@@ -101,7 +101,7 @@ def test_a_button_that_a_row_leaves_out_is_released() -> None:
         (ROWS + "- {time_s: 1, x: 0, y: 0}\n", ["[2].time_s: expected at least 0 and more than in the row before"]),
         (ROWS + "- {time_s: 2, x: 0, y: 010}\n", ["s.yaml:3:21: [2].y: 010 may mean octal or decimal"]),
         (ROWS + "- {steering: 0, time_s: 2}\n", ["no steering, gas, brake", "no steering", "no gas, brake"]),
-        (ROWS + "- {time_s: 2, x: 0, x: 0, y: 0}\n", ["s.yaml:3:21: [2].x: key stands twice, first at 3:15"]),
+        (ROWS + "- {time_s: 2, x: 0, x: 0, y: 0}\n", ["s.yaml:3:21: [2].x: duplicate key, first at 3:15"]),
         (ROWS + "- [\n", ["s.yaml:4:1: not YAML: a value is missing"]),
         (b"- {time_s: 0, x: 0, y: \xff}\n", ["s.yaml:1:24: byte 0xff is not UTF-8"]),
     ],
@@ -180,7 +180,7 @@ def test_without_done_the_end_of_the_run_is_silence() -> None:
         ({"input": "padd"}, "pad: input: no input padd gave anything in the run s.yaml; nearest is 'pad', there are"),
         (
             {"deadzone": 0.1, "gate": "round"},
-            "pad: gate: of no use with an earlier run; leave it out\npad: deadzone: of",
+            "pad: gate: not used with an earlier run; leave it out\npad: deadzone: not",
         ),
         ({"max_speed_m_s": 0.3}, "pad: file: it drove up to 0.4 m/s; 0.3 are allowed"),
         ({"max_speed_m_s": 0.8}, "max_speed_m_s: 0.8; the robot's limit is 0.7"),

@@ -7,6 +7,7 @@ from collections.abc import Callable, Coroutine, Iterator
 from itertools import count
 
 import pytest
+from sdo_server_side import decode_request, encode_answer
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
@@ -22,8 +23,6 @@ from artemis.devices.canopen import (
     SegmentAccepted,
     Segmented,
     Upload,
-    decode_request,
-    encode_answer,
 )
 from artemis.devices.sdo import SdoClient
 from artemis.errors import DeviceLost, DeviceTimeout, ProtocolError

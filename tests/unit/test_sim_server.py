@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
+from msgspec.structs import replace
 
 from artemis.clock import SimulatedLoop, run
 from artemis.devices.can_bus import Frame
@@ -70,7 +71,7 @@ class FakeBus:
         self.wake: Callable[[], None] = lambda: None
 
     def arrive(self, frame: Frame) -> None:
-        self.inbox.append(frame._replace(time=asyncio.get_running_loop().time()))
+        self.inbox.append(replace(frame, time=asyncio.get_running_loop().time()))
         self.wake()
 
     def send(self, frame: Frame) -> None:
@@ -317,10 +318,12 @@ def test_simulated_robot_boots_and_answers() -> None:
         world = World(RobotFile.model_validate(yaml.safe_load(ROBOT_FILE.read_text())))
         serving = asyncio.create_task(serve(world, bus, BITRATE, until=0.2))
         await asyncio.sleep(0.1)
-        assert [frame[:2] for _, frame in bus.sent] == [(0x701 + node, b"\x00") for node in range(4)]
+        assert [replace(frame, time=0.0) for _, frame in bus.sent] == [
+            Frame(0x701 + node, b"\x00") for node in range(4)
+        ]
         bus.arrive(Frame(0x602, bytes.fromhex("40 41 60 00 00 00 00 00")))
         await serving
-        assert bus.sent[-1][1][:2] == (0x582, bytes.fromhex("4B 41 60 00 40 01 00 00"))  # Switch On Disabled
+        assert bus.sent[-1][1].data == bytes.fromhex("4B 41 60 00 40 01 00 00")  # Switch On Disabled
 
     simulate(main())
 
@@ -351,7 +354,7 @@ class Watched:
 
     def beats_unread(self, *times: float) -> None:
         """Heartbeats that arrive while the process is held up, so many seconds from now."""
-        self.bus.inbox += [HEARTBEAT._replace(time=self.loop.time() + time) for time in times]
+        self.bus.inbox += [replace(HEARTBEAT, time=self.loop.time() + time) for time in times]
 
     @property
     def reports(self) -> list[float]:

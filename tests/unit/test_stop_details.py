@@ -131,7 +131,7 @@ BOTH = judged("INP-03", "PTH-09", device="stick")
 
 
 @pytest.mark.parametrize(("says", "phase"), [
-    ({"final": True}, "this run cannot go on, end it: stick: "), ({"recovers": True}, "recovers by itself"),
+    ({"final": True}, "this run cannot continue; end it: stick: "), ({"recovers": True}, "recovers automatically"),
     ({}, "acknowledge: stick: "),
 ])  # fmt: skip
 def test_stop_names_the_first_of_its_causes(says: dict[str, bool], phase: str) -> None:
@@ -170,7 +170,7 @@ def test_fault_of_drives_that_are_not_ours_yet_is_not_judged() -> None:
 def test_fault_that_is_over_by_itself_says_that_it_recovered() -> None:
     player = in_fault()
     player.world["verdict"] = judged("COM-11", recovers=True)
-    player.until(lambda wish: wish.phase == "recovers by itself")
+    player.until(lambda wish: wish.phase == "recovers automatically")
     assert player.tick(verdict=Verdict()).phase == "recovered"
 
 
@@ -234,12 +234,12 @@ def test_fault_is_acknowledged_within_ten_minutes_of_the_histories_and_not_a_tic
 
 
 @pytest.mark.parametrize(
-    ("says", "phase"), [({"final": True}, "this run cannot go on, end it: "), ({}, "cannot acknowl")]
+    ("says", "phase"), [({"final": True}, "this run cannot continue; end it: "), ({}, "cannot acknowl")]
 )
 def test_fault_names_the_first_of_its_causes(says: dict[str, bool], phase: str) -> None:
     player = in_fault()
     player.world["verdict"] = found = judged("DRV-25", "DRV-02", device="steer-left", **says)
-    player.until(lambda wish: "acknowledge to" in wish.phase or "cannot go on" in wish.phase)
+    player.until(lambda wish: "acknowledge to" in wish.phase or "cannot continue" in wish.phase)
     wish = player.tick(requests=(Request.ACKNOWLEDGE,))
     assert wish.phase.startswith(phase)
     assert wish.phase.endswith(found.faults[0].text)

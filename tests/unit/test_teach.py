@@ -153,7 +153,7 @@ def test_nothing_is_measured_while_something_moves() -> None:
     for index in range(200):
         pupil.pad.levels["x"] = 400 + 5 * index % 200
         pupil.show()
-    assert pupil.text == "something moves; leave everything alone"
+    assert pupil.text == "something moves; do not touch anything"
     pupil.pad.release()
     assert pupil.show(seconds=0.8).startswith("x: push the stick to the right")
 
@@ -184,7 +184,7 @@ def test_combined_pedals_are_told() -> None:
     pupil.rest()
     pupil.swing({"steering": 1.0}, {"steering": -1.0})
     pupil.swing({"gas": 1.0})
-    assert "(that was z, which is gas; pedals on one axis cannot both be told" in pupil.swing({"gas": 0.9})
+    assert "(that was z, which is gas; both pedals on one axis cannot be told apart" in pupil.swing({"gas": 0.9})
     assert pupil.swing({"brake": 1.0}).startswith("press the button for enable")
 
 

@@ -35,6 +35,7 @@ from artemis.motion.speed_profile import BRAKING_SHARE, speed_profile
 from artemis.plugins.contracts import Following, PluginContext
 from artemis.plugins.followers.progress import Progress
 from artemis.values import DriveCommand, Pose, Snapshot
+from artemis.vehicle import WishedSpeed
 
 APPROACH, LAG = 1.5, 0.15
 """Ways for which the robot's smallest radius is the measure: the approach, and what the robot rolls at most while its
@@ -47,7 +48,7 @@ NARROWEST = 0.2
 class FrenetConfig(Config):
     """Keys of `follower: {plugin: frenet, ...}`. All but the speed fit every path and robot as they are."""
 
-    speed_m_s: Annotated[float, Field(gt=0)]
+    speed_m_s: WishedSpeed
     """Highest speed of the virtual front wheel; slower where the steering or a wheel needs it."""
     approach_m: Annotated[float, Field(gt=0)] | None = None
     """The formulas' a: after which a distance from the path falls to 37 %. None: 1.5 of the robot's smallest radii.

@@ -26,12 +26,13 @@ from artemis.motion.path import Path
 from artemis.plugins.contracts import Following, PluginContext
 from artemis.plugins.followers.progress import BRAKING, Progress
 from artemis.values import DriveCommand, Pose, Snapshot
+from artemis.vehicle import WishedSpeed
 
 
 class IndiveriConfig(Config):
     """Keys of `follower: {plugin: indiveri, ...}`."""
 
-    speed_m_s: Annotated[float, Field(gt=0)]
+    speed_m_s: WishedSpeed
     """Of the virtual front wheel."""
     damping: Annotated[float, Field(gt=1, le=3)] = 1.2
     """The paper's a."""

@@ -25,6 +25,7 @@ from artemis.motion.path import Path
 from artemis.plugins.contracts import Following, PluginContext
 from artemis.plugins.followers.progress import Progress
 from artemis.values import DriveCommand, Pose, Snapshot
+from artemis.vehicle import WishedSpeed
 
 STEP = 0.05
 """Along the path, in the search of the look-ahead point [m]; between two steps it is interpolated."""
@@ -37,18 +38,18 @@ class PurePursuitConfig(Config):
     whose steering takes 2 s to full lock circles beside its path.
     """
 
-    speed_m_s: Annotated[float, Field(gt=0)]
+    speed_m_s: WishedSpeed
     """Of the virtual front wheel."""
     lookahead_time_s: Annotated[float, Field(gt=0)] = 1.5
     min_lookahead_m: Annotated[float, Field(gt=0)] = 0.7
     max_lookahead_m: Annotated[float, Field(gt=0)] = 0.9
     regulated_min_radius_m: Annotated[float, Field(ge=0)] = 0.9
     """Curves below are driven more slowly; 0: none is."""
-    regulated_min_speed_m_s: Annotated[float, Field(gt=0)] = 0.25
+    regulated_min_speed_m_s: WishedSpeed = 0.25
     """A curve does not slow the robot down further."""
     approach_m: Annotated[float, Field(gt=0)] = 0.6
     """Before the end, the speed falls with the way that is left."""
-    min_approach_speed_m_s: Annotated[float, Field(gt=0)] = 0.05
+    min_approach_speed_m_s: WishedSpeed = 0.05
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

@@ -26,12 +26,13 @@ from artemis.motion.path import Path
 from artemis.plugins.contracts import Following, PluginContext
 from artemis.plugins.followers.progress import BRAKING, Progress
 from artemis.values import DriveCommand, Pose, Snapshot
+from artemis.vehicle import WishedSpeed
 
 
 class StanleyConfig(Config):
     """Keys of `follower: {plugin: stanley, ...}`."""
 
-    speed_m_s: Annotated[float, Field(gt=0)]
+    speed_m_s: WishedSpeed
     """Of the virtual front wheel."""
     gain_1_s: Annotated[float, Field(gt=0)] = 1.0
     """The paper's k: the rate at which a small error of the front axle falls."""

@@ -53,7 +53,7 @@ class ProfileChoice:
         """The device that is open now: another one, or the same anew."""
         info = reader.info
         profile = None if info is None else self._profile_of(info, reader.descriptor)
-        assert profile is not None, "a device was opened that nobody wanted"
+        assert profile is not None, "a device was opened that was not asked for"
         config, limits = self._config, self._setup.robot.limits
         grip = Grip(
             kind=profile.kind,

@@ -10,6 +10,7 @@ from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.plugins.inputs.profiles import all_profiles, profile_named
 from artemis.plugins.inputs.wheel import HARD_BRAKE
+from artemis.vehicle import WishedSpeed
 
 AUTO = "auto"
 
@@ -31,7 +32,7 @@ class GamepadConfig(Config):
     """A profile beside the mission instead."""
     serial: str | None = None
     """Serial number, where several such devices are plugged in."""
-    max_speed_m_s: Annotated[float, Field(gt=0)] | None = None
+    max_speed_m_s: WishedSpeed | None = None
     """Speed at full deflection, or full gas; None: the robot's limit."""
     speed_range: Annotated[float, Field(ge=0.2, le=1)] = 1.0
     """Share of it to begin with; the buttons faster and slower change it by 0.1."""

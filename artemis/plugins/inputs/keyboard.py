@@ -19,6 +19,7 @@ from artemis.errors import DeviceLost
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.joystick import Momentum, step_range
 from artemis.values import OperatorInput, Request
+from artemis.vehicle import WishedSpeed
 
 FIRST_REPEAT = 0.7
 """A terminal repeats a held key at the latest after this time [s]; later it was pressed again."""
@@ -103,7 +104,7 @@ class Keys:
 class KeyboardConfig(Config):
     """Keys of an input with `plugin: keyboard`."""
 
-    max_speed_m_s: Annotated[float, Field(gt=0)] | None = None
+    max_speed_m_s: WishedSpeed | None = None
     """Speed while an arrow is held; nothing: the robot's limit."""
     speed_range: Annotated[float, Field(ge=0.2, le=1)] = 0.4
     """Share of it to begin with; the keys + and - change it by 0.1."""
@@ -117,6 +118,7 @@ class KeyboardInput:
     Config: ClassVar[type[Config]] = KeyboardConfig
     contract: ClassVar[int] = 1
     live: ClassVar[bool] = True
+    enabled_by: ClassVar[str] = "an arrow key"
 
     def __init__(self, config: KeyboardConfig, context: PluginContext) -> None:
         """Listen to the run's terminal.
@@ -143,7 +145,7 @@ class KeyboardInput:
         if self._closed or not self._there:
             self._keys.release()
             raise DeviceLost(
-                "terminal", "it was closed" if self._closed else "nobody is there: run artemis in a terminal"
+                "terminal", "it was closed" if self._closed else "there is no terminal: run artemis in one"
             )
         passed = 0.0 if self._last_read is None else max(now - self._last_read, 0.0)
         self._last_read = now

@@ -100,7 +100,7 @@ class Profile(Config):
                 yield f"axes.{role}: {'a pedal has no centre' if role in PEDALS else 'its centre is missing'}"
         fields = [axis.field for axis in self.axes.values()]
         if len(set(fields)) < len(fields):
-            yield "axes: two have one field: a combined axis cannot tell both pedals pressed"
+            yield "axes: two have one field: a combined axis cannot show both pedals pressed"
         for role in self.buttons:
             if role not in BUTTONS[self.kind]:
                 yield f"buttons.{role}: no such role; {similar(role, BUTTONS[self.kind])}"

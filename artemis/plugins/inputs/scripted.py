@@ -16,6 +16,7 @@ from artemis.plugins.inputs.joystick import Gate
 from artemis.plugins.inputs.recorded import RecordedHand, is_recorded
 from artemis.plugins.inputs.script_rows import rows_from
 from artemis.values import OperatorInput, Request
+from artemis.vehicle import WishedSpeed
 
 OF_ROWS = ("speed_range", "gate", "deadzone", "hysteresis_deg")
 """Keys that say how levels become a wish: a recorded run holds the wishes themselves."""
@@ -31,7 +32,7 @@ class ScriptedConfig(Config):
     YAML (.yaml), a list of mappings. Or an earlier run: its folder or its recording.mcap."""
     input: str | None = None
     """Of an earlier run: the name of the input there; None: as here."""
-    max_speed_m_s: Annotated[float, Field(gt=0)] | None = None
+    max_speed_m_s: WishedSpeed | None = None
     """Speed at full deflection, or the highest that an earlier run may have wished; None: the robot's limit."""
     speed_range: Annotated[float, Field(ge=0.2, le=1)] = 1.0
     """Share of it to begin with; the buttons faster and slower change it by 0.1."""
@@ -142,7 +143,7 @@ def _recorded(config: ScriptedConfig, context: PluginContext, content: bytes) ->
     meaningless = [key for key in OF_ROWS if key in config.model_fields_set]
     if meaningless:
         name = context.name
-        raise ConfigError([f"{name}: {key}: of no use with an earlier run; leave it out" for key in meaningless])
+        raise ConfigError([f"{name}: {key}: not used with an earlier run; leave it out" for key in meaningless])
     hand = RecordedHand(content, config.file, config.input or context.name, context.name)
     limit = context.top_speed("max_speed_m_s", config.max_speed_m_s)
     if hand.top_speed > limit:

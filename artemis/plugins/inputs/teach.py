@@ -44,7 +44,7 @@ MEANS = {
     "reverse": "reverse: the direction of travel, at standstill",
     "acknowledge": "acknowledge a fault or a stop",
     "arm": "arm: enable the drives again",
-    "end": "end the run in order",
+    "end": "end the run",
     "done": "done: the step is over",
     "record": "record a path: begin, and end",
 }
@@ -104,13 +104,13 @@ def lesson(kind: Kind, descriptor: Descriptor) -> Lesson[Learnt]:
 
 def _rest(travels: Mapping[str, int]) -> Lesson[tuple[dict[str, int], Literal["always", "on_change"]]]:
     """Where every axis rests, and whether the device reports at rest, too."""
-    ask = "press each pedal and button once, put everything to its middle, let go of everything; then press Enter"
+    ask = "press each pedal and button once, centre everything and let go; then press Enter"
     moment = yield ask
     while moment.typed is None or not travels.keys() & moment.values.keys():
         silent = moment.typed is not None
         moment = yield f"nothing was heard of the device yet; {ask}" if silent else ask
     travels = {name: travel for name, travel in travels.items() if name in moment.values}
-    hint = "leave it alone"
+    hint = "do not touch it"
     while True:
         begun = last = moment.time
         gap, seen = 0.0, [moment.values]
@@ -122,7 +122,7 @@ def _rest(travels: Mapping[str, int]) -> Lesson[tuple[dict[str, int], Literal["a
         if _is_still(seen, travels):
             rest = {name: median_low([values[name] for values in seen]) for name in travels}
             return rest, "always" if gap <= QUICK else "on_change"
-        hint = "something moves; leave everything alone"
+        hint = "something moves; do not touch anything"
 
 
 def _is_still(seen: list[Mapping[str, int]], travels: Mapping[str, int]) -> bool:
@@ -153,7 +153,7 @@ def _axis(
         if travel < least * travels[name] or not is_back:
             continue
         if name in taken:
-            combined = "; pedals on one axis cannot both be told: switch the wheel to its own mode"
+            combined = "; both pedals on one axis cannot be told apart: switch the wheel to its own mode"
             hint = f" (that was {name}, which is {taken[name]}{combined if role in PEDALS else ''})"
             lowest, highest, first = dict(rest), dict(rest), dict.fromkeys(travels, 0)
             continue

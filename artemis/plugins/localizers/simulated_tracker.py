@@ -52,7 +52,7 @@ class SimulatedTrackerConfig(Config):
     def _spans(self) -> Self:
         for begin, end in self.drop_out:
             if not 0 <= begin < end:
-                raise ValueError(f"drop_out: from {begin:g} to {end:g} s is no time")
+                raise ValueError(f"drop_out: from {begin:g} to {end:g} s is not a time span")
         return self
 
 

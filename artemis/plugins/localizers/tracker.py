@@ -71,7 +71,7 @@ class TrackerLocalizer:
         stds_deg = columns.get("std_deg") or [config.std_deg] * count
         for row in range(count):
             if row and times[row] < times[row - 1]:
-                table.report(row, f"goes back in time, from {times[row - 1]:g} to {times[row]:g} s", "t")
+                table.report(row, f"times run backwards, from {times[row - 1]:g} to {times[row]:g} s", "t")
             for name, stds in (("std_m", stds_m), ("std_deg", stds_deg)):
                 if not SURE <= stds[row] <= 100:
                     table.report(row, f"expected {SURE:g} to 100, not {stds[row]:g}", name)

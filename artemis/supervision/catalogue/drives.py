@@ -182,7 +182,9 @@ DRIVES: dict[str, Row] = {
     "DRV-31": _row(
         "unknown code", (), K, "unknown error code", "read the firmware's manual; artemis treats it as severe"
     ),
-    "DRV-32": _row("malformed EMCY", (), K, "damaged error message", "CAN wiring; the statusword still tells"),
+    "DRV-32": _row(
+        "malformed EMCY", (), K, "damaged error message", "CAN wiring; the statusword still shows the fault"
+    ),
     "DRV-33": Row(
         "EMCY storm",
         Found.MEASURED,

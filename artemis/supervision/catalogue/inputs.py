@@ -72,7 +72,7 @@ INPUTS: dict[str, Row] = {
         "enable button released",
         _DESIGN,
         recovery=ITSELF,
-        reason="not a fault: the gate ramps to standstill; driving goes on when it is pressed anew at standstill",
+        reason="not a fault: the gate ramps to standstill; driving continues when it is pressed again at standstill",
     ),
     "INP-10": Row("enable button tied down", _DESIGN, reason="arming waits until it is released"),
     "INP-11": Row(

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from artemis.vehicle import RobotFile
 from artemis_lab.campaign.monitor.journal_reader import ReadJournal
-from artemis_lab.campaign.monitor.wire import TARGET_VELOCITY, Asked, SetPoint, Wire
+from artemis_lab.campaign.monitor.wire import TARGET_VELOCITY, SetPoint, Wire, WriteRequest
 from artemis_lab.campaign.witness import SIDES, Heard, Look
 
 
@@ -96,7 +96,7 @@ class Evidence:
             for event in self.wire.nodes[self.node("traction", side)].events:
                 if isinstance(event, SetPoint):
                     sent.append((event.time, event.target * scale))
-                elif isinstance(event, Asked) and event.object == TARGET_VELOCITY:
+                elif isinstance(event, WriteRequest) and event.object == TARGET_VELOCITY:
                     sent.append((event.time, (event.value - (event.value >> 31 << 32)) * scale))
         return found
 

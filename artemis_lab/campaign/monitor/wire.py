@@ -90,7 +90,7 @@ class Boot(NamedTuple):
     time: float
 
 
-class Asked(NamedTuple):
+class WriteRequest(NamedTuple):
     """A request to write an object, whatever becomes of it."""
 
     time: float
@@ -99,7 +99,7 @@ class Asked(NamedTuple):
     """Unsigned."""
 
 
-Event = SetPoint | Status | Transfer | StopFrame | ModeShown | SeenEmergency | Boot | Asked
+Event = SetPoint | Status | Transfer | StopFrame | ModeShown | SeenEmergency | Boot | WriteRequest
 Kind = TypeVar("Kind", bound=Event)
 
 
@@ -153,7 +153,7 @@ class Wire:
         elif service == 0x600 and len(data) == 8:
             self._pending[identifier & 0x7F] = data
             if data[0] & 0xE2 == 0x22:
-                say(Asked(time, _unsigned(data[1:3]), _value(data)))
+                say(WriteRequest(time, _unsigned(data[1:3]), _value(data)))
         elif service == 0x580 and len(data) == 8:
             self._answer(time, talk, self._pending.pop(identifier & 0x7F, None), data)
 

@@ -1,0 +1,118 @@
+"""What the robot of a run has: its devices, and the world behind them. Only here real or simulated is picked."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from artemis.devices.can_bus import CanBus, FrameBus, Traffic
+from artemis.devices.device import Actuators, Device, DeviceGroup
+from artemis.devices.drive import Drives
+from artemis.devices.reopening import ReopeningBus
+from artemis.mission.loading import LoadedMission
+from artemis.mission.schema import BusWords
+from artemis.recording.provenance import ResumePoint
+from artemis.values import Pose, Tick
+
+if TYPE_CHECKING:
+    from artemis.sim.bus import Surroundings
+    from artemis.sim.world import World
+
+Machine = Callable[[], tuple[FrameBus, "World | None"]]
+"""Opens the bus on the running loop; with the world behind it, where that is a simulated one."""
+Witness = Callable[["World"], "Surroundings"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Equipment:
+    """Open on the running loop."""
+
+    devices: Actuators
+    """All of them as one."""
+    bus: FrameBus
+    """That of the CAN drives."""
+    traffic: Callable[[float], Traffic]
+    """Frames on that bus since the last call, at the latest at a loop time [s]."""
+    world: World | None
+    """None: it is the real one."""
+    true_pose: Callable[[Tick], Pose | None]
+    """Where the robot really is, in the frame of its pose; nobody knows of a real one."""
+
+
+def opened(
+    loaded: LoadedMission,
+    resume_point: ResumePoint | None,
+    witness: Witness,
+    machine: Machine | None,
+    sensors: Callable[[], Sequence[Device]],
+    *,
+    simulated: bool,
+    localized: bool,
+) -> Equipment:
+    """Open what the robot file describes. A new kind of device joins here: drives as `Actuators`, others as sensors.
+
+    Args:
+        loaded: The mission.
+        resume_point: The run that is gone on with: a simulated robot stands where that stopped.
+        witness: Puts itself around the simulated world.
+        machine: Opens another bus than the mission's.
+        sensors: Opens devices that the robot file does not know.
+        simulated: Against simulated drives, whatever bus the mission names.
+        localized: The true pose counts from the map's origin, not from where the mission begins.
+
+    Raises:
+        DeviceLost: the bus cannot be opened.
+    """
+    loop, mission = asyncio.get_running_loop(), loaded.mission
+    world: World | None
+    if machine is not None:
+        bus, world = machine()
+    elif isinstance(mission.bus, BusWords) and not simulated:
+        words = mission.bus.words
+        bus, world = ReopeningBus(lambda: CanBus(words), loop.time), None
+    else:
+        bus, world = _simulated(loaded, localized, resume_point, witness)
+    if world is not None and loaded.injector is not None:
+        bus = loaded.injector.failing_bus(bus, mission.simulation.seed)
+    drives, others = Drives(loaded.robot, bus), sensors()
+    return Equipment(
+        devices=DeviceGroup(tuple(loaded.robot.drives), [drives], others) if others else drives,
+        bus=bus,
+        traffic=drives.wire.take_traffic,
+        world=world,
+        true_pose=_true_pose(loaded, localized, resume_point, world),
+    )
+
+
+def _simulated(
+    loaded: LoadedMission, localized: bool, resume_point: ResumePoint | None, witness: Witness
+) -> tuple[FrameBus, World]:
+    from artemis.sim.bus import SimBus
+    from artemis.sim.truth import moved_to
+    from artemis.sim.world import World
+
+    loop, robot, true = asyncio.get_running_loop(), loaded.robot, loaded.true_robot
+    if resume_point is not None:
+        true = moved_to(true, _world_origin(loaded, localized), resume_point.true_pose or resume_point.pose)
+    world = World(robot, true, seed=loaded.mission.simulation.seed, start=loop.time())
+    return SimBus(witness(world), robot.bitrate, loop), world
+
+
+def _true_pose(
+    loaded: LoadedMission, localized: bool, resume_point: ResumePoint | None, world: World | None
+) -> Callable[[Tick], Pose | None]:
+    if world is None:
+        return lambda tick: None
+    from artemis.sim.truth import Truth
+
+    origin = _world_origin(loaded, localized) if resume_point else Pose()
+    return Truth(world, origin, fixed=localized).pose
+
+
+def _world_origin(loaded: LoadedMission, localized: bool) -> Pose:
+    """Where a simulation's true poses count from: its map, or where the robot stands when a mission begins."""
+    from artemis.sim.truth import origin_of
+
+    return Pose() if localized else origin_of(loaded.true_robot)

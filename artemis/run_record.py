@@ -1,0 +1,153 @@
+"""What is kept of a run, and who observes it: its folder, recording and journal, and the mission's observers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path as FilePath
+
+from artemis.devices.can_bus import Traffic
+from artemis.errors import RecordingError
+from artemis.mission.loading import LoadedMission
+from artemis.motion.route import Route
+from artemis.planning import plugin_made, setup_for
+from artemis.plugins.contracts import Observer
+from artemis.plugins.guard import GARBAGE, Problem
+from artemis.plugins.observing import Observation
+from artemis.plugins.process import AskedPlugin, plugins_watched
+from artemis.recording.disk import Disk, low_disk
+from artemis.recording.journal import Entry, Journal, Level
+from artemis.recording.mcap_writer import JOURNAL, Recorder
+from artemis.recording.provenance import Provenance, ResumePoint, first_entries
+from artemis.recording.resume import BROKEN
+from artemis.recording.run_folder import create_run_folder, keep_calibration, keep_paths
+from artemis.states.plan import FollowStep, Plan, Results
+from artemis.supervision import catalogue
+from artemis.values import Fault, Severity, Tick
+
+
+class RunRecord:
+    """What is kept of one run. In real time (`threaded`) nothing of it delays a tick."""
+
+    def __init__(
+        self,
+        loaded: LoadedMission,
+        provenance: Provenance,
+        disk: Disk,
+        observers: Mapping[str, Observer],
+        *,
+        threaded: bool,
+        alone: bool,
+    ) -> None:
+        """Make the run's folder, with enough room for a run that is left `alone`.
+
+        Raises:
+            RecordingError: it cannot be made, or has no room.
+        """
+        mission, root = loaded.mission.mission, loaded.folder / loaded.mission.record
+        warning = low_disk(root, disk)
+        if warning and alone:
+            raise RecordingError(warning)
+        self.disk, self.threaded = disk, threaded
+        self.outcome = BROKEN
+        """How the run ended, in a few words."""
+        self.time = 0.0
+        """Run time of the last tick [s]."""
+        self._loaded = loaded
+        self.folder = create_run_folder(root, mission, provenance.start, provenance.files)
+        self.recorder = Recorder(
+            self.folder.recording,
+            provenance,
+            threaded=threaded,
+            journal=Journal(self.folder.journal, disk),
+            nodes={name: drive.node_id for name, drive in loaded.robot.drives.items()},
+            disk=disk,
+        )
+        for entry in first_entries(mission, loaded.robot.robot, provenance, warning, loaded.remarks):
+            self.recorder.note(entry)
+
+        self._observers = [
+            Observation(name, observer, threaded=threaded, patience=None) for name, observer in observers.items()
+        ]
+
+    @contextmanager
+    def observing(self, asked: AskedPlugin, patient: Callable[[], bool] | None) -> Iterator[None]:
+        """Let the mission's observers see the run; at its end close them, and the recording with its outcome.
+
+        Plugins are watched meanwhile: `asked` says which one the run waits for, `patient` whether it may take its time.
+        """
+        with ExitStack() as ends:
+            for observer in self._observers:
+                ends.callback(observer.close)
+            ends.callback(lambda: self.recorder.close(self.outcome))
+            ours = {observer.name for observer in self._observers}
+            ends.enter_context(plugins_watched(asked, ours, self._warn, patient))
+            for name, use in self._loaded.mission.observers.items():
+                setup = replace(setup_for(self._loaded, name), run=self.folder.path)
+                made = plugin_made("artemis.observers", use, setup)
+                observer = Observation(name, made, threaded=self.threaded, asked=asked)
+                self._observers.append(observer)
+                ends.callback(self._close, observer)
+            yield
+
+    def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
+        """Record one tick with the frames since the last one, at loop time `now` [s]."""
+        self.time = tick.snapshot.time
+        self.recorder.see(tick, traffic, now)
+        for observer in self._observers:
+            observer.see(tick, traffic, now)
+
+    def faults(self, attended: bool) -> Iterator[Fault]:
+        """What goes wrong is a warning; no operator present and no journal: the run is not gone on with."""
+        for id, name, seen in self.recorder.take_problems():
+            severity = Severity.CONTROLLED_STOP if name == JOURNAL and not attended else None
+            yield catalogue.fault(id, "", seen, severity)
+        for observer in self._observers:
+            for id, name, seen in observer.take_problems():
+                id = id if id in catalogue.ROWS else GARBAGE
+                yield catalogue.fault(id, name, seen, Severity.WARN)
+
+    def note(self, problems: list[Problem]) -> None:
+        """Keep what went wrong with plugins at the end."""
+        for id, name, seen in problems:
+            self._warn(f"{id} {name}: {seen}, when it was closed")
+
+    def _warn(self, text: str) -> None:
+        self.recorder.note(Entry(time=self.time, kind="warning", text=text, level=Level.WARNING))
+
+    def show_paths(self, plan: Plan) -> None:
+        """Keep the paths that are known before the run, for viewers."""
+        for step in plan.steps:
+            if isinstance(step, FollowStep) and isinstance(step.route, Route):
+                self.recorder.show_path(0.0, step.route.poses(0.05), "map" if plan.localized else "odom")
+
+    def conclude(self, results: Results) -> tuple[str, ...]:
+        """Keep what the run found, once it is over; returns what the disk did to all that."""
+        kept = keep_paths(self.folder, {name: track.as_csv() for name, track in results.tracks.items()})
+        kept += keep_calibration(self.folder, {side: fit.record for side, fit in results.steering.items()})
+        return (*(trouble.detail for trouble in self.recorder.troubles()), *kept)
+
+    def _close(self, observer: Observation) -> None:
+        observer.close()
+        self.note(observer.take_problems())
+
+
+def files_of(loaded: LoadedMission, source: FilePath) -> dict[str, bytes]:
+    """The mission's file and all that it names."""
+    return {**loaded.files, source.name: source.read_bytes()}
+
+
+def provenance_of(
+    loaded: LoadedMission, source: FilePath, start: datetime, simulated: bool, resume_point: ResumePoint | None
+) -> Provenance:
+    """What a run is made from."""
+    mission = loaded.mission.model_copy(update={"bus": "simulation"}) if simulated else loaded.mission
+    return Provenance(
+        start=start,
+        mission=mission.model_dump_json().encode(),
+        robot=loaded.robot.model_dump_json().encode(),
+        files=files_of(loaded, source),
+        resume_point=resume_point,
+    )

@@ -1,0 +1,59 @@
+"""Requests that lead to nothing, and why: so that nobody waits for what will not come."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from artemis.states.mode import hands_on
+from artemis.states.quickstop import waits_for
+from artemis.values import JobKind, Mode, Request, Tick
+
+_EARLY = {"listening", JobKind.SECURE.value, JobKind.CONFIGURE.value, "first contact", "proving the watchdog"}
+"""Phases of the bring-up before it asks for an arm."""
+_ONLY_IN: Mapping[Request, tuple[Mode, str]] = {
+    Request.DONE: (Mode.TELEOP, "no step by hand is running"),
+    Request.RECORD: (Mode.TELEOP, "no step by hand is running"),
+    Request.ACCEPT: (Mode.CALIBRATE, "no wheel is being measured"),
+    Request.LEFT_DEGREE: (Mode.CALIBRATE, "no wheel is being measured"),
+    Request.RIGHT_DEGREE: (Mode.CALIBRATE, "no wheel is being measured"),
+    Request.LEFT_TENTH: (Mode.CALIBRATE, "no wheel is being measured"),
+    Request.RIGHT_TENTH: (Mode.CALIBRATE, "no wheel is being measured"),
+}
+
+
+def ignored(request: Request, tick: Tick) -> str | None:
+    """Why a request of this tick leads to nothing; None: it counts."""
+    if request in (Request.QUICKSTOP, Request.END):
+        return None
+    if tick.mode is Mode.END:
+        return "the run ends"
+    if request is Request.ARM:
+        return _arm_ignored(tick)
+    if request is Request.ACKNOWLEDGE:
+        return _acknowledge_ignored(tick)
+    mode, reason = _ONLY_IN[request]
+    return None if tick.mode is mode else reason
+
+
+def _arm_ignored(tick: Tick) -> str | None:
+    snapshot, phase = tick.snapshot, tick.wish.phase
+    match tick.mode:
+        case Mode.FAULT:
+            return "acknowledge the fault first"
+        case Mode.QUICKSTOP:
+            return "the robot is still stopping" if phase in ("stopping", "switching off") else waits_for(snapshot)
+        case Mode.INIT:
+            return "it is not needed yet" if phase in _EARLY else hands_on(snapshot.sensed.inputs)
+    return "the drives are armed"
+
+
+def _acknowledge_ignored(tick: Tick) -> str | None:
+    verdict = tick.snapshot.verdict
+    if tick.mode is Mode.FAULT:
+        refused = tick.wish.phase.startswith(("cannot acknowledge yet", "this run cannot continue"))
+        return tick.wish.phase if refused else None
+    if tick.mode is not Mode.QUICKSTOP:
+        return "there is no fault to acknowledge"
+    if verdict.stops:
+        return waits_for(tick.snapshot) if verdict.final else f"its cause is still present: {verdict.faults[0].text}"
+    return None

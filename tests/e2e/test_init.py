@@ -1,0 +1,105 @@
+"""`artemis init`: asks, and leaves a robot and a mission that run at once."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from command_line import ROBOT, artemis_here
+
+from artemis.mission.loading import load_mission, load_model
+from artemis.vehicle import RobotFile
+from artemis.yaml_file import load
+
+TRACTOR = ["Tractor", "1.2", "0,9", "", "0.4", "30", "800", "40", "0.9"]
+FILES = {"first.yaml", "mission.schema.json", "paths/first.csv", "robot.schema.json", "robots/robot.yaml"}
+
+
+def answer(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{each}\n" for each in answers)))
+
+
+def test_without_questions_the_machine_is_artemis(tmp_path: Path) -> None:
+    done = artemis_here("init", "--yes", tmp_path / "new")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert f"artemis run {tmp_path}/new/first.yaml" in done.stdout
+    made = {str(file.relative_to(tmp_path / "new")) for file in (tmp_path / "new").rglob("*") if file.is_file()}
+    assert made == FILES
+    written, known = load(tmp_path / "new/robots/robot.yaml").data, load(ROBOT).data
+    assert isinstance(written, dict)
+    assert isinstance(known, dict)
+    assert written["drives"] == known["drives"]
+    assert written["geometry"] == known["geometry"]
+    robot, artemis = load_mission(tmp_path / "new/first.yaml").robot, load_model(ROBOT, RobotFile)
+    assert robot.calibration.steering == artemis.calibration.steering
+    assert robot.metres_per_count("left") == pytest.approx(artemis.metres_per_count("left"), rel=1e-4)
+    for file in ("first.yaml", "robots/robot.yaml"):
+        assert (tmp_path / "new" / file).read_text().startswith("# yaml-language-server: $schema=")
+
+
+def test_another_machine_runs_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer(monkeypatch, *TRACTOR)
+    assert artemis_here("init", tmp_path).returncode == 0
+    robot = load_mission(tmp_path / "first.yaml").robot
+    assert (robot.robot, robot.geometry.wheelbase_m, robot.geometry.track_m) == ("Tractor", 1.2, 0.9)
+    assert robot.metres_per_count("left") * 72 * 30 == pytest.approx(0.4 * 3.14159265, rel=1e-6)
+    assert {drive.gear_ratio for drive in robot.drives.values()} == {30, 800}
+    assert "47 counts" not in (tmp_path / "robots/robot.yaml").read_text()
+    done = artemis_here("run", tmp_path / "first.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "result        done" in done.stdout
+
+
+def test_answers_that_no_machine_has_are_asked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer(monkeypatch, "Tractor", "560", "much", "0.56", *TRACTOR[2:])
+    done = artemis_here("init", tmp_path)
+    assert done.returncode == 0
+    assert "'560': expected 0.1 to 10 m" in done.stdout
+    assert "'much': expected a number in m" in done.stdout
+    assert load_mission(tmp_path / "first.yaml").robot.geometry.wheelbase_m == 0.56
+
+
+@pytest.mark.parametrize(
+    ("answers", "problem"),
+    [
+        (TRACTOR[:3], "the input ended before the last answer; nothing was written"),
+        (
+            [*TRACTOR[:-1], "5"],
+            "5 m/s is too fast: a motor of 3190 rpm and a gear of 30 drive",
+        ),
+    ],
+)
+def test_nothing_is_written_where_it_ends_early(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answers: list[str], problem: str
+) -> None:
+    answer(monkeypatch, *answers)
+    done = artemis_here("init", tmp_path / "new")
+    assert done.returncode == 2
+    assert problem in done.stderr
+    assert not (tmp_path / "new").exists()
+
+
+def test_files_that_are_there_stay_unless_forced(tmp_path: Path) -> None:
+    (tmp_path / "first.yaml").write_text("mine")
+    done = artemis_here("init", "--yes", tmp_path)
+    assert (done.returncode, (tmp_path / "first.yaml").read_text()) == (2, "mine")
+    assert "first.yaml: is there already" in done.stderr
+    assert artemis_here("init", "--yes", "--force", tmp_path).returncode == 0
+    assert load_mission(tmp_path / "first.yaml").mission.mission == "first"
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = artemis_here("init", "--yes", tmp_path / "file" / "new")
+    assert done.returncode == 2
+    assert "cannot be made" in done.stderr
+
+
+def test_a_question_takes_a_decimal_comma() -> None:
+    from artemis.commands.init import QUESTIONS
+
+    wheelbase = QUESTIONS[1]
+    assert wheelbase.value("0,7") == 0.7
+    with pytest.raises(ValueError, match=r"0\.1 to 10 m"):
+        wheelbase.value("nan")
