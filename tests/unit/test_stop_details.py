@@ -139,7 +139,7 @@ def test_stop_names_the_first_of_its_causes(says: dict[str, bool], phase: str) -
     player.world["verdict"] = judged("INP-03", "PTH-09", device="stick", **says)
     first = player.world["verdict"].faults[0].text
     wish = player.tick(standing=True)
-    assert wish.phase == (phase if "automatically" in phase else phase.removesuffix("stick: ") + first)
+    assert wish.phase == (phase if "recovers" in says else phase.removesuffix("stick: ") + first)
 
 
 # ---------------------------------------------------------------------------------------------- fault
