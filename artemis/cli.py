@@ -15,6 +15,7 @@ from typing import Annotated
 import typer
 
 from artemis.commands.path import paths
+from artemis.commands.plugin import plugins
 from artemis.errors import ArtemisError, ConfigError, RecordingError
 from artemis.plugins.process import exit_refused, leave_threads
 
@@ -30,7 +31,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-plugins = typer.Typer(rich_markup_mode=None, invoke_without_command=True)
 app.add_typer(plugins, name="plugins")
 app.add_typer(paths, name="path")
 
@@ -296,27 +296,6 @@ def faults(
     from artemis.commands.faults import show_faults
 
     show_faults(ids or [], markdown)
-
-
-@plugins.callback()
-def list_plugins(context: typer.Context) -> None:
-    """List installed plugins with their origin; for a broken one, why. `new` begins one of your own."""
-    if context.invoked_subcommand is None:
-        from artemis.commands.plugins import show_plugins
-
-        raise typer.Exit(show_plugins())
-
-
-@plugins.command("new")
-def new_plugin(
-    kind: Annotated[str, typer.Argument(metavar="input|follower|localizer|observer", help="What it is.")],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="What missions will call it.")],
-    folder: Annotated[Path, typer.Option(help="Where the package's folder is made.")] = Path(),
-) -> None:
-    """Write a package artemis-NAME: a plugin that works, its tests, and a mission that drives with it."""
-    from artemis.commands.plugins import begin_plugin
-
-    begin_plugin(kind, name, folder)
 
 
 @app.command()

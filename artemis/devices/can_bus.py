@@ -139,8 +139,7 @@ class CanBus:
             ConfigError: a word that the back end does not know, or one that it misses.
             DeviceLost: the adapter cannot be opened.
         """
-        problems = check_bus_words(words)
-        if problems:
+        if problems := check_bus_words(words):
             raise ConfigError(problems)
         import can
 
@@ -156,8 +155,7 @@ class CanBus:
             advice = "is it plugged in, is its driver installed, does another program use it?"
             raise DeviceLost(self.name, f"cannot be opened: {type(error).__name__}: {error}; {advice}") from error
         self._message = can.Message
-        self._interface = interface
-        self._socketcan = interface == "socketcan"
+        self._interface, self._socketcan = interface, interface == "socketcan"
         self._marks_own = not self._socketcan  # there, what is not `is_rx` came from any process of this host
         self._arrived: list[Frame] = []
         self._sent: deque[tuple[int, bytes, bool, float]] | None = None

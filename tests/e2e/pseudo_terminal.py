@@ -77,7 +77,7 @@ class Terminal:
                 if self.hear is not None:
                     self.hear(self, text)
                 skip_if_late(self.shown, *(["INP-03"] if self.hear else []))  # this terminal may answer too late
-                assert self.hear is None or "INP-03" not in self.shown, f"stopped, waited for {wanted}"
+                assert self.hear is None or "FAULT      INP-03" not in self.shown, f"stopped, waited for {wanted}"
                 return
             assert self.process.poll() is None, f"ended without {wanted}"
         raise AssertionError(f"nothing more comes; waited for {wanted}")

@@ -345,7 +345,7 @@ def test_a_bug_of_artemis_exits_with_70_and_its_traceback(
     shown = capsys.readouterr().err
     assert "Traceback" in shown
     assert "oops" in shown
-    assert shown.splitlines()[-1].startswith("artemis: this is a bug of artemis")
+    assert shown.splitlines()[-1].startswith("artemis: this is a bug in artemis")
 
 
 def main_raising(monkeypatch: pytest.MonkeyPatch, error: Exception) -> int:

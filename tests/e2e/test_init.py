@@ -84,7 +84,7 @@ def test_files_that_are_there_stay_unless_forced(tmp_path: Path) -> None:
     (tmp_path / "first.yaml").write_text("mine")
     done = artemis_here("init", "--yes", tmp_path)
     assert (done.returncode, (tmp_path / "first.yaml").read_text()) == (2, "mine")
-    assert "first.yaml: is there already" in done.stderr
+    assert "first.yaml: exists already" in done.stderr
     assert artemis_here("init", "--yes", "--force", tmp_path).returncode == 0
     assert load_mission(tmp_path / "first.yaml").mission.mission == "first"
 

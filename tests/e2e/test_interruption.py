@@ -70,7 +70,9 @@ def test_a_reader_that_goes_away_ends_the_run_in_order(tmp_path: Path) -> None:
     with started("run", mission) as process:
         assert stream(process.stdout).readline().startswith("mission line")
         stream(process.stdout).close()
-        assert stream(process.stderr).read() == ""
+        assert (
+            stream(process.stderr).read() == "artemis: standard output cannot be written: Broken pipe; the run ends\n"
+        )
         assert process.wait(timeout=PATIENCE) == 143
     run = only_run(tmp_path)
     assert modes_of(run)[-1] == "end"

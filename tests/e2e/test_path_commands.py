@@ -344,7 +344,7 @@ def test_an_import_overwrites_only_when_forced(
     out = tmp_path / "out.csv"
     out.write_text("mine")
     line = ["path", "import", str(PATHS / "straight.csv"), "-o"]
-    assert "is there already" in refused([*line, str(out)], monkeypatch, capsys)
+    assert "exists already" in refused([*line, str(out)], monkeypatch, capsys)
     assert "is a folder" in refused([*line, str(tmp_path)], monkeypatch, capsys)
     assert "no such folder" in refused([*line, str(tmp_path / "no" / "o.csv")], monkeypatch, capsys)
     assert out.read_text() == "mine"

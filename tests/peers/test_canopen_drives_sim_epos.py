@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import struct
+from operator import itemgetter
 from pathlib import Path
 
 import canopen
@@ -107,7 +108,7 @@ class Wire(canopen.Network):
         waiting = [(ready, drive.name, frame) for drive in self.drives for ready, frame in drive.outbox]
         for drive in self.drives:
             drive.outbox.clear()
-        for ready, _, frame in sorted(waiting):
+        for ready, _, frame in sorted(waiting, key=itemgetter(0, 1)):
             assert ready <= self.now
             self.notify(frame.id, bytearray(frame.data), ready)
 

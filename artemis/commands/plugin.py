@@ -1,0 +1,31 @@
+"""`artemis plugins`: its arguments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+plugins = typer.Typer(rich_markup_mode=None, invoke_without_command=True)
+
+
+@plugins.callback()
+def list_plugins(context: typer.Context) -> None:
+    """List installed plugins with their origin; for a broken one, why. `new` begins one of your own."""
+    if context.invoked_subcommand is None:
+        from artemis.commands.plugins import show_plugins
+
+        raise typer.Exit(show_plugins())
+
+
+@plugins.command("new")
+def new_plugin(
+    kind: Annotated[str, typer.Argument(metavar="input|follower|localizer|observer", help="What it is.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What missions will call it.")],
+    folder: Annotated[Path, typer.Option(help="Where the package's folder is made.")] = Path(),
+) -> None:
+    """Write a package artemis-NAME: a plugin that works, its tests, and a mission that drives with it."""
+    from artemis.commands.plugins import begin_plugin
+
+    begin_plugin(kind, name, folder)
