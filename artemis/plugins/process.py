@@ -86,14 +86,20 @@ def ended_if_blocked(
                 end()
 
     def end() -> None:
-        words = f"plugin '{asked.name}' has not answered for {blocked:g} s: the run is ended"
-        note(words)
-        if terminal is not None:
-            termios.tcsetattr(sys.stdin.fileno(), termios.TCSANOW, terminal)
-        told = f"\nartemis: {words}; the drives missed the heartbeat and stopped by themselves. It is here:\n"
-        os.write(2, (told + _stack(thread)).encode(errors="replace"))
-        over.wait(_WRITING)
-        _exit(BLOCKED_STATUS)
+        try:
+            words = f"plugin '{asked.name}' has not answered for {blocked:g} s: the run is ended"
+            note(words)
+            with suppress(OSError, termios.error):  # the terminal may be gone, as its connection
+                if (
+                    terminal is not None and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+                ):  # in the background: not ours
+                    termios.tcsetattr(sys.stdin.fileno(), termios.TCSANOW, terminal)
+            told = f"\nartemis: {words}; the drives missed the heartbeat and stopped by themselves. It is here:\n"
+            with suppress(OSError):
+                os.write(2, (told + _stack(thread)).encode(errors="replace"))
+            over.wait(_WRITING)
+        finally:
+            _exit(BLOCKED_STATUS)
 
     watcher = threading.Thread(target=watch, name="plugin watch", daemon=True)
     watcher.start()
