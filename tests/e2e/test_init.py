@@ -68,6 +68,10 @@ def test_answers_that_no_machine_has_are_asked_again(tmp_path: Path, monkeypatch
             [*TRACTOR[:-1], "5"],
             "5 m/s is too fast: a motor of 3190 rpm and a gear of 30 drive",
         ),
+        (
+            ["Tractor", "0.2", "0.9", *TRACTOR[3:]],
+            "robots/robot.yaml:8:3: geometry.track_m: expected at most three times wheelbase_m (0.2 m), found 0.9 m",
+        ),
     ],
 )
 def test_nothing_is_written_where_it_ends_early(
@@ -84,7 +88,7 @@ def test_files_that_are_there_stay_unless_forced(tmp_path: Path) -> None:
     (tmp_path / "first.yaml").write_text("mine")
     done = artemis_here("init", "--yes", tmp_path)
     assert (done.returncode, (tmp_path / "first.yaml").read_text()) == (2, "mine")
-    assert "first.yaml: is there already" in done.stderr
+    assert "first.yaml: exists already" in done.stderr
     assert artemis_here("init", "--yes", "--force", tmp_path).returncode == 0
     assert load_mission(tmp_path / "first.yaml").mission.mission == "first"
 
