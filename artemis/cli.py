@@ -352,6 +352,8 @@ def main() -> None:
             app()
     except SystemExit as ended:
         status = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+        if isinstance(ended.code, str):  # as Python does it
+            print(ended.code, file=sys.stderr)
     except Exception as error:  # noqa: BLE001  nothing but the shell is above it
         status = _explain(error)
     try:

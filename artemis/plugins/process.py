@@ -145,13 +145,19 @@ class _Prints:
             return self._real.write(text)
         *lines, self._begun[name] = (self._begun.get(name, "") + text).split("\n")
         for line in lines:
-            self._lines[name] += 1
-            if self._lines[name] <= LINES:
-                self._say(f"{name} prints: {line}")
+            self._show(name, line)
         return len(text)
 
+    def _show(self, name: str, line: str) -> None:
+        self._lines[name] += 1
+        if self._lines[name] <= LINES:
+            self._say(f"{name} prints: {line}")
+
     def conclude(self) -> None:
-        """Say how much was not shown."""
+        """Show lines that were not ended, and say how much was not shown."""
+        for name, begun in self._begun.items():
+            if begun:
+                self._show(name, begun)
         for name, lines in self._lines.items():
             if lines > LINES:
                 self._say(f"{name} printed {lines - LINES} more lines")
