@@ -24,7 +24,7 @@ from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, plan_for, plugin_made, setup_for
 from artemis.plugins.contracts import InputDevice, Localizer, Observer, PluginContext, is_live
 from artemis.plugins.guard import LOCALIZER, PluginGuard
-from artemis.plugins.process import Asked
+from artemis.plugins.process import AskedPlugin
 from artemis.recording.disk import Disk
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.resume import DONE, where_it_stopped
@@ -112,7 +112,7 @@ class _Run:
     watch: Watch
     failed: bool = False
     results: Results = field(default_factory=Results)
-    asked: Asked = field(default_factory=Asked)
+    asked: AskedPlugin = field(default_factory=AskedPlugin)
 
     def go(self, loop: type[asyncio.AbstractEventLoop]) -> Outcome:
         """Run to the end, in the time of such a loop."""

@@ -16,7 +16,7 @@ from artemis.planning import plugin_made, setup_for
 from artemis.plugins.contracts import Observer
 from artemis.plugins.guard import GARBAGE, Problem
 from artemis.plugins.observing import Observation
-from artemis.plugins.process import Asked, plugins_watched
+from artemis.plugins.process import AskedPlugin, plugins_watched
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import JOURNAL, Recorder
@@ -73,7 +73,7 @@ class RunRecord:
         ]
 
     @contextmanager
-    def observing(self, asked: Asked, patient: Callable[[], bool] | None) -> Iterator[None]:
+    def observing(self, asked: AskedPlugin, patient: Callable[[], bool] | None) -> Iterator[None]:
         """Let the mission's observers see the run; at its end close them, and the recording with its outcome.
 
         Plugins are watched meanwhile: `asked` says which one the run waits for, `patient` whether it may take its time.

@@ -229,6 +229,9 @@ class Severity(IntEnum):
     OFF = 5  # S0: off at once, the robot coasts
 
 
+_STOPPING = Severity.CONTROLLED_STOP
+
+
 class Mode(Enum):
     """Robot modes."""
 
@@ -278,7 +281,7 @@ class Verdict(Struct, frozen=True, kw_only=True, gc=False):
     @property
     def stops(self) -> bool:
         """The robot has to come to rest."""
-        return self.severity >= Severity.CONTROLLED_STOP
+        return self.severity >= _STOPPING
 
     @property
     def limits(self) -> bool:

@@ -29,6 +29,7 @@ TOLERANCE = 1.02
 """Of the wheel speed's limit."""
 MOST = 2
 """Frames of one identifier in a tick, but for NMT and SDO."""
+_STOPPED = (Mode.FAULT, Mode.END)
 _FUNCTION = 0x780
 """Function code of an identifier; the rest is the node id (CiA 301 7.3.3)."""
 _NMT_COMMANDS = frozenset(NmtCommand)
@@ -108,7 +109,7 @@ class AllowList:
         def judge(data: bytes) -> str | None:
             if len(data) != 6:
                 return "is no set-point"
-            if self._mode in (Mode.FAULT, Mode.END) and data[0] not in _OFF_WORDS:
+            if self._mode in _STOPPED and data[0] not in _OFF_WORDS:
                 return "may only stop, switch off or reset"
             speed = abs(int.from_bytes(data[2:], "little", signed=True)) / rpm
             self._asked[node] = speed

@@ -17,6 +17,8 @@ from artemis.errors import DeviceLost
 from artemis.values import DriveFeedback, Job, JobResult, Tick
 from artemis.vehicle import RobotFile
 
+_QUICK_STOP = Controlword.QUICK_STOP
+
 
 class Drives:
     """The drives of a robot on a CAN bus: its `Actuators`. Heartbeat, SYNC and process data are nobody else's."""
@@ -66,7 +68,7 @@ class Drives:
             for node in self.nodes:  # stops first, both sides together
                 goal = wish.traction if node.is_traction else wish.steering
                 words.append(word := controlword(node.state, goal, node.last_controlword))
-                if word == Controlword.QUICK_STOP != node.last_controlword:
+                if word == _QUICK_STOP != node.last_controlword:
                     send(node.stop_frame(word))
             if not urgent:
                 for node, word in zip(self.nodes, words, strict=True):

@@ -84,7 +84,9 @@ def _fits(columns: dict[str, Array]) -> bool:
         return False
     if "qw" in columns:
         rotation = np.array([columns[name] for name in ("qx", "qy", "qz", "qw")])
-        return bool(np.abs(np.linalg.norm(rotation, axis=0) - 1).max() < 0.05 and np.abs(rotation[:2]).max() < 0.2)
+        return bool(
+            np.abs(np.sqrt(np.square(rotation).sum(axis=0)) - 1).max() < 0.05 and np.abs(rotation[:2]).max() < 0.2
+        )
     if "heading" in columns:
         return _along(x, y, columns["heading"])
     if "heading_deg" in columns:

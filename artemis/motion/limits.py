@@ -11,6 +11,8 @@ from artemis.vehicle import RobotFile
 SHORTEST_STEP = 1e-6
 """Below this [s] no time has passed: differences of angles over it would be rounding errors."""
 
+_RUN = Action.RUN
+
 
 class Gate:
     """Makes of a command what the machine may do next. Pure: the same arguments give the same set-points.
@@ -45,7 +47,7 @@ class Gate:
             ceiling: A lower limit of the virtual wheel's speed, either way [m/s].
             stop: Controlled stop: slow down to standstill, wheels held.
         """
-        if command.action is not Action.RUN:
+        if command.action is not _RUN:
             return _set_points(0.0, last.steering, (0.0, 0.0), (last.steering_left, last.steering_right))
         dt = min(max(0.0, dt), 2 * self._period)
         if dt < SHORTEST_STEP:
@@ -102,7 +104,7 @@ class Gate:
 
 def is_sane(command: DriveCommand) -> bool:
     """Whether the numbers of a RUN command are finite; the others' numbers are not used."""
-    return command.action is not Action.RUN or (isfinite(command.speed) and isfinite(command.steering))
+    return command.action is not _RUN or (isfinite(command.speed) and isfinite(command.steering))
 
 
 def _clamp(value: float, low: float, high: float) -> float:

@@ -17,7 +17,7 @@ LONGEST_STRIDE = 0.3
 """Noise is looked for among points up to so far apart [m]; what is longer is the shape of the path."""
 ALTERNATING = 0.6
 """Share of the deviations that change sign from one point to the next: 0.8 for white noise, 0 for a smooth curve."""
-LEAST = 5e-5
+LEAST = 8e-5
 """Less [m] is rounding to a tenth of a millimetre, which the usual smoothing removes."""
 WHOLE = 0.8
 """Neighbours that show less of the largest deviation than this deviate alike."""
@@ -146,7 +146,9 @@ def _deviations(points: Array, stride: int) -> Array:
     weights = [
         np.prod([at[j] / (at[j] - at[i]) for j in range(4) if j != i], axis=0) for i in range(4)
     ]  # of Lagrange's cubic
-    middle = sum(weight[:, None] * around[k] for weight, k in zip(weights, (0, 1, 3, 4), strict=True))
+    middle = np.zeros_like(around[0])
+    for weight, k in zip(weights, (0, 1, 3, 4), strict=True):
+        middle += weight[:, None] * around[k]
     along = around[4] - around[0]
     along /= np.maximum(np.hypot(*along.T), 1e-9)[:, None]
     off = around[2] - middle

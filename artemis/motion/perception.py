@@ -31,6 +31,8 @@ UNCOUNTED_WAY, UNHEARD_TIME = 0.01, 0.5
 """A driven wheel that rolled further than this [m] while it was not heard, or was not heard for so long [s] since it
 rolled, is anywhere."""
 
+_ON = DriveState.OPERATION_ENABLE
+
 
 def stale_age(tick: float) -> float:
     """Feedback older than this [s] says nothing any more; `tick`: period of the scheduled ticks [s]."""
@@ -148,13 +150,12 @@ class Perception:
     def as_they_stand(self, sensed: Sensed, last: SetPoints) -> SetPoints:
         """`last`, but with the measured angles while a steering drive is off, and no speed while traction is."""
         left, right, steer_left, steer_right = self._by_place(sensed.drives)
-        on = DriveState.OPERATION_ENABLE
-        if steer_left.state is not on or steer_right.state is not on:
-            angle_left = last.steering_left if steer_left.state is on else steer_left.position
-            angle_right = last.steering_right if steer_right.state is on else steer_right.position
+        if steer_left.state is not _ON or steer_right.state is not _ON:
+            angle_left = last.steering_left if steer_left.state is _ON else steer_left.position
+            angle_right = last.steering_right if steer_right.state is _ON else steer_right.position
             steering = self._ackermann.steering_from_wheel_angles(angle_left, angle_right)
             last = replace(last, steering=steering, steering_left=angle_left, steering_right=angle_right)
-        if left.state is not on or right.state is not on:
+        if left.state is not _ON or right.state is not _ON:
             last = replace(last, speed=0.0, speed_left=0.0, speed_right=0.0)
         return last
 

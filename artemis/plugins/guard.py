@@ -19,7 +19,7 @@ from artemis.errors import DeviceLost
 from artemis.motion.angles import wrap
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Follower, Following, InputDevice, Localizer
-from artemis.plugins.process import Asked
+from artemis.plugins.process import AskedPlugin
 from artemis.values import Action, DriveCommand, OperatorInput, Pose, PoseFix, Request, Snapshot, Tracking
 
 LATE = 0.015
@@ -54,11 +54,11 @@ class PluginGuard:
         inputs: Mapping[str, InputDevice],
         clock: Callable[[], float],
         localizer: Localizer | None = None,
-        asked: Asked | None = None,
+        asked: AskedPlugin | None = None,
     ) -> None:
         """`clock` measures the plugins [s]; `asked` is told which one is asked."""
         self.inputs, self._clock, self._localizer = inputs, clock, localizer
-        self._asked = asked or Asked()
+        self._asked = asked or AskedPlugin()
         self._last: dict[str, tuple[float, OperatorInput]] = {}
         self._late: dict[tuple[str, str], int] = {}
         self._bad: dict[str, list[float]] = {}
@@ -162,7 +162,7 @@ class _WatchedFollower:
         follower: Follower,
         clock: Callable[[], float],
         judge: Callable[[str, str, float], None],
-        asked: Asked,
+        asked: AskedPlugin,
     ) -> None:
         self._follower, self._clock, self._judge, self._asked = follower, clock, judge, asked
 

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 from artemis.devices.can_bus import Traffic
 from artemis.plugins.contracts import Observer
 from artemis.plugins.guard import GARBAGE, PLUGIN_ERRORS, RAISED, Problem, told
-from artemis.plugins.process import Asked
+from artemis.plugins.process import AskedPlugin
 from artemis.values import Tick
 
 QUEUE_TICKS = 500
@@ -119,14 +119,14 @@ class Observation:
         threaded: bool,
         patience: float | None = PATIENCE,
         bound: int = QUEUE_TICKS,
-        asked: Asked | None = None,
+        asked: AskedPlugin | None = None,
     ) -> None:
         """Begin. `threaded` in real time; else it sees each tick at once. `patience` [s] at the end; None: endless.
 
         `asked` is told of one that is not `threaded`.
         """
         self.name, self._observer, self._patience = name, observer, patience
-        self._asked = asked if asked is not None and not threaded else Asked()
+        self._asked = asked if asked is not None and not threaded else AskedPlugin()
         self._problems: deque[Problem] = deque()
         self._stopped = self._closed = False
         self._first_dropped = 0

@@ -34,7 +34,7 @@ LEAVE_TIME = 2.0
 _exit = os._exit
 
 
-class Asked:
+class AskedPlugin:
     """Which plugin the run's thread waits for at present (empty: none), and how often it has asked one."""
 
     __slots__ = ("name", "number")
@@ -53,7 +53,7 @@ class Asked:
 
 @contextmanager
 def plugins_watched(
-    asked: Asked, ours: Container[str], note: Callable[[str], None], patient: Callable[[], bool] | None
+    asked: AskedPlugin, ours: Container[str], note: Callable[[str], None], patient: Callable[[], bool] | None
 ) -> Iterator[None]:
     """Both of the next, for the time of a run."""
     with prints_named(asked, ours), ended_if_blocked(asked, note, patient):
@@ -62,7 +62,7 @@ def plugins_watched(
 
 @contextmanager
 def ended_if_blocked(
-    asked: Asked, note: Callable[[str], None], patient: Callable[[], bool] | None = None, blocked: float = BLOCKED
+    asked: AskedPlugin, note: Callable[[str], None], patient: Callable[[], bool] | None = None, blocked: float = BLOCKED
 ) -> Iterator[None]:
     """End the process where a plugin that the present thread asks does not answer for `blocked` [s].
 
@@ -117,7 +117,7 @@ def _stack(thread: int) -> str:
 
 
 @contextmanager
-def prints_named(asked: Asked, ours: Container[str]) -> Iterator[None]:
+def prints_named(asked: AskedPlugin, ours: Container[str]) -> Iterator[None]:
     """Show what plugins print behind their name, and not much of it; threads named in `ours` are no plugin's."""
     real = sys.stdout
     sys.stdout = shown = _Prints(real, asked, ours, threading.get_ident())
@@ -131,7 +131,7 @@ def prints_named(asked: Asked, ours: Container[str]) -> Iterator[None]:
 class _Prints:
     """Standard output during a run."""
 
-    def __init__(self, real: IO[str], asked: Asked, ours: Container[str], thread: int) -> None:
+    def __init__(self, real: IO[str], asked: AskedPlugin, ours: Container[str], thread: int) -> None:
         self._real, self._asked, self._ours, self._thread = real, asked, ours, thread
         self._lines: Counter[str] = Counter()
         self._begun: dict[str, str] = {}

@@ -25,7 +25,8 @@ GRAVITY = 9.81
 
 
 Scale = Annotated[float, Quantity(0.1, 10.0, "")]
-Scales = Annotated[tuple[Scale, Scale], Field(strict=False)]  # YAML knows only lists
+SignedScale = Annotated[float, Quantity(0.1, 10.0, "", signed=True)]  # a potentiometer may be mounted the other way
+Scales = Annotated[tuple[SignedScale, SignedScale], Field(strict=False)]  # YAML knows only lists
 WheelAngle = Annotated[float, Quantity(-90.0, 90.0, "degrees")]
 Resistance = Annotated[float, Quantity(1e-4, 1000.0, "ohms")]
 

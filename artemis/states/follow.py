@@ -30,6 +30,8 @@ the first [s] (PTH-08)."""
 AT_END, OVERRUN = 0.01, 0.2
 """So close to its end [m] a part is over; a follower must not drive on for more than the second [m] (PTH-08)."""
 
+_ENABLED = Goal.ENABLED
+
 
 class FollowMode:
     """Asks the follower at each tick. A step that was interrupted goes on where it stopped."""
@@ -94,7 +96,7 @@ class FollowMode:
         self._spent += snapshot.dt
         if fault := self._overrun(following.tracking, drive.end, snapshot.odometry.distance):
             return _stand(snapshot, fault=fault)
-        return Wish(command=following.command, traction=Goal.ENABLED, steering=Goal.ENABLED, phase="following")
+        return Wish(command=following.command, traction=_ENABLED, steering=_ENABLED, phase="following")
 
     def _route(self, step: FollowStep) -> Route:
         """The step's route; one that was recorded in this run is made now.

@@ -20,6 +20,9 @@ from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import Action, Cause, Event, Mode, Request, Severity, Snapshot, Verdict, Wish
 
+_END, _END_REQUEST, _QUICKSTOP_REQUEST, _QUICKSTOP = Event.END, Request.END, Request.QUICKSTOP, Mode.QUICKSTOP
+_CONTROLLED_STOP, _QUICK_STOP, _OFF = Severity.CONTROLLED_STOP, Severity.QUICK_STOP, Severity.OFF
+
 
 class Modes:
     """The present mode and the logic of each; what they share: `Shared`.
@@ -53,9 +56,9 @@ class Modes:
         Returns why a mode begins, also where the present one begins anew; None: it lasts.
         """
         verdict, requests = snapshot.verdict, snapshot.sensed.requests
-        self._end_requested = self._end_requested or Request.END in requests
-        self._end_wished = self._end_wished or wished is Event.END
-        if Request.QUICKSTOP in requests or (verdict.stops and not self._may_go_on(verdict)):
+        self._end_requested = self._end_requested or _END_REQUEST in requests
+        self._end_wished = self._end_wished or wished is _END
+        if _QUICKSTOP_REQUEST in requests or (verdict.stops and not self._may_go_on(verdict)):
             self._shared.bring_up.held = True
         for cause in self._causes(verdict, requests, wished):
             if self._machine.fire(cause.event):
@@ -69,10 +72,10 @@ class Modes:
 
     def _causes(self, verdict: Verdict, requests: tuple[Request, ...], wished: Event | None) -> Iterator[Cause]:
         """What may change the mode, the most urgent first."""
-        stop_at = Severity.QUICK_STOP if self.mode is Mode.QUICKSTOP else Severity.CONTROLLED_STOP
+        stop_at = _QUICK_STOP if self.mode is _QUICKSTOP else _CONTROLLED_STOP
         if verdict.to_fault:
             yield Cause(event=Event.FAULT, faults=tuple(fault for fault in verdict.stopping if fault.to_fault))
-        if Request.QUICKSTOP in requests:
+        if _QUICKSTOP_REQUEST in requests:
             yield Cause(event=Event.STOP, request=Request.QUICKSTOP)
         if verdict.severity >= stop_at and verdict.severity > self._stopped_for:
             yield Cause(event=Event.STOP, faults=verdict.stopping)
@@ -92,7 +95,7 @@ class Modes:
         wish, verdict = self._logic[self.mode].step(snapshot), snapshot.verdict
         self.failed = self.failed or wish.failed
         self._shared.position = advance(self._shared.position, wish)
-        if verdict.severity is Severity.OFF:
+        if verdict.severity is _OFF:
             off = replace(wish.command, action=Action.DISABLE)
             wish = replace(wish, command=off, traction=Goal.DISABLED, heartbeat=wish.heartbeat and not verdict.alarm)
         return wish

@@ -18,6 +18,14 @@ from artemis.vehicle import OPERATING_MODES, RobotFile
 Reading = tuple[str, str, float, str]
 """Row, device, value, what was seen."""
 
+# Found once: before Python 3.12 a member of an Enum is looked up by a function of its class, 20 times as slowly.
+_ON, _UNKNOWN, _ENABLED, _OPERATIONAL = (
+    DriveState.OPERATION_ENABLE,
+    DriveState.UNKNOWN,
+    Goal.ENABLED,
+    Nmt.OPERATIONAL,
+)
+
 FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED, DriveState.FAULT_REACTION_ENABLED)
 UNDER_VOLTAGE = 0x3220
 TOGETHER = 0.04
@@ -83,7 +91,7 @@ class DriveMeasures:
                 readings.append(("COM-11", name, age - late - self._slack, _old(age)))
             if heartbeat > 0.1:
                 readings.append(("COM-28", name, heartbeat, _old(heartbeat)))
-            if drive.nmt is not Nmt.OPERATIONAL:
+            if drive.nmt is not _OPERATIONAL:
                 readings.append(("COM-27", name, 1.0, drive.nmt.name if drive.nmt else "never heard"))
             if drive.frames > 2:
                 readings.append(("COM-15", name, float(drive.frames), f"{drive.frames} at once"))
@@ -100,16 +108,16 @@ class DriveMeasures:
         """It is a known one, and without a fault; a drive that is to be enabled gets there in time, and stays."""
         readings: list[Reading] = []
         name, state = drive.name, drive.state
-        if state is DriveState.UNKNOWN:
+        if state is _UNKNOWN:
             readings.append(("COM-05", name, 1.0, f"0x{drive.statusword:04X}"))
         elif state in FAULT_STATES:
             if not drive.emergencies and name not in explained:
                 readings.append(("COM-01", name, 1.0, ""))
         elif drive.mode != self._modes[name]:
             readings.append(("COM-04", name, 1.0, f"mode {drive.mode}, expected {self._modes[name]}"))
-        if goal is not Goal.ENABLED:
+        if goal is not _ENABLED:
             self._enabled.discard(name)
-        elif state is DriveState.OPERATION_ENABLE:
+        elif state is _ON:
             self._enabled.add(name)
         elif name not in self._enabled:
             readings.append(("COM-03", name, 1.0, f"stuck in {state.value}"))

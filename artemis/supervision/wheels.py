@@ -36,6 +36,8 @@ PROGRESS = 0.01
 """A robot on its way along a path gets further by this [m] within the row's time."""
 
 
+_ON, _ENABLED, _QUICK_STOPPED, _RUN = DriveState.OPERATION_ENABLE, Goal.ENABLED, Goal.QUICK_STOPPED, Action.RUN
+
 Drives = tuple[DriveFeedback, DriveFeedback, DriveFeedback, DriveFeedback]
 """Traction left, right, steering left, right."""
 
@@ -93,7 +95,7 @@ class Wheels:
         readings = self._traction(drives, stops)
         if last.supervised:
             readings += self._slip(drives)
-            turns, (left, right) = last.steering is Goal.ENABLED, self._steered
+            turns, (left, right) = last.steering is _ENABLED, self._steered
             if not stale[2]:
                 readings += left.read(drives[2], points.steering_left, turns)
             if not stale[3]:
@@ -114,7 +116,7 @@ class Wheels:
             del times[0], lefts[0], rights[0]
         self._speeds = left, right = self._over(SPEED_TIME)
         self.speed = max(abs(left), abs(right))
-        driven = last.command.action is Action.RUN and last.traction is Goal.ENABLED
+        driven = last.command.action is _RUN and last.traction is _ENABLED
         times, lefts, rights = self._asked_at, *self._asked
         times.append(now)
         lefts.append(points.speed_left if driven else 0.0)
@@ -127,7 +129,7 @@ class Wheels:
             self._ramp_from, self._planned = now + RAMP_DELAY, max(self._planned, self.speed)
             self._braking = self._planned > MOVING
         elif now > self._ramp_from:
-            brakes = last.traction is Goal.QUICK_STOPPED and any(drive.state in POWERED for drive in drives[:2])
+            brakes = last.traction is _QUICK_STOPPED and any(drive.state in POWERED for drive in drives[:2])
             ramp = self._limits.quick_stop_deceleration_m_s2 if brakes else COASTING
             self._planned = max(0.0, self._planned - ramp * dt)
         self._braking = self._braking and not driven and self.speed > AT_REST
@@ -164,7 +166,7 @@ class Wheels:
                 readings.append(("RUN-01", drive.name, beyond, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}"))
             if abs(speed) < STILL and min(abs(min(asked)), abs(max(asked))) > FAST:
                 readings.append(("RUN-04", drive.name, 1.0, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}"))
-        left_on, right_on = left.state is DriveState.OPERATION_ENABLE, right.state is DriveState.OPERATION_ENABLE
+        left_on, right_on = left.state is _ON, right.state is _ON
         if left_on != right_on and self.speed > MOVING:
             readings.append(("RUN-06", left.name if left_on else right.name, 1.0, ""))
         return readings
@@ -192,7 +194,7 @@ class Wheels:
     def _pair(self, drives: Drives, last: Wish) -> list[Reading]:
         """Both wheels stand about one turning point: asked where the robot may drive."""
         _, _, left, right = drives
-        if last.traction is Goal.ENABLED and self._steered[0].is_aligned and self._steered[1].is_aligned:
+        if last.traction is _ENABLED and self._steered[0].is_aligned and self._steered[1].is_aligned:
             fits = self._car.wheel_angles(self._car.steering_from_left(left.position))[1]
             if (apart := abs(fits - right.position)) > 0.02:
                 words = f"{degrees(left.position):.1f} and {degrees(right.position):.1f} degrees"
@@ -204,7 +206,7 @@ class Wheels:
     def _wished(self, last: Wish) -> list[Reading]:
         readings: list[Reading] = []
         command, tracking = last.command, last.tracking
-        if command.action is Action.RUN:
+        if command.action is _RUN:
             reach = degrees(abs(command.steering)) / self._limits.steering_deg
             beyond = max(abs(command.speed) / self._limits.speed_m_s, reach) - 1.0
             if beyond > 0.0:

@@ -12,10 +12,10 @@ from command_line import PATIENCE
 
 BLOCKED = """
 import time
-from artemis.plugins.process import Asked, ended_if_blocked
+from artemis.plugins.process import AskedPlugin, ended_if_blocked
 
 def block():
-    asked = Asked()
+    asked = AskedPlugin()
     with ended_if_blocked(asked, print, blocked=0.5):
         asked.begin("stick")
         print("blocked", flush=True)

@@ -149,7 +149,7 @@ def test_a_person_turns_a_wheel_straight_reads_the_result_and_says_yes(tmp_path:
             screen.see(rf"left wheel at -0\.{number} deg")
         read(screen, r"left wheel at -0\.8 deg")
         screen.press(b"\n")
-        read(screen, "hands off, the wheels turn to both sides now")
+        read(screen, "keep clear, the wheels turn to both sides now")
         screen.press(b"\n")
         read(screen, "keep this in the drives and the robot file")
         screen.press(b"\n")

@@ -13,7 +13,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "motion/limits.py": ("unit/test_limits.py", "properties/test_limits_properties.py"),
     "states/machine.py": ("unit/test_machine.py", "properties/test_machine_properties.py"),
     "states/modes.py": ("unit/test_modes.py", "unit/test_core.py", *_MODES),
-    "states/mode.py": (*_STOPS, "unit/test_modes.py", "unit/test_mode_init.py"),
+    "states/mode.py": (*_STOPS, "unit/test_bring_up_details.py", "unit/test_modes.py", "unit/test_mode_init.py"),
     "states/plan.py": ("unit/test_modes.py", "unit/test_mode_timed.py", *_STOPS, "unit/test_core.py"),
     "states/init.py": ("unit/test_bring_up_details.py", "unit/test_mode_init.py", *_MODES),
     "states/ready.py": ("unit/test_modes.py", "unit/test_mode_timed.py", *_MODES),
@@ -21,7 +21,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "states/quickstop.py": _STOPS,
     "states/fault.py": _STOPS,
     "states/end.py": _STOPS,
-    "robot.py": ("unit/test_core.py", "unit/test_robot.py"),
+    "robot.py": ("unit/test_core_details.py", "unit/test_core.py", "unit/test_robot.py"),
     "devices/epos_state.py": ("unit/test_epos_state.py", "properties/test_epos_state_properties.py"),
     "devices/canopen.py": ("unit/test_canopen.py", "properties/test_canopen_properties.py"),
     "supervision/measures.py": (

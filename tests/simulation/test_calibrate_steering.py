@@ -162,7 +162,7 @@ def test_nobody_is_asked_whose_hands_are_at_a_wheel_before_they_are_off(tmp_path
     acts = jogs((5.5, "accept"), (6.5, "accept"), (9.0, "end"))
     run = calibrate(tmp_path, PLAIN, acts, reference_deg={}, save="nothing").run()
 
-    assert any(s.phase.startswith("hands off, the wheels turn") for s in run.in_mode(Mode.CALIBRATE))
+    assert any(s.phase.startswith("keep clear, the wheels turn") for s in run.in_mode(Mode.CALIBRATE))
     assert max(abs(math.degrees(s.tick.set_points.steering)) for s in run.in_mode(Mode.CALIBRATE)) < 0.5
 
 

@@ -189,6 +189,6 @@ def test_angles_of_new_wheels_count_once(tmp_path: Path) -> None:
     run = calibrate(tmp_path, PLAIN, acts, **words).run()
 
     assert [fault.id for fault in run.faults] == ["CAL-01"]
-    assert "begin anew" in run.faults[0].text
+    assert "start again" in run.faults[0].text
     assert run.results.kept == {}
     assert not [truth for truth in run.world.history if DriveState.OPERATION_ENABLE in truth.states[:2]]

@@ -65,7 +65,7 @@ def test_fault_that_is_final_is_not_acknowledged(tmp_path: Path, id: str) -> Non
     assert kind_of(id) is Kind.NEVER
     assert there(run, id)[-1].time > ACKNOWLEDGED + 0.5
     assert run.modes[-2:] == [Mode.FAULT, Mode.END]
-    assert {seen.phase for seen in run.seen if ACKNOWLEDGED < seen.time < AT + 2.1 and "cannot go on" in seen.phase}
+    assert {seen.phase for seen in run.seen if ACKNOWLEDGED < seen.time < AT + 2.1 and "cannot continue" in seen.phase}
 
 
 def test_fault_that_comes_again_is_final(tmp_path: Path) -> None:

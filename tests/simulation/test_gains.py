@@ -231,7 +231,7 @@ def test_a_wheel_that_swings_is_a_fault_though_no_error_lasts(
     swing(monkeypatch, degrees, frequency)
     run = rig(tmp_path, TURN, trying(600, 10, 200), TURN, TURN, tick_hz=tick_hz).run()
     assert [(fault.id, fault.device) for fault in run.faults] == [("CAL-01", LEFT)]
-    assert "swings" in run.faults[0].text
+    assert "oscillates" in run.faults[0].text
     assert run.status == 1
     assert_restored(run)
     begun = run.first(lambda seen: seen.phase == "straightening").time

@@ -201,7 +201,7 @@ def test_a_run_that_was_broken_off_is_gone_on_with_on_the_map(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("rows", "problem"),
     [
-        ("0,0,0,0\n1,0,0,0\n0.5,0,0,0\n", "goes back in time"),
+        ("0,0,0,0\n1,0,0,0\n0.5,0,0,0\n", "times run backwards"),
         ("0,0,0,0\n1,0,zero,0\n", "zero"),
     ],
 )

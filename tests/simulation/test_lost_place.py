@@ -51,7 +51,7 @@ def test_a_path_is_not_gone_on_with_from_an_unknown_place(tmp_path: Path, fault:
     assert not following(seen, since=ARMED)
     found = next(fault for fault in seen.faults if fault.id == "RUN-08")
     assert (seen.status, found.final) == (1, True)
-    assert "where the robot is, is not known any more" in found.text
+    assert "the position of the robot is lost" in found.text
     assert seen.modes[-3:] == [Mode.FOLLOW, Mode.QUICKSTOP, Mode.END]
     stood = [s.pose for s in seen.seen if s.time >= ARMED]
     assert max(abs(a.x - b.x) for a, b in itertools.pairwise(stood)) < 1e-4

@@ -211,11 +211,11 @@ def test_where_a_real_robot_stands_is_not_guessed(tmp_path: Path) -> None:
 
 
 def test_a_finished_run_is_not_resumed(mission: Path, second: Done, tmp_path: Path) -> None:
-    assert "this run is done" in refused(mission, second.folder)
+    assert "this run is complete" in refused(mission, second.folder)
     folder = Path(shutil.copytree(second.folder, tmp_path / "cut"))
     whole = (folder / "recording.mcap").read_bytes()
     (folder / "recording.mcap").write_bytes(whole[:-50_000])  # also where the end of the recording is lost
-    assert "this run is done" in refused(mission, folder)
+    assert "this run is complete" in refused(mission, folder)
 
 
 @pytest.mark.parametrize("name", ["mission.yaml", "artemis.yaml", "line.csv"])

@@ -14,6 +14,7 @@ from artemis.config import Config
 from artemis.devices.can_bus import Frame
 from artemis.devices.device import Device, DeviceGroup
 from artemis.devices.drive import Drives
+from artemis.plugins.contracts import Localizer
 from artemis.plugins.guard import PluginGuard
 from artemis.robot import Core, Robot
 from artemis.states.mode import ON
@@ -74,6 +75,9 @@ class Rig:
         self.sensors: list[Device] = []
         self.attended: Callable[[float], bool] = lambda time: False
         self.acts: list[tuple[float, Callable[[], None]]] = []
+        self.begins = 0.0
+        """The loop's time [s] when the run begins."""
+        self.localizer: Localizer | None = None
         self.robot: Robot
         self.loop: SimulatedLoop
 
@@ -91,7 +95,7 @@ class Rig:
         self.loop, self.bus.clock = loop, loop.time
         self.bus.arrived = [Frame(0x181 + node, ENABLED) for node in range(4)]
         devices = DeviceGroup(tuple(ROBOT.drives), [SlowDrives(ROBOT, self.bus)], self.sensors)
-        guard = PluginGuard(self.inputs, loop.time)
+        guard = PluginGuard(self.inputs, loop.time, self.localizer)
         self.robot = Robot(
             self.core, devices, guard, PERIOD, lambda tick: self.observe(tick), lambda time: self.attended(time)
         )
@@ -104,6 +108,7 @@ class Rig:
             return replace(wish, finished=True) if sensed.time > seconds - PERIOD / 2 else wish
 
         self.core.script = until_the_end
+        await asyncio.sleep(self.begins)
         await self.robot.run()
 
     def hear(self, *frames: Frame) -> Callable[[], None]:

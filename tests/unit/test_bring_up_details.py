@@ -10,7 +10,7 @@ from core_builders import NAMES, PERIOD, ROBOT, ObedientDrives, Player, fault_of
 
 from artemis.drive_states import DriveState, Goal
 from artemis.motion.potentiometers import memory_numbers
-from artemis.states.init import ANSWER_TIME, HEARTBEATS, InitMode
+from artemis.states.init import ANSWER_TIME, HEARTBEATS, WATCH_TIME, InitMode
 from artemis.states.mode import PATIENCE
 from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.values import Event, JobKind, JobResult, Wish
@@ -167,3 +167,71 @@ def test_robot_with_new_potentiometers_is_taken_as_it_is_found_and_cannot_drive(
     assert (wish.event, wish.phase, wish.reset_pose) == (Event.ALIGNED, "as found" if blind else "aligned", True)
     assert wish.traction is player.tick().traction is (Goal.DISABLED if blind else Goal.ENABLED)
     assert run.bring_up.aligned is not blind
+
+
+def test_history_that_cannot_be_read_or_is_empty_proves_nothing() -> None:
+    for result, told in (
+        ({"ok": True}, "in fault for another reason: none"),
+        ({"ok": False, "detail": "no answer"}, "in fault for another reason: no answer"),
+    ):
+        drives = ObedientDrives()
+        drives.changes["steer-left"] = {"emergencies": ()}
+        player = bring_up(drives)
+        (job,) = player.until(lambda wish: any(job.kind is JobKind.READ_HISTORY for job in wish.jobs)).jobs
+        assert job.drive == "steer-left"
+        found = JobResult(id=job.id, kind=job.kind, drive=job.drive, **result)
+        wish = player.tick(results=(found,))
+        assert fault_of(wish) == ("COM-30", "steer-left")
+        assert told in str(wish.fault)
+
+
+def test_first_of_several_drives_that_are_late_is_named_with_its_own_state() -> None:
+    drives = ObedientDrives()
+    player = bring_up(drives)
+    drives.changes["traction-right"] = {"age": None}
+    drives.changes["steer-right"] = {"state": DriveState.FAULT}
+    wish = player.until(has_fault)
+    assert fault_of(wish) == ("COM-08", "traction-right")
+    assert "no process data after configuration; state switch on disabled" in str(wish.fault)
+
+
+def test_drive_that_is_in_fault_before_it_could_miss_us_is_told_so() -> None:
+    drives = ObedientDrives()
+    player = bring_up(drives)
+    player.until(lambda wish: wish.phase == "first contact")
+    player.tick()
+    drives.changes["traction-right"] = {"state": DriveState.FAULT}
+    wish = player.until(has_fault)
+    assert fault_of(wish) == ("COM-01", "traction-right")
+    assert "before it could miss us" in str(wish.fault)
+
+
+def test_fault_reset_that_is_not_obeyed_for_another_reason_is_told_so() -> None:
+    drives = ObedientDrives()
+    player = bring_up(drives)
+    player.until(lambda wish: wish.traction is Goal.FAULT_RESET)
+    drives.changes["traction-left"] = {"age": None}
+    wish = player.until(has_fault)
+    assert fault_of(wish) == ("COM-08", "traction-left")
+    assert "fault reset refused; state switch on disabled" in str(wish.fault)
+
+
+def test_drive_has_one_and_a_half_seconds_and_not_a_tick_longer() -> None:
+    drives = ObedientDrives()
+    player = bring_up(drives)
+    drives.changes["traction-right"] = {"age": None}
+    player.until(lambda wish: wish.phase == "first contact")
+    player.time = player.time - PERIOD + ANSWER_TIME
+    assert not has_fault(player.tick())
+    assert has_fault(player.tick())
+
+
+def test_drive_may_miss_us_from_the_very_end_of_its_time_on() -> None:
+    drives = ObedientDrives()
+    player = bring_up(drives)
+    player.until(lambda wish: wish.phase == "proving the watchdog")
+    last_beat = player.time - 2 * PERIOD
+    for name in NAMES:
+        drives.changes[name] = {"state": DriveState.FAULT, "emergencies": (0x8130,)}
+    player.time = last_beat + WATCH_TIME
+    assert not has_fault(player.tick())

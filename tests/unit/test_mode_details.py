@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import pytest
 from core_builders import ROBOT, ROUTE, Player, StubFollower, drive, drives, judged, shared, snapshot
 from msgspec.structs import replace
 
 from artemis.drive_states import DriveState
+from artemis.motion.track import Track
 from artemis.states.end import EndMode
-from artemis.states.plan import BringUp, CalibrateStep, FollowStep, TeleopStep, WaitStep, with_followers
+from artemis.states.plan import (
+    BringUp,
+    CalibrateStep,
+    FollowStep,
+    Plan,
+    Results,
+    Shared,
+    TeleopStep,
+    WaitStep,
+    with_followers,
+)
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import (
@@ -18,6 +31,7 @@ from artemis.values import (
     LocatedPose,
     OperatorInput,
     Pose,
+    Position,
     Request,
     SetPoints,
     Wish,
@@ -172,3 +186,42 @@ def test_jobs_have_ids_of_their_own_whichever_way_they_are_made() -> None:
     assert [job.id for job in (*first, alone, *last)] == [1, 2, 3, 4]
     with pytest.raises(ValueError, match="shorter"):
         bring_up.jobs(JobKind.SECURE, ("a", "b"), (1.0,))
+
+
+def test_what_a_step_does_not_say_is_the_usual() -> None:
+    follower = StubFollower()
+    assert FollowStep(route=ROUTE, follower=follower) == FollowStep(
+        route=ROUTE,
+        follower=follower,
+        laps=1,
+        from_end=False,
+        backward=None,
+        close_within=0.0,
+        round_corners=0.0,
+        allow_slowdown=False,
+        nearest=False,
+        max_cross_track=0.6,
+        speed=None,
+    )
+    assert TeleopStep(input="stick", seconds=None) == TeleopStep(input="stick", seconds=None, speed=None, record="")
+    assert CalibrateStep().replaces == ()
+
+
+def test_run_that_is_gone_on_with_begins_where_the_earlier_one_ended_and_keeps_what_that_recorded() -> None:
+    track = Track(poses=[Pose(x=1.0)])
+    plan = Plan(robot=ROBOT, steps=(), begin=Position(step=2, done=0.5), start=Pose(x=3.0), tracks={"way": track})
+    later, first = Shared(plan), Shared(Plan(robot=ROBOT, steps=()))
+    assert (later.bring_up.placed, first.bring_up.placed) == (True, False)
+    assert (later.position, first.position) == (Position(step=2, done=0.5), Position())
+    assert (later.results.tracks, first.results.tracks) == ({"way": track}, {})
+    assert later.results.tracks["way"] is not track, "the plan never changes"
+
+
+def test_what_nobody_has_said_of_a_bring_up_or_of_a_run_is_not_so() -> None:
+    assert BringUp(_ids=(ids := count(1))) == BringUp(
+        armed=True, connected=False, aligned=False, placed=False, held=False, taken=False, stop=None, _ids=ids
+    )
+    assert Results() == Results(tracks={}, steering={}, kept={}, tried={})
+    assert [Plan(robot=ROBOT, steps=(), found=found).blind for found in (None, {}, {"left": 0.1})] == [
+        False, True, True,
+    ]  # fmt: skip

@@ -139,7 +139,7 @@ def test_stop_names_the_first_of_its_causes(says: dict[str, bool], phase: str) -
     player.world["verdict"] = judged("INP-03", "PTH-09", device="stick", **says)
     first = player.world["verdict"].faults[0].text
     wish = player.tick(standing=True)
-    assert wish.phase == (phase if "itself" in phase else phase.removesuffix("stick: ") + first)
+    assert wish.phase == (phase if "recovers" in says else phase.removesuffix("stick: ") + first)
 
 
 # ---------------------------------------------------------------------------------------------- fault
@@ -239,7 +239,7 @@ def test_fault_is_acknowledged_within_ten_minutes_of_the_histories_and_not_a_tic
 def test_fault_names_the_first_of_its_causes(says: dict[str, bool], phase: str) -> None:
     player = in_fault()
     player.world["verdict"] = found = judged("DRV-25", "DRV-02", device="steer-left", **says)
-    player.until(lambda wish: "acknowledge to" in wish.phase or "cannot go on" in wish.phase)
+    player.until(lambda wish: "acknowledge to" in wish.phase or "cannot continue" in wish.phase)
     wish = player.tick(requests=(Request.ACKNOWLEDGE,))
     assert wish.phase.startswith(phase)
     assert wish.phase.endswith(found.faults[0].text)
