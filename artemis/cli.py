@@ -336,7 +336,7 @@ def _add_commands() -> None:
     for point in sorted(entry_points(group=COMMANDS)):
         try:
             point.load()(app)
-        except Exception as error:  # noqa: BLE001  a stranger's module may raise anything
+        except (Exception, SystemExit) as error:  # noqa: BLE001  a stranger's module may raise anything
             print(f"artemis: no commands of {point.value}: {type(error).__name__}: {error}", file=sys.stderr)
 
 

@@ -176,3 +176,11 @@ def test_the_last_words_of_a_command_of_another_package_are_shown(site: Path) ->
     )
     done = artemis("bye")
     assert (done.returncode, done.stderr) == (1, "bye: no such thing\n")
+
+
+def test_a_command_of_another_package_that_exits_as_it_is_loaded_harms_no_other(site: Path) -> None:
+    (site / "evil-1.0.dist-info" / "entry_points.txt").write_text("[artemis.commands]\nbye = evil_command:bye\n")
+    (site / "evil_command.py").write_text("import sys\n\nsys.exit(0)\n")
+    done = artemis("--version")
+    assert (done.returncode, done.stderr) == (0, "artemis: no commands of evil_command:bye: SystemExit: 0\n")
+    assert done.stdout
