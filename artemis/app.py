@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
@@ -19,11 +19,11 @@ from artemis.devices.host import MOST_MEMORY, HostWatch, usage
 from artemis.equipment import Equipment, Machine, Witness, opened
 from artemis.mission.injector import Simulated
 from artemis.mission.loading import LoadedMission
-from artemis.mission.schema import Stop
+from artemis.mission.schema import PluginUse, Stop
 from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, plan_for, plugin_made, setup_for
-from artemis.plugins.contracts import InputDevice, Localizer, Observer, is_live
-from artemis.plugins.guard import PluginGuard
+from artemis.plugins.contracts import InputDevice, Localizer, Observer, PluginContext, is_live
+from artemis.plugins.guard import LOCALIZER, PluginGuard
 from artemis.plugins.process import AskedPlugin
 from artemis.recording.disk import Disk
 from artemis.recording.provenance import ResumePoint
@@ -193,9 +193,7 @@ class _Run:
         devices: dict[str, InputDevice] = {}
         for name, use in inputs_used(self.loaded, self.simulated).items():
             setup = replace(setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear)
-            self.asked.begin(name)
-            devices[name] = plugin_made("artemis.inputs", use, setup)
-        self.asked.end()
+            devices[name] = self._made(name, "artemis.inputs", use, setup)
         return devices
 
     def _localizer(self, world: World | None, begun: float) -> Localizer | None:
@@ -204,8 +202,16 @@ class _Run:
         setup = setup_for(self.loaded, use.plugin)
         if world is not None:
             setup = replace(setup, true_pose=lambda: (world.time - begun, world.pose))
-        localizer: Localizer = plugin_made("artemis.localizers", use, setup)
+        localizer: Localizer = self._made(LOCALIZER, "artemis.localizers", use, setup)
         return localizer
+
+    def _made(self, name: str, group: str, use: PluginUse, context: PluginContext) -> Any:  # noqa: ANN401 (of any group)
+        """The plugin that the mission uses, asked by its name."""
+        self.asked.begin(name)
+        try:
+            return plugin_made(group, use, context)
+        finally:
+            self.asked.end()
 
 
 def growth(grown: str, memory: int) -> Fault:

@@ -315,7 +315,7 @@ def _add_commands() -> None:
     for point in sorted(entry_points(group=COMMANDS)):
         try:
             point.load()(app)
-        except Exception as error:  # noqa: BLE001  a stranger's module may raise anything
+        except (Exception, SystemExit) as error:  # noqa: BLE001  a stranger's module may raise anything
             print(f"artemis: no commands of {point.value}: {type(error).__name__}: {error}", file=sys.stderr)
 
 
@@ -331,6 +331,8 @@ def main() -> None:
             app()
     except SystemExit as ended:
         status = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+        if isinstance(ended.code, str):  # as Python does it
+            print(ended.code, file=sys.stderr)
     except Exception as error:  # noqa: BLE001  nothing but the shell is above it
         status = _explain(error)
     try:

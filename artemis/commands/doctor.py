@@ -32,6 +32,8 @@ CAN_LINK = 280
 """Type of a CAN interface in Linux (ARPHRD_CAN, linux/if_arp.h)."""
 PERIOD, SECONDS = 0.02, 5.0
 """Ticks of the timing check [s], and how long it lasts [s]."""
+PATIENCE = 10.0
+"""A program of the system has this long to answer [s]."""
 NETWORK = Path("/sys/class/net")
 
 
@@ -213,11 +215,20 @@ def _link_details() -> dict[str, dict[str, object]]:
     """What `ip` says of every interface, by name; empty where it cannot be asked."""
     if (ip := shutil.which("ip")) is None:
         return {}
-    asked = subprocess.run([ip, "-details", "-json", "link", "show"], capture_output=True, check=False, timeout=10)
+    answer, _ = _asked(ip, "-details", "-json", "link", "show")
     try:
-        return {link["ifname"]: link for link in json.loads(asked.stdout or b"[]")}
+        return {link["ifname"]: link for link in json.loads(answer or "[]")}
     except (json.JSONDecodeError, KeyError):
         return {}
+
+
+def _asked(*command: str) -> tuple[str, str]:
+    """What a program of the system writes to its output, and to its errors; it has `PATIENCE`."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        return "", f"{Path(command[0]).name} does not answer"
+    return done.stdout, done.stderr
 
 
 # ---------------------------------------------------------------------------------------------------- the rest of it
@@ -254,16 +265,14 @@ def _clock() -> Iterator[Finding]:
     if (control := shutil.which("timedatectl")) is None:
         yield Finding(NOTE, "whether a time server keeps the date is not known: no timedatectl")
         return
-    asked = subprocess.run(
-        [control, "show", "-p", "NTPSynchronized", "--value"], capture_output=True, text=True, check=False, timeout=10
-    )
-    match asked.stdout.strip():
+    answer, problem = _asked(control, "show", "-p", "NTPSynchronized", "--value")
+    match answer.strip():
         case "yes":
             yield Finding(OK, "a time server keeps the date")
         case "no":
             yield Finding(WARNING, "no time server keeps the date", "sudo timedatectl set-ntp true")
         case _:
-            yield Finding(NOTE, f"whether a time server keeps the date is not known: {asked.stderr.partition('.')[0]}")
+            yield Finding(NOTE, f"whether a time server keeps the date is not known: {problem.partition('.')[0]}")
 
 
 def _timing() -> Iterator[Finding]:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TextIO
 
 import numpy as np
@@ -63,18 +64,18 @@ class Question:
 QUESTIONS = (
     Question("name", "Name of the robot", "", "ARTEMIS"),
     Question("wheelbase", "Wheelbase: front axle to rear axle", "m", 0.56, 0.1, 10),
-    Question("track", "Track: between the contact points of the front wheels", "m", 0.436, 0.05, 5),
+    Question("track", "Track: between the contact points of the front wheels", "m", 0.436, 0.1, 5),
     Question("scrub", "Scrub radius: kingpin to contact point, outwards", "m", 0.0625, 0, 1),
     Question("diameter", "Diameter of the driven wheels", "m", 0.24381, 0.02, 2),
-    Question("traction_gear", "Motor turns per turn of a driven wheel", "", 50, 0.1, 10000),
-    Question("steering_gear", "Motor turns per turn of a steered wheel about its kingpin", "", 946, 1, 100000),
+    Question("traction_gear", "Motor turns per turn of a driven wheel", "", 50, 1, 10000),
+    Question("steering_gear", "Motor turns per turn of a steered wheel about its kingpin", "", 946, 1, 10000),
     Question("steering", "Largest steering angle of the virtual front wheel", "deg", 60, 5, 79),
     Question("speed", "Highest speed", "m/s", 0.7, 0.05, 5),
 )
 
 
 def begin(folder: Path, *, ask: bool, force: bool) -> None:
-    """Write `folder` with `robots/robot.yaml`, `first.yaml`, its path, and both schemas; then check it as `run` would.
+    """Write `folder` with `robots/robot.yaml`, `first.yaml`, its path, and both schemas, once `run` would take them.
 
     Args:
         folder: Made if it is not there.
@@ -82,18 +83,22 @@ def begin(folder: Path, *, ask: bool, force: bool) -> None:
         force: Replace files that are there.
 
     Raises:
-        ConfigError: files are there already or cannot be written, or the input ended before the last answer.
+        ConfigError: files are there already or cannot be written, the input ended before the last answer, or the
+            answers contradict each other.
     """
     answers = {each.key: _answer(each, sys.stdin) if ask else each.default for each in QUESTIONS}
-    made = {folder / name: text for name, text in texts(answers).items()}
-    for place in {file.parent for file in made}:
+    made = texts(answers)
+    with TemporaryDirectory() as trial:
+        _write(Path(trial), made, force=False)
         try:
-            place.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f"{place}: cannot be made: {error.strerror}") from error
-    write_files(made, force)
+            load_mission(Path(trial, "first.yaml"))
+        except ConfigError as error:
+            problems = [problem.replace(trial, str(folder)) for problem in error.problems]
+            raise ConfigError(
+                [*problems, "these numbers make no robot that artemis drives; nothing was written"]
+            ) from None
+    _write(folder, made, force=force)
     mission = folder / "first.yaml"
-    load_mission(mission)
     sys.stdout.write(
         f"\n{folder}: made. Next:\n"
         f"  artemis run {mission}    # now, against simulated drives\n"
@@ -101,6 +106,16 @@ def begin(folder: Path, *, ask: bool, force: bool) -> None:
         "Motors, gains, currents, potentiometers and node ids in robots/robot.yaml are still those of ARTEMIS:\n"
         "docs/commissioning.md says where each number comes from, and how the first power-up goes.\n"
     )
+
+
+def _write(folder: Path, texts: Mapping[str, str], *, force: bool) -> None:
+    made = {folder / name: text for name, text in texts.items()}
+    for place in {file.parent for file in made}:
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"{place}: cannot be made: {error.strerror}") from error
+    write_files(made, force)
 
 
 def texts(answers: Mapping[str, float | str]) -> dict[str, str]:

@@ -362,7 +362,8 @@ class _Loading:
             self._complain((*at, "path"), f"byte {error.start + 1} is not UTF-8: {name}")
             return
         except ConfigError as error:
-            self._problems += error.problems if raw else [self._document.problem((*at, "path"), str(error))]
+            places = (self._document.problem((*at, "path"), problem) for problem in error.problems)
+            self._problems += error.problems if raw else places
             return
         if follow.laps > 1 and not route.closed:
             how = "open: it must end where it begins" if len(route.parts) == 1 else "not: it reverses"

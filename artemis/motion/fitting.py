@@ -54,7 +54,8 @@ def fitted(
         path = part.path
         told = [words] if path.drawn is not None and (words := path.drawn.words()) else []
         if round_corners > 0.0:
-            path, told = _rounded(path, robot, round_corners)
+            path, cuts = _rounded(path, robot, round_corners)
+            told += cuts
         if allow_slowdown:
             path, slowest = _slowed(path, robot, speed)
             told += slowest

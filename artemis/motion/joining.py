@@ -9,9 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from artemis.errors import ConfigError
 from artemis.motion.path import SMOOTHING, Path, path_from_points
 from artemis.motion.path_points import MAX_GAP, MIN_STEP
-from artemis.motion.route import Part, Route, stretches
+from artemis.motion.route import SHORTEST, Part, Route, stretches, turns_on_the_spot
 from artemis.motion.spline import Array
 from artemis.motion.track import SPACING
 from artemis.motion.waypoints import check_extent, drawn, largest_distance
@@ -43,7 +44,7 @@ def straight(waypoints: Sequence[Sequence[float]], *, closed: bool = False) -> R
     if both are at the same place.
 
     Raises:
-        ConfigError: it is too short or too long.
+        ConfigError: it is too short or too long, reverses twice within `SHORTEST`, or would turn on the spot.
     """
     corners = np.array(waypoints, dtype=float)
     check_extent(*corners.T)
@@ -53,12 +54,24 @@ def straight(waypoints: Sequence[Sequence[float]], *, closed: bool = False) -> R
     x, y = (np.interp(dense, distance, column) for column in corners.T)
     around = closed and math.dist(corners[0], corners[-1]) < MIN_STEP
     found = stretches(x, y, None)
-    parts = []
+    parts, problems = [], []
     for first, last, backward in found:
         px, py, whole = x[first : last + 1], y[first : last + 1], len(found) == 1
         path = path_from_points(px, py, smoothing=SMOOTHING, closed=around and whole, between_halts=not whole)
         parts.append(Part(path=path, backward=backward))
+    for part in parts[1:-1]:
+        if part.path.length < SHORTEST:
+            expected = f"expected at least {SHORTEST:g} m in one direction"
+            problems.append(f"{_at(part)}: reverses twice within {part.path.length:.3f} m; {expected}")
+    problems += [f"{_at(parts[number])}: {problem}" for number, problem in turns_on_the_spot(parts)]
+    if problems:
+        raise ConfigError(problems)
     return Route(tuple(parts))
+
+
+def _at(part: Part) -> str:
+    """Where it begins, for people."""
+    return f"waypoint x {part.path.x[0]:.2f} m, y {part.path.y[0]:.2f} m"
 
 
 @dataclass(frozen=True, slots=True)

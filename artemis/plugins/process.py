@@ -86,14 +86,20 @@ def ended_if_blocked(
                 end()
 
     def end() -> None:
-        words = f"plugin '{asked.name}' has not answered for {blocked:g} s: the run is ended"
-        note(words)
-        if terminal is not None:
-            termios.tcsetattr(sys.stdin.fileno(), termios.TCSANOW, terminal)
-        told = f"\nartemis: {words}; the drives missed the heartbeat and stopped by themselves. It is here:\n"
-        os.write(2, (told + _stack(thread)).encode(errors="replace"))
-        over.wait(_WRITING)
-        _exit(BLOCKED_STATUS)
+        try:
+            words = f"plugin '{asked.name}' has not answered for {blocked:g} s: the run is ended"
+            note(words)
+            with suppress(OSError, termios.error):  # the terminal may be gone, as its connection
+                if (
+                    terminal is not None and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+                ):  # in the background: not ours
+                    termios.tcsetattr(sys.stdin.fileno(), termios.TCSANOW, terminal)
+            told = f"\nartemis: {words}; the drives missed the heartbeat and stopped by themselves. It is here:\n"
+            with suppress(OSError):
+                os.write(2, (told + _stack(thread)).encode(errors="replace"))
+            over.wait(_WRITING)
+        finally:
+            _exit(BLOCKED_STATUS)
 
     watcher = threading.Thread(target=watch, name="plugin watch", daemon=True)
     watcher.start()
@@ -139,13 +145,19 @@ class _Prints:
             return self._real.write(text)
         *lines, self._begun[name] = (self._begun.get(name, "") + text).split("\n")
         for line in lines:
-            self._lines[name] += 1
-            if self._lines[name] <= LINES:
-                self._say(f"{name} prints: {line}")
+            self._show(name, line)
         return len(text)
 
+    def _show(self, name: str, line: str) -> None:
+        self._lines[name] += 1
+        if self._lines[name] <= LINES:
+            self._say(f"{name} prints: {line}")
+
     def conclude(self) -> None:
-        """Say how much was not shown."""
+        """Show lines that were not ended, and say how much was not shown."""
+        for name, begun in self._begun.items():
+            if begun:
+                self._show(name, begun)
         for name, lines in self._lines.items():
             if lines > LINES:
                 self._say(f"{name} printed {lines - LINES} more lines")

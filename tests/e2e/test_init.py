@@ -68,6 +68,10 @@ def test_answers_that_no_machine_has_are_asked_again(tmp_path: Path, monkeypatch
             [*TRACTOR[:-1], "5"],
             "5 m/s is too fast: a motor of 3190 rpm and a gear of 30 drive",
         ),
+        (
+            ["Tractor", "0.2", "0.9", *TRACTOR[3:]],
+            "robots/robot.yaml:8:3: geometry.track_m: expected at most three times wheelbase_m (0.2 m), found 0.9 m",
+        ),
     ],
 )
 def test_nothing_is_written_where_it_ends_early(

@@ -74,6 +74,9 @@ class Evil:
         for number in range(1000):
             print("spam", number)
 
+    def mumble(self):
+        print("the end of it", end="")
+
     def noise(self):
         threading.Thread(target=self.flood, name="noisy").start()
 """
@@ -157,3 +160,27 @@ def test_what_a_plugin_prints_is_named_and_does_not_flood_the_terminal(tmp_path:
     assert f"{name} prints: spam 0\n" in done.stdout
     assert f"{name} printed 990 more lines" in done.stdout
     assert "result        done" in done.stdout
+
+
+@pytest.mark.usefixtures("site")
+def test_a_line_that_a_plugin_does_not_end_is_shown(tmp_path: Path) -> None:
+    done = artemis("run", mission(tmp_path, "mumble"))
+    assert done.returncode == 0
+    assert "stick prints: the end of it\n" in done.stdout
+
+
+def test_the_last_words_of_a_command_of_another_package_are_shown(site: Path) -> None:
+    (site / "evil-1.0.dist-info" / "entry_points.txt").write_text("[artemis.commands]\nbye = evil_command:bye\n")
+    (site / "evil_command.py").write_text(
+        "import sys\n\ndef bye(app):\n    app.command('bye')(lambda: sys.exit('bye: no such thing'))\n"
+    )
+    done = artemis("bye")
+    assert (done.returncode, done.stderr) == (1, "bye: no such thing\n")
+
+
+def test_a_command_of_another_package_that_exits_as_it_is_loaded_harms_no_other(site: Path) -> None:
+    (site / "evil-1.0.dist-info" / "entry_points.txt").write_text("[artemis.commands]\nbye = evil_command:bye\n")
+    (site / "evil_command.py").write_text("import sys\n\nsys.exit(0)\n")
+    done = artemis("--version")
+    assert (done.returncode, done.stderr) == (0, "artemis: no commands of evil_command:bye: SystemExit: 0\n")
+    assert done.stdout

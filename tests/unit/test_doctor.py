@@ -127,3 +127,15 @@ def test_checks_of_other_packages_are_asked_and_may_break(
     shown = capsys.readouterr().out
     assert "the check is broken: ValueError: no sensor" in shown
     assert "all five sensors" in shown
+
+
+def test_a_program_of_the_system_that_does_not_answer_is_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("ip", "timedatectl"):
+        (tmp_path / name).write_text("#!/bin/sh\nread never < /dev/zero\n")
+        (tmp_path / name).chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(doctor, "PATIENCE", 0.1)
+    examine(None, report=False)
+    assert "whether a time server keeps the date is not known: timedatectl does not answer" in capsys.readouterr().out

@@ -64,6 +64,16 @@ def test_a_square_has_laps_and_a_turn_back_is_a_reversal(tmp_path: FilePath) -> 
         ("[[0, 0], [1, 1e9]]", "", "6:45: steps[1].follow.path.waypoints[1][1]: expected at most 20000"),
         ("[[0, 0], [19000, 0], [-19000, 5]]", "", "6:14: steps[1].follow.path: path of 57000 m; expected at"),
         ("[[0, 0], [3, 0], [3, 3]]", ", round_corners_m: 0", "6:14: steps[1].follow.path: line of waypoints: too"),
+        (
+            "[[0, 0], [3, 0], [1.85, 1.64]]",
+            "",
+            "6:14: steps[1].follow.path: waypoint x 3.00 m, y 0.00 m: the robot would turn by 55 deg on the spot here",
+        ),
+        (
+            "[[0, 0], [2, 0], [1.98, 0], [4, 0]]",
+            "",
+            "6:14: steps[1].follow.path: waypoint x 2.00 m, y 0.00 m: reverses twice within 0.020 m; exp",
+        ),
         ("[[0, 0], [3, 0], [3, 3]]", ", laps: 2", "6:87: steps[1].follow.laps: 2 laps need a closed path; line of way"),
     ],
 )  # fmt: skip

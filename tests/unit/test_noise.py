@@ -114,6 +114,13 @@ def test_a_noisy_path_becomes_the_smooth_one_that_was_meant(robot: RobotFile, de
     assert route.problems(robot, 0.5) == []
 
 
+def test_smoothed_noise_is_told_also_where_corners_may_be_rounded(robot: RobotFile) -> None:
+    route = route_from_csv(text_of(*jittering(winding(0.05), 0.005)), "noisy.csv")
+    told = [fitted(route, robot, 0.7, round_corners=rounds)[1] for rounds in (0.0, 0.15)]
+    assert told[0]
+    assert told[1][0] == told[0][0]
+
+
 def test_smoothing_gives_way_to_the_shape_of_the_path() -> None:
     angle = np.arange(0.0, 5.5, 0.1)
     truth = 0.4 * np.cos(angle), 0.4 * np.sin(angle)
