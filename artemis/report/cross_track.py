@@ -29,7 +29,7 @@ PROJECTION_WINDOW = 0.5
 STEP = 0.05
 """So far it moves from one tick to the next on its path at most [m], or it is looked for anew."""
 SPACING = 0.02
-BLOCK = 4096
+BLOCK = 512
 _NOWHERE = nan, nan
 
 
