@@ -308,7 +308,7 @@ def encode_request(request: Request) -> bytes:
             command, rest = (0x20, b"") if size is None else (0x21, ObjectType.U32.encode(size))
         case Abort(code=code):
             command, rest = 0x80, ObjectType.U32.encode(code)
-        case Upload():
+        case _:  # Upload
             command, rest = 0x40, b""
     return _pack(_BEGIN, command, request.index, request.subindex, rest)
 

@@ -142,6 +142,13 @@ def test_stop_names_the_first_of_its_causes(says: dict[str, bool], phase: str) -
     assert wish.phase == (phase if "recovers" in says else phase.removesuffix("stick: ") + first)
 
 
+def test_a_stop_while_the_watchdog_is_proven_secures_the_drives_as_before_the_bring_up() -> None:
+    parts = shared(connected=True, aligned=True)
+    parts.bring_up.proving = True
+    Player(QuickstopMode(parts)).tick(standing=True)
+    assert not parts.bring_up.connected
+
+
 # ---------------------------------------------------------------------------------------------- fault
 
 
