@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import ctypes
+import os
 import threading
 import time
 from typing import ClassVar, Literal
@@ -45,19 +46,19 @@ class SeizingFollower(IndiveriFollower):
 
 
 def _sleep(seconds: float) -> None:
-    print(SEIZED, flush=True)
+    os.write(1, f"{SEIZED}\n".encode())  # as it is: what a plugin prints is shown behind its name
     time.sleep(seconds)
 
 
 def _hold_interpreter(after: float, seconds: float) -> None:
     time.sleep(after)
-    print(SEIZED, flush=True)
+    os.write(1, f"{SEIZED}\n".encode())  # as it is: what a plugin prints is shown behind its name
     ctypes.PyDLL(None).usleep(round(seconds * 1e6))  # unlike CDLL it keeps the interpreter's lock
 
 
 def _wait_for_a_lock(seconds: float) -> None:
     lock = threading.Lock()
     lock.acquire()
-    print(SEIZED, flush=True)
+    os.write(1, f"{SEIZED}\n".encode())  # as it is: what a plugin prints is shown behind its name
     threading.Timer(seconds, lock.release).start()
     lock.acquire()
