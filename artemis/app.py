@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path as FilePath
@@ -17,11 +18,21 @@ from artemis.devices.can_bus import Traffic
 from artemis.devices.device import Device
 from artemis.devices.host import MOST_MEMORY, HostWatch, usage
 from artemis.equipment import Equipment, Machine, Witness, opened
+from artemis.errors import ConfigError
+from artemis.mission.actions import PluginUse
 from artemis.mission.injector import Simulated
 from artemis.mission.loading import LoadedMission
-from artemis.mission.schema import PluginUse, Stop
 from artemis.motion.steering_fit import SteeringFit
-from artemis.planning import inputs_used, is_fast, is_simulated, localizer_used, plan_for, plugin_made, setup_for
+from artemis.planning import (
+    inputs_used,
+    is_fast,
+    is_simulated,
+    localizer_used,
+    plan_for,
+    plugin_made,
+    setup_for,
+    unresumable,
+)
 from artemis.plugins.contracts import InputDevice, Localizer, Observer, PluginContext, is_live
 from artemis.plugins.guard import LOCALIZER, PluginGuard
 from artemis.plugins.process import AskedPlugin
@@ -31,7 +42,7 @@ from artemis.recording.resume import DONE, where_it_stopped
 from artemis.recording.run_folder import RunFolder
 from artemis.robot import Core, Robot
 from artemis.run_record import RunRecord, files_of, provenance_of
-from artemis.states.plan import Plan, Results, with_followers
+from artemis.states.plan import Plan, Results, with_behaviours, with_followers
 from artemis.supervision import catalogue
 from artemis.values import Fault, Severity, Tick
 
@@ -92,9 +103,12 @@ def resumption_from(
     Raises:
         ConfigError: it cannot be resumed.
     """
-    steps = sum(not isinstance(step.action, Stop) for step in loaded.mission.steps)
+    steps = len(loaded.tree.steps)
     simulated, root = is_simulated(loaded, simulate), loaded.folder / loaded.mission.record
-    return where_it_stopped(run, files_of(loaded, source), steps, simulated=simulated, root=root)
+    found = where_it_stopped(run, files_of(loaded, source), steps, simulated=simulated, root=root)
+    if problems := unresumable(loaded, found[0].position):
+        raise ConfigError([f"{run}: cannot be resumed: {problem}" for problem in problems])
+    return found
 
 
 @dataclass(slots=True, kw_only=True)
@@ -133,8 +147,14 @@ class _Run:
         )
 
     async def _main(self) -> None:
-        loop, record = asyncio.get_running_loop(), self.record
         equipment = self.equip()
+        try:
+            await self._drive(equipment)
+        finally:
+            equipment.devices.close()
+
+    async def _drive(self, equipment: Equipment) -> None:
+        loop, record = asyncio.get_running_loop(), self.record
 
         def wake() -> None:
             loop.call_soon_threadsafe(robot.tick_now)
@@ -143,7 +163,7 @@ class _Run:
         live = {name for name, device in inputs.items() if is_live(device)}
         localizer = self._localizer(equipment.world, loop.time())
         guard = PluginGuard(inputs, loop.time, localizer, self.asked)
-        steps = with_followers(self.plan.steps, guard.watched)
+        steps = with_behaviours(with_followers(self.plan.steps, guard.watched), guard.watched_behaviour)
         record.recorder.true_pose = equipment.true_pose
         host = HostWatch()
 
@@ -171,7 +191,6 @@ class _Run:
         finally:
             stop_listening()
             record.note(guard.close())
-            equipment.devices.close()
 
     def _begin_faults(self, equipment: Equipment, inputs: dict[str, InputDevice], robot: Robot) -> None:
         """Those that the mission wants; only in a simulated world."""
@@ -191,9 +210,12 @@ class _Run:
         if self.parts.inputs is not None:
             return dict(self.parts.inputs)
         devices: dict[str, InputDevice] = {}
-        for name, use in inputs_used(self.loaded, self.simulated).items():
-            setup = replace(setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear)
-            devices[name] = self._made(name, "artemis.inputs", use, setup)
+        with ExitStack() as made:  # where one cannot be made, those before are closed
+            for name, use in inputs_used(self.loaded, self.simulated).items():
+                setup = replace(setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear)
+                devices[name] = self._made(name, "artemis.inputs", use, setup)
+                made.callback(devices[name].close)
+            made.pop_all()
         return devices
 
     def _localizer(self, world: World | None, begun: float) -> Localizer | None:

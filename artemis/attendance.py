@@ -26,7 +26,7 @@ REQUESTS = {
 }
 Typed = Callable[[bytes], None]
 """Is called with what is typed at the terminal; with nothing once that is closed."""
-Operator = Callable[[Callable[[Request], None], Typed | None], Callable[[], None]]
+Operator = Callable[[Callable[[Request | str], None], Typed | None], Callable[[], None]]
 """Given where requests go, and all that is typed (None: nobody wants it), begins to listen to somebody at a terminal;
 returns how to stop."""
 
@@ -67,7 +67,7 @@ class Attendance:
         self._listeners.append(listener)
         return self._operator is not None
 
-    def begin(self, loop: asyncio.AbstractEventLoop, request: Callable[[Request], None]) -> Callable[[], None]:
+    def begin(self, loop: asyncio.AbstractEventLoop, request: Callable[[Request | str], None]) -> Callable[[], None]:
         """Pass on what everybody asks for from now on; returns how to stop.
 
         SIGINT, SIGTERM and SIGHUP end the run, whoever started it; a second one stops quickly. SIGINT does so
@@ -76,7 +76,7 @@ class Attendance:
         Where somebody was, the person who could have stopped the robot is gone: a quick stop.
         """
         for act in self._acts:
-            loop.call_later(act.at_s, request, REQUESTS[act.do])
+            loop.call_later(act.at_s, request, REQUESTS[act.do] if act.answer is None else act.answer)
 
         def interrupt(number: int, _: object) -> None:
             """Between two instructions of whatever runs: also of a plugin that does not return."""

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from artemis.commands.calibrate import MissionFile, calibrate
 from artemis.commands.path import paths
 from artemis.commands.plugin import plugins
 from artemis.errors import ArtemisError, ConfigError, RecordingError
@@ -33,13 +34,8 @@ app = typer.Typer(
 
 app.add_typer(plugins, name="plugins")
 app.add_typer(paths, name="path")
-
-calibrate = typer.Typer(
-    rich_markup_mode=None, no_args_is_help=True, help="Measure a machine, or teach artemis an input device."
-)
 app.add_typer(calibrate, name="calibrate")
 
-MissionFile = Annotated[Path, typer.Argument(metavar="MISSION", help="Mission file (YAML).")]
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.mcap.")]
 
 
@@ -73,15 +69,22 @@ def run(
 
 
 @app.command()
-def check(missions: Annotated[list[Path], typer.Argument(metavar="MISSION...", help="Mission files (YAML).")]) -> None:
+def check(
+    missions: Annotated[list[Path], typer.Argument(metavar="MISSION...", help="Mission files (YAML).")],
+    walk: Annotated[
+        int, typer.Option(metavar="N", min=0, max=100_000, help="Also which steps N random walks never reach.")
+    ] = 0,
+    seed: Annotated[int, typer.Option(help="Of the random walks.")] = 0,
+) -> None:
     """Say everything that `run` would refuse, without moving."""
     from artemis.mission.loading import load_mission
+    from artemis.mission.random_walks import walked
 
     problems: list[str] = []
     for mission in missions:
         try:
             loaded = load_mission(mission)
-            typer.echo("\n  ".join([f"{mission}: ok", *loaded.remarks]))
+            typer.echo("\n  ".join([f"{mission}: ok", *loaded.remarks, *walked(loaded, walk, seed)]))
         except ConfigError as error:
             problems += error.problems
     if problems:
@@ -171,118 +174,17 @@ def devices(
     show_devices(mission)
 
 
-@calibrate.command("input")
-def calibrate_input(
-    device: Annotated[
-        str | None, typer.Option(metavar="V:P|SERIAL", help="Which device, if there are several.")
-    ] = None,
-    name: Annotated[str | None, typer.Option(help="Of the profile; the device's own, if left out.")] = None,
-    output: Annotated[Path | None, typer.Option(metavar="FILE", help="Output file, instead of your profiles.")] = None,
-) -> None:
-    """Teach a joystick, gamepad or wheel: asks for each control, and writes the profile once that is confirmed."""
-    from artemis.commands import calibrate_input
-
-    raise typer.Exit(calibrate_input.calibrate_input(device, name, output))
-
-
-@calibrate.command("odometry")
-def calibrate_odometry(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs; with --machine, tables.")],
-    truth: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FILE", help="True poses of each run in turn: CSV or TUM; or `simulation`, once."),
-    ] = None,
-    check: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="RUN", help="Not fitted, only compared; its truth comes after the others'."),
-    ] = None,
-    same_clock: Annotated[bool, typer.Option("--same-clock", help="The truths' times are run times.")] = False,
-    returns_to_start: Annotated[
-        bool, typer.Option("--returns-to-start", help="No truth: every run ended on the marks where it started.")
-    ] = False,
-    closing: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Or ended there: CSV with run, x_m, y_m, heading_deg.")
-    ] = None,
-    machine: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Of another machine: what the columns of its tables mean.")
-    ] = None,
-    output: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Of the page, if not the run.")] = None,
-    write: Annotated[Path | None, typer.Option(metavar="ROBOT", help="Write the values into this robot file.")] = None,
-) -> None:
-    """Fit metres per count, steering zero and scale, and the geometry to runs; writes only when told."""
-    from artemis.commands import calibrate_odometry
-
-    if (returns_to_start or closing) and (truth or check or same_clock):
-        raise ConfigError("--truth, --check and --same-clock do not go with --returns-to-start or --closing")
-    if returns_to_start or closing:
-        calibrate_odometry.calibrate_closing(runs, closing, machine, output, write)
-    else:
-        calibrate_odometry.calibrate_with_truth(runs, truth or [], machine, check or [], output, write, same_clock)
-
-
-@calibrate.command("steering")
-def calibrate_steering(
-    mission: MissionFile,
-    side: Annotated[str | None, typer.Option(metavar="left|right", help="One wheel; both, if left out.")] = None,
-    reference_left: Annotated[
-        float | None,
-        typer.Option(metavar="DEG", min=-45, max=45, help="True angle of the left wheel while it shows 0."),
-    ] = None,
-    reference_right: Annotated[
-        float | None, typer.Option(metavar="DEG", min=-45, max=45, help="Of the right wheel.")
-    ] = None,
-    new: Annotated[bool, typer.Option("--new", help="New potentiometers: ignore their calibration.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Keep the result without asking.")] = False,
-    store: Annotated[bool, typer.Option("--store", help="Only write the robot file's values into the drives.")] = False,
-    simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
-    write_simulated: Annotated[
-        bool, typer.Option("--write-simulated", help="Change the robot file also by what simulated drives showed.")
-    ] = False,
-) -> None:
-    """Measure zero and slope of the steering potentiometers; keep them in the drives and the robot file."""
-    from artemis.commands import calibrate_steering
-
-    given = {"left": reference_left, "right": reference_right}
-    reference = {name: angle for name, angle in given.items() if angle is not None}
-    if not store:
-        raise typer.Exit(
-            calibrate_steering.calibrate_steering(
-                mission, side, reference, new=new, yes=yes, simulate=simulate, write_simulated=write_simulated
-            )
-        )
-    if side or reference or new or yes or write_simulated:
-        raise ConfigError("--store writes what the robot file says: it measures nothing, and takes no other option")
-    raise typer.Exit(calibrate_steering.store_steering(mission, simulate))
-
-
-@calibrate.command("gains")
-def calibrate_gains(
-    mission: MissionFile,
-    drive: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Which; several of one kind.")] = None,
-    current: Annotated[str | None, typer.Option(metavar="P,I", help="Gains of the current to try.")] = None,
-    velocity: Annotated[str | None, typer.Option(metavar="P,I", help="Gains of the velocity to try.")] = None,
-    position: Annotated[str | None, typer.Option(metavar="P,I,D", help="Gains of the position to try.")] = None,
-    try_: Annotated[bool, typer.Option("--try", help="Try those of the robot file alone.")] = False,
-    step: Annotated[float | None, typer.Option(metavar="DEG|M_S", help="Of the trial: degrees, or m/s.")] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Move, and keep gains that settle, without asking.")] = False,
-    simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
-) -> None:
-    """Show the regulator gains of a mission's drives; try others, see the response, keep them or not."""
-    from artemis.commands.calibrate_gains import Wanted
-    from artemis.commands.calibrate_gains import calibrate_gains as calibrate
-
-    given = {"current": current, "velocity": velocity, "position": position}
-    gains = {kind: words for kind, words in given.items() if words is not None}
-    wanted = Wanted(drives=drive or (), gains=gains, tried=try_, step=step, yes=yes, simulate=simulate)
-    raise typer.Exit(calibrate(mission, wanted))
-
-
 @app.command()
-def graph() -> None:
-    """Print the robot's modes as a Mermaid diagram, from the table that runs."""
-    from artemis.states.machine import mermaid
+def graph(
+    mission: Annotated[
+        Path | None, typer.Argument(metavar="[MISSION]", help="Mission file (YAML); the robot's modes if left out.")
+    ] = None,
+    svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the mission into this SVG file.")] = None,
+) -> None:
+    """Print a mission as a Mermaid state diagram, or draw it; without a mission, the robot's modes."""
+    from artemis.commands.graph import graph
 
-    typer.echo(mermaid())
+    graph(mission, svg)
 
 
 @app.command()
@@ -299,7 +201,10 @@ def faults(
 
 
 @app.command()
-def schema(kind: Annotated[str, typer.Argument(metavar="mission|robot", help="Of which file.")] = "mission") -> None:
+def schema(
+    kind: Annotated[str, typer.Argument(metavar="mission|robot", help="Of which file.")] = "mission",
+    markdown: Annotated[bool, typer.Option("--markdown", help="A mission's steps, as in the documentation.")] = False,
+) -> None:
     """Print the JSON schema of a mission or robot file, for editors."""
     import json
 
@@ -307,6 +212,11 @@ def schema(kind: Annotated[str, typer.Argument(metavar="mission|robot", help="Of
 
     if kind not in ("mission", "robot"):
         raise ConfigError(f"no schema of {kind!r}: write mission or robot")
+    if markdown and kind == "mission":
+        from artemis.mission.markdown import steps_markdown
+
+        typer.echo(steps_markdown(mission_schema()), nl=False)
+        return
     typer.echo(json.dumps(mission_schema() if kind == "mission" else robot_schema(), indent=2))
 
 

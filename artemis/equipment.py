@@ -76,7 +76,11 @@ def opened(
         bus, world = _simulated(loaded, localized, resume_point, witness)
     if world is not None and loaded.injector is not None:
         bus = loaded.injector.failing_bus(bus, mission.simulation.seed)
-    drives, others = Drives(loaded.robot, bus), sensors()
+    drives, others = Drives(loaded.robot, bus), list(sensors())
+    if world is not None and "battery_v" in loaded.tree.signals:
+        from artemis.sim.supply_meter import SupplyMeter
+
+        others.append(SupplyMeter(world))
     return Equipment(
         devices=DeviceGroup(tuple(loaded.robot.drives), [drives], others) if others else drives,
         bus=bus,

@@ -13,6 +13,7 @@
      │  └ ProtocolError                  a malformed or unexpected frame; also ValueError
      │     └ SdoAbort(index, subindex, code)
      ├ HidError                          a report descriptor or a report that cannot be read
+     ├ Unteachable                       an input device that a profile cannot describe
      ├ CalibrationError
      └ RecordingError                    unreadable, or replay diverged
 

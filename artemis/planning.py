@@ -10,37 +10,46 @@ from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
+from artemis.mission.actions import Ask, Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Wait
+from artemis.mission.behaviours import behaviour_class
+from artemis.mission.by_hand import Teleop
 from artemis.mission.gains import merged
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.policies import policies_from
-from artemis.mission.schema import Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Teleop, Wait
-from artemis.plugins.contracts import PluginContext, follower_speed, input_speed, is_live
+from artemis.plugins.contracts import PluginContext, declared, follower_speed, input_speed, is_live
 from artemis.plugins.guard import PLUGIN_ERRORS, told
+from artemis.progress import Position
 from artemis.recording.provenance import ResumePoint
 from artemis.robot import Core
+from artemis.states.advance import Passive, states_in
 from artemis.states.gains import GainsStep, TurnStep
-from artemis.states.plan import CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
+from artemis.states.plan import AskStep, BehaviourStep, CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
 from artemis.states.steering import SteeringStep
 from artemis.vehicle import RobotFile
+from artemis.yaml_file import dotted
 
 
 def plan_from(loaded: LoadedMission) -> Plan:
     """The mission's steps, with their paths read and their followers made."""
     steps: list[Step] = []
-    for number, step in enumerate(loaded.mission.steps):
-        action = step.action
-        match action:
+    for number, (_, step) in enumerate(loaded.tree.steps):
+        match action := step.action:
             case Calibrate():
                 steps.append(_calibrate_step(loaded.robot, action))
             case Wait():
-                steps.append(WaitStep(seconds=action.seconds))
+                ends = loaded.tree.passive[number] or Passive()
+                steps.append(WaitStep(seconds=ends.seconds, condition=ends.condition, at_most=ends.at_most))
+            case Ask():
+                steps.append(AskStep(question=action.question, answers=action.answers, at_most=action.at_most_s))
             case Teleop():
                 steps.append(_teleop_step(loaded, action))
             case Follow():
                 steps.append(_follow_step(loaded, number, action))
+            case dict():
+                steps.append(_behaviour_step(loaded, step.behaviour, action))
     policies = policies_from(loaded.mission.recovery)
     found = next((step.reference for step in steps if isinstance(step, SteeringStep) and step.new), None)
-    return Plan(robot=loaded.robot, steps=tuple(steps), policies=policies, found=found)
+    return Plan(robot=loaded.robot, steps=tuple(steps), tree=loaded.tree.tree, policies=policies, found=found)
 
 
 def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
@@ -61,13 +70,16 @@ def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
 
 
 def _teleop_step(loaded: LoadedMission, action: Teleop) -> TeleopStep:
-    plugin, config = plugin_from("artemis.inputs", loaded.mission.inputs[action.input])
+    used = [plugin_from("artemis.inputs", loaded.mission.inputs[name]) for name in action.names]
+    speeds = [input_speed(config) for _, config in used]
+    held = dict.fromkeys(getattr(plugin, "enabled_by", "the enable button") for plugin, _ in used)
     return TeleopStep(
-        input=action.input,
+        input=action.names[0],
+        lower=action.names[1:],
         seconds=action.until.seconds,
-        speed=input_speed(config),
+        speed=None if None in speeds else max(speed for speed in speeds if speed is not None),
         record=action.record or "",
-        enabled_by=getattr(plugin, "enabled_by", "the enable button"),
+        enabled_by=" or ".join(held),
     )
 
 
@@ -85,6 +97,17 @@ def _follow_step(loaded: LoadedMission, number: int, action: Follow) -> FollowSt
     )
 
 
+def _behaviour_step(loaded: LoadedMission, name: str, options: dict[str, Any]) -> BehaviourStep:
+    plugin = behaviour_class(name)
+    config = plugin.Config.model_validate(options)
+    return BehaviourStep(
+        name=name,
+        behaviour=made(plugin, config, setup_for(loaded, name)),
+        declared=declared(plugin),
+        speed=follower_speed(config),
+    )
+
+
 def core_from(loaded: LoadedMission, resume_point: ResumePoint | None = None, simulate: bool = False) -> Core:
     """The decision core for a mission, run with or without `--simulate`: what runs, and what a replay runs again."""
     return Core(plan_for(loaded, is_simulated(loaded, simulate), resume_point), 1 / loaded.mission.tick_hz)
@@ -99,6 +122,17 @@ def plan_for(loaded: LoadedMission, simulated: bool, resume_point: ResumePoint |
     if resume_point is None:
         return plan
     return replace(plan, begin=resume_point.position, start=resume_point.pose, tracks=resume_point.tracks)
+
+
+def unresumable(loaded: LoadedMission, position: Position) -> list[str]:
+    """Why a mission cannot be resumed at a position: it is in steps whose behaviours are not resumable."""
+    problems = []
+    for number in dict(states_in(position)):
+        path, step = loaded.tree.steps[number]
+        if step.behaviour and not declared(behaviour_class(step.behaviour)).resumable:
+            why = f"the run stopped in {dotted(path)}, and {step.behaviour} is not resumable"
+            problems.append(f"{why}; omit --resume to start from the beginning")
+    return problems
 
 
 def plugin_made(group: str, use: PluginUse, context: PluginContext) -> Any:  # noqa: ANN401 (of any group)
@@ -142,12 +176,19 @@ def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
         return False
     if loaded.mission.simulation.pace is not None:
         return loaded.mission.simulation.pace == "fast"
+    if asks(loaded) and not any(act.answer is not None for act in loaded.mission.simulation.operator):
+        return False
     from artemis.plugins.registry import INPUTS, LOCALIZERS, load
 
     used = [load(INPUTS, use.plugin) for use in inputs_used(loaded, simulated=True).values()]
     if (localizer := localizer_used(loaded, simulated=True)) is not None:
         used.append(load(LOCALIZERS, localizer.plugin))
     return not any(is_live(plugin) for plugin in used)
+
+
+def asks(loaded: LoadedMission) -> bool:
+    """Whether the mission asks a person."""
+    return any(step.ask is not None for _, step in loaded.tree.steps)
 
 
 def is_simulated(loaded: LoadedMission, simulate: bool = False) -> bool:

@@ -40,19 +40,19 @@ class Core:
 
     def decide(self, sensed: Sensed) -> Tick:
         """One tick, from what is sensed to what is to be done."""
-        verdict = self._supervisor.judge(sensed, self._wish, self._modes.mode, self._points)
-        snapshot = self._perception.perceive(sensed, verdict, self._points)
-        cause = self._modes.advance(snapshot, self._wish.event)
-        mode, wish = self._modes.mode, self._modes.step(snapshot)
+        verdict = self._supervisor.judge(sensed, self._wish, self._modes.mode, self._points, self._modes.spare)
+        seen = self._perception.perceive(sensed, verdict, self._points)
+        cause = self._modes.advance(seen, self._wish.event)
+        mode, wish = self._modes.mode, self._modes.step(seen)
         if not is_sane(wish.command):
             wish = replace(wish, fault=catalogue.fault("RUN-11", mode.value, repr(wish.command)))
         if wish.reset_pose:
             self._perception.reset()
-        points = self._limit(wish, snapshot)
+        points = self._limit(wish, seen)
         self._wish, self._points = wish, points
-        position, failed = self._shared.position, self._modes.failed
+        at, told, failed = self._shared.position, self._modes.events, self._modes.failed
         return Tick(
-            snapshot=snapshot, mode=mode, cause=cause, position=position, wish=wish, failed=failed, set_points=points
+            snapshot=seen, mode=mode, cause=cause, position=at, events=told, wish=wish, failed=failed, set_points=points
         )
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
@@ -79,6 +79,7 @@ class Robot:
         """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s]."""
         self._core, self._devices, self._guard, self._period, self._observe = core, devices, guard, period, observe
         self._requests: list[Request] = []
+        self._answers: list[str] = []
         self._results: list[JobResult] = []
         self._faults: list[Fault] = []
         self._index, self._start, self._late, self._sent = 0, 0.0, 0.0, 0.0
@@ -92,6 +93,7 @@ class Robot:
         self._write(tick)
         if not urgent:
             self._sent = asyncio.get_running_loop().time() - self._start
+        self._guard.show(tick)
         self._observe(tick)
         self._ticking = False
         return tick
@@ -122,8 +124,11 @@ class Robot:
         """Something was noticed beside the ticks."""
         self._faults.append(fault)
 
-    def request(self, request: Request) -> None:
-        """What an operator asks for. A quick stop acts at once, not at the next tick."""
+    def request(self, request: Request | str) -> None:
+        """What an operator asks for, or answers. A quick stop acts at once, not at the next tick."""
+        if isinstance(request, str):
+            self._answers.append(request)
+            return
         self._requests.append(request)
         if request is Request.QUICKSTOP:
             self.tick_now()
@@ -149,8 +154,10 @@ class Robot:
             faults=tuple(self._faults),
             fixes=fixes,
             scans=readings.scans,
+            answers=tuple(self._answers),
+            battery_v=readings.battery_v,
         )
-        for taken in (self._requests, self._results, self._faults):
+        for taken in (self._requests, self._answers, self._results, self._faults):
             taken.clear()
         return sensed
 

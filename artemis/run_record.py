@@ -146,7 +146,7 @@ def provenance_of(
     mission = loaded.mission.model_copy(update={"bus": "simulation"}) if simulated else loaded.mission
     return Provenance(
         start=start,
-        mission=mission.model_dump_json().encode(),
+        mission=mission.model_dump_json(by_alias=True).encode(),
         robot=loaded.robot.model_dump_json().encode(),
         files=files_of(loaded, source),
         resume_point=resume_point,

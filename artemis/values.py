@@ -11,6 +11,7 @@ from enum import Enum, IntEnum
 from msgspec import Struct
 
 from artemis.drive_states import DriveState, Goal, Nmt
+from artemis.progress import Acted, MissionEvent, Position
 from artemis.scan import Scan
 
 
@@ -147,6 +148,8 @@ class Sensed(Struct, frozen=True, kw_only=True, gc=False):
     """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
     fixes: tuple[PoseFix, ...] = ()  # what a localizer found since the last tick
     scans: tuple[Scan, ...] = ()  # of laser scanners, those that are new since the last tick, oldest first
+    answers: tuple[str, ...] = ()  # to questions of the mission: the answer itself, or its number from 1
+    battery_v: float | None = None  # supply voltage [V]; None: nobody measures it
 
 
 class Pose(Struct, frozen=True, kw_only=True, gc=False):
@@ -240,6 +243,7 @@ class Mode(Enum):
     CALIBRATE = "calibrate"
     TELEOP = "teleop"
     FOLLOW = "follow"
+    ACT = "act"
     QUICKSTOP = "quickstop"
     FAULT = "fault"
     END = "end"
@@ -316,6 +320,7 @@ class Event(Enum):
     CALIBRATE = "start calibrate"
     TELEOP = "start teleop"
     FOLLOW = "start follow"
+    ACT = "start act"
     DONE = "done"
     STOP = "stop"
     FAULT = "fault"
@@ -367,18 +372,12 @@ class Wish(Struct, frozen=True, kw_only=True, gc=False):
     done: float | None = None
     """How much of the mission's current step is done: distance along its path [m], or time [s]; None: as before."""
     over: bool = False  # all of it is done
+    outcome: str = ""  # how the step ended, if it did not end as `over` says
+    acted: tuple[Acted, ...] = ()
+    """What behaviours told: that of the current step, and those beside it."""
     failed: bool = False
     """What the run was to do will not be done, or it cannot end in order."""
     finished: bool = False  # the ordered end is complete; the run may stop ticking
-
-
-class Position(Struct, frozen=True, kw_only=True, gc=False):
-    """How far a mission is done."""
-
-    step: int = 0
-    """Which of its steps is done now, counted from 0; after the last: their number."""
-    done: float = 0.0
-    """How much of it is done, here or in an earlier run: distance along its path [m], or time [s]."""
 
 
 class Tick(Struct, frozen=True, kw_only=True, gc=False):
@@ -390,6 +389,8 @@ class Tick(Struct, frozen=True, kw_only=True, gc=False):
     """Why the mode began in this tick, or began anew; None: it lasts."""
     position: Position = Position()
     """Where the mission is after it."""
+    events: tuple[MissionEvent, ...] = ()
+    """What happened in the mission in this tick."""
     wish: Wish
     failed: bool = False
     """A fault or a stop ended the run before its last step, or a drive did not end normally."""

@@ -12,6 +12,8 @@ from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: beside other workers its threads wait for each other
+
 import pytest
 from hypothesis import settings
 
@@ -30,6 +32,7 @@ def pytest_collection() -> Generator[None, object, object]:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(20_000, 10, 10)  # a run's ticks stay until it has been judged: looked at again and again, too
         gc.enable()
 
 

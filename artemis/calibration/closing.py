@@ -51,7 +51,7 @@ def fit_closing(runs: Sequence[Closed], base: Kinematics, parameters: Sequence[P
         CalibrationError: fewer than two runs, or they show nothing.
     """
     if len(runs) < 2:
-        raise CalibrationError("a single run shows nothing by where it ends: drive in both directions")
+        raise CalibrationError("one run is not enough for closing errors: drive the loop in both directions")
     bands = np.array([each.band for each in parameters])
     weights = [np.linalg.inv(_covariance(dead_reckoned(run.log, base))) for run in runs]
     free = np.ones(len(bands), dtype=bool)
@@ -80,7 +80,7 @@ def fit_closing(runs: Sequence[Closed], base: Kinematics, parameters: Sequence[P
     x = solved(x, free)
     reasons = hold(normal(x)[0], bands, parameters, free)
     if not free.any():
-        raise CalibrationError("the ends of the runs show none of the parameters: drive farther, round both ways")
+        raise CalibrationError("the closing errors determine none of the parameters: drive farther, in both directions")
     x = solved(np.where(free, x, 0.0), free)
     information, after = normal(x)[0], errors(x)
     spare = max(after.size - int(free.sum()), 1)

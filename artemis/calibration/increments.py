@@ -4,6 +4,10 @@ The truth errs at each moment alone, the odometry from each moment to the next: 
 So what the two say of the motion between neighbouring moments differs by noise with a block-tridiagonal covariance,
 linear in five variances. Multiplied by the inverse of its Cholesky factor the differences are independent, and least
 squares on them is the generalised least squares of whole trajectories with unknown start poses.
+
+What is correlated for longer (slip, floors, the truth's filter, clocks that are read late) is modelled by slow errors:
+processes of Ornstein and Uhlenbeck, interpolated between knots, whose values are unknowns of each run with a normal
+prior: random effects of a mixed linear model (Harville 1977, J. Am. Stat. Assoc. 72:320).
 """
 
 from __future__ import annotations
@@ -28,6 +32,13 @@ NEAR = 0.5
 """Where the truth has no headings, the odometry is laid on its places this far around each [m]."""
 NOISES = ("position", "heading", "along", "across", "turn")
 """Of the truth [m, rad]; of the odometry [m/sqrt(m), m/sqrt(m), rad/sqrt(m)]."""
+SLOW = ("clock", "slip along", "slip across", "slip turn")
+"""Slow errors: of the truth's clock [s]; of the odometry [m/m, m/m, rad/m]."""
+LENGTHS = (30.0, 0.3)
+"""Over which the slow errors of the clock [s] and of the odometry [m] are correlated: much longer than a bin, much
+shorter than a run."""
+KNOTS = 24
+"""Of each slow error in a run, at most; two in each length are enough."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -42,11 +53,11 @@ class Moments:
     """Mean x, y [m], heading [rad] of the sensor in each bin, shape (n, 3); headings are nan if none is known."""
 
     @classmethod
-    def of(cls, truth: Trajectory, begin: float, end: float) -> Moments:
-        """From `begin` to `end` by the truth's clock [s]."""
+    def of(cls, truth: Trajectory, begin: float, end: float, period: float = BIN) -> Moments:
+        """From `begin` to `end` by the truth's clock, in bins of `period` [s]."""
         used = (truth.time >= begin) & (truth.time <= end)
         time, poses = truth.time[used], truth.poses[used]
-        starts = np.flatnonzero(np.diff(np.floor((time - begin) / BIN), prepend=-1.0))
+        starts = np.flatnonzero(np.diff(np.floor((time - begin) / period), prepend=-1.0))
         return cls(time=time, starts=starts, poses=_means(poses, starts))
 
     def beside(self, reckoned: Array) -> Array:
@@ -83,11 +94,42 @@ def motions(poses: Array) -> Array:
     return np.column_stack([c * change[:, 0] + s * change[:, 1], c * change[:, 1] - s * change[:, 0], change[:, 2]])
 
 
-def covariances(motion: Array, arm: tuple[float, float]) -> Array:
+def levers(arm: tuple[float, float]) -> Array:
+    """What errors of the axle's motion along, across and in turn are at the sensor, shape (3, 3)."""
+    ahead, left = arm
+    return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-left, ahead, 1.0]])
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Knots:
+    """Evenly spaced points between which a slow error is interpolated."""
+
+    places: Array
+    """Times [s] or distances [m]."""
+    length: float
+    """Over which the error is correlated, by a factor of e."""
+
+    @classmethod
+    def over(cls, end: float, length: float) -> Knots:
+        """From 0 to `end`."""
+        end = max(end, length)
+        return cls(places=np.linspace(0.0, end, int(min(2.0 * end / length, KNOTS - 1)) + 1), length=length)
+
+    def weights(self, at: Array) -> Array:
+        """Of each knot at some places, shape (n, knots)."""
+        return np.column_stack([np.interp(at, self.places, row) for row in np.eye(len(self.places))])
+
+    def covariance(self, variance: float) -> Array:
+        """Of the values at the knots of a process of Ornstein and Uhlenbeck."""
+        return np.asarray(variance * np.exp(-np.abs(np.subtract.outer(self.places, self.places)) / self.length))
+
+
+def covariances(motion: Array, rolled: Array, arm: tuple[float, float]) -> Array:
     """Covariance of `motions` for each of `NOISES` at unit variance, lower banded; shape (5, BAND, 3 n).
 
     Args:
         motion: of the sensor.
+        rolled: by the driven wheels in each motion [m], shape (n,).
         arm: where the sensor is, seen from the centre of the rear axle: ahead, left [m].
     """
     count = len(motion)
@@ -101,11 +143,8 @@ def covariances(motion: Array, arm: tuple[float, float]) -> Array:
     blocks[1] = swing[:, :, np.newaxis] * swing[:, np.newaxis, :]
     blocks[1, :, 2, 2] += 1.0
     beside[1, :, :, 2] = swing[1:]
-    ahead, left = arm
-    axle = np.hypot(motion[:, 0] + left * motion[:, 2], motion[:, 1] - ahead * motion[:, 2])
-    blocks[2, :, 0, 0] = blocks[3, :, 1, 1] = axle
-    lever = np.array([-left, ahead, 1.0])
-    blocks[4] = axle[:, np.newaxis, np.newaxis] * np.outer(lever, lever)
+    for place, lever in enumerate(levers(arm), 2):
+        blocks[place] = rolled[:, np.newaxis, np.newaxis] * np.outer(lever, lever)
     return np.array([_banded(block, other) for block, other in zip(blocks, beside, strict=True)])
 
 

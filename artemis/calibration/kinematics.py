@@ -61,12 +61,16 @@ class Parameter:
     """How far machines plausibly are from their description: one standard deviation."""
     needs: str
     """What runs must contain to show it."""
+    seen: float = 1 / 3
+    """It is estimated if the runs narrow its band to this share."""
 
 
+MAIN = 0.8
+"""Share for what every machine has wrong: better estimated with a wide interval than kept, the bands limit it."""
 ONE_WHEEL = (
-    Parameter("distance", 0.02, "a distance of some metres"),
-    Parameter("zero", radians(1.5), "a distance of some metres"),
-    Parameter("wheelbase", 0.04, "curves"),
+    Parameter("distance", 0.02, "a longer distance, or a more accurate truth", MAIN),
+    Parameter("zero", radians(1.5), "a longer distance, or a more accurate truth", MAIN),
+    Parameter("wheelbase", 0.04, "curves", MAIN),
     Parameter("scale", 0.01, "steering angles beyond 30 degrees, to both sides"),
 )
 """Of a machine whose one front wheel is driven and steered; "zero" in rad, the others relative."""
@@ -74,9 +78,15 @@ TWO_WHEELS = (
     *ONE_WHEEL,
     Parameter("scrub radius", 0.1, "steering at standstill, or large angles"),
     Parameter("scale difference", 0.01, "steering angles beyond 30 degrees, to both sides"),
-    Parameter("distance difference", 0.01, "large angles to both sides, and a truth that is of the rear axle's centre"),
-    Parameter("zero difference", radians(0.7), "more than the motion of the body, which hardly shows it"),
-    Parameter("kingpin distance", 0.02, "more than the motion of the body, which shows it together with the wheelbase"),
+    Parameter("distance difference", 0.01, "large angles to both sides, and a truth of the rear axle's centre"),
+    Parameter(
+        "zero difference", radians(0.7), "`artemis calibrate steering`: the motion of the body hardly depends on it"
+    ),
+    Parameter(
+        "kingpin distance",
+        0.02,
+        "a measurement of the kingpins: the motion of the body depends on it as on the wheelbase",
+    ),
 )
 """Of a machine with two; differences are left less right. Of parameters that look alike, the later one is held."""
 

@@ -14,11 +14,9 @@ from artemis.motion.spline import Array
 
 Mask: TypeAlias = NDArray[np.bool_]
 
-SEEN = 1 / 3
-"""A parameter is seen if the runs narrow its band to this share."""
 ALIKE = 60.0
-"""And if its interval is not so many times wider than if all the others were known: beyond, any small flaw of the model
-would be taken for a change of several parameters that look alike."""
+"""A parameter is estimated if its interval is not so many times wider than if all the others were known: beyond, any
+small error of the model would be attributed to several correlated parameters."""
 QUANTILE = 1.96
 """Of the 95 % interval."""
 
@@ -60,18 +58,35 @@ def hold(information: Array, bands: Array, parameters: Sequence[Parameter], free
         free: changed in place.
     """
     reasons = [""] * len(parameters)
+    seen = np.array([*(each.seen for each in parameters), *[1.0] * (len(free) - len(parameters))])
     scaled = information * np.outer(bands, bands)
     while True:
         places = np.flatnonzero(free).tolist()
         part = scaled[np.ix_(places, places)] + np.eye(len(places))
         sigma = np.sqrt(np.diag(np.linalg.inv(part)))
         alike = sigma * np.sqrt(np.diag(part)) / ALIKE
-        poor = [place for place, share in zip(places, np.maximum(sigma / SEEN, alike), strict=True) if share > 1.0]
+        poor = [
+            place for place, share in zip(places, np.maximum(sigma / seen[places], alike), strict=True) if share > 1.0
+        ]
         poor = [place for place in poor if place < len(parameters)]
         if not poor:
             return reasons
-        free[poor[-1]] = False
-        reasons[poor[-1]] = f"needs {parameters[poor[-1]].needs}"
+        last = poor[-1]
+        free[last] = False
+        reasons[last] = f"needs {parameters[last].needs}"
+        if part[places.index(last), places.index(last)] ** -0.5 < seen[last]:  # seen if all the others were known
+            other, correlation = _most_correlated(part, places, last)
+            name = parameters[other].name if other < len(parameters) else "the sensor's place"
+            reasons[last] += f"; these runs do not separate it from {name} (correlation {correlation:+.2f})"
+
+
+def _most_correlated(part: Array, places: list[int], place: int) -> tuple[int, float]:
+    covariance = np.linalg.inv(part)
+    at, sigma = places.index(place), np.sqrt(np.diag(covariance))
+    correlations = covariance[at] / (sigma[at] * sigma)
+    correlations[at] = 0.0
+    best = int(np.argmax(np.abs(correlations)))
+    return places[best], float(correlations[best])
 
 
 def covariance_of(information: Array, bands: Array, free: Mask) -> Array:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +15,9 @@ from artemis.calibration.score import ScoredRun
 from artemis.report.figures import ESTIMATED, INK, PATH, TRUE, WIDTH, legend, style, svg, thinned
 
 MAX_MAPS = 12
-"""Runs that are drawn from above; the others are in the tables."""
+"""Runs that are drawn in top view; the others are in the tables."""
+DRAWN = 0.1
+"""Means of truth and odometry over so long are drawn [s]."""
 _STYLE = """
 :root { color-scheme: light dark; --ink: #1d2125; --paper: #ffffff; --line: #dde1e6; }
 @media (prefers-color-scheme: dark) { :root { --ink: #d9dde2; --paper: #16191d; --line: #343b43; } }
@@ -51,7 +55,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def drawn(before: Sequence[ScoredRun], after: Sequence[ScoredRun], found: Estimates) -> list[tuple[str, Figure]]:
     """Figures of a fit with a truth; call inside `style`."""
     return [
-        ("Truth and odometry, before and after, from above", map_figure(before, after)),
+        ("Truth and odometry, before and after, top view", map_figure(before, after)),
         ("Distance from the truth over the distance driven", error_figure(before, after)),
         ("Parameters as shares of their plausible bands, with 95 % intervals", parameter_figure(found)),
     ]
@@ -72,7 +76,7 @@ def map_figure(before: Sequence[ScoredRun], after: Sequence[ScoredRun]) -> Figur
         panel.plot(*new.reckoned[:, :2].T, color=ESTIMATED, linestyle="--", label="after")
         panel.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
         panel.set_adjustable("datalim")
-        panel.set_title(old.name[-28:])
+        panel.set_title(fill(Path(old.name).name, 34))
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
@@ -86,7 +90,7 @@ def error_figure(before: Sequence[ScoredRun], after: Sequence[ScoredRun]) -> Fig
             line = thinned(track.distance, 1000.0 * track.error)
             axes.plot(*line, color=color, linewidth=1.0, label=label if number == 0 else None)
     axes.set(xlabel="distance [m]", ylabel="error [mm]", yscale="log")
-    axes.set_ylim(bottom=0.5)
+    axes.set_ylim(bottom=200.0 * min(float(np.median(each.error)) for each in (*before, *after)) or None)
     legend(axes)
     return figure
 
@@ -103,7 +107,7 @@ def parameter_figure(found: Estimates) -> Figure:
     axes.axvline(0.0, color=INK, linewidth=0.6)
     axes.set_yticks(range(len(shown)), [each.parameter.name for each in shown])
     axes.set_ylim(len(shown) - 0.5, -0.5)
-    axes.set_xlabel("deviation from the description, in standard deviations of plausible machines")
+    axes.set_xlabel("deviation from the nominal value, in standard deviations of the plausible band")
     return figure
 
 
@@ -132,7 +136,10 @@ def closing_page(title: str, tables: Tables, before: np.ndarray, after: np.ndarr
     """The whole page of a fit of closing errors."""
     with style():
         figures = [
-            ("Ends of the runs, from where they were measured", residual_figure(before.tolist(), after.tolist())),
+            (
+                "Ends of the runs relative to the measured ones",
+                residual_figure(before.tolist(), after.tolist()),
+            ),
             ("Parameters as shares of their plausible bands, with 95 % intervals", parameter_figure(found)),
         ]
         return page(title, tables, figures)

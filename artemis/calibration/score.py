@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artemis.calibration.fit import Fit, Run, at_sensor, refitted
-from artemis.calibration.increments import Moments
+from artemis.calibration.fit import Fit, refitted
+from artemis.calibration.fitted_run import Run, at_sensor
+from artemis.calibration.increments import BIN, Moments
 from artemis.calibration.kinematics import Kinematics, dead_reckoned
 from artemis.motion.clocks import Clock
 from artemis.motion.spline import Array
@@ -35,10 +36,12 @@ class ScoredRun:
         return np.asarray(np.hypot(*(self.reckoned - self.true)[:, :2].T))
 
 
-def track(run: Run, machine: Kinematics, sensor: tuple[float, float, float], clock: Clock) -> ScoredRun:
-    """What the odometry of a machine makes of a run."""
+def track(
+    run: Run, machine: Kinematics, sensor: tuple[float, float, float], clock: Clock, period: float = BIN
+) -> ScoredRun:
+    """Odometry of a machine and truth of a run, as means over `period` [s]."""
     begin, end = clock.shown(run.log.time[[0, -1]])
-    moments = Moments.of(run.truth, float(begin), float(end))
+    moments = Moments.of(run.truth, float(begin), float(end), period)
     own = moments.averaged(clock.shown(run.log.time), at_sensor(dead_reckoned(run.log, machine), sensor))
     true = moments.beside(own)
     distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(own, axis=0)[:, :2].T)))

@@ -20,7 +20,7 @@ class ValueRow:
     """One value of the machine, all four as they are shown."""
 
     name: str
-    described: str
+    nominal: str
     fitted: str
     half_width: str
     """Of the 95 % interval."""
@@ -101,7 +101,7 @@ def as_text(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _row(name: str, old: float, new: float, width: float, digits: str, few: str) -> ValueRow:
-    return ValueRow(name=name, described=f"{old:{digits}}", fitted=f"{new:{digits}}", half_width=f"{width:{few}}")
+    return ValueRow(name=name, nominal=f"{old:{digits}}", fitted=f"{new:{digits}}", half_width=f"{width:{few}}")
 
 
 def _half_width(found: Estimates, weights: Weights) -> float:

@@ -17,9 +17,9 @@ from artemis.commands.gains_trial import WAY, Findings, GainsWatch, Trial, findi
 from artemis.commands.run import run_in_sight
 from artemis.devices.memory import read_gains, store
 from artemis.errors import ConfigError, DeviceError, RecordingError, shown
+from artemis.mission.actions import NewGains
 from artemis.mission.gains import check_gains, merged
 from artemis.mission.loading import LoadedMission, load_mission
-from artemis.mission.schema import NewGains
 from artemis.planning import is_simulated
 from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import SLOWEST, SPEED_DISTANCE

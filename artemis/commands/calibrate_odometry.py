@@ -14,12 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from artemis.calibration.closing import Closed, ClosingFit, fit_closing
-from artemis.calibration.fit import Fit, Run, clocks_of, fit
+from artemis.calibration.fit import Fit, clocks_of, fit
+from artemis.calibration.fitted_run import Run
+from artemis.calibration.increments import BIN
 from artemis.calibration.kinematics import ONE_WHEEL, TWO_WHEELS, Kinematics, Parameter
 from artemis.calibration.knowledge import Estimates
 from artemis.calibration.machine_file import Machine, log_from_table
+from artemis.calibration.plausibility import refuse_implausible, refuse_unexplained
 from artemis.calibration.robot_file import changes
-from artemis.calibration.score import Score, checked, score, track
+from artemis.calibration.score import Score, ScoredRun, checked, score, track
 from artemis.calibration.wheel_log import WheelLog, recorded_log
 from artemis.calibration.words import as_text, held_of, rows_of, score_rows
 from artemis.commands.path_formats import text_of
@@ -37,8 +40,10 @@ from artemis.yaml_file import read
 SIMULATION = "simulation"
 """Instead of a file: the true poses of a simulated run."""
 PAGE = "calibration.html"
-VALUES = ("value", "described", "fitted", "95 %")
+VALUES = ("value", "nominal", "fitted", "95 %")
 ERRORS = ("odometry", "runs", "distance", "mean error", "of distance", "largest", "at end")
+ERRORS_TITLE = "Position errors of the odometry"
+HELD_TITLE = "Not estimated (nominal value kept)"
 CLOSING_NAMES = {
     name: column
     for column, names in {
@@ -95,15 +100,18 @@ def calibrate_with_truth(
     source, pairs = _read([*runs, *check], truths, machine)
     _refuse_writing(robot_file, source)
     given = [_run(log, truth, same_clock) for log, truth in pairs]
+    refuse_implausible(given, source.base)
     found = fit(given[: len(runs)], source.base, source.parameters, on_axle=list(truths) == [SIMULATION])
-    before = [track(run, source.base, found.sensor, found.clock_of(run)) for run in found.runs]
-    after = [track(run, found.machine, found.sensor, found.clock_of(run)) for run in found.runs]
-    scores = [("described", score(before)), ("fitted", score(after)), *_held_out(found, given[len(runs) :])]
-    tables = [_values(found, source), ("Errors of the odometry", ERRORS, score_rows(scores)), _held(found)]
+    refuse_unexplained(found.runs, found.machine)
+    machines = {"nominal": source.base, "fitted": found.machine}
+    scores = [(name, score(_tracks(found, machine, BIN))) for name, machine in machines.items()]
+    scores += _held_out(found, given[len(runs) :])
+    tables = [_values(found, source), (ERRORS_TITLE, ERRORS, score_rows(scores)), _held(found)]
     _tell(tables, found)
     _noise(found)
-    from artemis.calibration.page import styled_page  # matplotlib takes a third of a second to import
+    from artemis.calibration.page import DRAWN, styled_page  # matplotlib takes a third of a second to import
 
+    before, after = (_tracks(found, machine, DRAWN) for machine in (source.base, found.machine))
     _write_page(styled_page("Calibration of the odometry", tables, before, after, found), output or _beside(runs[0]))
     _write_robot(robot_file, source, found)
 
@@ -123,7 +131,7 @@ def calibrate_closing(
     ends = [(0.0, 0.0, 0.0)] * len(runs) if closing is None else _ends(closing, len(runs))
     closed = [Closed(log=log, end=end) for (log, _), end in zip(pairs, ends, strict=True)]
     found = fit_closing(closed, source.base, source.parameters)
-    tables = [_values(found, source), ("Where the runs end", ("run", "before", "after"), _end_rows(closed, found))]
+    tables = [_values(found, source), ("Closing errors", ("run", "before", "after"), _end_rows(closed, found))]
     tables.append(_held(found))
     _tell(tables, found)
     from artemis.calibration.page import closing_page
@@ -141,7 +149,7 @@ def _read(
 ) -> tuple[Source, list[tuple[WheelLog, Trajectory | None]]]:
     """The machine, and each run with its truth."""
     if len(truths) not in (0, len(runs)) and list(truths) != [SIMULATION]:
-        raise ConfigError(f"--truth: {len(truths)} for {len(runs)} runs; name one for each, in their order")
+        raise ConfigError(f"--truth: {len(truths)} for {len(runs)} runs; expected one for each, in their order")
     if machine is not None:
         described = load_model(machine, Machine)
         count = described.metres_per_count
@@ -165,7 +173,9 @@ def _recorded(runs: Sequence[Path], truths: Sequence[str]) -> tuple[Source, list
     for run, recording in zip(runs, recordings, strict=True):
         other = recording.robot
         if (other.calibration, other.geometry) != (robot.calibration, robot.geometry):
-            raise ConfigError(f"{run}: driven with another calibration than {runs[0]}; they cannot be fitted together")
+            raise ConfigError(
+                f"{run}: recorded with a different calibration than {runs[0]}; such runs cannot be fitted together"
+            )
     pairs = [recorded_log(recording, str(run)) for run, recording in zip(runs, recordings, strict=True)]
     if list(truths) != [SIMULATION]:
         pairs = [(log, None) for log, _ in pairs]
@@ -177,7 +187,7 @@ def _recorded(runs: Sequence[Path], truths: Sequence[str]) -> tuple[Source, list
 
 def _run(log: WheelLog, truth: Trajectory | None, same_clock: bool) -> Run:
     if truth is None:
-        raise ConfigError(f"{log.name}: where it truly was is not known; name --truth, or --returns-to-start")
+        raise ConfigError(f"{log.name}: no true poses; give --truth FILE, or --returns-to-start")
     same_rows = len(truth.time) == len(log.time) and bool((truth.time == log.time).all())
     return Run(log=log, truth=truth, one_clock=same_clock or same_rows)
 
@@ -190,7 +200,7 @@ def _text(file: Path) -> str:
             with gzip.GzipFile(fileobj=io.BytesIO(raw)) as stream:
                 raw = stream.read(MAX_CHARACTERS + 1)
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise ConfigError(f"{file}: cannot be unpacked: {error}") from error
+            raise ConfigError(f"{file}: cannot be decompressed: {error}") from error
     return text_of(raw, str(file))
 
 
@@ -207,46 +217,51 @@ def _ends(file: Path, count: int) -> list[tuple[float, float, float]]:
 # ------------------------------------------------------------------------------------------------------------ telling
 
 
+def _tracks(found: Fit, machine: Kinematics, period: float) -> list[ScoredRun]:
+    return [track(run, machine, found.sensor, found.clock_of(run), period) for run in found.runs]
+
+
 def _held_out(found: Fit, check: Sequence[Run]) -> list[tuple[str, Score]]:
-    """Scores of runs that a fit did not see: those to check, and each of the others by a fit without it."""
+    """Scores of runs that a fit did not see: each fitted run by a fit without it, then every run to check."""
     rows: list[tuple[str, Score]] = []
     if pairs := checked(found):
         tracks = [track(run, machine, found.sensor, found.clock_of(run)) for run, machine in pairs]
-        rows.append(("each run by the others", score(tracks)))
+        rows.append(("each run with a fit of the others", score(tracks)))
     if not found.knows_heading:
         check = [replace(run, truth=run.truth.places()) for run in check]
     if check:
-        clocks = clocks_of(found, check)
-        for name, machine in (("to check, described", found.base), ("to check, fitted", found.machine)):
-            pairs_checked = zip(check, clocks, strict=True)
-            rows.append((name, score([track(run, machine, found.sensor, clock) for run, clock in pairs_checked])))
+        for run, clock in zip(check, clocks_of(found, check), strict=True):
+            for name, machine in (("nominal", found.base), ("fitted", found.machine)):
+                tracks = [track(run, machine, found.sensor, clock)]
+                rows.append((f"check {Path(run.log.name).name}, {name}", score(tracks)))
     return rows
 
 
 def _values(found: Estimates, source: Source) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
     rows = rows_of(found, source.metres_per_count, source.one_wheel)
-    return "Values", VALUES, [(row.name, row.described, row.fitted, f"+- {row.half_width}") for row in rows]
+    return "Values", VALUES, [(row.name, row.nominal, row.fitted, f"+- {row.half_width}") for row in rows]
 
 
 def _held(found: Estimates) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
-    return "Not estimated (robot-file value kept)", ("what", "why"), list(held_of(found))
+    return HELD_TITLE, ("parameter", "reason"), list(held_of(found))
 
 
 def _tell(tables: Sequence[tuple[str, Sequence[str], list[tuple[str, ...]]]], found: Estimates) -> None:
     for title, head, rows in tables:
         if rows:
             sys.stdout.write(f"{title}\n{as_text(head, rows)}\n")
-    sys.stdout.write(f"condition of the fit: {found.condition:.0f}\n")
+    sys.stdout.write(f"condition number of the fit: {found.condition:.0f}\n")
 
 
 def _noise(found: Fit) -> None:
-    position, heading, along, _, turn = found.noise
+    position, heading, along, _, turn, clock, slip, _, bend = found.noise
     of_truth = f"{1000 * position:.1f} mm, "
     of_truth += f"{np.degrees(heading):.2f} deg" if found.knows_heading else "no headings"
     sys.stdout.write(
-        f"noise of the truth: {of_truth}; random walk of the odometry: "
-        f"{1000 * along:.1f} mm and {np.degrees(turn):.2f} deg in 1 m; {found.left_out} of {found.moments} "
-        "motions left out\n"
+        f"noise of the truth, means over {BIN:g} s: {of_truth}\n"
+        f"random walk of the odometry: {1000 * along:.1f} mm and {np.degrees(turn):.2f} deg in 1 m\n"
+        f"slow errors: clock {clock:.3f} s, slip {slip:.2%} and {np.degrees(bend):.2f} deg/m\n"
+        f"outliers: {found.left_out} of {found.moments} motions not used\n"
     )
 
 
@@ -270,7 +285,7 @@ def _write_page(text: str, folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RecordingError(f"{folder}: cannot be made: {error.strerror}") from error
+        raise RecordingError(f"{folder}: cannot be created: {error.strerror}") from error
     write_whole(page, text)
     sys.stdout.write(f"{page}\n")
 
@@ -280,10 +295,10 @@ def _refuse_writing(robot_file: Path | None, source: Source) -> None:
     if robot_file is None:
         return
     if source.robot is None:
-        raise ConfigError("--write: these runs are of a machine that has no robot file")
+        raise ConfigError("--write: the machine of these runs has no robot file")
     present = load_model(robot_file, RobotFile)
     if (present.calibration, present.geometry) != (source.robot.calibration, source.robot.geometry):
-        raise ConfigError(f"{robot_file}: its calibration is not what the runs were driven with; drive again")
+        raise ConfigError(f"{robot_file}: its calibration differs from that of the runs; drive again")
 
 
 def _write_robot(robot_file: Path | None, source: Source, found: Estimates) -> None:
@@ -293,9 +308,11 @@ def _write_robot(robot_file: Path | None, source: Source, found: Estimates) -> N
     for keys, value in wanted.items():
         sys.stdout.write(f"{'.'.join(keys)}: {value}\n")
     if robot_file is None:
-        sys.stdout.write("nothing was written; --write ROBOT writes these into a robot file\n")
+        sys.stdout.write("not written; --write ROBOT writes these values into the robot file\n")
         return
     edit(robot_file, wanted)
     sys.stdout.write(f"written: {robot_file}\n")
     if any(keys[-1] == "zero_v" for keys in wanted):
-        sys.stdout.write("the steering drives keep the old zeros: artemis calibrate steering MISSION --store\n")
+        sys.stdout.write(
+            "the steering drives still store the old zeros; update them: artemis calibrate steering MISSION --store\n"
+        )

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from artemis import clock
 from artemis.devices.can_bus import CanBus, FrameBus, detected_adapters
-from artemis.devices.hid.descriptor import Field, is_control, parse_descriptor
+from artemis.devices.hid.descriptor import Field, is_control
 from artemis.devices.hid.identity import Identity
-from artemis.devices.hid.port import HidInfo, HidPort, Hidraw
+from artemis.devices.hid.port import HidInfo, HidPort
+from artemis.devices.inputs import InputPorts, layout_of
 from artemis.devices.inventory import NodeReport, ask_nodes
 from artemis.errors import ConfigError, DeviceLost, HidError
 from artemis.mission.loading import LoadedMission, load_mission
@@ -28,7 +29,7 @@ def show_devices(mission: Path | None) -> None:
     """
     loaded = load_mission(mission) if mission is not None else None
     _show_adapters()
-    show_inputs(Hidraw())
+    show_inputs(InputPorts())
     if loaded is not None:
         _show_drives(loaded)
 
@@ -55,7 +56,7 @@ def show_inputs(port: HidPort) -> None:
         _say(f"  {error.problem}")
         return
     if not sum(_show_input(port, info) for info in present):
-        _say("  no joystick, gamepad or wheel; some have a switch that must not stand at X")
+        _say("  no joystick, gamepad or wheel")
 
 
 def _show_input(port: HidPort, info: HidInfo) -> bool:
@@ -66,7 +67,7 @@ def _show_input(port: HidPort, info: HidInfo) -> bool:
             raw = handle.descriptor()
         finally:
             handle.close()
-        descriptor = parse_descriptor(raw)
+        descriptor = layout_of(info, raw)
     except (DeviceLost, HidError) as error:
         _say(f"  {info}")
         _say(f"    problem     {error.problem if isinstance(error, DeviceLost) else error}")
@@ -75,7 +76,7 @@ def _show_input(port: HidPort, info: HidInfo) -> bool:
         return False
     identity = Identity.of(info, raw)
     _say(f"  {info}")
-    _say(f"    descriptor  {identity.descriptor_hash}")
+    _say(f"    {'descriptor ' if info.source == 'hidraw' else 'capabilities'} {identity.descriptor_hash}")
     _say(f"    fields      {_fields(descriptor.fields)}")
     try:
         profile = find_profile(identity, descriptor, all_profiles())

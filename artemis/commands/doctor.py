@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from enum import Enum
 from importlib.metadata import PackageNotFoundError, entry_points, requires, version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from packaging.requirements import Requirement
 
@@ -25,6 +26,9 @@ from artemis.planning import is_simulated
 from artemis.plugins.registry import CONTRACTS, listing
 from artemis.recording.disk import MIN_FREE, Disk
 from artemis.supervision.catalogue import ROWS
+
+if TYPE_CHECKING:
+    from artemis.devices.evdev.nodes import EventNode
 
 CHECKS = "artemis.checks"
 """Entry points of packages that add checks: functions without arguments that give an iterable of `Finding`."""
@@ -235,8 +239,10 @@ def _asked(*command: str) -> tuple[str, str]:
 
 
 def _inputs() -> Iterator[Finding]:
+    from artemis.devices.evdev.nodes import event_nodes
     from artemis.devices.hid.port import Hidraw, udev_rule
 
+    yield from event_inputs(event_nodes())
     try:
         devices = Hidraw().enumerate()
     except DeviceLost as error:
@@ -246,6 +252,26 @@ def _inputs() -> Iterator[Finding]:
     for info in closed:
         yield Finding(NOTE, f"{info}: this user may not open it", f"if it is to drive: write {udev_rule(info)}")
     yield Finding(OK, f"{len(devices) - len(closed)} HID devices can be opened; `artemis devices` knows them")
+
+
+def event_inputs(nodes: Iterable[EventNode]) -> Iterator[Finding]:
+    """Of event nodes: those that somebody may drive with and hidraw does not show, and the motors of all that may."""
+    from artemis.devices.evdev.nodes import udev_rule
+    from artemis.devices.evdev.port import INSTALL, is_installed
+
+    for node in nodes:
+        if not node.drives:
+            continue
+        rule = f"write {udev_rule(node.info)}"
+        permitted = os.access(node.info.path, os.R_OK | os.W_OK)
+        if not node.hidraw and not is_installed():
+            yield Finding(NOTE, f"{node.info}: is read by the extra evdev, which is missing", INSTALL)
+        if not node.hidraw and not permitted:
+            yield Finding(NOTE, f"{node.info}: this user may not open it", f"if it is to drive: {rule}")
+        elif node.forces and not permitted:
+            yield Finding(NOTE, f"{node.info}: this user may not drive its motors", f"for rumble or force: {rule}")
+        else:
+            yield Finding(OK, f"{node.info}: this user may open it")
 
 
 def _disk(loaded: LoadedMission | None, mission: Path | None) -> Iterator[Finding]:

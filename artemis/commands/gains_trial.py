@@ -9,8 +9,8 @@ from pathlib import Path
 
 from artemis.devices.can_bus import Traffic
 from artemis.errors import CalibrationError
+from artemis.mission.actions import NewGains
 from artemis.mission.loading import LoadedMission, load_mission
-from artemis.mission.schema import NewGains
 from artemis.motion.step_response import StepResponse
 from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import Trace, read_traces

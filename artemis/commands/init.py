@@ -75,7 +75,7 @@ QUESTIONS = (
 
 
 def begin(folder: Path, *, ask: bool, force: bool) -> None:
-    """Write `folder` with `robots/robot.yaml`, `first.yaml`, its path, and both schemas, once `run` would take them.
+    """Write `folder` with robot, mission `first.yaml`, its path and test, and both schemas, once `run` would take them.
 
     Args:
         folder: Made if it is not there.
@@ -128,6 +128,7 @@ def texts(answers: Mapping[str, float | str]) -> dict[str, str]:
     return {
         "robots/robot.yaml": _with_schema(robot, "../robot.schema.json", ROBOT_HEAD),
         "first.yaml": _with_schema(MISSION.format(speed=min(0.3, 0.5 * numbers["speed"])), "mission.schema.json", ""),
+        "test_first.py": TEST,
         "paths/first.csv": _figure_eight(_radius(numbers)),
         "mission.schema.json": json.dumps(mission_schema(), indent=1) + "\n",
         "robot.schema.json": json.dumps(robot_schema(), indent=1) + "\n",
@@ -148,6 +149,21 @@ steps:
   - calibrate: {{steering: from_potentiometers}}
   - follow: {{path: paths/first.csv, follower: {{plugin: frenet, speed_m_s: {speed:g}}}, laps: 1}}
 """
+TEST = '''\
+"""What the mission does, without a robot or a simulation: pytest runs this."""
+
+from pathlib import Path
+
+from artemis.testing import walk
+
+FIRST = Path(__file__).with_name("first.yaml")
+
+
+def test_first_mission_aligns_the_wheels_and_follows_its_path() -> None:
+    first = walk(FIRST, "done", "done")
+    assert first.steps == ["calibrate", "follow paths/first.csv"]
+    assert first.ended == "done"
+'''
 
 
 def _changes(name: str, numbers: Mapping[str, float], machine: RobotFile) -> dict[Keys, Data]:

@@ -15,8 +15,10 @@ from artemis.config import Config
 from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
 from artemis.plugins.guard import Problem
-from artemis.recording.event_log import values_of
+from artemis.progress import Position
+from artemis.recording.event_log import happened, values_of
 from artemis.report.fault_words import DID, next_step
+from artemis.states.modes import RUNNING
 from artemis.states.requests import ignored
 from artemis.supervision.catalogue import ROWS
 from artemis.values import Fault, JobKind, Mode, OperatorInput, Severity, Snapshot, Tick, Verdict
@@ -46,8 +48,24 @@ class LiveView:
 
     Config: ClassVar[type[Config]] = Config
 
-    def __init__(self, title: str, hint: str, on_lost: Callable[[], None], bitrate: int) -> None:
-        """Say the title. `hint` names the keys that work. `on_lost` is called at a tick. `bitrate` [bit/s]."""
+    def __init__(
+        self,
+        title: str,
+        hint: str,
+        on_lost: Callable[[], None],
+        bitrate: int,
+        where: Callable[[Position], str] = lambda position: "",
+    ) -> None:
+        """Say the title.
+
+        Args:
+            title: What runs.
+            hint: Names the keys that work.
+            on_lost: Is called at a tick.
+            bitrate: Of the bus [bit/s].
+            where: Names a place in the mission in a few words.
+        """
+        self._where = where
         self._terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self._coloured = self._terminal and not os.environ.get("NO_COLOR")
         self._on_lost = on_lost
@@ -64,6 +82,8 @@ class LiveView:
         if self._terminal:
             self._load.count(tick.snapshot.time, traffic)
         sensed = tick.snapshot.sensed
+        for answer in sensed.answers:
+            self._say(sensed.time, "answer", answer)
         for request in sensed.requests:
             reason = ignored(request, tick)
             text = f"{request.value}: ignored, {reason}" if reason else request.value
@@ -73,6 +93,10 @@ class LiveView:
         for result in sensed.results:
             if result.values and (label := _LABELS.get(result.kind)):
                 self._say(sensed.time, label, f"{result.drive}: {values_of(result)}", _YELLOW)
+        for event in tick.events:
+            told = event.kind == "said"
+            text = event.text if told else happened(event, tick.mode)
+            self._say(sensed.time, "mission", text, _BOLD if told else _DIM)
         if tick.wish.phase and (tick.mode, tick.wish.phase) != self._shown:
             self._shown = tick.mode, tick.wish.phase
             self._say(sensed.time, tick.mode.value, tick.wish.phase, _MODE_COLOURS.get(tick.mode))
@@ -134,7 +158,8 @@ class LiveView:
     def _status(self, tick: Tick) -> str:
         """The changing line, no longer than the terminal is wide."""
         width = shutil.get_terminal_size().columns - 1
-        return self._styled(status(tick, width, self._load.share), _MODE_COLOURS.get(tick.mode))
+        where = self._where(tick.position) if tick.mode in RUNNING else ""
+        return self._styled(status(tick, width, self._load.share, where), _MODE_COLOURS.get(tick.mode))
 
 
 class _BusLoad:
@@ -151,13 +176,16 @@ class _BusLoad:
             self._begun, self._bits = time, 0
 
 
-def status(tick: Tick, width: int, load: float = 0.0) -> str:
+def status(tick: Tick, width: int, load: float = 0.0, where: str = "") -> str:
     """Where the robot is, in at most `width` characters: the distance along the path, or what it does.
 
+    `where` it is in the mission stands behind the mode.
     By hand also what the wheels and the hand do, which drives are not on, and the share `load` of the bus in use.
     """
     odometry, tracking = tick.snapshot.odometry, tick.wish.tracking
-    line = f"{tick.snapshot.time:8.2f} s  {tick.mode.value:9}"
+    mode = tick.mode.value
+    doing = where if where.startswith(mode) else f"{mode:9}  {where}" if where else f"{mode:9}"
+    line = f"{tick.snapshot.time:8.2f} s  {doing}"
     line += f"  {odometry.speed:+.2f} m/s  {degrees(odometry.steering):+5.1f}°"
     if tick.mode is Mode.TELEOP:
         line += _by_hand(tick.snapshot, load)

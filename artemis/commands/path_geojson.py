@@ -6,8 +6,9 @@ import json
 import math
 from typing import Any
 
-from artemis.commands.path_given import Given, Place, from_places, raise_first, text_of
+from artemis.commands.path_given import Given, Place, from_places, text_of
 from artemis.errors import ConfigError, shown
+from artemis.motion.table import raise_first
 
 LINES = {"LineString": 1, "MultiLineString": 2, "Point": 0, "MultiPoint": 1}
 """How deep lists are nested in the coordinates."""

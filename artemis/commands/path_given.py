@@ -10,7 +10,6 @@ import numpy as np
 from artemis.errors import ConfigError
 from artemis.motion.geodesy import local_metres
 from artemis.motion.spline import Array
-from artemis.motion.table import MAX_PROBLEMS
 
 
 @dataclass(slots=True, kw_only=True)
@@ -44,17 +43,6 @@ def text_of(raw: bytes, source: str) -> str:
 def heading_of(qx: Array, qy: Array, qz: Array, qw: Array) -> Array:
     """Rotation about z [rad] of quaternions of any length."""
     return np.asarray(np.arctan2(2 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz))
-
-
-def raise_first(problems: Sequence[str], source: str) -> None:
-    """Raise what was found, if anything was; of many problems the first ones.
-
-    Raises:
-        ConfigError: these.
-    """
-    more = [f"{source}: and {len(problems) - MAX_PROBLEMS} more problems"] if len(problems) > MAX_PROBLEMS else []
-    if problems:
-        raise ConfigError([*problems[:MAX_PROBLEMS], *more])
 
 
 Place = tuple[float, float, str]

@@ -8,8 +8,9 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from artemis.commands.path_given import Given, from_places, heading_of, raise_first
+from artemis.commands.path_given import Given, from_places, heading_of
 from artemis.errors import ConfigError, shown
+from artemis.motion.table import raise_first
 from artemis.yaml_file import Data, Document, KeyPath, dotted, survey
 
 IGNORED = (

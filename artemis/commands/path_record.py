@@ -22,6 +22,7 @@ from artemis.motion.track import SHORTEST, SPACING, Track, loop_end
 from artemis.motion.waypoints import Leg, PathRows, deviation, drawn, highest_speed, legs_of, rows_of
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
+from artemis.states.outline import numbered
 from artemis.values import Mode, Pose, Request
 from artemis.vehicle import RobotFile
 
@@ -204,16 +205,15 @@ class _Chosen:
         self.begins_anew = False
         self._choice = choice
         self._track = Track()  # of its button alone
-        self._inputs: dict[int, str] = {}
+        self._inputs: dict[int, list[str]] = {}
         if choice.name is None:
             return
         names: list[str] = []
-        for index, step in enumerate(recording.mission.get("steps", ())):
-            teleop = step.get("teleop") or {}
-            if name := teleop.get("record"):
+        for index, (_, word, body) in enumerate(numbered(recording.mission.get("steps"))):
+            if word == "teleop" and (name := body.get("record")):
                 names.append(name)
                 if name == choice.name:
-                    self._inputs[index] = teleop["input"]
+                    self._inputs[index] = body.get("inputs") or [body["input"]]
         if not self._inputs:
             hint = nearest(choice.name, names, "recorded") if names else "; no step of its mission has `record:`"
             raise ConfigError(f"{recording.path}: no path {shown(choice.name)} was recorded{hint}")
@@ -225,13 +225,13 @@ class _Chosen:
             if choice.begin is None and choice.end is None:
                 return tick.mode is Mode.TELEOP
             return (choice.begin is None or time >= choice.begin) and (choice.end is None or time <= choice.end)
-        source = self._inputs.get(tick.position.step)
-        if tick.mode is not Mode.TELEOP or source is None:
+        sources = self._inputs.get(tick.position.step)
+        if tick.mode is not Mode.TELEOP or sources is None:
             return False
-        samples = (sample for sample in tick.snapshot.sensed.inputs if sample.source == source)
+        samples = (sample for sample in tick.snapshot.sensed.inputs if sample.source in sources)
         pressed = any(Request.RECORD in sample.requests for sample in samples)
         counts = self._track.records(pressed=pressed)
-        self.begins_anew = pressed and counts
+        self.begins_anew = (pressed and counts) or tick.wish.done == 0.0
         return counts
 
 

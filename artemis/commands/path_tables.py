@@ -7,9 +7,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from artemis.commands.path_given import Given, heading_of, text_of
+from artemis.commands.path_given import Given, from_places, heading_of, text_of
 from artemis.motion.columns import layout_of
-from artemis.motion.geodesy import local_metres
 from artemis.motion.spline import Array
 from artemis.motion.table import Table
 
@@ -126,21 +125,15 @@ def read_csv(raw: bytes, source: str) -> Given:
             columns[name] = columns[name] * factor
     if "heading_deg" in columns:
         columns["heading"] = np.radians(columns["heading_deg"])
-    notes = _notes(table, columns, meanings, commas)
+    places = [f"{source}:{line}:1" for line in table.lines]
     if geographic:
         _check_places(table, columns)
-        places = np.radians(columns["lat"]), np.radians(columns["lon"])
-        notes.append(f"x is east and y north of {columns['lat'][0]:.7f}, {columns['lon'][0]:.7f} (WGS 84)")
-        columns["x"], columns["y"] = local_metres(*places)
-        columns.pop("heading", None)
-    return Given(
-        x=columns["x"],
-        y=columns["y"],
-        heading=_heading(table, columns),
-        speed=columns.get("speed"),
-        places=[f"{source}:{line}:1" for line in table.lines],
-        notes=notes,
-    )
+        given = from_places([list(zip(columns["lat"].tolist(), columns["lon"].tolist(), places, strict=True))])
+    else:
+        given = Given(x=columns["x"], y=columns["y"], heading=_heading(table, columns), places=places)
+    given.speed = columns.get("speed")
+    given.notes = [*_notes(table, columns, meanings, commas), *given.notes]
+    return given
 
 
 def _notes(

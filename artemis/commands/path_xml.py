@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from xml.parsers import expat
 
-from artemis.commands.path_given import Given, Place, from_places, raise_first
+from artemis.commands.path_given import Given, Place, from_places
 from artemis.errors import ConfigError, shown
+from artemis.motion.table import raise_first
 
 
 class _Places:

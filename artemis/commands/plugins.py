@@ -11,9 +11,16 @@ from pathlib import Path
 from string import Template
 
 from artemis.errors import ConfigError
-from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, LOCALIZERS, OBSERVERS, listing
+from artemis.plugins.registry import BEHAVIOURS, CONTRACTS, FOLLOWERS, INPUTS, LOCALIZERS, OBSERVERS, listing
+from artemis.progress import OWN_STEPS
 
-GROUPS = {"input": INPUTS, "follower": FOLLOWERS, "localizer": LOCALIZERS, "observer": OBSERVERS}
+GROUPS = {
+    "input": INPUTS,
+    "follower": FOLLOWERS,
+    "localizer": LOCALIZERS,
+    "observer": OBSERVERS,
+    "behaviour": BEHAVIOURS,
+}
 NAME = re.compile("[a-z][a-z0-9]*(-[a-z0-9]+)*")
 LONGEST = 30
 """Letters of a name: longer ones would make long lines of the package's code."""
@@ -22,6 +29,7 @@ ADVICE = {
     "follower": "It is pure pursuit, to begin with; `path.csv` is a path to try it on.",
     "localizer": "As it is, it knows where a simulated robot is: in `fixes`, ask your device instead.",
     "observer": "It writes how far the robot has gone into `NAME.txt` of the run's folder, to begin with.",
+    "behaviour": "It drives an arc, to begin with; its name is the key of the step in `mission.yaml`.",
 }
 
 
@@ -70,6 +78,8 @@ def _problems_of_name(name: str, kind: str) -> list[str]:
             f"expected at most {LONGEST} small letters and digits, parts joined by single hyphens, a letter first"
         )
         return [f"{name!r} is no name of a plugin: {expected}"]
+    if kind == "behaviour" and name in OWN_STEPS:
+        return [f"{name!r} is a step of artemis' own; another name"]
     for found in listing(GROUPS[kind]) if kind in GROUPS else ():
         if found.name == name:
             return [f"the {kind} '{name}' is installed already, from {found.distribution}; another name"]
@@ -98,7 +108,7 @@ class _Package:
             "mission.yaml": self._filled(f"{self.kind}/mission.yaml"),
             "robot.yaml": (files("artemis") / "testing/artemis.yaml").read_text(encoding="utf-8"),
         }
-        return made if self.kind == "input" else made | {"path.csv": self._filled("follower/path.csv")}
+        return made if self.kind in ("input", "behaviour") else made | {"path.csv": self._filled("follower/path.csv")}
 
     @property
     def _module(self) -> str:
@@ -113,6 +123,7 @@ class _Package:
             group=GROUPS[self.kind],
             module=self._module,
             title=title,
+            signal=self.name.replace("-", "_"),
             plugin=f"{title}{self.kind.capitalize()}",
             advice=ADVICE[self.kind],
         )

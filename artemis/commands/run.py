@@ -10,22 +10,26 @@ from functools import partial
 from math import degrees
 from pathlib import Path
 from shlex import quote
+from textwrap import shorten
 
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
-from artemis.commands.terminal import DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
+from artemis.commands.terminal import ANSWER_KEYS, ANSWERING, DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
 from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
-from artemis.mission.schema import BusWords, Follow
-from artemis.planning import inputs_used, is_fast, is_simulated
+from artemis.mission.schema import BusWords
+from artemis.planning import asks, inputs_used, is_fast, is_simulated
+from artemis.progress import Position
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.resume import unfinished_run
+from artemis.report.mission_boxes import name_of
 from artemis.report.page import write_report
 from artemis.report.series import read_series
 from artemis.report.summary import Summary, summary
+from artemis.states.whereabouts import counts
 from artemis.values import Request
 
 
@@ -55,7 +59,7 @@ def run_in_sight(
     simulate: bool,
     resume_point: ResumePoint | None = None,
     watch: Watch = lambda tick, traffic: None,
-    keys: Mapping[bytes, Request] = KEYS,
+    keys: Mapping[bytes, Request | str] = KEYS,
     hint: str = HINT,
     then: Callable[[Outcome], None] = lambda outcome: None,
 ) -> Outcome:
@@ -76,6 +80,8 @@ def run_in_sight(
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
     simulated, fast = is_simulated(loaded, simulate), is_fast(loaded, simulate)
+    if asks(loaded):
+        keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
     operator = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
@@ -84,7 +90,8 @@ def run_in_sight(
         _print("path", remark)
     driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
     hint = f"{hint}; {DRIVING}" if driving else hint
-    view = LiveView(_title(loaded, simulated), hint if operator else "", terminate, loaded.robot.bitrate)
+    keys_work = hint if operator else ""
+    view = LiveView(_title(loaded, simulated), keys_work, terminate, loaded.robot.bitrate, partial(_where, loaded))
     outcome = run_mission(
         loaded,
         source,
@@ -110,8 +117,8 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
         return None
     found, notes = resumption_from(loaded, source, resume, simulate)
     at = found.position
-    action = loaded.mission.steps[at.step].action
-    done, what = f"{at.done:.2f} {'m' if isinstance(action, Follow) else 's'}", type(action).__name__.lower()
+    _, step = loaded.tree.steps[at.step]
+    done, what = f"{at.done:.2f} {'m' if step.word == 'follow' else 's'}", step.word
     _print("resuming", f"{found.run}: step {at.step + 1} ({what}), {done} of it done")
     pose = found.pose
     _print("", f"where it stopped: x {pose.x:.2f} m, y {pose.y:.2f} m, heading {degrees(pose.heading):.0f} deg")
@@ -123,6 +130,16 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
 
 def _command(source: Path, run: Path, simulate: bool) -> str:
     return f"artemis run {quote(str(source))}{' --simulate' * simulate} --resume {quote(str(run))}"
+
+
+def _where(loaded: LoadedMission, position: Position) -> str:
+    """The present step of a mission with words, with its rounds and attempts, in a few words."""
+    steps, tree = loaded.tree.steps, loaded.tree.tree
+    if tree.is_list or position.step >= len(steps):
+        return ""
+    step = steps[position.step][1]
+    body = step.action if step.behaviour else step.action.model_dump(mode="json", by_alias=True)
+    return ", ".join([shorten(name_of(step.word, body), 30, placeholder="…"), *counts(tree, position)])
 
 
 def _title(loaded: LoadedMission, simulated: bool) -> str:
@@ -139,10 +156,12 @@ def _conclude(outcome: Outcome) -> None:
         series = read_series(recording)
         found = summary(recording, series)
     except RecordingError as error:  # the disk failed; how the run ended is known all the same
-        _print("result", _result(outcome, ()))
+        _print("result", _result(outcome, (), ""))
         _print("recording", str(error))
         return
-    _print("result", _result(outcome, found.faults))
+    _print("result", _result(outcome, found.faults, series.mission.failure))
+    if series.mission.remedy:
+        _print("", series.mission.remedy)
     for label, text in _numbers(found):
         _print(label, text)
     speed = outcome.duration / outcome.elapsed
@@ -163,11 +182,11 @@ def _print(label: str, text: str) -> None:
     sys.stdout.flush()
 
 
-def _result(outcome: Outcome, faults: Sequence[str]) -> str:
+def _result(outcome: Outcome, faults: Sequence[str], failure: str) -> str:
     if outcome.interrupted is not None:
         released = not any(fault.startswith("COM-34") for fault in faults)  # else the fault says which is not
         return f"ended by {signal.Signals(outcome.interrupted).name}" + "; drives stopped and released" * released
-    return "FAILED: stopped before its last step" if outcome.failed else "done"
+    return f"FAILED: {failure or 'stopped before its last step'}" if outcome.failed else "done"
 
 
 def _numbers(found: Summary) -> list[tuple[str, str]]:

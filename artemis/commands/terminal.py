@@ -14,6 +14,8 @@ from artemis.values import Request
 
 KEYS = {b" ": Request.QUICKSTOP, b"a": Request.ACKNOWLEDGE, b"r": Request.ARM, b"q": Request.END}
 """Space stops at once; a acknowledges, r arms again, q ends the run in order."""
+ANSWER_KEYS = {digit.encode(): digit for digit in "123456789"}
+"""Number of an answer to a question of the mission."""
 JOG_KEYS = {
     b"+": Request.LEFT_DEGREE,
     b"-": Request.RIGHT_DEGREE,
@@ -25,6 +27,7 @@ JOG_KEYS = {
 """Turn a wheel by a degree or a tenth to the left or right; enter accepts."""
 JOGGING = "+ - turn the wheel by a degree, . , by a tenth, enter accepts"
 HINT = "keys: space quick stop, a acknowledge, r arm again, q end"
+ANSWERING = "1 to 9 answer"
 DRIVING = "arrow keys drive while held, + - speed range, p record path, d done"
 _CONTROL_CHARACTERS = 6  # place in what termios.tcgetattr returns
 _BEGIN, _END = b"\x1b[>2u\x1b[?u\x1b[?1004h", b"\x1b[?1004l\x1b[<u"
@@ -50,9 +53,9 @@ def somebody_is_there() -> bool:
 
 
 def listen_to_keys(
-    request: Callable[[Request], None],
+    request: Callable[[Request | str], None],
     typed: Callable[[bytes], None] | None = None,
-    keys: Mapping[bytes, Request] = KEYS,
+    keys: Mapping[bytes, Request | str] = KEYS,
 ) -> Callable[[], None]:
     """Read keys from standard input on the running loop; returns how to stop and give the terminal back.
 
@@ -93,7 +96,7 @@ def listen_to_keys(
             hang_up()
         for key in data:
             wanted = keys.get(bytes((key,)))
-            if wanted is not None:
+            if wanted is not None and not (isinstance(wanted, str) and b"\x1b" in data):  # a digit of another key
                 request(wanted)
 
     loop.add_reader(descriptor, read)

@@ -15,13 +15,13 @@ from artemis.drive_states import Nmt
 from artemis.values import Mode
 from artemis.vehicle import RobotFile
 
-DRIVING = frozenset({Mode.TELEOP, Mode.FOLLOW})
+DRIVING = frozenset({Mode.TELEOP, Mode.FOLLOW, Mode.ACT})
 """Targets of the driven wheels may rise."""
 FALLING = frozenset({Mode.READY, Mode.CALIBRATE, Mode.QUICKSTOP})
 """They may only fall, to zero."""
 SERVICE = frozenset({Mode.INIT, Mode.QUICKSTOP, Mode.FAULT, Mode.END})
 """NMT commands may leave."""
-QUIET = frozenset({Mode.READY, Mode.TELEOP, Mode.FOLLOW})
+QUIET = frozenset({Mode.READY, Mode.TELEOP, Mode.FOLLOW, Mode.ACT})
 """No SDO transfer: it waits until the robot is at rest in another mode."""
 MARGIN = 0.05
 """A wheel's target may rise by this much while the robot slows down: it no longer rolls about its kingpin [m/s]."""

@@ -22,6 +22,7 @@ class Readings(Struct, frozen=True, kw_only=True, gc=False):
     drives: tuple[DriveFeedback, ...] = ()
     bus: BusHealth = BusHealth()
     scans: tuple[Scan, ...] = ()
+    battery_v: float | None = None
 
 
 class Device(Protocol):
@@ -86,6 +87,7 @@ class DeviceGroup:
         return Readings(
             drives=tuple([drives[place] for place in self._places]),
             scans=sum((part.scans for part in readings), ()),
+            battery_v=next((part.battery_v for part in readings if part.battery_v is not None), None),
             bus=BusHealth(
                 foreign=sum((bus.foreign for bus in buses), ()),
                 refused=max(bus.refused for bus in buses),

@@ -44,6 +44,8 @@ from artemis.vehicle import OPERATING_MODES
 
 RESET_TIME = 1.0
 """A node that was reset answers again after this time [s]."""
+MAX_RESETS = 3
+"""A drive whose own error history asks for a reset gets so many of them until one helps."""
 POLL = 0.02
 """Between two looks at the drive while waiting for it [s]."""
 STATE_TIME, STOP_TIME = 0.5, 5.0
@@ -88,7 +90,7 @@ class EposJobs:
         self._epos, self._sdo = epos, epos.sdo
         self.name, self.drive = epos.name, epos.drive
         self._set_point = SET_POINT[epos.drive.role]
-        self._boots = 0
+        self._boots = self._resets = 0
         self._one_at_a_time = asyncio.Lock()  # an end that comes early must not overtake the configuration
 
     async def result(self, job: Job) -> JobResult:
@@ -133,7 +135,8 @@ class EposJobs:
         """If it moves, stop it, whoever it is; then check who it is, and leave it off, unwatching, without a fault.
 
         `reset`: have its communication or the whole node reset before (`RESETS`), as some faults need. The drive's own
-        error history tells the same of a fault that nobody heard of, where a fault reset alone is not enough.
+        error history tells the same of a fault that nobody heard of, where a fault reset alone is not enough; it is
+        followed `MAX_RESETS` times.
         """
         history: tuple[int, ...] = ()
         tried = [await self._reset(reset)] if reset else []
@@ -142,7 +145,8 @@ class EposJobs:
             tried.append("fault reset")
             history = await self.read_history()  # before a reset clears it
             needed = max((RESETS[RESET_FOR.get(code, "")] for code in history), default=0.0)
-            if needed > reset:
+            if needed > reset and self._resets < MAX_RESETS:
+                self._resets += 1
                 tried.append(await self._reset(needed))
                 await self._make_safe()
                 state = await self._settled_state()
@@ -151,6 +155,7 @@ class EposJobs:
             after = f" after {', '.join(tried)}" if tried else ""
             problem = f"stays in {state.value}, not switch on disabled{after}; error history: {codes}"
             raise DeviceError(self.name, problem)
+        self._resets = 0
 
     async def _reset(self, reset: float) -> str:
         """Off, then NMT Reset Communication or Reset Node (`RESETS`), until it answers again; what was sent."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from artemis.mission.actions import NewGains
 from artemis.mission.problems import nearest
-from artemis.mission.schema import NewGains
 from artemis.vehicle import Gains, RobotFile
 
 MOST = 10

@@ -4,22 +4,40 @@ from __future__ import annotations
 
 import ast
 import inspect
+from contextlib import suppress
+from inspect import getmodule
 from types import ModuleType
 from typing import Any
 
+from pydantic.errors import PydanticInvalidForJsonSchema
+
 from artemis import vehicle
 from artemis.config import Config
-from artemis.mission import schema
+from artemis.errors import PluginError
+from artemis.mission import actions, by_hand, schema, waypoints, words
+from artemis.mission.behaviours import behaviour_class, installed_behaviours
 from artemis.mission.injector import installed_injector
 from artemis.mission.schema import Mission
+
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def mission_schema() -> dict[str, object]:
     """JSON schema of a mission file, for editors."""
-    words: dict[str, Any] = _schema(Mission, schema)
+    found: dict[str, Any] = _schema(Mission, actions, by_hand, words, schema, waypoints)
     if (injector := installed_injector()) is not None:
-        words["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] = list(injector.ids())
-    return words
+        found["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] = list(injector.ids())
+    step = found["$defs"]["Step"]
+    step["additionalProperties"] = False
+    for name in installed_behaviours():
+        with suppress(PluginError, PydanticInvalidForJsonSchema):  # `artemis plugins` tells what is broken
+            plugin = behaviour_class(name)
+            own = _schema(plugin.Config, getmodule(plugin.Config), template=f"#/$defs/{name}.{{model}}")
+            found["$defs"] |= {f"{name}.{model}": inner for model, inner in own.pop("$defs", {}).items()}
+            told = (inspect.getdoc(plugin) or name).partition("\n")[0]
+            step["properties"][name] = {**own, "description": told}
+            del step["properties"][name]["$schema"]
+    return found
 
 
 def robot_schema() -> dict[str, object]:
@@ -27,21 +45,24 @@ def robot_schema() -> dict[str, object]:
     return _schema(vehicle.RobotFile, vehicle)
 
 
-def _schema(model: type[Config], module: ModuleType) -> dict[str, object]:
-    words: dict[str, object] = {"$schema": "https://json-schema.org/draft/2020-12/schema", **model.model_json_schema()}
-    definitions = words.get("$defs")
-    models = {**(definitions if isinstance(definitions, dict) else {}), model.__name__: words}
-    for (name, field), description in _field_docstrings(module).items():
+def _schema(model: type[Config], *modules: ModuleType | None, template: str = "#/$defs/{model}") -> dict[str, Any]:
+    found = {"$schema": _DIALECT, **model.model_json_schema(ref_template=template)}
+    definitions = found.get("$defs")
+    models = {**(definitions if isinstance(definitions, dict) else {}), model.__name__: found}
+    for (name, field), description in (item for module in modules for item in _field_docstrings(module).items()):
         properties = models.get(name, {}).get("properties", {})
-        if field in properties:
-            properties[field]["description"] = description
-    return words
+        if (key := field.removesuffix("_")) in properties:  # `if_` is the key `if`
+            properties[key]["description"] = description
+    return found
 
 
-def _field_docstrings(module: ModuleType) -> dict[tuple[str, str], str]:
-    """The texts that stand below the fields of a module's classes, by class and field."""
+def _field_docstrings(module: ModuleType | None) -> dict[tuple[str, str], str]:
+    """The texts that stand below the fields of a module's classes, by class and field; of one without source none."""
     found: dict[tuple[str, str], str] = {}
-    tree = ast.parse(inspect.getsource(module))
+    try:
+        tree = ast.parse(inspect.getsource(module) if module is not None else "")
+    except (OSError, TypeError, SyntaxError):
+        return found
     for owner in (node for node in tree.body if isinstance(node, ast.ClassDef)):
         for field, text in zip(owner.body, owner.body[1:], strict=False):
             match field, text:

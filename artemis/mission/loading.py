@@ -2,43 +2,30 @@
 
 from __future__ import annotations
 
-import math
-import os
-import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from artemis.config import Config
 from artemis.errors import ConfigError
-from artemis.mission.files import files_like, read_data, read_table
+from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
-from artemis.mission.problems import nearest, problems_from
-from artemis.mission.schema import (
-    Calibrate,
-    Follow,
-    FollowerUse,
-    InjectedFault,
-    Mission,
-    PluginUse,
-    Recorded,
-    RecoveryPolicy,
-    Step,
-    Supervision,
-    Teleop,
-)
-from artemis.plugins.contracts import PluginContext, follower_speed, input_speed, is_pure
+from artemis.mission.problems import by_position, nearest, problems_from
+from artemis.mission.reading import Configs, Model
+from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
+from artemis.mission.step_checks import StepChecks
+from artemis.plugins.contracts import PluginContext, is_pure
+from artemis.states.outline import steps_in
 from artemis.vehicle import RobotFile
-from artemis.yaml_file import Data, Document, KeyPath, read, survey
+from artemis.yaml_file import Document, KeyPath, read, survey
 
 if TYPE_CHECKING:
+    from artemis.mission.tree import MissionTree
     from artemis.motion.route import Route
     from artemis.sim.world import PlantParameters
-
-Model = TypeVar("Model", bound=Config)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +47,9 @@ class LoadedMission:
     remarks: tuple[str, ...] = ()
     """What was changed in a path so that the robot can drive it."""
     routes: Mapping[int, Route]
-    """What is followed by the steps that name a path file, by the step's number from 0."""
+    """What is followed by the steps that name a path file, by the step's number."""
+    tree: MissionTree
+    """How its words compose its steps."""
     injector: FaultInjector | None = None
     """Makes the mission's faults happen in its simulation; None: it has none."""
 
@@ -89,7 +78,7 @@ def load_model(path: FilePath, model: type[Model]) -> Model:
     except ValidationError as error:
         problems = problems + problems_from(error, document, model)
     if problems or found is None:
-        raise ConfigError(sorted(problems, key=_by_position))
+        raise ConfigError(sorted(problems, key=by_position))
     return found
 
 
@@ -105,21 +94,8 @@ def plugin_from(group: str, use: PluginUse) -> tuple[Any, Config]:
     return plugin, config
 
 
-class _Loading:
-    """Collects problems while it goes through the mission part by part; a wrong part does not hide the others."""
-
-    def __init__(self, path: FilePath) -> None:
-        self._folder = path.parent
-        self._problems: list[str] = []
-        self._documents: dict[str, Document] = {}
-        self._files: dict[str, bytes] = {}
-        self._remarks: list[str] = []
-        self._routes: dict[int, Route] = {}
-        self._plugins: dict[KeyPath, tuple[Any, Config]] = {}
-        self._injector: FaultInjector | None = None
-        self._document = self._survey(read(path), str(path))
-        self._data = self._document.data if isinstance(self._document.data, dict) else {}
-        self._robot_source = str(path)
+class _Loading(StepChecks):
+    """Goes through the mission part by part."""
 
     def result(self) -> LoadedMission:
         mission = self._validated(Mission, self._document)
@@ -133,8 +109,9 @@ class _Loading:
         self._check_policies()
         if robot is not None:
             self._check_inputs(robot)
-        if self._problems or mission is None or robot is None or true_robot is None:
-            raise ConfigError(sorted(dict.fromkeys(self._problems), key=_by_position))
+        tree = self._tree(mission)
+        if self._problems or mission is None or robot is None or true_robot is None or tree is None:
+            raise ConfigError(sorted(dict.fromkeys(self._problems), key=by_position))
         return LoadedMission(
             mission=mission,
             robot=robot,
@@ -145,63 +122,9 @@ class _Loading:
             folder=self._folder,
             remarks=tuple(self._remarks),
             routes=self._routes,
+            tree=tree,
             injector=self._injector,
         )
-
-    # ------------------------------------------------------------------------------------------ reading and reporting
-
-    def _survey(self, raw: bytes, source: str) -> Document:
-        document, problems = survey(raw, source)
-        self._problems += problems
-        self._documents[source] = document
-        return document
-
-    def _complain(self, path: KeyPath, text: str) -> None:
-        if path not in self._document.damaged:
-            self._problems.append(self._document.problem(path, text))
-
-    def _validated(
-        self, model: type[Model], document: Document, at: KeyPath = (), data: Data | Mapping[str, object] = None
-    ) -> Model | None:
-        """The part of a document at `at` as `model`; what is wrong is noted."""
-        try:
-            return model.model_validate(document.data if data is None else data)
-        except ValidationError as error:
-            self._problems += problems_from(error, document, model, at)
-            return None
-
-    def _part(self, model: type[Model], *path: str | int) -> Model | None:
-        """A part of the mission if it is right by itself; what is wrong with it, the whole mission's model says."""
-        part: Any = self._data
-        for key in path:
-            part = part[key]
-        try:
-            return model.model_validate(part)
-        except ValidationError:
-            return None
-
-    def _names(self, *path: str) -> list[str]:
-        """Keys of a mapping in the mission; none where it is missing or something else."""
-        part: Data = self._data
-        for key in path:
-            part = part.get(key) if isinstance(part, dict) else None
-        return list(part) if isinstance(part, dict) else []
-
-    def _file(self, path: KeyPath, name: str, reader: Callable[[FilePath], bytes] = read_table) -> bytes | None:
-        """Content of a file that the mission names at `path`."""
-        if name in self._files:
-            return self._files[name]
-        root = os.path.realpath(self._folder)
-        if os.path.isabs(name) or os.path.commonpath([root, os.path.realpath(self._folder / name)]) != root:
-            self._complain(path, f"outside the mission's folder {self._folder}: {name}; copy the file there")
-            return None
-        try:
-            self._files[name] = reader(self._folder / name)
-        except ConfigError as error:
-            reason = str(error).removeprefix(f"{self._folder / name}: ")
-            hint = nearest(name, files_like(self._folder, name), "files of that kind") if "not found" in reason else ""
-            self._complain(path, f"{reason}: {name}{hint}")
-        return self._files.get(name)
 
     # ------------------------------------------------------------------------------------------ the mission's parts
 
@@ -243,27 +166,6 @@ class _Loading:
                 elif not any(known.startswith(place) for known in self._problems):
                     self._complain((*path, *key), problem)
 
-    def _plugin(self, group: str, *path: str | int) -> Config | None:
-        """Options of the plugin that the mission uses at `path`, with the files they name."""
-        use = self._part(FollowerUse if group == "artemis.followers" else PluginUse, *path)
-        if use is None:
-            return None
-        from artemis.plugins.registry import load
-
-        try:
-            plugin = load(group, use.plugin)
-        except ConfigError as error:
-            for problem in error.problems:
-                self._complain((*path, "plugin"), problem)
-            return None
-        config: Config | None = self._validated(plugin.Config, self._document, path, use.options)
-        for name, value in config or ():
-            if isinstance(value, str) and (name == "file" or name.endswith("_file")):
-                self._file((*path, name), value, read_data)
-        if config is not None:
-            self._plugins[path] = plugin, config
-        return config
-
     def _check_bus(self) -> None:
         words = self._data.get("bus")
         if isinstance(words, dict) and isinstance(words.get("interface"), str):
@@ -281,7 +183,7 @@ class _Loading:
         at = "simulation", "true_robot"
         return self._validated(PlantParameters, self._document, at, part) if isinstance(part, dict) else None
 
-    def _check_faults(self, robot: RobotFile | None, inputs: Mapping[str, Config | None]) -> None:
+    def _check_faults(self, robot: RobotFile | None, inputs: Configs) -> None:
         simulation, steps = self._data.get("simulation"), self._data.get("steps")
         given = simulation.get("faults") if isinstance(simulation, dict) else None
         if not isinstance(given, list) or not given:
@@ -290,7 +192,7 @@ class _Loading:
         if injector is None:
             self._complain(("simulation", "faults"), "the package artemis_lab makes them happen: it is not installed")
             return
-        follows = isinstance(steps, list) and any(isinstance(step, dict) and "follow" in step for step in steps)
+        follows = any(word == "follow" for _, word, _ in steps_in(steps))
         for index in range(len(given)):
             at: KeyPath = ("simulation", "faults", index)
             if (fault := self._part(InjectedFault, *at)) is None:
@@ -310,91 +212,3 @@ class _Loading:
             said = self._part(RecoveryPolicy, "recovery", id)
             for key, problem in check_policy(id, said) if said is not None else ():
                 self._complain(("recovery", id, key) if key else ("recovery", id), problem)
-
-    # ------------------------------------------------------------------------------------------ the steps
-
-    def _check_steps(self, robot: RobotFile | None, inputs: Mapping[str, Config | None]) -> None:
-        steps = self._data.get("steps")
-        given = steps if isinstance(steps, list) else []
-        kinds = [next(iter(step), "") if isinstance(step, dict) else "" for step in given]
-        recorded: list[str] = []
-        for index, kind in enumerate(kinds):
-            if kind == "follow" and "calibrate" not in kinds[:index]:
-                self._complain(("steps", index, "follow"), "calibrate first: no step before this one does (CAL-02)")
-            if kind == "stop" and index + 1 < len(kinds):
-                self._complain(("steps", index, "stop"), "ends the mission: it can only be the last step")
-            step = self._part(Step, "steps", index)
-            if step is None:
-                continue
-            if isinstance(step.action, Teleop) and step.action.record:
-                recorded.append(step.action.record)
-            if isinstance(step.action, Follow):
-                self._check_follow(index, step.action, robot, recorded)
-            elif isinstance(step.action, Teleop):
-                self._check_teleop(("steps", index, "teleop", "input"), step.action, robot, inputs)
-            elif isinstance(step.action, Calibrate) and step.action.gains is not None and robot is not None:
-                from artemis.mission.gains import check_gains
-
-                for name, problem in check_gains(step.action.gains, robot):
-                    self._complain(("steps", index, "calibrate", "gains", name), problem)
-
-    def _check_follow(self, index: int, follow: Follow, robot: RobotFile | None, recorded: list[str]) -> None:
-        at = ("steps", index, "follow")
-        config = self._plugin("artemis.followers", *at, "follower")
-        speed = follower_speed(config)
-        if robot is not None:
-            speed = robot.limits.speed_m_s if speed is None else speed
-            self._check_speed((*at, "follower", "speed_m_s"), speed, robot)
-        if isinstance(follow.path, Recorded):
-            if (name := follow.path.recorded) not in recorded:
-                hint = nearest(name, recorded, "recorded before") if recorded else "; no step before has `record:`"
-                self._complain((*at, "path", "recorded"), f"no step before this one records {name}{hint}")
-            return
-        raw = self._file((*at, "path"), follow.path) if isinstance(follow.path, str) else b""
-        if raw is None:
-            return
-        from artemis.mission.paths import drivable_route, named, route_of
-
-        name = named(follow)
-        try:
-            route = route_of(follow, raw, str(self._folder / name))
-        except UnicodeDecodeError as error:
-            self._complain((*at, "path"), f"byte {error.start + 1} is not UTF-8: {name}")
-            return
-        except ConfigError as error:
-            places = (self._document.problem((*at, "path"), problem) for problem in error.problems)
-            self._problems += error.problems if raw else places
-            return
-        if follow.laps > 1 and not route.closed:
-            how = "open: it must end where it begins" if len(route.parts) == 1 else "not: it reverses"
-            self._complain((*at, "laps"), f"{follow.laps} laps need a closed path; {name} is {how}")
-        elif robot is not None and config is not None and speed is not None:
-            try:
-                self._routes[index], remarks = drivable_route(follow, route, robot, speed)
-                self._remarks += [f"{name}: {remark}" for remark in remarks]
-            except ConfigError as error:
-                for problem in error.problems:
-                    self._complain((*at, "path"), f"{name}: {problem}")
-
-    def _check_teleop(
-        self, at: KeyPath, teleop: Teleop, robot: RobotFile | None, inputs: Mapping[str, Config | None]
-    ) -> None:
-        if teleop.input not in inputs:
-            self._complain(at, f"no such input: {teleop.input}{nearest(teleop.input, inputs, 'inputs')}")
-        elif robot is not None and (config := inputs[teleop.input]) is not None:
-            speed = input_speed(config)
-            place = at if speed is None else ("inputs", teleop.input, "max_speed_m_s")
-            self._check_speed(place, robot.limits.speed_m_s if speed is None else speed, robot)
-
-    def _check_speed(self, at: KeyPath, speed: float, robot: RobotFile) -> None:
-        """Refuse a speed of the virtual front wheel that the machine cannot drive, or not stop from in time."""
-        from artemis.mission.speeds import check_speed
-
-        supervision = self._part(Supervision, "supervision") if "supervision" in self._data else Supervision()
-        for problem in check_speed(speed, robot, math.inf if supervision is None else supervision.stop_distance_m):
-            self._complain(at, problem)
-
-
-def _by_position(problem: str) -> tuple[str, int, int]:
-    place = re.match(r"(.*?):(\d+):(\d+): ", problem)
-    return (place[1], int(place[2]), int(place[3])) if place else (problem, 0, 0)

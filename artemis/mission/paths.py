@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from artemis.errors import ConfigError
-from artemis.mission.schema import Follow
+from artemis.mission.actions import Follow
 from artemis.mission.waypoints import Waypoints
 from artemis.motion.fitting import route_for
 from artemis.motion.joining import straight

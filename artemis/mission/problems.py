@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any, get_args
 
@@ -112,7 +113,8 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath, beside: 
     if kind == "missing":
         return _missing(found, model, path)
     if kind == "extra_forbidden":
-        known = [*beside, *(name for around in _models_around(model, path) for name in around.model_fields)]
+        fields = [field for around in _models_around(model, path) for field in around.model_fields.items()]
+        known = [*beside, *(field.alias or name for name, field in fields)]
         return f"unknown key{nearest(str(path[-1]), known, 'known keys')}"
     if kind == "value_error":
         return f"{context['error']}" + (f", found {describe(found)}" if isinstance(found, str) else "")
@@ -142,7 +144,8 @@ def _models_around(model: type[BaseModel], path: KeyPath) -> list[type[BaseModel
     """The model (or models, in a union) of the mapping around the last key."""
     models = [model]
     for key in path[:-1]:  # an index, or a key of the user's own, leads no deeper
-        models = [found for m in models if key in m.model_fields for found in _models(m.model_fields[key])] or models
+        fields = [field for m in models for name, field in m.model_fields.items() if key == (field.alias or name)]
+        models = [found for field in fields for found in _models(field)] or models
     return models
 
 
@@ -152,3 +155,9 @@ def _models(field: object) -> Iterator[type[BaseModel]]:
         yield annotation
     for argument in get_args(annotation):
         yield from _models(argument)
+
+
+def by_position(problem: str) -> tuple[str, int, int]:
+    """Key to sort problems by: file, line, column."""
+    place = re.match(r"(.*?):(\d+):(\d+): ", problem)
+    return (place[1], int(place[2]), int(place[3])) if place else (problem, 0, 0)

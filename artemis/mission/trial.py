@@ -1,12 +1,14 @@
-"""A trial of an input that opens nothing: it is made, to see before the run what is wrong in its files."""
+"""Trials of inputs before the run: one that opens nothing is made, and no two of a step may read one device."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import combinations
+from typing import Any
 
 from artemis.config import Config
 from artemis.errors import ConfigError
-from artemis.plugins.contracts import PluginContext
+from artemis.plugins.contracts import PluginContext, may_share_device
 from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.yaml_file import KeyPath
 
@@ -24,3 +26,13 @@ def trial(
             yield ((key,), text) if problem.startswith(own) else ((), problem)
     except PLUGIN_ERRORS as error:
         yield ("plugin",), f"the plugin cannot be made: {told(error)}"
+
+
+def shared_devices(
+    names: Iterable[str], plugins: Mapping[KeyPath, tuple[Any, Config]], files: Mapping[str, bytes]
+) -> Iterator[str]:
+    """Inputs of one step that may read the same device; `plugins`: class and keys by place, `files`: content."""
+    used = [(name, *plugins["inputs", name]) for name in names if ("inputs", name) in plugins]
+    for (one, plugin, config), (other, another, its_config) in combinations(used, 2):
+        if plugin is another and may_share_device(plugin, config, its_config, files):
+            yield f"{one} and {other} may be one device: tell them apart by profile or serial"

@@ -15,7 +15,7 @@ from artemis.motion.path_points import MAX_GAP, MIN_STEP
 from artemis.motion.route import SHORTEST, Part, Route, stretches, turns_on_the_spot
 from artemis.motion.spline import Array
 from artemis.motion.track import SPACING
-from artemis.motion.waypoints import check_extent, drawn, largest_distance
+from artemis.motion.waypoints import along_lines, check_extent, drawn, largest_distance
 
 
 def join(x: Array, y: Array, *, closed: bool, smoothing: float | None = None, speed: Array | None = None) -> Path:
@@ -48,10 +48,7 @@ def straight(waypoints: Sequence[Sequence[float]], *, closed: bool = False) -> R
     """
     corners = np.array(waypoints, dtype=float)
     check_extent(*corners.T)
-    distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
-    places = [np.linspace(a, b, math.ceil((b - a) / SPACING), endpoint=False) for a, b in pairwise(distance)]
-    dense = np.append(np.concatenate(places), distance[-1])
-    x, y = (np.interp(dense, distance, column) for column in corners.T)
+    x, y = along_lines(corners, _evenly_between).T
     around = closed and math.dist(corners[0], corners[-1]) < MIN_STEP
     found = stretches(x, y, None)
     parts, problems = [], []
@@ -67,6 +64,11 @@ def straight(waypoints: Sequence[Sequence[float]], *, closed: bool = False) -> R
     if problems:
         raise ConfigError(problems)
     return Route(tuple(parts))
+
+
+def _evenly_between(distance: Array) -> Array:
+    between = [np.linspace(a, b, math.ceil((b - a) / SPACING), endpoint=False) for a, b in pairwise(distance)]
+    return np.append(np.concatenate(between), distance[-1])
 
 
 def _at(part: Part) -> str:
@@ -93,9 +95,10 @@ def bulge(x: Array, y: Array, path: Path) -> tuple[float, int]:
     """How far a path leaves the straight lines between its waypoints [m], and the waypoint next to that."""
     if path.closed:
         x, y = np.append(x, x[0]), np.append(y, y[0])
-    parameter = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
-    dense = np.union1d(parameter, np.linspace(0.0, parameter[-1], 2 * math.ceil(parameter[-1] / SPACING) + 1))
-    lines = np.column_stack([np.interp(dense, parameter, x), np.interp(dense, parameter, y)])
+    lines = along_lines(
+        np.column_stack([x, y]),
+        lambda at: np.union1d(at, np.linspace(0.0, at[-1], 2 * math.ceil(at[-1] / SPACING) + 1)),
+    )
     most, index = largest_distance(np.column_stack([path.x, path.y]), lines)
     nearest = int(np.argmin(np.hypot(x - path.x[index], y - path.y[index])))
     return most, nearest % (len(x) - 1 if path.closed else len(x))

@@ -72,7 +72,7 @@ class Perception:
         self._by_place = itemgetter(*robot.places)
         """Traction left, right, steering left, right."""
         self._measured: float | None = None
-        """When the newest positions were measured [s of the run]; None: at least one drive was not heard."""
+        """When the newest positions were measured [s of the run], the mean of both; None: a drive was not heard."""
         self._rolled: deque[tuple[float, float, float]] = deque()
         self._stood = 0.0, 0.0
         """What both driven wheels had rolled [m] when they were last heard together; infinite: they were rolling."""
@@ -124,12 +124,13 @@ class Perception:
     def _elapsed(self, sensed: Sensed, before: float, left: DriveFeedback, right: DriveFeedback) -> float:
         """Time between the last measurement of the wheels and this one [s], by their frames: a tick may come late.
 
-        0 where it is less than half a tick: then the counts are too coarse for a speed. Until both drives were heard,
-        the time since the tick at `before` [s of the run].
+        The mean of both wheels, as their distances count: one that falls silent ages while the other one rolls. 0 where
+        it is less than half a tick: then the counts are too coarse for a speed. Until both drives were heard, the time
+        since the tick at `before` [s of the run].
         """
         last, self._measured = self._measured, None
         if left.age is not None and right.age is not None:
-            self._measured = moment(sensed.time, left, right, self._stale)
+            self._measured = sensed.time - (min(left.age, self._stale) + min(right.age, self._stale)) / 2
         if last is None or self._measured is None:
             return sensed.time - before
         if self._measured - last < self._dt_max / 4:

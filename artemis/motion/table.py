@@ -22,6 +22,17 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _DECIMAL_COMMAS = re.compile(rf"\s*{_DECIMAL_COMMA.pattern}(?:[ \t]+{_DECIMAL_COMMA.pattern})+\s*")
 
 
+def raise_first(problems: Sequence[str], source: str) -> None:
+    """Raise what was found in a file, if anything was.
+
+    Raises:
+        ConfigError: the first `MAX_PROBLEMS` problems, and how many more there are.
+    """
+    more = [f"{source}: and {len(problems) - MAX_PROBLEMS} more problems"] if len(problems) > MAX_PROBLEMS else []
+    if problems:
+        raise ConfigError([*problems[:MAX_PROBLEMS], *more])
+
+
 class Table:
     """The rows that could be read, column by column, and everything that was wrong.
 
@@ -94,13 +105,10 @@ class Table:
         """Raise what was found, if anything was.
 
         Raises:
-            ConfigError: the first `MAX_PROBLEMS` problems with file:line:column, and how many more there are.
+            ConfigError: as `raise_first`, with file:line:column.
         """
         problems = [f"{self.source}:{line}:{column}: {text}" for line, column, text in sorted(self._problems)]
-        if len(problems) > MAX_PROBLEMS:
-            problems[MAX_PROBLEMS:] = [f"{self.source}: and {len(problems) - MAX_PROBLEMS} more problems"]
-        if problems:
-            raise ConfigError(problems)
+        raise_first(problems, self.source)
 
     def _read(self, required: Sequence[str]) -> None:
         filled = ((n, line.partition("#")[0]) for n, line in enumerate(self._text, start=1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,6 +86,18 @@ def check_extent(x: Array, y: Array, place: str = "") -> None:
     length = float(np.hypot(np.diff(x), np.diff(y)).sum())
     if not 2 * MIN_STEP < length <= MAX_LENGTH:
         raise ConfigError(f"{place}path of {length:g} m; expected at most {MAX_LENGTH:.0f} m, coordinates in metres")
+
+
+def along_lines(corners: Array, lengths: Callable[[Array], Array]) -> Array:
+    """Points on the straight lines from corner to corner; both have shape (n, 2) [m].
+
+    Args:
+        corners: at least two.
+        lengths: from the distance [m] of each corner from the first one, along the lines, those of the points.
+    """
+    distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
+    wanted = lengths(distance)
+    return np.column_stack([np.interp(wanted, distance, column) for column in corners.T])
 
 
 def drawn(

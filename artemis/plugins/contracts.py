@@ -1,7 +1,7 @@
 """All that a plugin author reads: what artemis gives a plugin, and what it wants back.
 
 A plugin is a class, registered as an entry point in its group (`artemis.inputs`, `artemis.followers`,
-`artemis.localizers`, `artemis.observers`). It has an inner pydantic model `Config` (a subclass of
+`artemis.localizers`, `artemis.observers`, `artemis.behaviours`). It has an inner pydantic model `Config` (a subclass of
 `artemis.config.Config`: the keys that a mission may write beside `plugin:`) and is made with `Plugin(config, context)`.
 All but observers run inside the tick: they must return within 15 ms, never wait, and take the time only from what they
 are given.
@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 from msgspec import Struct
 
@@ -67,7 +67,7 @@ class PluginContext:
 class InputDevice(Protocol):
     """Turns a device's reports into wishes of an operator.
 
-    Its class may state more: `NeedsRealTime`, `OpensNothing`; its `Config`: `LimitsInput`.
+    Its class may state more: `NeedsRealTime`, `OpensNothing`, `ShowsState`; its `Config`: `LimitsInput`.
     """
 
     Config: ClassVar[type[Config]]
@@ -129,6 +129,58 @@ class Follower(Protocol):
         """Command for this tick. Called at every scheduled tick while the mode is `follow`."""
 
 
+State = tuple[int | float | str, ...]
+"""What a behaviour needs to resume: at most 1000 bytes as JSON; numbers are finite."""
+
+
+class Acting(Struct, frozen=True, kw_only=True):
+    """A behaviour's answer to one snapshot."""
+
+    command: DriveCommand | None = None
+    """None: stand, with the wheels as they are. A behaviour that does not move gives none."""
+    outcome: str | None = None
+    """How it ended: `done`, or one that its class declares; the robot comes to rest then. None: it has not."""
+    state: State = ()
+    """Recorded with each tick, and given back to `start` when the step resumes."""
+    phase: str = ""
+    """What it does at present, for people: shown where it changes."""
+    signals: Mapping[str, float] = {}
+    """What it measures, by the names that its class declares; the others stay as they were."""
+
+
+class Behaviour(Protocol):
+    """A step of a mission, whose key is the plugin's name; its `Config` are the keys of the step.
+
+    Its class states `Declared`; its `Config` may state `LimitsFollower` and `EndsByCondition`.
+    """
+
+    Config: ClassVar[type[Config]]
+
+    def start(self, snapshot: Snapshot, state: State | None = None) -> None:
+        """Begin, the robot standing; or resume: `state` is what `step` returned last. None: the step begins."""
+
+    def step(self, snapshot: Snapshot) -> Acting:
+        """Answer for this tick. Called at every scheduled tick while the step runs, until it ends."""
+
+
+class Declared(Struct, frozen=True, kw_only=True):
+    """What the class of a behaviour states of itself, as attributes of these names; left out: as here."""
+
+    outcomes: tuple[str, ...] = ()
+    """What it may end with besides `done`: small letters, digits and hyphens."""
+    moves: bool = True
+    """It may move the robot; False: it only observes, and may run beside other steps."""
+    resumable: bool = False
+    """It can resume from its state in another run (`--resume`)."""
+    signals: Mapping[str, str] = {}
+    """What it adds for conditions: unit by name, the name ending with it, such as {"gas_ppm": "ppm"}; "": a ratio."""
+
+
+def declared(plugin: object) -> Declared:
+    """What the class of a behaviour states of itself."""
+    return Declared(**{name: getattr(plugin, name) for name in Declared.__struct_fields__ if hasattr(plugin, name)})
+
+
 class Observer(Protocol):
     """Sees what the robot does, and has no part in it.
 
@@ -175,6 +227,18 @@ class OpensNothing(Protocol):
 
 
 @runtime_checkable
+class ShowsState(Protocol):
+    """An input that has its operator see or feel what the robot does: lamps, rumble, a wheel's force."""
+
+    def show(self, tick: Tick) -> str:
+        """Show a tick, after its frames were sent. Never waits.
+
+        What it returns went wrong since the last call, in a few words: a warning (INP-16); empty: nothing did. If it
+        raises, or is late, that is a warning, and it is not asked again.
+        """
+
+
+@runtime_checkable
 class LimitsInput(Protocol):
     """Keys of an input: the robot drives no faster by hand; checked against its limit and its stopping distance."""
 
@@ -184,10 +248,18 @@ class LimitsInput(Protocol):
 
 @runtime_checkable
 class LimitsFollower(Protocol):
-    """Keys of a follower: the robot drives no faster along a path, and not for ever (PTH-08)."""
+    """Keys of a follower or a behaviour: the robot drives no faster; along a path, and not for ever (PTH-08)."""
 
     speed_m_s: float | None
     """Of the virtual front wheel [m/s]; None: as the robot file says."""
+
+
+@runtime_checkable
+class EndsByCondition(Protocol):
+    """Keys of a behaviour: artemis reads one as a condition over the mission's signals."""
+
+    until: str | None
+    """Once it holds the robot comes to rest, and the step ends with `done`; None: never."""
 
 
 def is_live(plugin: object) -> bool:
@@ -200,13 +272,29 @@ def is_pure(plugin: object) -> bool:
     return isinstance(plugin, OpensNothing) and plugin.pure
 
 
+@runtime_checkable
+class ChoosesDevice(Protocol):
+    """An input that needs real time, several of which a step may have: whether its keys can mean the same device."""
+
+    @staticmethod
+    def may_share(one: Any, other: Any, files: Mapping[str, bytes]) -> bool:  # noqa: ANN401 (its own Config)
+        """Whether inputs with these keys may read one device; `files` of the mission."""
+
+
+def may_share_device(plugin: object, one: object, other: object, files: Mapping[str, bytes]) -> bool:
+    """Whether two inputs of the class `plugin`, with these keys, may read one device; equal keys mean the same one."""
+    if not is_live(plugin):
+        return False
+    return plugin.may_share(one, other, files) if isinstance(plugin, ChoosesDevice) else one == other
+
+
 def input_speed(config: object) -> float | None:
     """The speed [m/s] that the keys of an input state; None: none. Raises PluginError: it is no number."""
     return _number(config, config.max_speed_m_s) if isinstance(config, LimitsInput) else None
 
 
 def follower_speed(config: object) -> float | None:
-    """The speed [m/s] that the keys of a follower state; None: none. Raises PluginError: it is no number."""
+    """The speed [m/s] that a follower's or behaviour's keys state; None: none. Raises PluginError: it is no number."""
     return _number(config, config.speed_m_s) if isinstance(config, LimitsFollower) else None
 
 

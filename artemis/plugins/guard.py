@@ -18,9 +18,18 @@ from artemis.config import Config
 from artemis.errors import DeviceLost
 from artemis.motion.angles import wrap
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Follower, Following, InputDevice, Localizer
+from artemis.plugins.contracts import (
+    Acting,
+    Behaviour,
+    Follower,
+    Following,
+    InputDevice,
+    Localizer,
+    ShowsState,
+    State,
+)
 from artemis.plugins.process import AskedPlugin
-from artemis.values import Action, DriveCommand, OperatorInput, Pose, PoseFix, Request, Snapshot, Tracking
+from artemis.values import Action, DriveCommand, OperatorInput, Pose, PoseFix, Request, Snapshot, Tick, Tracking
 
 LATE = 0.015
 """A plugin has this long for an answer [s]."""
@@ -28,7 +37,7 @@ MISSES = 3
 """As many late answers in a row are a fault."""
 BAD_SAMPLES, BAD_TIME = 5, 1.0
 """As many samples out of range within this time [s] are a fault."""
-LOST, OUT_OF_RANGE = "INP-01", "INP-06"
+LOST, OUT_OF_RANGE, NOT_SHOWN = "INP-01", "INP-06", "INP-16"
 RAISED, LATE_INPUT, GARBAGE, LATE_FOLLOWER = "PLG-02", "PLG-03", "PLG-06", "PTH-09"
 
 LOCALIZER, FOLLOWER = "localizer", "follower"
@@ -59,10 +68,12 @@ class PluginGuard:
         """`clock` measures the plugins [s]; `asked` is told which one is asked."""
         self.inputs, self._clock, self._localizer = inputs, clock, localizer
         self._asked = asked or AskedPlugin()
+        self._showing = {name: device for name, device in inputs.items() if isinstance(device, ShowsState)}
         self._last: dict[str, tuple[float, OperatorInput]] = {}
         self._late: dict[tuple[str, str], int] = {}
         self._bad: dict[str, list[float]] = {}
         self._problems: list[Problem] = []
+        self._behaviours = 0
 
     def read(self, now: float) -> tuple[OperatorInput, ...]:
         """The newest sample of each input at run time `now` [s]; those that gave none, or garbage, are missing."""
@@ -89,6 +100,25 @@ class PluginGuard:
             return ()
         return fixes
 
+    def show(self, tick: Tick) -> None:
+        """Have every input that can show what the tick did; one that fails at it is not asked again."""
+        for name, device in list(self._showing.items()):
+            begun = self._clock()
+            self._asked.begin(name)
+            try:
+                problem = device.show(tick)
+                fails = not isinstance(problem, str)
+            except PLUGIN_ERRORS as error:
+                problem, fails = told(error), True
+            finally:
+                self._asked.end()
+            if (took := self._clock() - begun) > LATE:
+                problem, fails = f"showing takes it {took * 1000:.0f} ms", True
+            if fails:
+                del self._showing[name]
+            if fails or problem:
+                self._problems.append((NOT_SHOWN, name, problem if isinstance(problem, str) else told(problem)))
+
     def take_problems(self) -> list[Problem]:
         """What plugins did wrong since the last call."""
         problems, self._problems = self._problems, []
@@ -97,6 +127,16 @@ class PluginGuard:
     def watched(self, follower: Follower) -> Follower:
         """The follower, its time measured."""
         return _WatchedFollower(follower, self._clock, self._judge_time, self._asked)
+
+    def watched_behaviour(self, name: str, behaviour: Behaviour) -> Behaviour:
+        """The behaviour of that name, its time measured."""
+        self._behaviours += 1
+        key = f"{name} {self._behaviours}"  # several steps may be of one behaviour, and an input have its name
+
+        def judge(took: float) -> None:
+            self._judge_time(LATE_INPUT, name, took, key)
+
+        return _WatchedBehaviour(name, behaviour, self._clock, judge, self._asked)
 
     def close(self) -> list[Problem]:
         """Give every device back, whatever the others do; what they did wrong."""
@@ -146,8 +186,9 @@ class PluginGuard:
         then, last = self._last.get(name, (now, OperatorInput(source=name)))
         return replace(last, requests=stops, age=None if last.age is None else last.age + now - then)
 
-    def _judge_time(self, id: str, name: str, took: float) -> None:
-        late = self._late[id, name] = self._late.get((id, name), 0) + 1 if took > LATE else 0
+    def _judge_time(self, id: str, name: str, took: float, key: str = "") -> None:
+        place = id, key or name
+        late = self._late[place] = self._late.get(place, 0) + 1 if took > LATE else 0
         if late >= MISSES:
             self._problems.append((id, name, f"{took * 1000:.0f} ms, {late} times in a row"))
 
@@ -181,6 +222,38 @@ class _WatchedFollower:
         finally:
             self._asked.end()
             self._judge(LATE_FOLLOWER, FOLLOWER, self._clock() - begun)
+
+
+class _WatchedBehaviour:
+    """A behaviour whose answers are timed."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def __init__(
+        self,
+        name: str,
+        behaviour: Behaviour,
+        clock: Callable[[], float],
+        judge: Callable[[float], None],
+        asked: AskedPlugin,
+    ) -> None:
+        self._name, self._behaviour, self._clock, self._judge, self._asked = name, behaviour, clock, judge, asked
+
+    def start(self, snapshot: Snapshot, state: State | None = None) -> None:
+        self._asked.begin(self._name)
+        try:
+            self._behaviour.start(snapshot, state)
+        finally:
+            self._asked.end()
+
+    def step(self, snapshot: Snapshot) -> Acting:
+        begun = self._clock()
+        self._asked.begin(self._name)
+        try:
+            return self._behaviour.step(snapshot)
+        finally:
+            self._asked.end()
+            self._judge(self._clock() - begun)
 
 
 def is_whole_input(answer: object) -> TypeGuard[OperatorInput]:

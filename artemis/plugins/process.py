@@ -87,19 +87,23 @@ def ended_if_blocked(
 
     def end() -> None:
         try:
-            words = f"plugin '{asked.name}' has not answered for {blocked:g} s: the run is ended"
-            note(words)
-            with suppress(OSError, termios.error):  # the terminal may be gone, as its connection
-                if (
-                    terminal is not None and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
-                ):  # in the background: not ours
-                    termios.tcsetattr(sys.stdin.fileno(), termios.TCSANOW, terminal)
-            told = f"\nartemis: {words}; the drives missed the heartbeat and stopped by themselves. It is here:\n"
-            with suppress(OSError):
-                os.write(2, (told + _stack(thread)).encode(errors="replace"))
+            teller = threading.Thread(target=tell, daemon=True)  # whoever reads our output may be blocked, too
+            teller.start()
+            teller.join(_WRITING)
             over.wait(_WRITING)
         finally:
             _exit(BLOCKED_STATUS)
+
+    def tell() -> None:
+        words = f"plugin '{asked.name}' has not answered for {blocked:g} s: the run is ended"
+        note(words)
+        with suppress(OSError, termios.error):  # the terminal may be gone, as its connection
+            in_front = terminal is not None and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+            if terminal is not None and in_front:
+                termios.tcsetattr(sys.stdin.fileno(), termios.TCSANOW, terminal)
+        told = f"\nartemis: {words}; the drives missed the heartbeat and stopped by themselves. It is here:\n"
+        with suppress(OSError):
+            os.write(2, (told + _stack(thread)).encode(errors="replace"))
 
     watcher = threading.Thread(target=watch, name="plugin watch", daemon=True)
     watcher.start()

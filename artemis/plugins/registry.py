@@ -9,17 +9,21 @@ from typing import Any
 
 from artemis.config import Config
 from artemis.errors import PluginError, similar
-from artemis.plugins.contracts import CONTRACT, Follower, InputDevice, Localizer, Observer
+from artemis.plugins.acting import misdeclared
+from artemis.plugins.contracts import CONTRACT, Behaviour, Follower, InputDevice, Localizer, Observer, declared
+from artemis.progress import OWN_STEPS
 
 INPUTS = "artemis.inputs"
 FOLLOWERS = "artemis.followers"
 LOCALIZERS = "artemis.localizers"
 OBSERVERS = "artemis.observers"
+BEHAVIOURS = "artemis.behaviours"
 CONTRACTS: dict[str, type[Any]] = {
     INPUTS: InputDevice,
     FOLLOWERS: Follower,
     LOCALIZERS: Localizer,
     OBSERVERS: Observer,
+    BEHAVIOURS: Behaviour,
 }
 """Entry-point groups, and what the classes in them must be able to do."""
 
@@ -74,11 +78,15 @@ def load(group: str, name: str) -> type[Any]:
     found = _found(group)
     claimants = [point for point in found if point.name == name]
     if not claimants:
-        installed = sorted({point.name for point in found})
-        raise PluginError(f"{group}: no plugin '{name}'; {similar(name, installed) or 'none is installed'}")
+        raise PluginError(f"{group}: no plugin '{name}'; {similar(name, names(group)) or 'none is installed'}")
     if len(claimants) > 1:
         raise PluginError(_claimed_twice(group, claimants))
     return _import(claimants[0])
+
+
+def names(group: str) -> list[str]:
+    """Names of the plugins of a group; nothing is imported."""
+    return sorted({point.name for point in _found(group)})
 
 
 def _found(group: str) -> list[EntryPoint]:
@@ -114,6 +122,8 @@ def _import(point: EntryPoint) -> type[Any]:
     except (Exception, SystemExit) as error:  # a stranger's module may raise anything; its cause is chained
         raise PluginError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
     problems = breaches(plugin, CONTRACTS[point.group])
+    if point.group == BEHAVIOURS and point.name in OWN_STEPS:
+        problems.append("has the name of a step of artemis' own: give it another one")
     if problems:
         raise PluginError([f"{place} {problem}" for problem in problems])
     return plugin  # type: ignore[no-any-return]  # a class, as `breaches` has seen
@@ -131,7 +141,11 @@ def breaches(plugin: object, contract: type[Any]) -> list[str]:
     for name in ("live", "pure"):
         if not isinstance(stated := getattr(plugin, name, False), bool):
             problems.append(f"states {name} = {stated!r:.40}: True or False is meant")
+    problems += misdeclared(declared(plugin)) if contract is Behaviour else ()
     config = getattr(plugin, "Config", None)
     if not (inspect.isclass(config) and issubclass(config, Config)):
         problems.append("has no Config that is a subclass of artemis.config.Config")
+    elif contract is Behaviour and (until := config.model_fields.get("until")):
+        if not until.is_required() and until.default is not None:
+            problems.append("has a default of until in its Config: a mission writes this condition, or nobody")
     return problems

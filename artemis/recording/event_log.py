@@ -9,6 +9,7 @@ from typing import Any
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT
 from artemis.motion.potentiometers import memory_words
+from artemis.progress import MissionEvent
 from artemis.recording.journal import Entry, Level
 from artemis.states.requests import ignored
 from artemis.supervision.catalogue import EMERGENCIES, ROWS, emergency
@@ -72,6 +73,8 @@ class EventLog:
             self._origin = now - sensed.time
         self._keep(sensed.time, frames)
         entries: list[Entry] = []
+        if sensed.answers:
+            entries += [Entry(time=sensed.time, kind="answer", text=answer) for answer in sensed.answers]
         if sensed.requests:
             entries += self._requests(tick, previous.mode if previous else tick.mode)
         for drive in sensed.drives:
@@ -83,6 +86,9 @@ class EventLog:
             entries += self._judged(previous, tick)
         if previous is None or tick.mode is not previous.mode:
             entries += self._changed(previous, tick)
+        for event in tick.events:
+            data = {"event": event.kind, "place": event.place}
+            entries.append(Entry(time=sensed.time, kind="mission", text=happened(event, tick.mode), data=data))
         if tick.wish.phase and (previous is None or tick.wish.phase != previous.wish.phase):
             entries.append(Entry(time=sensed.time, kind="phase", text=tick.wish.phase))
         if sensed.results or tick.wish.jobs:
@@ -257,6 +263,25 @@ def code_name(code: int) -> str:
 def meaning(code: int) -> str:
     """An error code of a drive, and what it means."""
     return f"0x{code:04X} {ROWS[EMERGENCIES[code]].name}" if code in EMERGENCIES else f"0x{code:04X} unknown"
+
+
+def happened(event: MissionEvent, mode: Mode) -> str:
+    """What happened in a mission, in words; `mode` of that tick."""
+    rests = "" if mode is Mode.READY else ": coming to rest"
+    match event.kind:
+        case "ended":
+            return f"step ended: {event.text} ({event.place})"
+        case "fired":
+            return f"condition met: {event.text}{rests}"
+        case "expired":
+            return f"time limit reached: {event.text}{rests}"
+        case "caught":
+            return f"outcome {event.text} caught ({event.place})"
+        case "end":
+            return f"the mission ends: {event.text} ({event.place})"
+        case "retry" | "round":
+            return f"{event.kind} {event.text}"
+    return f"{event.kind}: {event.text}"
 
 
 def values_of(result: JobResult) -> str:

@@ -11,8 +11,9 @@ from importlib.metadata import version
 import msgspec
 
 from artemis.motion.track import Track
+from artemis.progress import Position
 from artemis.recording.journal import Entry, Level
-from artemis.values import Pose, Position
+from artemis.values import Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

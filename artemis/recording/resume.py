@@ -10,11 +10,13 @@ from pathlib import Path
 
 from artemis.errors import ConfigError, RecordingError
 from artemis.motion.track import Track
+from artemis.progress import Position
 from artemis.recording.journal import Entry, read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.run_folder import RunFolder
 from artemis.recording.schemas import TickRecord
+from artemis.states.outline import numbered
 from artemis.values import Mode, Pose, Request
 
 DONE, BROKEN = "done", "did not end normally"
@@ -26,7 +28,7 @@ MOVING = 0.01
 SIMULATION = "simulation"
 """The bus of a simulated run."""
 _DISK = ("DSK-02", "DSK-03", "DSK-05")
-_DRIVING = (Mode.TELEOP.value, Mode.FOLLOW.value)
+_DRIVING = (Mode.TELEOP.value, Mode.FOLLOW.value, Mode.ACT.value)
 
 
 def where_it_stopped(
@@ -86,7 +88,7 @@ def _where_it_stopped(
         position=last.position,
         pose=pose,
         true_pose=true_pose,
-        tracks=_tracks(run, recording, last.position.step),
+        tracks=_tracks(run, recording, last.position),
     )
     return resume_point, notes
 
@@ -163,28 +165,32 @@ def _driven_since(recording: Recording, root: Path) -> Path | None:
     return None
 
 
-def _tracks(run: Path, recording: Recording, step: int) -> dict[str, Track]:
-    """What was driven in steps that record it, up to `step`: made again from the ticks as mode teleop made it.
+def _tracks(run: Path, recording: Recording, position: Position) -> dict[str, Track]:
+    """What was driven in steps that record it, up to a position: made again from the ticks as mode teleop made it.
 
     Raises:
         ConfigError: ticks are missing of a path that is needed.
     """
-    before, steps = recording.resume_point, recording.mission["steps"]
-    records = {number: done["teleop"] for number, done in enumerate(steps) if (done.get("teleop") or {}).get("record")}
+    before, steps = recording.resume_point, enumerate(numbered(recording.mission["steps"]))
+    records = {number: body for number, (_, word, body) in steps if word == "teleop" and body.get("record")}
     tracks = deepcopy(before.tracks) if before else {}
     if not records:
         return tracks
     current, index = before.position.step if before else 0, -1
     for tick in recording.ticks():
         teleop = records.get(current) if tick.mode is Mode.TELEOP else None
+        if teleop is not None and tick.wish.done == 0.0:
+            tracks.pop(teleop["record"], None)
         if teleop is not None and not tick.snapshot.pose.lost:
             if tick.snapshot.sensed.index != index + 1:
                 raise _refused(run, f"ticks are missing while the path {teleop['record']} was recorded")
-            samples = (sample for sample in tick.snapshot.sensed.inputs if sample.source == teleop["input"])
+            sources = teleop.get("inputs") or [teleop["input"]]
+            samples = (sample for sample in tick.snapshot.sensed.inputs if sample.source in sources)
             pressed = any(Request.RECORD in sample.requests for sample in samples)
             tracks.setdefault(teleop["record"], Track()).see(tick.snapshot.pose.pose, pressed=pressed)
         current, index = tick.position.step, tick.snapshot.sensed.index
-    missing = [done["record"] for number, done in records.items() if number < step and done["record"] not in tracks]
+    earlier = [body["record"] for number, body in records.items() if number < position.step]
+    missing = [name for name in earlier if name not in tracks and not position.place]  # in a list each was done
     if missing:
         raise _refused(run, f"nothing is left of the path {missing[0]}, which was recorded by driving")
     return tracks

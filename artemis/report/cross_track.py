@@ -16,10 +16,11 @@ from artemis.motion.perception import moment, stale_age
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.route import Route, route_from_csv
 from artemis.motion.spline import Array
-from artemis.motion.waypoints import distances
+from artemis.motion.waypoints import along_lines, distances
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.report.rows import Errors
+from artemis.states.outline import numbered
 from artemis.values import Pose, Tracking
 
 SAME = 1e-3
@@ -39,8 +40,8 @@ def routes_of(recording: Recording) -> dict[int, tuple[Route, bool]]:
     As it wants them driven; and whether they are begun at the place that is nearest to the robot.
     """
     routes = {}
-    for number, step in enumerate(recording.mission.get("steps", ())):
-        follow = step.get("follow") or {}
+    for number, (_, word, body) in enumerate(numbered(recording.mission.get("steps"))):
+        follow = body if word == "follow" else {}
         direction, rounding = follow.get("direction"), follow.get("round_corners_m")
         try:
             given, lines = _given(recording, follow.get("path"), follow.get("laps", 1))
@@ -121,13 +122,7 @@ def _changed(route: Route) -> Array | None:
         curves.append(np.column_stack([part.path.x, part.path.y]))
     if distances(np.vstack(points), np.vstack(curves)).max() <= SAME:
         return None
-    return np.vstack([_dense(corners) for corners in points])
-
-
-def _dense(corners: Array) -> Array:
-    distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(corners, axis=0).T)))
-    places = np.union1d(distance, np.arange(0.0, distance[-1], SPACING))
-    return np.column_stack([np.interp(places, distance, column) for column in corners.T])
+    return np.vstack([along_lines(part, lambda at: np.union1d(at, np.arange(0.0, at[-1], SPACING))) for part in points])
 
 
 class GivenErrors:

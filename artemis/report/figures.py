@@ -32,6 +32,7 @@ MODE_COLORS = {
     Mode.CALIBRATE.value: "#d9b44a",
     Mode.TELEOP.value: "#a58bd0",
     Mode.FOLLOW.value: "#6fa8dc",
+    Mode.ACT.value: "#d58fb4",
     Mode.QUICKSTOP.value: "#ee9a4d",
     Mode.FAULT.value: ALARM,
     Mode.END.value: "#9aa0a6",

@@ -12,12 +12,17 @@ from artemis.recording.disk import write_whole
 from artemis.recording.journal import Entry, Level
 from artemis.recording.mcap_reader import Recording
 from artemis.report.fault_words import explained, histories
+from artemis.report.mission_boxes import boxes_of, is_list
+from artemis.report.mission_chart import chart
+from artemis.report.mission_times import MissionTimes
 from artemis.report.series import Series, read_series
 from artemis.report.summary import Summary, summary
 from artemis.report.truth_words import comparison_rows
 
 MAX_FAULTS = 20
 """Rows of the table of faults."""
+MAX_STEPS, MAX_BOXES = 300, 300
+"""Rows of the table of steps, and boxes of the mission's picture, if it has words."""
 MAX_ENTRIES = 300
 """Rows of the table of events; the journal holds all."""
 
@@ -39,6 +44,8 @@ p { margin: 2px 0 10px; opacity: .72; }
 .cards div { background: var(--faint); border-radius: 6px; padding: 10px 12px; }
 .cards b { display: block; font-size: 20px; font-weight: 600; font-variant-numeric: tabular-nums; }
 .cards span { font-size: 12.5px; opacity: .72; }
+.chart { overflow-x: auto; }
+.chart svg { max-width: none; }
 svg { display: block; width: 100%; height: auto; }
 table { border-collapse: collapse; width: 100%; font-size: 13.5px; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; padding: 4px 10px 4px 0; border-bottom: 1px solid var(--line); vertical-align: top; }
@@ -64,7 +71,7 @@ def write_report(
     run = series or read_series(recording)
     facts = summary(recording, run)
     sections = [] if truth is None else [_truth_section(*truth), *_figures(truth_figures.truth_drawn(run, truth[1]))]
-    page = _page(facts, [*sections, *_figures(figures.drawn(run))], run.entries, recording)
+    page = _page(facts, [*sections, *_figures(figures.drawn(run))], run, recording)
     write_whole(out, page)
     return facts
 
@@ -79,7 +86,8 @@ def _truth_section(source: str, comparison: Comparison) -> str:
     return f"<h2>Truth</h2>\n<p>{caption}</p>\n{_table(('', ''), rows, numbers=0)}"
 
 
-def _page(facts: Summary, sections: Sequence[str], entries: Sequence[Entry], recording: Recording) -> str:
+def _page(facts: Summary, sections: Sequence[str], run: Series, recording: Recording) -> str:
+    entries = run.entries
     title = f"{facts.mission or 'Run'} · {facts.start:%Y-%m-%d %H:%M:%S} UTC"
     missing = f'<p class="warning">The recording is not whole: {escape(facts.missing)}.</p>' if facts.missing else ""
     made_from = ", ".join(f"{key} {value}" for key, value in recording.versions.items() if not key.startswith("start"))
@@ -96,7 +104,7 @@ def _page(facts: Summary, sections: Sequence[str], entries: Sequence[Entry], rec
         "<h2>Summary</h2>",
         _table(("", ""), (("", (name, value)) for name, value in _rows(facts)), numbers=0),
         "<h2>Steps</h2>",
-        _steps_table(facts),
+        _steps_table(facts) if is_list(recording.mission) else _mission_section(recording, run.mission),
         "<h2>Events</h2>",
         _entries_table(entries),
         f"<p>{escape(made_from)}</p>",
@@ -161,6 +169,25 @@ def _steps_table(facts: Summary) -> str:
         return "<p>No step began.</p>"
     rows = (("", (s.value, f"{s.begin:.2f}", f"{s.end:.2f}", _seconds(s.end - s.begin))) for s in facts.steps)
     return _table(("step", "begin [s]", "end [s]", "took"), rows, numbers=3)
+
+
+def _mission_section(recording: Recording, run: MissionTimes) -> str:
+    """The picture of a mission with words, and each step that ran."""
+    rows = (
+        ("", (step.name, step.path, step.left, str(step.number), f"{step.time:.1f}" if step.time else ""))
+        for step in run.ran[:MAX_STEPS]
+    )
+    table = _table(("step", "in the mission", "ended with", "ran", "took [s]"), rows, numbers=2) if run.ran else ""
+    more = f"<p>{len(run.ran) - MAX_STEPS} more ran.</p>" if len(run.ran) > MAX_STEPS else ""
+    box = boxes_of(recording.mission)
+    few = sum(1 for _ in box.inside()) <= MAX_BOXES
+    picture = (
+        f'<div class="chart">{chart(box, run.marks)}</div>'
+        if few
+        else "<p>Too large to be drawn here; artemis graph MISSION --svg FILE draws it.</p>"
+    )
+    words = "<p>The mission; pale steps did not run. Time counts while the mission runs: not in a stop or fault.</p>"
+    return (table + more if run.ran else "<p>No step began.</p>") + words + picture
 
 
 def _entries_table(entries: Sequence[Entry]) -> str:

@@ -17,11 +17,12 @@ from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.report.bus_load import BusLoad
 from artemis.report.cross_track import GivenErrors, TruePlaces, TruePoses, routes_of
+from artemis.report.mission_times import MissionTimes
 from artemis.report.rows import Errors, Rows
 from artemis.values import DriveFeedback, Mode, Pose, SetPoints, Tracking
 from artemis.vehicle import RobotFile
 
-_DOING = (Mode.CALIBRATE.value, Mode.TELEOP.value, Mode.FOLLOW.value)
+_DOING = (Mode.CALIBRATE.value, Mode.TELEOP.value, Mode.FOLLOW.value, Mode.ACT.value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +97,8 @@ class Series:
     modes: tuple[Interval, ...]
     steps: tuple[Interval, ...]
     """Of the modes those that do what the mission wants."""
+    mission: MissionTimes
+    """Where the mission was."""
     drive_states: dict[str, tuple[Interval, ...]]
     """By the name of the drive."""
     paths: tuple[Path, ...]
@@ -165,6 +168,7 @@ class _Reader:
         self._rows = Rows(len(_COLUMNS) + 2 * len(self._drives), _AT["x"], _AT["y"], ticks, faults)
         self._true_places = TruePlaces(routes_of(recording))
         self._modes = _Spans()
+        self._mission = MissionTimes(recording.mission)
         self.bus = BusLoad(recording.number, recording.duration)
         self.index = -1
         """Of the last tick."""
@@ -219,6 +223,7 @@ class _Reader:
         if tick.wish.reset_pose:
             self._driven, self._placed_after, self._located = None, time, None
         self._modes.see(time, tick.mode)
+        self._mission.see(tick)
         self.bus.tick(time)
         self.index, self._finished, self._source = sensed.index, tick.wish.finished, located.source
         self._ticks += 1
@@ -257,6 +262,7 @@ class _Reader:
             error_end=self._error_end,
             modes=modes,
             steps=tuple(interval for interval in modes if interval.value in _DOING),
+            mission=self._mission,
             drive_states={name: spans.intervals() for name, spans in self._states.items()},
             paths=tuple(self._true_places.paths),
             entries=self._entries,

@@ -31,11 +31,29 @@ WheelAngle = Annotated[float, Quantity(-90.0, 90.0, "degrees")]
 Resistance = Annotated[float, Quantity(1e-4, 1000.0, "ohms")]
 
 
+Voltage = Annotated[float, Quantity(1.0, 100.0, "V")]
+VoltagePerHour = Annotated[float, Field(ge=0, le=100_000)]
+
+
+class Charger(Config):
+    """Charges the batteries of a robot that is near."""
+
+    x_m: float
+    y_m: float
+    """Place of the rear axle's centre there, in the world's frame."""
+    within_m: Annotated[float, Quantity(0.01, 10.0, "m")] = 0.3
+    charge_v_per_h: VoltagePerHour = 2.0
+    up_to_v: Voltage = 27.0
+
+
 class Supply(Config):
     """Two lead batteries in series and the wires to the drives; braking drives feed back."""
 
-    battery_v: Annotated[float, Quantity(1.0, 100.0, "V")] = 25.0
-    """Without load."""
+    battery_v: Voltage = 25.0
+    """Without load, when the run begins."""
+    discharge_v_per_h: VoltagePerHour = 0.0
+    """How fast that sinks. Of a real battery 0.5 or so; much more shows in minutes what takes hours."""
+    charger: Charger | None = None
     source_resistance_ohm: Resistance = 0.1
     back_feed_resistance_ohm: Resistance = 0.5
     """Instead of the source resistance while current flows back: the less the battery takes, the higher it is."""
@@ -235,9 +253,20 @@ class World:
         self._steering_left.feel(self._dice, noise, self.time)
         self._steering_right.feel(self._dice, noise, self.time)
 
+    def _charge(self, supply: Supply, dt: float) -> None:
+        """The batteries' voltage after `dt`: it rises near the charger, and sinks elsewhere."""
+        charger, vehicle = supply.charger, self._vehicle
+        if charger and math.hypot(vehicle.x - charger.x_m, vehicle.y - charger.y_m) <= charger.within_m:
+            risen = self.battery_v + charger.charge_v_per_h * dt / 3600.0
+            self.battery_v = max(self.battery_v, min(risen, charger.up_to_v))
+        else:
+            self.battery_v = max(1.0, self.battery_v - supply.discharge_v_per_h * dt / 3600.0)
+
     def _feed(self, dt: float) -> None:
         """Supply voltage after `dt` at the present load: a source behind a resistance, loading a capacitor."""
         supply = self._true.supply
+        if self.battery_v and (supply.discharge_v_per_h or supply.charger):
+            self._charge(supply, dt)
         power = 0.0
         for axis in self._axes:
             # mA * rpm * V / rpm: torque times speed, the motor constant being nominal voltage per no-load speed

@@ -27,7 +27,8 @@ class CalibrateMode(RoutineMode):
                 snapshot = yield from turn(plan, step, snapshot)
             case _:
                 snapshot = yield from align(shared, snapshot)
-        if plan.blind or (type(shared.current) is not CalibrateStep and shared.current is plan.steps[-1]):
+        is_last = shared.tree.is_list and shared.current is plan.steps[-1]
+        if plan.blind or (type(shared.current) is not CalibrateStep and is_last):
             yield replace(OFF, event=Event.END, over=True, phase="calibrated")
         snapshot = yield from enable(ON, snapshot)
         stand = replace(ON, command=DriveCommand(steering=snapshot.set_points.steering))

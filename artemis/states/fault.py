@@ -67,14 +67,15 @@ class FaultMode(RoutineMode):
         """Come to rest, off, histories, acknowledgment."""
         shared, plan, bring_up = self.shared, self.plan, self.bring_up
         exchange = bring_up.connected
-        stopping = replace(STOPPING, exchange=exchange, heartbeat=exchange, supervised=exchange)
+        judged = exchange and not bring_up.proving  # drives that miss our heartbeat now are at no fault
+        stopping = replace(STOPPING, exchange=exchange, heartbeat=exchange, supervised=judged)
         if exchange:
             snapshot = yield from come_to_rest(shared, stopping, snapshot)
         else:
             _, snapshot = yield from secure(shared, stopping, snapshot)
         idle = replace(IDLE, exchange=exchange, heartbeat=exchange, phase="reading error histories")
         if exchange:
-            snapshot = yield from switch_off(shared, OFF, snapshot)
+            snapshot = yield from switch_off(shared, replace(OFF, supervised=judged), snapshot)
             _, snapshot = yield from finish_jobs(idle, bring_up.jobs(JobKind.READ_HISTORY, plan.drives()))
         latest = snapshot.time + PATIENCE
         while snapshot.verdict.stops:

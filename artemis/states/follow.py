@@ -39,6 +39,7 @@ class FollowMode:
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
         self._begun: FollowStep | None = None
+        self._entry = 0
         self._drive: PartByPart | None = None
         self._fault: Fault | None = None
         self._last: float | None = None
@@ -57,7 +58,7 @@ class FollowMode:
         self._fault, self._last, self._armed, self._over = None, None, False, None
         if not isinstance(step, FollowStep):
             return
-        if step is self._begun and self._drive is not None:
+        if step is self._begun and self._entry == self.shared.entry and self._drive is not None:
             self._drive.go_on()
             return
         try:
@@ -68,34 +69,36 @@ class FollowMode:
         rest = self._rest(route, step, snapshot.pose.pose)
         self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.shared.plan.robot)
         self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
-        self._begun, self._spent = step, 0.0
+        self._begun, self._entry, self._spent = step, self.shared.entry, 0.0
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
         step, drive = self.shared.current, self._drive
         if not isinstance(step, FollowStep):
-            return _stand(snapshot, event=Event.DONE)
+            return stand(snapshot, event=Event.DONE)
         if snapshot.pose.lost:
-            return _stand(snapshot, fault=_lost(snapshot, localized=self.shared.plan.localized))
+            return stand(snapshot, fault=lost_fault(snapshot, localized=self.shared.plan.localized))
         if drive is None or self._fault is not None:
-            return _stand(snapshot, fault=self._fault)
+            return stand(snapshot, fault=self._fault)
         following = drive.step(snapshot)
         if isinstance(following, Fault):
-            return _stand(snapshot, fault=following)
+            return stand(snapshot, fault=following)
         tracking = following.tracking
         if fault := self._off_path(tracking, snapshot.odometry.distance, step.max_cross_track):
-            return _stand(snapshot, fault=fault, tracking=tracking)
+            return stand(snapshot, fault=fault, tracking=tracking)
         return replace(self._on_path(drive, following, snapshot), tracking=tracking, done=max(tracking.arc_length, 0.0))
 
     def _on_path(self, drive: PartByPart, following: Following, snapshot: Snapshot) -> Wish:
         """As the follower says, unless it is at the end, or something is wrong."""
+        if self.shared.rests:
+            return stand(snapshot, event=Event.DONE if snapshot.standing else None)
         if following.finished:  # whatever the follower still commands
-            return replace(_stand(snapshot, event=Event.DONE), over=True) if snapshot.standing else _stand(snapshot)
+            return replace(stand(snapshot, event=Event.DONE), over=True) if snapshot.standing else stand(snapshot)
         if self._shaking and (fault := self._shaking.look(snapshot)):
-            return _stand(snapshot, fault=fault)
+            return stand(snapshot, fault=fault)
         self._spent += snapshot.dt
         if fault := self._overrun(following.tracking, drive.end, snapshot.odometry.distance):
-            return _stand(snapshot, fault=fault)
+            return stand(snapshot, fault=fault)
         return Wish(command=following.command, traction=_ENABLED, steering=_ENABLED, phase="following")
 
     def _route(self, step: FollowStep) -> Route:
@@ -142,7 +145,7 @@ class FollowMode:
         return catalogue.fault("PTH-08", "", f"{beyond:.2f} m beyond the end") if beyond > OVERRUN else None
 
 
-def _stand(
+def stand(
     snapshot: Snapshot, *, event: Event | None = None, fault: Fault | None = None, tracking: Tracking | None = None
 ) -> Wish:
     """Stand with the wheels where they are."""
@@ -150,7 +153,7 @@ def _stand(
     return replace(ON, command=command, event=event, fault=fault, tracking=tracking, phase="standing")
 
 
-def _lost(snapshot: Snapshot, *, localized: bool) -> Fault:
+def lost_fault(snapshot: Snapshot, *, localized: bool) -> Fault:
     """Nobody knows where the robot is: until the next fix (LOC-01), or without a localizer for good (RUN-08)."""
     if not localized:
         return catalogue.fault("RUN-08")

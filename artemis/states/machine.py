@@ -6,16 +6,18 @@ from transitions import Machine
 
 from artemis.values import Event, Mode
 
-_RUNNING = (Mode.CALIBRATE, Mode.TELEOP, Mode.FOLLOW)
+STEP_MODES = (Mode.CALIBRATE, Mode.TELEOP, Mode.FOLLOW, Mode.ACT)
+"""In which a step of the mission is done."""
 
 TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (Mode.INIT, Event.ALIGNED): Mode.READY,
     (Mode.READY, Event.CALIBRATE): Mode.CALIBRATE,
     (Mode.READY, Event.TELEOP): Mode.TELEOP,
     (Mode.READY, Event.FOLLOW): Mode.FOLLOW,
-    **{(mode, Event.DONE): Mode.READY for mode in _RUNNING},
-    **{(mode, Event.STOP): Mode.QUICKSTOP for mode in (Mode.INIT, Mode.READY, *_RUNNING)},
-    **{(mode, Event.FAULT): Mode.FAULT for mode in (Mode.INIT, Mode.READY, Mode.QUICKSTOP, *_RUNNING)},
+    (Mode.READY, Event.ACT): Mode.ACT,
+    **{(mode, Event.DONE): Mode.READY for mode in STEP_MODES},
+    **{(mode, Event.STOP): Mode.QUICKSTOP for mode in (Mode.INIT, Mode.READY, *STEP_MODES)},
+    **{(mode, Event.FAULT): Mode.FAULT for mode in (Mode.INIT, Mode.READY, Mode.QUICKSTOP, *STEP_MODES)},
     (Mode.QUICKSTOP, Event.STOP): Mode.QUICKSTOP,  # asked for again: begins anew, and drops a re-arm under way
     (Mode.QUICKSTOP, Event.REARMED): Mode.READY,
     (Mode.QUICKSTOP, Event.ACKNOWLEDGED): Mode.INIT,  # stopped before the wheels were aligned: bring up again

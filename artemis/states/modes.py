@@ -7,20 +7,25 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from artemis.drive_states import Goal
+from artemis.progress import MissionEvent
+from artemis.states.act import ActMode, Observing
 from artemis.states.calibrate import CalibrateMode
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
 from artemis.states.follow import FollowMode
 from artemis.states.init import InitMode
-from artemis.states.machine import ModeMachine
+from artemis.states.machine import STEP_MODES, ModeMachine
 from artemis.states.mode import ModeLogic
-from artemis.states.plan import Shared, advance
+from artemis.states.plan import Shared
 from artemis.states.quickstop import QuickstopMode
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import Action, Cause, Event, Mode, Request, Severity, Snapshot, Verdict, Wish
 
+_STOPS = (Event.STOP, Event.FAULT)
 _END, _END_REQUEST, _QUICKSTOP_REQUEST, _QUICKSTOP = Event.END, Request.END, Request.QUICKSTOP, Mode.QUICKSTOP
+RUNNING = (Mode.READY, *STEP_MODES)
+"""Modes in which the mission runs; in all others it is as it was."""
 _CONTROLLED_STOP, _QUICK_STOP, _OFF = Severity.CONTROLLED_STOP, Severity.QUICK_STOP, Severity.OFF
 
 
@@ -30,6 +35,7 @@ class Modes:
     Attributes:
         mode: The present mode.
         failed: A fault or a stop ended the run before its last step, or a drive did not end normally.
+        events: What happened in the mission in this tick.
     """
 
     def __init__(self, shared: Shared) -> None:
@@ -38,13 +44,16 @@ class Modes:
         self.mode = self._machine.mode
         self._end_requested = self._end_wished = False
         self.failed = False
+        self.events: tuple[MissionEvent, ...] = ()
         self._stopped_for = Severity.NONE
+        self._beside = Observing(shared)
         self._logic: dict[Mode, ModeLogic] = {
             Mode.INIT: InitMode(shared),
             Mode.READY: ReadyMode(shared),
             Mode.CALIBRATE: CalibrateMode(shared),
             Mode.TELEOP: TeleopMode(shared),
             Mode.FOLLOW: FollowMode(shared),
+            Mode.ACT: ActMode(shared),
             Mode.QUICKSTOP: QuickstopMode(shared),
             Mode.FAULT: FaultMode(shared),
             Mode.END: EndMode(shared),
@@ -65,10 +74,18 @@ class Modes:
                 self.mode = self._machine.mode
                 if cause.event is Event.END and (self._shared.current is not None or verdict.stops):
                     self.failed = True
+                if cause.event in _STOPS and cause.faults:
+                    self._shared.note_fault(cause.faults[0].id)
                 self._stopped_for = verdict.severity if self.mode is Mode.QUICKSTOP else Severity.NONE
                 self._logic[self.mode].enter(snapshot)
                 return cause
         return None
+
+    @property
+    def spare(self) -> frozenset[str]:
+        """Inputs without which the robot may do what it does now."""
+        shared = self._shared
+        return shared.spare.difference(shared.needed) if self.mode is Mode.TELEOP else shared.spare
 
     def _causes(self, verdict: Verdict, requests: tuple[Request, ...], wished: Event | None) -> Iterator[Cause]:
         """What may change the mode, the most urgent first."""
@@ -94,7 +111,13 @@ class Modes:
         """What the present mode wants of this tick, unless nothing but power off is left."""
         wish, verdict = self._logic[self.mode].step(snapshot), snapshot.verdict
         self.failed = self.failed or wish.failed
-        self._shared.position = advance(self._shared.position, wish)
+        shared, self.events = self._shared, ()
+        if self.mode in RUNNING:
+            wish = self._beside.ask(snapshot, wish)
+            entry, ready = shared.entry, self.mode is Mode.READY
+            self.events = shared.advance(wish, snapshot, standing=ready)
+            if ready and wish.event is not _END and (shared.entry != entry or shared.rests or shared.current is None):
+                wish = replace(wish, event=None)  # what was to begin is no longer next
         if verdict.severity is _OFF:
             off = replace(wish.command, action=Action.DISABLE)
             wish = replace(wish, command=off, traction=Goal.DISABLED, heartbeat=wish.heartbeat and not verdict.alarm)

@@ -13,9 +13,13 @@ from msgspec.structs import replace
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
 from artemis.motion.track import Track
-from artemis.plugins.contracts import Follower
+from artemis.plugins.contracts import Behaviour, Declared, Follower
+from artemis.progress import MissionEvent, Position
+from artemis.states.advance import MissionFacts, Passive, advance
+from artemis.states.condition import Condition
+from artemis.states.tree import DONE, Tree, list_of
 from artemis.supervision.policy import Policies
-from artemis.values import Job, JobKind, Pose, Position, Wish
+from artemis.values import Job, JobKind, Pose, Request, Snapshot, Wish
 from artemis.vehicle import RobotFile
 
 
@@ -57,28 +61,74 @@ class TeleopStep(Struct, frozen=True, kw_only=True):
     """Drive by hand until the input says done or the time is over (`seconds` None: no limit)."""
 
     input: str
+    lower: tuple[str, ...] = ()
+    """Other inputs, by falling priority: each drives only while none before it is active."""
     seconds: float | None
     speed: float | None = None
-    """Of the virtual front wheel [m/s], where the input says: it drives no faster."""
+    """Of the virtual front wheel [m/s], where every input says: the fastest drives no faster."""
     record: str = ""
     """Name of the path that is recorded; none: nothing is."""
     enabled_by: str = "the enable button"
     """What a person holds to drive, as messages name it."""
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """All its inputs, the one of the highest priority first."""
+        return self.input, *self.lower
+
 
 class WaitStep(Struct, frozen=True, kw_only=True):
-    """Stand still."""
+    """Stand still: for `seconds`, or until a condition holds, then with `timeout` after `at_most` [s]."""
 
-    seconds: float
+    seconds: float | None = None
+    condition: Condition | None = None
+    at_most: float | None = None
 
 
-Step = CalibrateStep | FollowStep | TeleopStep | WaitStep
+class AskStep(Struct, frozen=True, kw_only=True):
+    """Stand still until somebody answers, or end with `timeout` after `at_most` [s]."""
+
+    question: str
+    answers: tuple[str, ...]
+    at_most: float | None = None
+
+
+class BehaviourStep(Struct, frozen=True, kw_only=True):
+    """What a behaviour plugin does, until it ends."""
+
+    name: str
+    """Of the plugin."""
+    behaviour: Behaviour
+    declared: Declared
+    speed: float | None = None
+    """Of the virtual front wheel [m/s], where its keys say: it drives no faster."""
+
+
+Step = CalibrateStep | FollowStep | TeleopStep | WaitStep | AskStep | BehaviourStep
+
+
+def _passive(step: Step) -> Passive | None:
+    """What ends a step that moves nothing."""
+    match step:
+        case WaitStep():
+            return Passive(seconds=step.seconds, condition=step.condition, at_most=step.at_most)
+        case AskStep():
+            return Passive(answers=step.answers, at_most=step.at_most)
+    return None
 
 
 def with_followers(steps: Iterable[Step], change: Callable[[Follower], Follower]) -> tuple[Step, ...]:
     """The steps, each follower as `change` makes it."""
     return tuple(
         replace(step, follower=change(step.follower)) if isinstance(step, FollowStep) else step for step in steps
+    )
+
+
+def with_behaviours(steps: Iterable[Step], change: Callable[[str, Behaviour], Behaviour]) -> tuple[Step, ...]:
+    """The steps, each behaviour as `change` makes it."""
+    return tuple(
+        replace(step, behaviour=change(step.name, step.behaviour)) if isinstance(step, BehaviourStep) else step
+        for step in steps
     )
 
 
@@ -98,6 +148,9 @@ class Plan(Struct, frozen=True, kw_only=True):
 
     robot: RobotFile
     steps: tuple[Step, ...]
+    """Those that take time, by their numbers."""
+    tree: Tree | None = None
+    """How the mission composes them; None: one after the other."""
     policies: Policies = {}
     """What the mission says about single faults."""
     found: Mapping[str, float] | None = None
@@ -120,6 +173,12 @@ class Plan(Struct, frozen=True, kw_only=True):
     def blind(self) -> bool:
         """Nobody knows what the potentiometers say: traction stays off."""
         return self.found is not None
+
+    @property
+    def spare(self) -> frozenset[str]:
+        """Inputs that are never the first of a step: the loss of one that is not needed is only a warning."""
+        steps = [step for step in self.steps if isinstance(step, TeleopStep)]
+        return frozenset(name for step in steps for name in step.lower) - {step.input for step in steps}
 
     def drives(self, role: str | None = None) -> list[str]:
         """Names of all drives, or of those with `role`."""
@@ -184,8 +243,21 @@ class Shared:
     def __init__(self, plan: Plan) -> None:
         """As a run of the plan begins."""
         self.plan, self.position = plan, plan.begin
+        self.spare = plan.spare
+        self.needed: tuple[str, ...] = ()
+        """Inputs that have to be heard now, in mode teleop: the one that has the robot, and those before it."""
         self.bring_up = BringUp(placed=plan.start is not None)
         self.results = Results(tracks=deepcopy(dict(plan.tracks)))
+        self.tree = plan.tree or list_of(len(plan.steps))
+        self.entry = 0
+        """How many steps have begun, or were gone on with after another one: a mode sees that its step is a new one."""
+        self.rests = False
+        """The present step is to come to rest, for something else is next."""
+        self.beside: Mapping[int, str] = {}
+        """Steps that run beside the present one, each with the state of its behaviour (JSON; empty: it begins)."""
+        self._told: dict[str, float] = {}
+        self._passive = [_passive(step) for step in plan.steps]
+        self._driven, self._at = 0.0, 0.0
 
     @property
     def current(self) -> Step | None:
@@ -197,12 +269,63 @@ class Shared:
     def top_speed(self) -> float:
         """What the way to stop was checked for, of the current step: speed of the virtual front wheel [m/s]."""
         step = self.current
-        told = step.speed if isinstance(step, FollowStep | TeleopStep) else None
+        told = step.speed if isinstance(step, FollowStep | TeleopStep | BehaviourStep) else None
         return self.plan.robot.limits.speed_m_s if told is None else told
 
+    def note_fault(self, fault: str) -> None:
+        """A fault, by its id, stopped the mission: it is told once the robot may go on."""
+        if self.tree.catches_faults and not self.position.fault:
+            self.position = replace(self.position, fault=fault)
 
-def advance(position: Position, wish: Wish) -> Position:
-    """Where the mission is after a tick in which the mode wished this."""
-    if wish.over:
-        return Position(step=position.step + 1)
-    return position if wish.done is None else Position(step=position.step, done=wish.done)
+    def advance(self, wish: Wish, snapshot: Snapshot, *, standing: bool) -> tuple[MissionEvent, ...]:
+        """Move the position after a tick in which the mission ran; what happened in it."""
+        position, self.beside = self.position, {}
+        if position.step >= self.tree.size:
+            return ()
+        acted = {told.step: told for told in wish.acted}
+        for told in wish.acted:
+            self._told.update({signal.name: signal.value for signal in told.signals})
+        if self.tree.is_list and not (wish.over or wish.outcome or self._passive[position.step]):
+            if wish.done is not None:
+                state = acted[position.step].state if acted else position.state
+                self.position = replace(position, done=wish.done, state=state)
+            return ()
+        outcome = wish.outcome or (DONE if wish.over else "")
+        facts = MissionFacts(
+            signals=self._signals(snapshot),
+            dt=snapshot.dt,
+            standing=standing,
+            done=wish.done,
+            outcome=outcome,
+            answers=snapshot.sensed.answers,
+            acted=acted,
+        )
+        advanced = advance(self.tree, self._passive, position, facts)
+        self.position, self.rests, self.beside = advanced.position, advanced.rests, advanced.beside
+        self.entry += advanced.begun
+        begun = [self.position.step] if advanced.begun and not self.position.state else []
+        self._forget([*begun, *(number for number, state in self.beside.items() if not state)])
+        return advanced.events
+
+    def _forget(self, begun: Iterable[int]) -> None:
+        """What the behaviours of steps that begin told before counts no more."""
+        for number in begun:
+            step = self.plan.steps[number]
+            for name in step.declared.signals if isinstance(step, BehaviourStep) else ():
+                self._told.pop(name, None)
+
+    def _signals(self, snapshot: Snapshot) -> dict[str, float | str | bool]:
+        sensed, distance = snapshot.sensed, snapshot.odometry.distance
+        self._driven, self._at = self._driven + abs(distance - self._at), distance
+        signals: dict[str, float | str | bool] = {
+            "run_s": sensed.time,
+            "driven_m": self._driven,
+            **self._told,
+        }
+        if sensed.battery_v is not None:
+            signals["battery_v"] = sensed.battery_v
+        for sample in sensed.inputs:
+            if sample.requests:
+                signals[f"{sample.source}.done"] = Request.DONE in sample.requests
+                signals[f"{sample.source}.record"] = Request.RECORD in sample.requests
+        return signals

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from artemis.states.mode import PATIENCE, at_rest, give_up, hands_on
-from artemis.states.plan import CalibrateStep, FollowStep, Shared, TeleopStep
+from artemis.states.plan import AskStep, BehaviourStep, CalibrateStep, FollowStep, Shared, TeleopStep, WaitStep
 from artemis.values import DriveCommand, Event, Snapshot, Wish
 
 
@@ -17,26 +17,41 @@ class ReadyMode:
 
     def enter(self, snapshot: Snapshot) -> None:
         """A step has ended, or the bring-up; a wait that was interrupted goes on."""
-        self._since = snapshot.time - self.shared.position.done
+        self._entry = self.shared.entry
+        self._since, self._last = snapshot.time - self.shared.position.done, snapshot.time
 
     def step(self, snapshot: Snapshot) -> Wish:
         """Stand, and ask for the mode of the plan's current step."""
-        stand = replace(at_rest(self.shared.plan), command=DriveCommand(steering=snapshot.set_points.steering))
-        match self.shared.current:
+        shared = self.shared
+        if shared.entry != self._entry:  # in the tick before
+            self._entry, self._since = shared.entry, self._last - shared.position.done
+        self._last = snapshot.time
+        stand = replace(at_rest(shared.plan), command=DriveCommand(steering=snapshot.set_points.steering))
+        match shared.current:
             case None:
-                return replace(stand, event=Event.END)
+                return replace(stand, event=Event.END, failed=shared.position.ended != "")
             case CalibrateStep():
                 return replace(stand, event=Event.CALIBRATE)
             case FollowStep():
                 return replace(stand, event=Event.FOLLOW)
-            case TeleopStep(input=name):
-                if held := hands_on(sample for sample in snapshot.sensed.inputs if sample.source == name):
-                    if snapshot.time - self._since - self.shared.position.done <= PATIENCE:
+            case BehaviourStep():
+                return replace(stand, event=Event.ACT)
+            case TeleopStep(inputs=names):
+                if held := hands_on(sample for sample in snapshot.sensed.inputs if sample.source in names):
+                    if snapshot.time - self._since - shared.position.done <= PATIENCE:
                         return replace(stand, phase=held)
                     return give_up(replace(stand, phase=held), late=True)
                 return replace(stand, event=Event.TELEOP)
-            case wait:
-                done = snapshot.time - self._since
-                if over := done >= wait.seconds:
-                    self._since = snapshot.time
-                return replace(stand, done=done, over=over, phase="waiting")
+        return self._wait(stand, snapshot)
+
+    def _wait(self, stand: Wish, snapshot: Snapshot) -> Wish:
+        """A step that moves nothing: a question ends the run where nobody can answer."""
+        step, done = self.shared.current, snapshot.time - self._since
+        if isinstance(step, AskStep):
+            phase = f"{step.question} ({', '.join(f'{n} {word}' for n, word in enumerate(step.answers, start=1))})"
+            stand = replace(stand, done=done, phase=phase)
+            if step.at_most is None and (done > PATIENCE or not snapshot.sensed.attended):
+                return give_up(stand, late=snapshot.sensed.attended)
+            return stand
+        over = isinstance(step, WaitStep) and step.seconds is not None and done >= step.seconds
+        return replace(stand, done=done, over=over, phase="waiting")

@@ -1,4 +1,4 @@
-"""Mode teleop: an operator's input becomes the vehicle's command."""
+"""Mode teleop: an operator's input becomes the vehicle's command; of several inputs the first that is active."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from msgspec.structs import replace
 from artemis.motion.track import Track
 from artemis.states.mode import ON
 from artemis.states.plan import Shared, TeleopStep
-from artemis.supervision import catalogue
-from artemis.values import DriveCommand, Event, OperatorInput, Request, Snapshot, Wish
-
-STALE = 0.15
-"""A sample older than this [s] stops the robot: the device is frozen or gone (INP-03)."""
+from artemis.states.priority import Priority, asked, is_heard, unheard_fault
+from artemis.values import DriveCommand, Event, OperatorInput, Request, Severity, Snapshot, Wish
 
 
 class TeleopMode:
-    """Drives as the input of the present step says, while its enable button is held."""
+    """Drives as the inputs of the present step say, while an enable button is held."""
 
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
 
     def enter(self, snapshot: Snapshot) -> None:
         """The controls were neutral when the step began, or went on after it was interrupted."""
-        self._since, self._ending, self._released = snapshot.time - self.shared.position.done, False, True
+        self._anew = not self.shared.position.done
+        self._since, self._ending = snapshot.time - self.shared.position.done, False
+        if isinstance(step := self.shared.current, TeleopStep):
+            self._priority = Priority(len(step.inputs))
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The operator's wish; standing still when the enable button is up; done when asked and at rest."""
@@ -34,23 +34,36 @@ class TeleopMode:
 
     def _drive(self, step: TeleopStep, done: float, snapshot: Snapshot) -> Wish:
         """As the operator says, `done` [s] after the step began."""
-        sample = next((i for i in snapshot.sensed.inputs if i.source == step.input), OperatorInput(source=step.input))
+        given = {sample.source: sample for sample in snapshot.sensed.inputs}
+        samples = [given.get(name) or OperatorInput(source=name) for name in step.inputs]
         stand = DriveCommand(steering=snapshot.set_points.steering)
+        if self._anew:  # what an earlier step recorded under this name is forgotten
+            self.shared.results.tracks.pop(step.record, None)
+            self._anew = False
         if step.record and not snapshot.pose.lost:
             track = self.shared.results.tracks.setdefault(step.record, Track())
-            track.see(snapshot.pose.pose, pressed=Request.RECORD in sample.requests)
+            track.see(snapshot.pose.pose, pressed=asked(Request.RECORD, samples))
         over = step.seconds is not None and done >= step.seconds
-        self._ending = self._ending or over or Request.DONE in sample.requests
+        self._ending = self._ending or over or asked(Request.DONE, samples)
         if self._ending and snapshot.standing:
             return replace(ON, command=stand, event=Event.DONE, over=True)
-        if self._ending:
+        if self.shared.rests and snapshot.standing:
+            return replace(ON, command=stand, event=Event.DONE)
+        if self._ending or self.shared.rests:
             return replace(ON, command=stand, phase="stopping")
-        if sample.age is None or sample.age > STALE:
-            unheard = catalogue.fault("INP-01" if sample.age is None else "INP-03", step.input)
-            return replace(ON, command=stand, fault=unheard)
-        if not sample.enabled:
-            self._released = snapshot.standing  # a press that comes sooner does not count (INP-09)
-            return replace(ON, command=stand, phase=f"hold {step.enabled_by} to drive")
-        if not self._released:
-            return replace(ON, command=stand, phase=f"release {step.enabled_by}, and press it again at standstill")
-        return replace(ON, command=DriveCommand(speed=sample.speed, steering=sample.steering), phase="driving")
+        turn = self._priority.decide(samples, standing=snapshot.standing)
+        self.shared.needed = step.inputs[: turn.needed]
+        unheard = [unheard_fault(sample) for sample in samples if not is_heard(sample)]
+        fatal = [fault for fault in unheard if fault.device in self.shared.needed]
+        if fatal:
+            return replace(ON, command=stand, fault=fatal[0])
+        wish = replace(ON, fault=replace(unheard[0], severity=Severity.WARN)) if unheard else ON
+        if turn.active is None:
+            return replace(wish, command=stand, phase=f"hold {step.enabled_by} to drive")
+        if not turn.drives:
+            which = f" of {samples[turn.active].source}" if step.lower else ""
+            again = f"release {step.enabled_by}{which}, and press it again at standstill"
+            return replace(wish, command=stand, phase=again if turn.rested else f"release all controls{which}")
+        sample = samples[turn.active]
+        phase = f"driving: {sample.source}" if step.lower else "driving"
+        return replace(wish, command=DriveCommand(speed=sample.speed, steering=sample.steering), phase=phase)

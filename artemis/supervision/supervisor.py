@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 
@@ -73,9 +73,13 @@ class Supervisor:
         self._alarm = False
         self._verdict = _SILENT
 
-    def judge(self, sensed: Sensed, last: Wish, mode: Mode, points: SetPoints) -> Verdict:
-        """The verdict on this tick, knowing the mode, what it wished in the last one, and what then left the gate."""
-        found = [*sensed.faults, *self._emergencies(sensed, last), *self._measured(sensed, last, points)]
+    def judge(self, sensed: Sensed, last: Wish, mode: Mode, points: SetPoints, spare: Collection[str] = ()) -> Verdict:
+        """The verdict on this tick, knowing the mode, what it wished in the last one, and what then left the gate.
+
+        What is wrong with an input that is `spare` now is a warning.
+        """
+        faults = [_milder(fault, spare) for fault in sensed.faults] if spare else sensed.faults
+        found = [*faults, *self._emergencies(sensed, last), *self._measured(sensed, last, points)]
         if last.fault is not None:
             found.append(last.fault)
         if found or self._latched:
@@ -233,3 +237,8 @@ class Supervisor:
             resumes=recovers and all(id in self._resumes for id, _ in stopping),
             alarm=self._alarm,
         )
+
+
+def _milder(fault: Fault, spare: Collection[str]) -> Fault:
+    """The fault, a warning where it is of such an input."""
+    return replace(fault, severity=Severity.WARN) if fault.device in spare and fault.id.startswith("INP") else fault

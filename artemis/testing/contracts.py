@@ -30,7 +30,17 @@ from artemis.motion.path import Path, path_from_points
 from artemis.plugins.contracts import Follower, Following, InputDevice, PluginContext, is_live
 from artemis.plugins.guard import LATE, is_in_range, is_whole_input, plain_following
 from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, breaches
-from artemis.values import LocatedPose, Odometry, OperatorInput, Pose, Sensed, SetPoints, Snapshot, Verdict
+from artemis.values import (
+    DriveCommand,
+    LocatedPose,
+    Odometry,
+    OperatorInput,
+    Pose,
+    Sensed,
+    SetPoints,
+    Snapshot,
+    Verdict,
+)
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
@@ -172,7 +182,7 @@ class InputContract(PluginContract):
     def test_read_does_not_wait(self) -> None:
         """It runs inside the tick."""
         with self.made() as device:
-            took = _quickest(device.read, [tick * PERIOD for tick in range(TRIES)])
+            took = quickest(device.read, [tick * PERIOD for tick in range(TRIES)])
         assert took <= LATE, f"read() takes {took * 1000:.0f} ms, {LATE * 1000:.0f} are allowed (PLG-03)"
 
     def test_same_reads_give_same_samples(self) -> None:
@@ -220,7 +230,7 @@ class FollowerContract(PluginContract):
 
     def drive(self, path: Path, begin: Pose | None = None, follower: Follower | None = None) -> TrialDrive:
         """Drive along `path` to the end; `begin`: where the robot stands first, its start if left out."""
-        car = _Car(self.robot, begin or _start_of(path))
+        car = TrialCar(self.robot, begin or _start_of(path))
         follower = follower or self.make()
         follower.start(path, car.snapshot())
         steps: list[tuple[Snapshot, Following]] = []
@@ -231,7 +241,7 @@ class FollowerContract(PluginContract):
             assert plain_following(answer), f"step() gave {answer!r}: no whole Following (PLG-06)"
             assert is_sane(answer.command), f"not finite: {answer.command} (RUN-11)"
             steps.append((snapshot, answer))
-            car.obey(answer)
+            car.obey(answer.command)
         return TrialDrive(path, steps, car.pose)
 
     def test_follows_a_straight(self) -> None:
@@ -300,7 +310,7 @@ class FollowerContract(PluginContract):
         drive = self.drive(_straight(2.0), follower=follower)
         snapshots = [snapshot for snapshot, _ in drive.steps]
         follower.start(drive.path, snapshots[0])
-        took = _quickest(follower.step, snapshots[:TRIES])
+        took = quickest(follower.step, snapshots[:TRIES])
         assert took <= LATE, f"step() takes {took * 1000:.0f} ms, {LATE * 1000:.0f} are allowed (PTH-09)"
 
     def _assert_near(self, drive: TrialDrive) -> None:
@@ -318,7 +328,7 @@ class FollowerContract(PluginContract):
             assert again == first, f"step() at {snapshot.time:.2f} s gave {first}; {who} gave {again}"
 
 
-class _Car:
+class TrialCar:
     """A robot that does what leaves the gate, one tick later; the pose of its rear axle is exact."""
 
     def __init__(self, robot: RobotFile, pose: Pose) -> None:
@@ -333,7 +343,7 @@ class _Car:
         return self._done.speed == 0 and self._wanted.speed == 0
 
     def snapshot(self) -> Snapshot:
-        """What the follower sees now."""
+        """What the plugin sees now."""
         return Snapshot(
             sensed=Sensed(index=self._tick, time=self._tick * PERIOD),
             dt=PERIOD if self._tick else 0.0,
@@ -346,9 +356,9 @@ class _Car:
             verdict=Verdict(),
         )
 
-    def obey(self, following: Following) -> None:
+    def obey(self, command: DriveCommand) -> None:
         """One tick passes."""
-        self._done, self._wanted = self._wanted, self._gate.limit(following.command, self._wanted, PERIOD)
+        self._done, self._wanted = self._wanted, self._gate.limit(command, self._wanted, PERIOD)
         step, steering = self._done.speed * PERIOD, self._done.steering
         forward = step * math.cos(steering)
         self.pose = move(self.pose, forward, step * math.sin(steering) / self._wheelbase)
@@ -356,7 +366,7 @@ class _Car:
         self._tick += 1
 
 
-def _quickest(call: Callable[[Any], object], arguments: Sequence[Any]) -> float:
+def quickest(call: Callable[[Any], object], arguments: Sequence[Any]) -> float:
     """Shortest time that a call took [s]."""
     times = []
     for argument in arguments:

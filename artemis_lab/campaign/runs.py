@@ -23,8 +23,8 @@ from pydantic import Field
 
 from artemis.config import Config
 from artemis.errors import ConfigError
+from artemis.mission.actions import FileName
 from artemis.mission.loading import load_model
-from artemis.mission.schema import FileName
 from artemis.vehicle import RobotFile
 from artemis_lab.campaign.one_run import Result, run_scenario
 from artemis_lab.campaign.scenario import scenario

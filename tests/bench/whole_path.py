@@ -68,7 +68,7 @@ class Latencies:
 
 def measure(reports: int = REPORTS, stops: int = STOPS) -> Latencies:
     """Reports and stops at every phase of the tick."""
-    hid, device = FakeHid(), profile_named(JOYSTICK).device
+    hid, device = FakeHid(), profile_named(JOYSTICK).parts[""]
     raw = yaml.safe_load((MISSIONS.parent / "tests/data/hid/logitech_extreme_3d_pro.yaml").read_text())
     info = HidInfo("/dev/hidraw0", device.bus, device.vendor, device.product, "", JOYSTICK, 0)
     hid.plug(info, bytes.fromhex(raw["report_descriptor"]))
@@ -76,7 +76,7 @@ def measure(reports: int = REPORTS, stops: int = STOPS) -> Latencies:
     with (
         _mission() as mission,
         _busy_computer(),
-        patch("artemis.plugins.inputs.gamepad.Hidraw", lambda: hid),
+        patch("artemis.plugins.inputs.choosing.InputPorts", lambda sources: hid),
     ):
         loaded = load_mission(mission)
         parts = Parts(machine=lambda: hand.machine(loaded.robot), loop=_PacedLoop)

@@ -379,7 +379,7 @@ BUGS: tuple[Bug, ...] = (
     Bug(
         "enable button does not matter", "by hand", "I2", {"artemis.states.teleop.TeleopMode.step": _holding_the_button}
     ),
-    Bug("frozen stick is not noticed", "frozen stick", "I2", {"artemis.states.teleop.STALE": becomes(math.inf)}),
+    Bug("frozen stick is not noticed", "frozen stick", "I2", {"artemis.states.priority.STALE": becomes(math.inf)}),
     Bug(
         "acknowledging a fault arms",
         "over-current, acknowledged only",

@@ -6,11 +6,13 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from artemis.plugins.behaviours.approach import ApproachBehaviour
 from artemis.plugins.followers.indiveri import IndiveriFollower
 from artemis.plugins.inputs.scripted import ScriptedInput
 from artemis.plugins.observers.csv import CsvObserver
 from artemis.plugins.registry import CONTRACTS, listing
 from artemis.testing import contracts
+from artemis.testing.behaviours import BehaviourContract
 from artemis.testing.contracts import FollowerContract, InputContract
 from artemis.testing.observers import ObserverContract
 
@@ -36,6 +38,12 @@ class TestIndiveri(FollowerContract):
     options: Mapping[str, object] = {"speed_m_s": 0.4}
 
 
+class TestApproach(BehaviourContract):
+    plugin = ApproachBehaviour
+    options: Mapping[str, object] = {"until": "run_s > 1000", "at_most_m": 1.5, "speed_m_s": 0.3}
+    ends = "too-far"
+
+
 class TestCsv(ObserverContract):
     plugin = CsvObserver
     options: Mapping[str, object] = {"signals": ["mode", "cross_track_m"], "every_s": 0.1}
@@ -50,7 +58,9 @@ def test_every_built_in_plugin_is_tried() -> None:
     text = "\n".join(path.read_text() for path in Path(__file__).parents[1].rglob("test_*.py"))
     tried = set(
         re.findall(
-            r"^class \w+\((?:Input|Follower|Localizer|Observer)Contract\):\n    plugin = (\w+)$", text, re.MULTILINE
+            r"^class \w+\((?:Input|Follower|Localizer|Observer|Behaviour)Contract\):\n    plugin = (\w+)$",
+            text,
+            re.MULTILINE,
         )
     )
     built_in = [found for group in CONTRACTS for found in listing(group) if found.distribution == "artemis-robot"]

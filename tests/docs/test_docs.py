@@ -25,7 +25,9 @@ from artemis import vehicle
 from artemis.app import run_mission
 from artemis.cli import app
 from artemis.commands.plugins import begin_plugin
-from artemis.mission import load_mission, schema
+from artemis.mission import load_mission, mission_schema, schema
+from artemis.mission.markdown import steps_markdown
+from artemis.plugins.behaviours.approach import ApproachConfig
 from artemis.plugins.followers.indiveri import IndiveriConfig
 from artemis.plugins.inputs.scripted import ScriptedConfig
 from artemis.plugins.registry import CONTRACTS as PLUGIN_CONTRACTS
@@ -192,12 +194,16 @@ def test_mission_of_the_docs_runs_to_its_end(block: Block, tmp_path: Path) -> No
     assert not run_mission(loaded, mission, simulate=True).failed
 
 
-def models(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
-    """A model, and every model in its fields."""
+def models(model: type[BaseModel], seen: set[type[BaseModel]] | None = None) -> Iterator[type[BaseModel]]:
+    """A model, and every model in its fields, once each: steps have steps within."""
+    seen = set() if seen is None else seen
+    if model in seen:
+        return
+    seen.add(model)
     yield model
     for field in model.model_fields.values():
         for part in parts(field.annotation):
-            yield from models(part)
+            yield from models(part, seen)
 
 
 def parts(annotation: object) -> Iterator[type[BaseModel]]:
@@ -209,12 +215,12 @@ def parts(annotation: object) -> Iterator[type[BaseModel]]:
 
 @pytest.mark.parametrize(
     "model",
-    [schema.Mission, vehicle.RobotFile, PlantParameters, ScriptedConfig, IndiveriConfig],
+    [schema.Mission, vehicle.RobotFile, PlantParameters, ScriptedConfig, IndiveriConfig, ApproachConfig],
     ids=lambda model: model.__name__,
 )
 def test_every_key_of_a_file_is_in_the_docs(model: type[BaseModel]) -> None:
     named = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]+)`", prose(ROOT / "docs/missions.md")))))
-    keys = {key for each in models(model) for key in each.model_fields}
+    keys = {field.alias or key for each in models(model) for key, field in each.model_fields.items()}
     assert keys - named == set()
 
 
@@ -228,12 +234,21 @@ def names_in_the_program_of(page: str) -> dict[str, Any]:
 
 def test_every_program_of_the_docs_is_tried() -> None:
     pages = [relative(block.page) for block in BLOCKS if block.kind == "python"]
-    assert sorted(pages) == ["docs/localisation.md"] + ["docs/plugins.md"] * 3 + ["docs/testing.md"]
+    assert sorted(pages) == ["docs/localisation.md", "docs/missions.md"] + ["docs/plugins.md"] * 3 + ["docs/testing.md"]
 
 
 def test_test_of_the_docs_passes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
     names_in_the_program_of("docs/testing.md")["test_mute_drive_is_noticed"]()
+
+
+def test_tests_of_a_mission_of_the_docs_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    names = names_in_the_program_of("docs/missions.md")
+    tests = [value for name, value in names.items() if name.startswith("test_")]
+    assert len(tests) == 2
+    for test in tests:
+        test()
 
 
 PROGRAMS_OF_PLUGINS = [block.text for block in BLOCKS if block.kind == "python" and block.page.name == "plugins.md"]
@@ -325,6 +340,21 @@ def between(page: str, name: str) -> str:
 
 def test_mode_diagram_is_the_table_that_runs() -> None:
     assert between("docs/architecture.md", "modes") == f"```mermaid\n{mermaid()}\n```\n"
+
+
+def test_mission_diagram_is_of_the_mission_above(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "missions", tmp_path, ignore=shutil.ignore_patterns("runs"), dirs_exist_ok=True)
+    section = (ROOT / "docs/missions.md").read_text().partition("## The picture of a mission")[2]
+    (tmp_path / "of_the_docs.yaml").write_text(section.partition("```yaml\n")[2].partition("```")[0])
+    drawn = artemis_here("graph", tmp_path / "of_the_docs.yaml").stdout
+    assert between("docs/missions.md", "picture") == f"```mermaid\n{drawn}```\n"
+    artemis_here("graph", tmp_path / "of_the_docs.yaml", "--svg", tmp_path / "mission.svg")
+    assert (tmp_path / "mission.svg").read_text() == (ROOT / "docs/images/mission.svg").read_text()
+
+
+def test_reference_of_steps_is_the_schema() -> None:
+    assert between("docs/missions.md", "steps") == steps_markdown(mission_schema())
+    assert "|  |\n" not in steps_markdown(mission_schema()), "a key without a meaning"
 
 
 def test_injection_table_is_the_code() -> None:

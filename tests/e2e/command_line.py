@@ -8,7 +8,7 @@ import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -23,6 +23,8 @@ from artemis.recording.mcap_reader import Recording
 MISSIONS = Path(__file__).parents[2] / "missions"
 ROBOT = MISSIONS / "robots" / "artemis.yaml"
 ARTEMIS = [sys.executable, "-m", "artemis"]
+WITHOUT_FIGURES = [sys.executable, str(Path(__file__).with_name("without_figures.py"))]
+"""The same, where a run is looked at, and not the figures of its report: a second less."""
 PATIENCE = 60.0
 """Longest time for anything on a busy machine [s]; no test waits this long when all is well."""
 SWITCH_ON_DISABLED = 0x0140
@@ -55,9 +57,9 @@ def endless_mission(folder: Path, *, more: str = "") -> Path:
     return mission
 
 
-def artemis(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+def artemis(*arguments: str | Path, program: list[str] = ARTEMIS) -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
-    command = [*ARTEMIS, *map(str, arguments)]
+    command = [*program, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, stdin=subprocess.DEVNULL)
 
 
@@ -72,9 +74,11 @@ def artemis_here(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 @contextmanager
-def started(*arguments: str | Path, stdin: int = subprocess.DEVNULL) -> Iterator[subprocess.Popen[str]]:
+def started(
+    *arguments: str | Path, stdin: int = subprocess.DEVNULL, program: Sequence[str] = WITHOUT_FIGURES
+) -> Iterator[subprocess.Popen[str]]:
     """The running command; killed at the end if it still runs."""
-    command = [*ARTEMIS, *map(str, arguments)]
+    command = [*program, *map(str, arguments)]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=stdin, stdout=pipe, stderr=pipe, text=True, bufsize=1) as process:
         try:

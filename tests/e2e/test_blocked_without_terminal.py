@@ -65,3 +65,25 @@ def test_a_blocked_run_ends_without_a_terminal_of_its_own(code: str) -> None:
                 os.close(master)
     assert process.returncode == 71
     assert "artemis: plugin 'stick' has not answered for 0.5 s: the run is ended" in errors
+
+
+FULL_PIPE = """
+import os
+os.set_blocking(2, False)
+try:
+    while True:
+        os.write(2, bytes(1024))
+except BlockingIOError:
+    os.set_blocking(2, True)
+block()
+"""
+
+
+@pytest.mark.realtime
+def test_a_blocked_run_ends_where_nobody_reads_what_it_prints() -> None:
+    code = [sys.executable, "-c", BLOCKED + FULL_PIPE]
+    with subprocess.Popen(code, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+        try:
+            assert process.wait(PATIENCE) == 71
+        finally:
+            process.kill()

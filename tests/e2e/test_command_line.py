@@ -362,8 +362,28 @@ def main_raising(monkeypatch: pytest.MonkeyPatch, error: Exception) -> int:
 # ------------------------------------------------------------------------------------------------------ the rest
 
 
-def test_graph_plugins_and_schema_print_what_there_is() -> None:
-    assert artemis_here("graph").stdout.startswith("stateDiagram-v2\n")
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (["--svg", "a.svg"], "--svg draws a mission: write artemis graph MISSION --svg FILE"),
+        ([MISSIONS / "figure_eight.yaml", "--svg", "a.png"], "--svg a.png: the picture is SVG; name the file a.svg"),
+        ([MISSIONS / "figure_eight.yaml", "--svg", ""], "--svg .: the picture is SVG; name the file mission.svg"),
+    ],
+)
+def test_a_picture_that_cannot_be_drawn_is_refused(arguments: list[str | Path], why: str) -> None:
+    done = artemis_here("graph", *arguments)
+    assert (done.returncode, done.stderr) == (2, f"{why}\n")
+
+
+def test_graph_plugins_and_schema_print_what_there_is(tmp_path: Path) -> None:
+    assert artemis_here("graph").stdout.startswith('stateDiagram-v2\n    state "init"')
+    drawn = artemis_here("graph", MISSIONS / "figure_eight.yaml").stdout
+    assert 'stateDiagram-v2\n    state "calibrate steering" as s1\n' in drawn
+    assert (
+        artemis_here("graph", MISSIONS / "figure_eight.yaml", "--svg", tmp_path / "a.svg").stdout
+        == f"{tmp_path}/a.svg\n"
+    )
+    assert (tmp_path / "a.svg").read_text().startswith("<svg ")
     assert "indiveri" in artemis_here("plugins").stdout
     assert '"title": "Robot"' in artemis_here("schema", "robot").stdout
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import can
 import pytest
 from command_line import (
+    ARTEMIS,
     PATIENCE,
     ROBOT,
     artemis,
@@ -102,7 +103,7 @@ def test_gains_that_are_kept_are_in_the_drive_s_memory_and_in_the_robot_file(tmp
 def test_ctrl_c_in_a_trial_gives_the_drive_its_gains_back(tmp_path: Path) -> None:
     port = free_port()
     path = mission(tmp_path, port)
-    with simulated_robot(port), started("calibrate", "gains", path, *TRIED) as trial:
+    with simulated_robot(port), started("calibrate", "gains", path, *TRIED, program=ARTEMIS) as trial:
         read_until(trial, "gains of steer-left")
         read_until(trial, "turning")
         trial.send_signal(signal.SIGINT)  # at once: the trial ends by itself four seconds later

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import runpy
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,16 @@ from artemis.mission.loading import load_mission, load_model
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
+CART = ["Cart", "0.3", "0,25", "0.02", "0.2", "30", "800", "40", "0.6"]
 TRACTOR = ["Tractor", "1.2", "0,9", "", "0.4", "30", "800", "40", "0.9"]
-FILES = {"first.yaml", "mission.schema.json", "paths/first.csv", "robot.schema.json", "robots/robot.yaml"}
+FILES = {
+    "first.yaml",
+    "mission.schema.json",
+    "paths/first.csv",
+    "robot.schema.json",
+    "robots/robot.yaml",
+    "test_first.py",
+}
 
 
 def answer(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:
@@ -38,12 +47,29 @@ def test_without_questions_the_machine_is_artemis(tmp_path: Path) -> None:
         assert (tmp_path / "new" / file).read_text().startswith("# yaml-language-server: $schema=")
 
 
-def test_another_machine_runs_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    answer(monkeypatch, *TRACTOR)
+def test_test_of_the_first_mission_passes(tmp_path: Path) -> None:
+    assert artemis_here("init", "--yes", tmp_path).returncode == 0
+    names = runpy.run_path(str(tmp_path / "test_first.py"))
+    names["test_first_mission_aligns_the_wheels_and_follows_its_path"]()
+
+
+@pytest.mark.parametrize(
+    ("answers", "wheelbase", "track", "diameter"),
+    [(CART, 0.3, 0.25, 0.2), pytest.param(TRACTOR, 1.2, 0.9, 0.4, marks=pytest.mark.exhaustive)],  # five minutes' drive
+)
+def test_another_machine_runs_at_once(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    answers: list[str],
+    wheelbase: float,
+    track: float,
+    diameter: float,
+) -> None:
+    answer(monkeypatch, *answers)
     assert artemis_here("init", tmp_path).returncode == 0
     robot = load_mission(tmp_path / "first.yaml").robot
-    assert (robot.robot, robot.geometry.wheelbase_m, robot.geometry.track_m) == ("Tractor", 1.2, 0.9)
-    assert robot.metres_per_count("left") * 72 * 30 == pytest.approx(0.4 * 3.14159265, rel=1e-6)
+    assert (robot.robot, robot.geometry.wheelbase_m, robot.geometry.track_m) == (answers[0], wheelbase, track)
+    assert robot.metres_per_count("left") * 72 * 30 == pytest.approx(diameter * 3.14159265, rel=1e-6)
     assert {drive.gear_ratio for drive in robot.drives.values()} == {30, 800}
     assert "47 counts" not in (tmp_path / "robots/robot.yaml").read_text()
     done = artemis_here("run", tmp_path / "first.yaml")

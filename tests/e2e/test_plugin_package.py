@@ -59,7 +59,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Environment:
     return Environment(tmp_path_factory.mktemp("environment"))
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", GROUPS)
 def test_a_new_package_works_at_once(kind: str, environment: Environment, tmp_path: Path) -> None:
     """The session of the docs, line by line; for a follower with the kind and the name of one."""
@@ -79,7 +79,7 @@ def test_a_new_package_works_at_once(kind: str, environment: Environment, tmp_pa
     )
     assert re.search(listed, shown["artemis plugins"], re.MULTILINE)
     run = only_run(folder)
-    assert {"input": "teleop"}.get(kind, "follow") in modes_of(run)
+    assert {"input": "teleop", "behaviour": "act"}.get(kind, "follow") in modes_of(run)
     assert_left_at_rest(run)
     located = {tick.snapshot.pose.source for tick in Recording(run).ticks()}
     assert located == {"curves-localizer" if kind == "localizer" else "odometry"}
@@ -89,6 +89,7 @@ def test_a_new_package_works_at_once(kind: str, environment: Environment, tmp_pa
     assert float(distance[1]) > 2.0
 
 
+@pytest.mark.exhaustive
 def test_code_of_a_new_package_is_clean(tmp_path: Path) -> None:
     """By the rules of artemis itself, also with the longest name."""
     for kind in GROUPS:

@@ -81,7 +81,7 @@ class Hand:
         return cls(profile_named(name), parse_descriptor(raw), raw, bytes.fromhex(rest))
 
     def plug(self) -> UhidDevice:
-        device = self.profile.device
+        device = self.profile.parts[""]
         made = UhidDevice(self.profile.name, device.vendor, device.product, self.raw)
         places = f"0003:{device.vendor:04X}:{device.product:04X}.*/hidraw/hidraw*"
         deadline = time.monotonic() + 10.0

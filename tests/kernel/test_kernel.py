@@ -35,3 +35,9 @@ def test_missions_are_driven_over_can_interfaces_of_the_kernel() -> None:
 @pytest.mark.timeout(3600)
 def test_missions_are_driven_by_devices_of_the_kernel() -> None:
     assert passes_of("kernel_hid")
+
+
+@pytest.mark.kernel
+@pytest.mark.timeout(3600)
+def test_missions_are_driven_by_event_devices_of_the_kernel() -> None:
+    assert passes_of("kernel_evdev")

@@ -6,18 +6,38 @@ from collections.abc import Mapping
 
 _ROWS = ("unit/test_supervisor_rows.py",)
 _MODES = ("unit/test_mode_details.py", "unit/test_mode_memory.py", "unit/test_mode_corners.py")
+_HANDS = ("unit/test_hand_over.py", "unit/test_mode_teleop.py")
+_MISSION = ("unit/test_mission_advance.py", "unit/test_mode_questions.py", "unit/test_mission_condition.py")
 _STOPS = ("unit/test_stop_details.py", "unit/test_modes_at_rest.py", "unit/test_mode_fault.py", *_MODES)
 _TABLE = ("unit/test_faults_page.py", "unit/test_catalogue.py", *_ROWS)
 
 CORE: Mapping[str, tuple[str, ...]] = {
     "motion/limits.py": ("unit/test_limits.py", "properties/test_limits_properties.py"),
     "states/machine.py": ("unit/test_machine.py", "properties/test_machine_properties.py"),
-    "states/modes.py": ("unit/test_modes.py", "unit/test_core.py", *_MODES),
+    "states/modes.py": ("unit/test_modes.py", "unit/test_core.py", "unit/test_hand_over.py", *_MODES),
     "states/mode.py": (*_STOPS, "unit/test_bring_up_details.py", "unit/test_modes.py", "unit/test_mode_init.py"),
-    "states/plan.py": ("unit/test_modes.py", "unit/test_mode_timed.py", *_STOPS, "unit/test_core.py"),
+    "states/plan.py": (
+        "unit/test_modes.py",
+        "unit/test_mode_timed.py",
+        *_STOPS,
+        "unit/test_core.py",
+        "unit/test_hand_over.py",
+        "unit/test_mode_act.py",
+        *_MISSION,
+    ),
+    "states/advance.py": (*_MISSION, "unit/test_mode_act.py", "unit/test_mission_behaviours.py"),
+    "states/condition.py": _MISSION,
     "states/init.py": ("unit/test_bring_up_details.py", "unit/test_mode_init.py", *_MODES),
-    "states/ready.py": ("unit/test_modes.py", "unit/test_mode_timed.py", *_MODES),
-    "states/teleop.py": ("unit/test_modes.py", "unit/test_mode_teleop.py", "unit/test_mode_timed.py", *_MODES),
+    "states/ready.py": (
+        "unit/test_modes.py",
+        "unit/test_hand_over.py",
+        "unit/test_mode_timed.py",
+        "unit/test_mode_act.py",
+        *_MISSION,
+        *_MODES,
+    ),
+    "states/teleop.py": (*_HANDS, *_MISSION, "unit/test_modes.py", "unit/test_mode_timed.py", *_MODES),
+    "states/priority.py": _HANDS,
     "states/quickstop.py": _STOPS,
     "states/fault.py": _STOPS,
     "states/end.py": _STOPS,
@@ -47,6 +67,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
         "unit/test_supervisor.py",
         "unit/test_supervisor_budgets.py",
         "unit/test_supervisor_recovery.py",
+        "unit/test_hand_over.py",
         *_ROWS,
     ),
     "supervision/policy.py": ("unit/test_policy.py", "unit/test_supervisor.py"),

@@ -53,7 +53,7 @@ class Watched:
     def __init__(self, name: str) -> None:
         self.profile, self.raw, config = KNOWN[name]
         self.descriptor = parse_descriptor(self.raw)
-        key = self.profile.device
+        key = self.profile.parts[""]
         self.info = HidInfo("/dev/hidraw0", key.bus, key.vendor, key.product, "", name, 0)
         self.hid, self.now = FakeHid(), 0.0
         self.plugged = self.frozen = False

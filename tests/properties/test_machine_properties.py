@@ -9,7 +9,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from artemis.states.machine import TRANSITIONS, ModeMachine
 from artemis.values import Event, Mode
 
-RUNNING = {Mode.CALIBRATE, Mode.TELEOP, Mode.FOLLOW}
+RUNNING = {Mode.CALIBRATE, Mode.TELEOP, Mode.FOLLOW, Mode.ACT}
 
 
 class Modes(RuleBasedStateMachine):

@@ -27,6 +27,8 @@ from artemis.scan import Scan
 from artemis.states.follow import FollowMode
 from artemis.values import Snapshot, Tick, Verdict, Wish
 
+pytestmark = pytest.mark.short_alignment
+
 NULLS = b64decode("null" * 2 + "nullAA==")
 """Bytes that look in JSON as if something were None."""
 Place = tuple[str | int, ...]

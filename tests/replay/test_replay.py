@@ -19,9 +19,11 @@ from artemis.recording.replay import replay
 from artemis.recording.schemas import TickRecord, encode
 from artemis.values import DriveFeedback, Mode
 
+pytestmark = pytest.mark.short_alignment
+
 STEPS = [CALIBRATE, follow(0.4)]
 NOISY = {"potentiometer_noise_v": 0.005, "slip": 0.01, "steering_zero_left_deg": 0.5}
-TABLE = stick((0.0, 0.0, 0.0, 0), (9.5, 0.2, 0.6, 1), (11.0, -0.4, -0.5, 1), (12.5, 0.0, 0.0, 0))
+TABLE = stick((0.0, 0.0, 0.0, 0), (5.9, 0.2, 0.6, 1), (7.4, -0.4, -0.5, 1), (8.9, 0.0, 0.0, 0))
 
 
 def operator(*acts: tuple[float, str]) -> dict[str, object]:
@@ -38,7 +40,7 @@ def teleop(folder: Path) -> Run:
 
 def frozen_input(folder: Path) -> Run:
     inputs = {"stick": {**STICK["stick"], "done_at_end": False}}
-    table = stick((0.0, 0.0, 0.0, 0), (9.5, 0.2, 0.6, 1), (11.0, 0.2, 0.6, 1))
+    table = stick((0.0, 0.0, 0.0, 0), (5.9, 0.2, 0.6, 1), (7.4, 0.2, 0.6, 1))
     return run(write_mission(folder, [CALIBRATE, TELEOP], {"stick.csv": table}, inputs=inputs))
 
 
@@ -48,13 +50,13 @@ def drive_fault(folder: Path) -> Run:
 
 
 def quick_stop_and_arm(folder: Path) -> Run:
-    return run(write_mission(folder, STEPS, simulation=operator((9.123, "quickstop"), (12.0, "arm"))))
+    return run(write_mission(folder, STEPS, simulation=operator((5.523, "quickstop"), (8.4, "arm"))))
 
 
 def fault_and_recovery(folder: Path) -> Run:
     rig = Rig(
         write_mission(
-            folder, STEPS, {"line.csv": straight(2.0)}, simulation=operator((12.0, "acknowledge"), (17.0, "arm"))
+            folder, STEPS, {"line.csv": straight(2.0)}, simulation=operator((8.4, "acknowledge"), (13.4, "arm"))
         )
     )
     return rig.while_following(rig.emergency("traction-right", 0x8611)).run()
@@ -114,7 +116,7 @@ def test_every_command_of_a_run_is_recomputed_from_its_recording_bit_for_bit(tmp
 
 def test_a_mission_for_a_real_bus_that_is_simulated_replays_with_the_faults_of_its_follower(tmp_path: Path) -> None:
     bus = {"interface": "virtual", "channel": "replay"}
-    seen = run(write_mission(tmp_path, STEPS, bus=bus, simulation={"faults": [{"at_s": 9.5, "inject": "PLG-02"}]}))
+    seen = run(write_mission(tmp_path, STEPS, bus=bus, simulation={"faults": [{"at_s": 5.9, "inject": "PLG-02"}]}))
     assert seen.fault_ids == ["PLG-02"]
     assert seen.outcome is not None
     assert replay_run(seen.outcome.run.path) == 0

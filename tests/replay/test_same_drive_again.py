@@ -22,8 +22,10 @@ from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.values import Mode
 
+pytestmark = pytest.mark.short_alignment
+
 STEPS: list[dict[str, Any]] = [CALIBRATE, TELEOP]
-TABLE = stick((0.0, 0.0, 0.0, 0), (9.5, 0.2, 0.6, 1), (11.0, -0.4, -0.5, 1), (12.5, 0.0, 0.0, 0))
+TABLE = stick((0.0, 0.0, 0.0, 0), (5.9, 0.2, 0.6, 1), (7.4, -0.4, -0.5, 1), (8.9, 0.0, 0.0, 0))
 UP, LEFT, THERE, TELLS_RELEASE = b"\x1b[A", b"\x1b[D", b"\x1b[0n", b"\x1b[?2u"
 LET_GO = (b"\x1b[1;1:3A", b"\x1b[1;1:3D")
 
@@ -68,7 +70,7 @@ def by_keys(folder: Path) -> Run:
     rig = Rig(mission, input=KeyboardInput(KeyboardConfig(), context))
     for index in range(500):
         rig.at(index * 0.04 + 0.003, lambda: listeners[0](THERE))
-    typed = ((0.5, TELLS_RELEASE), (10.0, UP), (11.0, LEFT), (12.0, LET_GO[1]), (13.0, LET_GO[0]), (15.0, b"d"))
+    typed = ((0.5, TELLS_RELEASE), (6.4, UP), (7.4, LEFT), (8.4, LET_GO[1]), (9.4, LET_GO[0]), (11.4, b"d"))
     for time, keys in typed:
         rig.at(time, partial(lambda data: listeners[0](data), keys))
     return rig.run()

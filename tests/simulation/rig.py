@@ -43,6 +43,7 @@ from artemis.config import Config
 from artemis.devices.can_bus import Frame, Traffic
 from artemis.devices.device import Device
 from artemis.mission.loading import load_mission
+from artemis.plugins import registry
 from artemis.plugins.contracts import Follower, InputDevice
 from artemis.recording.replay import Replayed, replay
 from artemis.robot import Core, Robot
@@ -238,7 +239,7 @@ class Rig:
             sensors: Devices beside the drives.
         """
         self.mission, self.world = mission, world
-        with patch(*_PLUGINS):
+        with patch.multiple(registry, **_PLUGINS):
             self._loaded = load_mission(mission)
             self._plan = planning.plan_for(self._loaded, planning.is_simulated(self._loaded, simulate), None)
         if true_robot is not None:
@@ -298,7 +299,7 @@ class Rig:
             robot=self._make_robot,
             loop=self._loop(),
         )
-        with patch(*_PLUGINS):
+        with patch.multiple(registry, **_PLUGINS):
             outcome = app.run_mission(
                 self._loaded, self.mission, simulate=self._simulate, watch=self._watch, parts=parts
             )
@@ -395,7 +396,7 @@ class Killed(Exception):
     """The host process is gone."""
 
 
-_PLUGINS: tuple[str, Callable[..., Any]] = ("artemis.plugins.registry.entry_points", cache(entry_points))
+_PLUGINS: dict[str, Any] = {"entry_points": cache(entry_points), "_owner": cache(registry._owner)}
 """What is installed stays: it is looked up once, not again for every run."""
 
 

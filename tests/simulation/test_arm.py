@@ -10,6 +10,8 @@ from rig import CALIBRATE, STICK, TELEOP, Rig, Run, Seen, follow, standing, stic
 
 from artemis.values import Mode, Request
 
+pytestmark = pytest.mark.short_alignment
+
 STEPS, FILES = [CALIBRATE, follow(0.4)], {"line.csv": straight(3.0)}
 LATE = {"inject": "SYS-01", "seconds": 0.08}
 TRIP = {"inject": "DRV-25", "node": "steer-left"}
@@ -22,8 +24,8 @@ def fault(time: float, what: dict[str, Any]) -> dict[str, Any]:
 
 
 def attended(folder: Path, faults: list[dict[str, Any]], *acts: tuple[float, str], **keys: Any) -> Run:  # noqa: ANN401
-    """A run with faults and a scripted operator, who is there until 17 s."""
-    operator = [{"at_s": time, "do": act} for time, act in (*acts, (17.0, "acknowledge"))]
+    """A run with faults and a scripted operator, who is there until 13.4 s."""
+    operator = [{"at_s": time, "do": act} for time, act in (*acts, (13.4, "acknowledge"))]
     mission = write_mission(folder, STEPS, FILES, simulation={"faults": faults, "operator": operator}, **keys)
     return Rig(mission).run()
 
@@ -48,13 +50,13 @@ def assert_waits_for_arm(seen: Run, since: float) -> None:
 def test_what_may_continue_does_not_spend_an_arm_that_another_fault_waits_for(
     tmp_path: Path, first: dict[str, Any], second: dict[str, Any], recovery: dict[str, Any]
 ) -> None:
-    seen = attended(tmp_path, [fault(9.0, first), fault(14.0, second)], (11.0, "acknowledge"), recovery=recovery)
+    seen = attended(tmp_path, [fault(5.4, first), fault(10.41, second)], (7.4, "acknowledge"), recovery=recovery)
     assert len(set(seen.fault_ids)) == 2
-    assert_waits_for_arm(seen, 11.0)
+    assert_waits_for_arm(seen, 7.4)
 
 
 def test_what_may_continue_does_where_nothing_else_was_wrong(tmp_path: Path) -> None:
-    seen = attended(tmp_path, [fault(9.0, OVERRUN)], recovery={"DRV-18": {"retries": 1, **CONTINUE}})
+    seen = attended(tmp_path, [fault(5.4, OVERRUN)], recovery={"DRV-18": {"retries": 1, **CONTINUE}})
     assert (seen.status, seen.fault_ids) == (0, ["DRV-18"])
 
 

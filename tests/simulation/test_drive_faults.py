@@ -27,6 +27,8 @@ from artemis.sim.epos_errors import ERRORS, Reaction
 from artemis.supervision import catalogue
 from artemis.values import JobKind, Mode, Severity
 
+pytestmark = pytest.mark.short_alignment
+
 QUICK_STOP = 0x0B
 ONE_OF_EACH = [0x2310, 0x8150, 0x8611]
 """Errors after which a drive switches off, goes on, and stops by itself; `test_every_row_drives` has them all."""
@@ -123,7 +125,7 @@ def test_two_drives_that_fail_at_once_are_both_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("tick_hz", [50, 200])
 def test_a_fault_at_the_very_time_of_a_tick_is_named_by_its_emergency(tmp_path: Path, tick_hz: int) -> None:
-    faults = {"faults": [{"at_s": 8.0, "inject": "DRV-25", "node": "steer-left"}]}
+    faults = {"faults": [{"at_s": 6.2, "inject": "DRV-25", "node": "steer-left"}]}
     seen = Rig(write_mission(tmp_path, [{"wait": {"seconds": 10}}], tick_hz=tick_hz, simulation=faults)).run()
     assert seen.fault_ids == ["DRV-25"]
 
@@ -143,7 +145,7 @@ def test_a_drive_found_in_a_fault_that_needs_an_nmt_reset_is_brought_up(tmp_path
 def test_a_fault_that_needs_an_nmt_reset_is_acknowledged_once_though_its_emergency_was_lost(
     tmp_path: Path, code: int
 ) -> None:
-    faults = {"faults": [{"at_s": 8.0, "inject": catalogue.EMERGENCIES[code], "node": "steer-left", "heard": False}]}
-    acts = {"operator": [{"at_s": 12.0, "do": "acknowledge"}, {"at_s": 18.0, "do": "arm"}]}
+    faults = {"faults": [{"at_s": 6.2, "inject": catalogue.EMERGENCIES[code], "node": "steer-left", "heard": False}]}
+    acts = {"operator": [{"at_s": 10.2, "do": "acknowledge"}, {"at_s": 16.2, "do": "arm"}]}
     seen = Rig(write_mission(tmp_path, [{"wait": {"seconds": 15.0}}], simulation={**faults, **acts})).run()
     assert (seen.status, seen.fault_ids) == (0, ["COM-01"])

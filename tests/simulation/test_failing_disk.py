@@ -22,6 +22,8 @@ from artemis.recording.mcap_reader import Recording
 from artemis.values import Fault, Mode, Request, Severity, Tick
 from artemis_lab.injections.failing_disk import FailingDisk
 
+pytestmark = pytest.mark.short_alignment
+
 STEPS = [CALIBRATE, follow(0.4)]
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
@@ -182,7 +184,7 @@ def test_a_disk_with_room_is_nothing_to_talk_about(tmp_path: Path) -> None:
 # ---------------------------------------------------------------------------------------------- the same to the byte
 
 
-@pytest.mark.parametrize("injected", [[], [{"at_s": 8.0, "inject": "DRV-25", "node": "steer-left"}]])
+@pytest.mark.parametrize("injected", [[], [{"at_s": 4.4, "inject": "DRV-25", "node": "steer-left"}]])
 def test_the_same_seed_writes_the_same_journal_byte_for_byte(tmp_path: Path, injected: list[object]) -> None:
     noisy: dict[str, Any] = {
         "seed": 5,

@@ -70,6 +70,7 @@ def test_onto_a_path_beside_it() -> None:
     assert errors[errors[:, 1] > 3.0, 0].max() < 0.01
 
 
+@pytest.mark.exhaustive  # six minutes of driving
 def test_a_path_that_jitters_is_driven_as_it_was_meant(tmp_path: FilePath) -> None:
     """200 m with a point each 5 cm and 5 mm of noise; nothing that the robot measures is wrong."""
     arc = np.arange(0.0, 200.0, 0.05)

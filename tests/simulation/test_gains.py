@@ -13,13 +13,15 @@ from rig import CALIBRATE, STICK, Rig, Run, Seen, follow, stick, write_mission
 
 from artemis.commands.gains_trial import Findings, GainsWatch, Trial, findings
 from artemis.drive_states import DriveState
-from artemis.mission.schema import NewGains
+from artemis.mission.actions import NewGains
 from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import read_traces
 from artemis.sim.epos import SimEpos
 from artemis.sim.epos_failures import Speech
 from artemis.sim.regulators import Loop, Regulators, regulators_for
 from artemis.values import JobKind, Mode, Request
+
+pytestmark = pytest.mark.short_alignment
 
 LEFT, DRIVEN = "steer-left", "traction-left"
 OBJECTS = ((0x60F6, 1), (0x60F6, 2), (0x60F9, 1), (0x60F9, 2), (0x60FB, 1), (0x60FB, 2), (0x60FB, 3))
@@ -109,7 +111,7 @@ def test_gains_may_be_tried_first_of_all(tmp_path: Path, tick_hz: int) -> None:
 def test_wheels_that_were_left_turned_are_straightened_while_nothing_drives(
     tmp_path: Path, tick_hz: int, step: dict[str, Any]
 ) -> None:
-    curve = stick((0.0, 0.0, 0.0, 0), (8.0, 0.0, 0.0, 0), (8.1, 0.5, 0.3, 1), (30.0, 0.5, 0.3, 1))
+    curve = stick((0.0, 0.0, 0.0, 0), (4.4, 0.0, 0.0, 0), (4.5, 0.5, 0.3, 1), (26.4, 0.5, 0.3, 1))
     drive = {"teleop": {"input": "stick", "until": {"seconds": 8.0}}}
     steps: list[dict[str, Any]] = [CALIBRATE, drive, step, {"wait": {"seconds": 0.5}}]
     run = Rig(write_mission(tmp_path, steps, {"stick.csv": curve}, inputs=STICK, tick_hz=tick_hz)).run()
@@ -300,10 +302,10 @@ def test_a_drive_that_refuses_the_gains_is_not_enabled_with_them(tmp_path: Path,
 
 
 def test_after_a_fault_the_robot_file_s_gains_are_in_force(tmp_path: Path) -> None:
-    operator = [{"at_s": 12.0, "do": "acknowledge"}, {"at_s": 13.0, "do": "arm"}]
+    operator = [{"at_s": 10.2, "do": "acknowledge"}, {"at_s": 11.2, "do": "arm"}]
     kept: list[tuple[int, ...]] = []
     trial = rig(tmp_path, TURN, trying(600, 10, 200), TURN, simulation={"operator": operator})
     trial.when(turning_anew, trial.emergency(LEFT, 0x8611), after=0.105)
-    trial.when(lambda seen: seen.time > 13.0 and turning_anew(seen), lambda: kept.append(gains_of(trial.drive(LEFT))))
+    trial.when(lambda seen: seen.time > 11.2 and turning_anew(seen), lambda: kept.append(gains_of(trial.drive(LEFT))))
     run = trial.run()
     assert (run.status, kept) == (0, [FILE])

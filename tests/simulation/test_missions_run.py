@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 
 import pytest
@@ -79,7 +79,7 @@ ELSEWHERE = (
 test_calibration_missions.py and test_thesis_missions.py run them, or say of which other they are twins."""
 TWIN, OTHER_TWIN = "figure_eight_socketcan.yaml", "figure_eight_udp.yaml"
 """The bus is all in which they differ, and in simulation neither has it: one of them is run."""
-FAULTS = {"fault_recovery.yaml": ["DRV-25"], "can_overrun.yaml": ["DRV-18"]}
+FAULTS = {"fault_recovery.yaml": ["DRV-25"], "retry_after_fault.yaml": ["DRV-25"], "can_overrun.yaml": ["DRV-18"]}
 """What is made to go wrong in a mission, and what it recovers from."""
 
 
@@ -93,6 +93,44 @@ def test_twins_differ_in_nothing_but_the_bus() -> None:
     names = {"mission", "bus"}
     assert one.bus != other.bus
     assert one.model_dump(exclude=names) == other.model_dump(exclude=names)
+
+
+def test_missions_of_two_robots_differ_in_nothing_but_robot_and_arguments() -> None:
+    one, other = (load_mission(MISSIONS / f"two_robots_{name}.yaml").mission for name in ("first", "second"))
+    assert one.parts == other.parts, "one file"
+    assert one.robot != other.robot
+    names = {"mission", "robot", "steps"}
+    assert one.model_dump(exclude=names) == other.model_dump(exclude=names)
+
+
+SAID: Mapping[str, Sequence[str]] = {
+    "patrol.yaml": ["battery low, to the charger", "patrol is over"],
+    "retry_after_fault.yaml": ["aligning the wheels again"],
+    "ask_which_way.yaml": ["good bye"],
+    "endurance.yaml": ["the battery is low"],
+    "two_robots_first.yaml": ["2 laps to the left"],
+    "two_robots_second.yaml": ["2 laps to the right"],
+}
+"""What missions tell people on their way."""
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SAID)
+def test_mission_tells_what_it_decides(ran: Ran, name: str) -> None:
+    events = [event for tick in ran(name).ticks for event in tick.events]
+    assert [event.text for event in events if event.kind == "said"] == SAID[name]
+
+
+@pytest.mark.slow
+def test_patrol_charges_at_the_place_where_its_lap_begins(ran: Ran) -> None:
+    seen = ran("patrol.yaml")
+    waiting = [each for each in seen.seen if each.phase == "waiting"]
+    volts = [each.tick.snapshot.sensed.battery_v or 0.0 for each in waiting]
+    assert volts == sorted(volts)
+    assert volts[0] < 23.5 < 25.0 < volts[-1]
+    assert math.hypot(waiting[0].pose.x, waiting[0].pose.y) < 0.05
+    assert seen.recompute().difference is None
 
 
 @pytest.mark.sampled(2)

@@ -30,10 +30,12 @@ from artemis_lab.injections.bad_plugins import BadInput
 from artemis_lab.injections.stage import Needs
 from artemis_lab.injections.table import INJECTIONS
 
+pytestmark = pytest.mark.short_alignment
+
 
 def faulty(folder: Path, *faults: dict[str, Any], by_hand: bool = False) -> Run:
     """A run that brings up, aligns and drives at 0.2 m/s, with these faults."""
-    rows = [(0.0, 0.0, 0.0, 0), (9.0, 0.0, 0.5, 1), (14.0, 0.0, 0.0, 0)]
+    rows = [(0.0, 0.0, 0.0, 0), (5.4, 0.0, 0.5, 1), (10.4, 0.0, 0.0, 0)]
     steps = [CALIBRATE, TELEOP if by_hand else follow()]
     files = {"stick.csv": stick(*rows)}
     return run(write_mission(folder, steps, files, inputs=STICK, simulation={"seed": 3, "faults": list(faults)}))
@@ -47,16 +49,16 @@ def injected(done: Run) -> list[Entry]:
 def test_injection_is_written_to_the_journal_at_its_run_time(tmp_path: Path) -> None:
     done = faulty(
         tmp_path,
-        {"at_s": 9.013, "inject": "COM-13", "node": "steer-left", "duration_s": 0.5},
-        {"at_s": 10.0, "inject": "DRV-25", "node": "steer-right", "heard": False},
+        {"at_s": 5.413, "inject": "COM-13", "node": "steer-left", "duration_s": 0.5},
+        {"at_s": 6.4, "inject": "DRV-25", "node": "steer-right", "heard": False},
     )
     first, second = injected(done)
-    assert first.time == pytest.approx(9.013)
-    assert second.time == pytest.approx(10.0)
+    assert first.time == pytest.approx(5.413)
+    assert second.time == pytest.approx(6.4)
     assert first.text == "COM-13 steer-left: feedback arrives twice"
     assert first.data == {"id": "COM-13", "device": "steer-left", "duration_s": 0.5}
     assert second.data == {"id": "DRV-25", "device": "steer-right", "heard": False}
-    state = next(truth.states[3] for truth in done.truth_from(10.02))
+    state = next(truth.states[3] for truth in done.truth_from(6.42))
     assert state in (DriveState.FAULT, DriveState.FAULT_REACTION_ENABLED)
     assert not [frame for frame in done.bus.heard if frame.id == 0x084 and frame.data[:2] == b"\x11\x86"]
 
@@ -81,24 +83,24 @@ FOLLOWER_FAULTS: list[dict[str, Any]] = [
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("fault", FOLLOWER_FAULTS, ids=lambda fault: str(fault["inject"]))
 def test_fault_of_a_follower_replays_bit_for_bit(tmp_path: Path, fault: dict[str, Any]) -> None:
-    done = faulty(tmp_path, {"at_s": 9.5, **fault})
+    done = faulty(tmp_path, {"at_s": 5.9, **fault})
     assert len(injected(done)) == 1
-    before = [seen.tick.wish.command for seen in done.seen if 9.0 < seen.time < 9.49]
-    after = [seen.tick.wish.command for seen in done.seen if 9.49 < seen.time < 14.0]
+    before = [seen.tick.wish.command for seen in done.seen if 5.4 < seen.time < 5.89]
+    after = [seen.tick.wish.command for seen in done.seen if 5.89 < seen.time < 10.4]
     assert {round(command.speed, 3) for command in before} == {0.2}
-    drives_on = fault["inject"] == "PTH-08"  # the path would have ended at 13.5 s
+    drives_on = fault["inject"] == "PTH-08"  # the path would have ended at 9.9 s
     assert ({round(command.speed, 3) for command in after} == {0.2}) is drives_on
     assert done.recompute().difference is None
 
 
 def test_fault_of_an_input_happens_and_ends(tmp_path: Path) -> None:
-    done = faulty(tmp_path, {"at_s": 10.0, "inject": "INP-09", "duration_s": 0.5}, by_hand=True)
-    held = {round(seen.time, 2): seen.tick.snapshot.sensed.inputs[0].enabled for seen in done.seen if seen.time > 9.5}
-    assert [held[time] for time in (9.9, 10.04, 10.4, 10.56)] == [True, False, False, True]
+    done = faulty(tmp_path, {"at_s": 6.4, "inject": "INP-09", "duration_s": 0.5}, by_hand=True)
+    held = {round(seen.time, 2): seen.tick.snapshot.sensed.inputs[0].enabled for seen in done.seen if seen.time > 5.9}
+    assert [held[time] for time in (6.3, 6.44, 6.8, 6.96)] == [True, False, False, True]
 
 
 def test_same_seed_makes_the_same_run(tmp_path: Path) -> None:
-    fault = {"at_s": 9.0, "inject": "COM-14", "bits": 2, "length": None, "probability": 0.5, "count": None}
+    fault = {"at_s": 5.4, "inject": "COM-14", "bits": 2, "length": None, "probability": 0.5, "count": None}
     one, two = (faulty(tmp_path / name, fault) for name in ("one", "two"))
     assert one.bus.heard == two.bus.heard
     assert [tick.snapshot.sensed for tick in one.ticks] == [tick.snapshot.sensed for tick in two.ticks]

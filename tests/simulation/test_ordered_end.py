@@ -26,10 +26,12 @@ from rig import (
 from artemis.drive_states import DriveState, Nmt
 from artemis.values import Mode, Request
 
+pytestmark = pytest.mark.short_alignment
+
 CONSUMER = 0x1016
 WAIT = {"wait": {"seconds": 1.0}}
 STEPS: Steps = [WAIT, CALIBRATE, follow(0.4)]
-DRIVE_ON = stick((0.0, 0.0, 0.0, 0), (9.5, 0.0, 0.6, 1), (30.0, 0.0, 0.6, 1))
+DRIVE_ON = stick((0.0, 0.0, 0.0, 0), (5.9, 0.0, 0.6, 1), (26.4, 0.0, 0.6, 1))
 
 
 def assert_ended_in_order(seen: Run) -> None:
@@ -111,23 +113,23 @@ def test_an_end_request_ends_in_order_at_every_moment(tmp_path: Path, moment: st
 def test_an_end_request_while_driving_by_hand_ends_in_order(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, [CALIBRATE, TELEOP], {"stick.csv": DRIVE_ON}, inputs=STICK)
     rig = Rig(mission)
-    seen = rig.at(11.0, rig.request(Request.END)).run()
-    assert not standing(seen.truth_at(11.0))
+    seen = rig.at(7.4, rig.request(Request.END)).run()
+    assert not standing(seen.truth_at(7.4))
     assert_ended_in_order(seen)
 
 
 def test_an_end_request_in_a_quick_stop_ends_in_order(tmp_path: Path) -> None:
-    acts = [{"at_s": 9.0, "do": "quickstop"}, {"at_s": 11.0, "do": "end"}]
+    acts = [{"at_s": 5.4, "do": "quickstop"}, {"at_s": 7.4, "do": "end"}]
     seen = run(write_mission(tmp_path, STEPS[1:], simulation={"operator": acts}))
     assert seen.modes[-2:] == [Mode.QUICKSTOP, Mode.END]
     assert_ended_in_order(seen)
 
 
 def test_an_end_request_in_a_fault_ends_in_order(tmp_path: Path) -> None:
-    rig = Rig(write_mission(tmp_path, STEPS[1:], simulation={"operator": [{"at_s": 14.0, "do": "end"}]}))
+    rig = Rig(write_mission(tmp_path, STEPS[1:], simulation={"operator": [{"at_s": 10.4, "do": "end"}]}))
     seen = rig.while_following(rig.emergency("traction-left", 0x8611)).run()
     assert seen.modes[-2:] == [Mode.FAULT, Mode.END]
-    assert seen.seen[-1].time > 14.0
+    assert seen.seen[-1].time > 10.4
     assert_ended_in_order(seen)
 
 

@@ -14,14 +14,21 @@ import pytest
 from msgspec.structs import replace
 from rig import CALIBRATE, STICK, TELEOP, TICK, Rig, Run, follow, standing, stick, straight, write_mission
 
+from artemis import app
 from artemis.config import Config
+from artemis.devices.drive import Drives
 from artemis.drive_states import DriveState
 from artemis.errors import DeviceLost
+from artemis.mission.actions import PluginUse
+from artemis.mission.loading import load_mission
 from artemis.motion.path import Path as DrivenPath
-from artemis.plugins.contracts import Following
+from artemis.plugins.contracts import Following, PluginContext
+from artemis.plugins.inputs.scripted import ScriptedConfig, ScriptedInput
 from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.values import DriveCommand, Mode, OperatorInput, Severity, Snapshot, Tracking
+
+pytestmark = pytest.mark.short_alignment
 
 SPEED = 0.4
 DECELERATION = 1.0
@@ -171,8 +178,8 @@ def test_a_path_that_begins_too_far_away_is_not_begun(tmp_path: Path) -> None:
 
 # ---------------------------------------------------------------------------------------------- inputs
 
-DRIVING = stick((0.0, 0.0, 0.0, 0), (9.5, 0.0, 0.6, 1), (13.0, 0.0, 0.6, 1))
-RELEASED = stick((0.0, 0.0, 0.0, 0), (9.5, 0.0, 0.6, 1), (12.0, 0.0, 0.6, 0), (15.0, 0.0, 0.0, 0))
+DRIVING = stick((0.0, 0.0, 0.0, 0), (5.9, 0.0, 0.6, 1), (9.4, 0.0, 0.6, 1))
+RELEASED = stick((0.0, 0.0, 0.0, 0), (5.9, 0.0, 0.6, 1), (8.4, 0.0, 0.6, 0), (11.4, 0.0, 0.0, 0))
 
 
 def teleop_mission(folder: Path, table: str, **options: object) -> Path:
@@ -185,9 +192,9 @@ def test_an_input_that_freezes_is_a_controlled_stop(tmp_path: Path) -> None:
     fault = seen.faults[0]
     assert (seen.status, fault.id) == (1, "INP-03")
     assert "stick" in fault.text
-    assert not standing(seen.truth_at(13.0))
+    assert not standing(seen.truth_at(9.4))
     begin = seen.first(lambda s: s.tick.wish.fault is not None).time
-    assert 0.15 <= begin - 13.0 <= 0.15 + 2 * TICK
+    assert 0.15 <= begin - 9.4 <= 0.15 + 2 * TICK
     speeds = [s.tick.set_points.speed for s in seen.seen if s.time >= begin]
     assert all(b <= a for a, b in itertools.pairwise(speeds))  # never an increase after the loss
     assert seen.stands_from() - begin < speeds[0] / DECELERATION + 0.25
@@ -196,9 +203,9 @@ def test_an_input_that_freezes_is_a_controlled_stop(tmp_path: Path) -> None:
 def test_releasing_the_enable_button_brings_the_robot_to_rest_on_the_ramp(tmp_path: Path) -> None:
     seen = Rig(teleop_mission(tmp_path, RELEASED)).run()
     assert (seen.status, seen.fault_ids) == (0, [])
-    speed = seen.truth_at(12.0).speed
+    speed = seen.truth_at(8.4).speed
     assert speed > 0.3
-    assert speed / DECELERATION - 0.1 < seen.stands_from() - 12.0 < speed / DECELERATION + 0.25
+    assert speed / DECELERATION - 0.1 < seen.stands_from() - 8.4 < speed / DECELERATION + 0.25
     assert Mode.QUICKSTOP not in seen.modes
 
 
@@ -211,10 +218,10 @@ class Stick:
         self._fail = fail
 
     def read(self, now: float) -> OperatorInput:
-        if now < 9.5:
+        if now < 5.9:
             return OperatorInput(source="stick", age=0.0)
         sample = OperatorInput(source="stick", speed=0.4, enabled=True, neutral=False, age=0.0)
-        return sample if now < 12.0 else self._fail(sample)
+        return sample if now < 8.4 else self._fail(sample)
 
     def close(self) -> None: ...
 
@@ -226,7 +233,7 @@ def test_an_input_that_raises_stops_the_robot(tmp_path: Path) -> None:
     seen = Rig(teleop_mission(tmp_path, DRIVING), input=Stick(unplugged)).run()
     assert (seen.status, seen.faults[0].id) == (1, "PLG-02")
     assert "device gone" in seen.faults[0].text
-    assert seen.stands_from() - 12.0 < 0.4 / DECELERATION + 0.3
+    assert seen.stands_from() - 8.4 < 0.4 / DECELERATION + 0.3
 
 
 def test_an_input_that_ends_the_program_when_it_is_closed_changes_nothing(tmp_path: Path) -> None:
@@ -259,14 +266,40 @@ def test_a_number_that_is_none_from_an_input_is_a_controlled_stop(tmp_path: Path
         input=Stick(lambda s: OperatorInput(source="stick", speed=math.nan, enabled=True, neutral=False, age=0.0)),
     ).run()
     assert (seen.status, seen.faults[0].id, seen.faults[0].severity) == (1, "INP-06", Severity.CONTROLLED_STOP)
-    assert seen.stands_from() - 12.0 < 0.4 / DECELERATION + 0.3
+    assert seen.stands_from() - 8.4 < 0.4 / DECELERATION + 0.3
 
 
 def test_a_stick_that_is_held_when_teleoperation_begins_moves_nothing_until_it_is_released(tmp_path: Path) -> None:
     held = (3.0, 0.0, 0.6, 1)  # while the wheels align: the run is armed with released controls only
-    table = stick((0.0, 0.0, 0.0, 0), held, (14.0, 0.0, 0.0, 0), (15.0, 0.0, 0.6, 1), (17.0, 0.0, 0.0, 0))
+    table = stick((0.0, 0.0, 0.0, 0), held, (10.4, 0.0, 0.0, 0), (11.4, 0.0, 0.6, 1), (13.4, 0.0, 0.0, 0))
     seen = Rig(teleop_mission(tmp_path, table)).run()
-    ready = next(s.now for s in reversed(seen.in_mode(Mode.READY)) if s.time < 14.0)
-    assert ready > 13.9
-    assert seen.in_mode(Mode.TELEOP)[0].time >= 14.0
-    assert not standing(seen.truth_at(16.5))
+    ready = next(s.now for s in reversed(seen.in_mode(Mode.READY)) if s.time < 10.4)
+    assert ready > 10.3
+    assert seen.in_mode(Mode.TELEOP)[0].time >= 10.4
+    assert not standing(seen.truth_at(12.9))
+
+
+def test_bus_and_inputs_are_closed_where_another_input_cannot_be_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed: list[str] = []
+
+    class Picky(ScriptedInput):
+        def __init__(self, config: ScriptedConfig, context: PluginContext) -> None:
+            if context.name == "second":
+                raise KeyError("second")
+            super().__init__(config, context)
+
+        def close(self) -> None:
+            closed.append("first")
+
+    def make(group: str, use: PluginUse, context: PluginContext) -> Picky:
+        return Picky(ScriptedConfig(file="stick.csv"), context)
+
+    inputs = {"first": STICK["stick"], "second": STICK["stick"]}
+    mission = write_mission(tmp_path, [CALIBRATE], {"stick.csv": stick((0, 0, 0, 0))}, inputs=inputs)
+    monkeypatch.setattr(app, "plugin_made", make)
+    monkeypatch.setattr(Drives, "close", lambda drives: closed.append("bus"))
+    with pytest.raises(KeyError, match="second"):
+        app.run_mission(load_mission(mission), mission)
+    assert closed == ["first", "bus"]

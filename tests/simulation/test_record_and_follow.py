@@ -16,7 +16,7 @@ from artemis.commands.path_record import Drawing, RecordedPart, record_path
 from artemis.motion.path import path_from_csv
 from artemis.values import Mode, Request
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.short_alignment]
 SHOW = {"teleop": {"input": "stick", "until": {"button": "done"}, "record": "shown"}}
 STICK = {"stick": {"plugin": "scripted", "file": "stick.csv"}}
 
@@ -123,18 +123,16 @@ def shown_with(tmp_path_factory: pytest.TempPathFactory) -> Shown:
 
 
 def straight_on(presses_at: tuple[float, ...], folder: Path) -> Run:
-    """Drive straight on from 10 s to 20 s, with presses of the record button."""
-    rows = [(0.0, 0, 0, 0), (9.0, 1, 0, 0), (10.0, 1, 0.5, 0), (20.0, 1, 0.0, 0), (22.0, 0, 0.0, 0)]
+    """Drive straight on from 6.4 s to 16.4 s, with presses of the record button."""
+    rows = [(0.0, 0, 0, 0), (5.4, 1, 0, 0), (6.4, 1, 0.5, 0), (16.4, 1, 0.0, 0), (18.4, 0, 0.0, 0)]
     for time in presses_at:
         rows += [(time, 1, 0.5, 1), (time + 0.1, 1, 0.5, 0)]
     lines = [f"{time},0,{y},{enable},{record},0" for time, enable, y, record in sorted(rows)]
-    table = "\n".join(["time_s,x,y,enable,record,done", *lines, "22.5,0,0,0,0,1"]) + "\n"
+    table = "\n".join(["time_s,x,y,enable,record,done", *lines, "18.9,0,0,0,0,1"]) + "\n"
     return run(write_mission(folder, [CALIBRATE, SHOW], {"stick.csv": table}, inputs=STICK))
 
 
-@pytest.mark.parametrize(
-    ("presses_at", "from_press", "to_press"), [([11.0, 15.0], 0, 1), ([11.0, 13.0, 16.0], 2, None)]
-)
+@pytest.mark.parametrize(("presses_at", "from_press", "to_press"), [([7.4, 11.4], 0, 1), ([7.4, 9.4, 12.4], 2, None)])
 def test_a_second_press_ends_the_recording_and_a_third_begins_it_anew(
     shown_with: Shown, presses_at: list[float], from_press: int, to_press: int | None
 ) -> None:
@@ -158,7 +156,7 @@ def test_nobody_who_presses_records_the_whole_step(shown_with: Shown) -> None:
     assert math.dist(written[-1], driven[-1]) < 0.06
 
 
-@pytest.mark.parametrize("presses_at", [[], [11.0, 15.0], [11.0, 13.0, 16.0], [12.0]])
+@pytest.mark.parametrize("presses_at", [[], [7.4, 11.4], [7.4, 9.4, 12.4], [8.4]])
 def test_a_path_by_its_name_is_what_the_run_has_kept(
     shown_with: Shown, tmp_path: Path, presses_at: list[float]
 ) -> None:

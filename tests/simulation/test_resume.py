@@ -14,10 +14,13 @@ from rig import CALIBRATE, follow, straight, write_mission
 from artemis import app
 from artemis.commands.replay import replay_run
 from artemis.mission.loading import load_mission
+from artemis.progress import Position
 from artemis.recording.journal import read_journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.resume import unfinished_run
-from artemis.values import Mode, Pose, Position, Tick
+from artemis.values import Mode, Pose, Tick
+
+pytestmark = pytest.mark.short_alignment
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +124,7 @@ def test_a_run_that_stopped_before_it_moved_is_gone_on_with_from_the_start(tmp_p
 
 def test_a_stopped_run_whose_process_goes_on_needs_no_resumption(tmp_path: Path) -> None:
     """The same progress in one process: stopped, armed, and on its way again."""
-    operator = [{"at_s": 8.5, "do": "quickstop"}, {"at_s": 11.0, "do": "arm"}]
+    operator = [{"at_s": 4.9, "do": "quickstop"}, {"at_s": 7.4, "do": "arm"}]
     mission = write_mission(tmp_path, STEPS, {"line.csv": straight(FAR)}, simulation={"operator": operator})
     done = run(mission)
 

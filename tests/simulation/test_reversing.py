@@ -22,7 +22,7 @@ from artemis.values import Mode
 from artemis_lab.campaign.one_run import run_scenario
 from artemis_lab.campaign.scenario import Scenario
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.short_alignment]
 STICK = {"stick": {"plugin": "scripted", "file": "stick.csv"}}
 SHOW: dict[str, Any] = {"teleop": {"input": "stick", "until": {"button": "done"}, "record": "shown"}}
 
@@ -119,15 +119,15 @@ def test_a_path_is_driven_back_out_from_its_end(tmp_path: Path) -> None:
 
 TO_AND_FRO = """time_s, x, y, enable, done
 0.0, 0, 0, 0, 0
-10.0, 0, 0.4, 1, 0
-13.0, -0.15, 0.4, 1, 0
-16.0, -0.15, 0, 1, 0
-18.0, 0.15, -0.4, 1, 0
-21.0, 0.15, 0, 1, 0
-23.0, 0, 0.4, 1, 0
-26.0, 0, 0, 1, 0
-28.0, 0, 0, 0, 0
-29.0, 0, 0, 0, 1
+6.4, 0, 0.4, 1, 0
+9.4, -0.15, 0.4, 1, 0
+12.4, -0.15, 0, 1, 0
+14.4, 0.15, -0.4, 1, 0
+17.4, 0.15, 0, 1, 0
+19.4, 0, 0.4, 1, 0
+22.4, 0, 0, 1, 0
+24.4, 0, 0, 0, 0
+25.4, 0, 0, 0, 1
 """
 """Ahead and to the left, back to the right, and ahead."""
 
@@ -187,15 +187,15 @@ def test_what_was_shown_to_and_fro_is_followed_so_and_becomes_one_file(
 
 BACK = "x,y\n" + "".join(f"{-x / 10},{(x / 10) ** 2 / 8:.4f}\n" for x in range(26))
 BACKWARD: dict[str, Any] = {"direction": "backward"}
-OPERATOR = [{"at_s": 16.0, "do": "acknowledge"}, {"at_s": 22.0, "do": "arm"}, {"at_s": 28.0, "do": "arm"}]
+OPERATOR = [{"at_s": 12.4, "do": "acknowledge"}, {"at_s": 18.4, "do": "arm"}, {"at_s": 24.4, "do": "arm"}]
 
 
 @pytest.mark.parametrize("fault", [{"inject": "DRV-18", "node": "steer-left"}, None], ids=["drive fault", "quick stop"])
 def test_after_a_stop_in_a_backward_part_it_is_gone_on_with_backwards(
     tmp_path: Path, fault: dict[str, Any] | None
 ) -> None:
-    operator = OPERATOR if fault else [{"at_s": 11.0, "do": "quickstop"}, *OPERATOR]
-    simulation = {"operator": operator, "faults": [{"at_s": 11.0, **fault}] if fault else []}
+    operator = OPERATOR if fault else [{"at_s": 7.4, "do": "quickstop"}, *OPERATOR]
+    simulation = {"operator": operator, "faults": [{"at_s": 7.4, **fault}] if fault else []}
     mission = write_mission(tmp_path, [CALIBRATE, follow(**BACKWARD)], {"line.csv": BACK}, simulation=simulation)
     seen = run(mission, longest=200.0)
     assert seen.status == 0
@@ -207,7 +207,7 @@ def test_after_a_stop_in_a_backward_part_it_is_gone_on_with_backwards(
 
 
 def judged(steps: list[dict[str, Any]], files: dict[str, str], faults: list[dict[str, Any]], folder: Path) -> Any:  # noqa: ANN401
-    operator = [{"at_s": time, "do": what} for time in (16.0, 20.0, 24.0) for what in ("acknowledge", "arm")]
+    operator = [{"at_s": time, "do": what} for time in (12.4, 16.4, 20.4) for what in ("acknowledge", "arm")]
     simulation = {"seed": 1, "true_robot": {"slip": 0.005}, "operator": operator, "faults": faults}
     mission = {
         "mission": "reversing", "robot": "robot.yaml", "bus": "simulation", "inputs": {},
@@ -222,9 +222,9 @@ def judged(steps: list[dict[str, Any]], files: dict[str, str], faults: list[dict
     "faults",
     [
         [],
-        [{"at_s": 12.0, "inject": "DRV-18", "node": "steer-left"}],
-        [{"at_s": 12.0, "inject": "PTH-08", "duration_s": 6.0}],
-        [{"at_s": 12.0, "inject": "RUN-11"}],
+        [{"at_s": 8.4, "inject": "DRV-18", "node": "steer-left"}],
+        [{"at_s": 8.4, "inject": "PTH-08", "duration_s": 6.0}],
+        [{"at_s": 8.4, "inject": "RUN-11"}],
     ],
     ids=["sound", "drive fault", "overrun", "no number"],
 )

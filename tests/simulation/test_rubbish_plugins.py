@@ -17,10 +17,12 @@ from artemis.motion.path import Path as DrivenPath
 from artemis.plugins.contracts import Following
 from artemis.values import DriveCommand, Mode, OperatorInput, Request, Snapshot, Tracking
 
+pytestmark = pytest.mark.short_alignment
+
 LENGTH = 3.0
 FILES = {"line.csv": straight(LENGTH), "stick.csv": stick((0.0, 0.0, 0.0, 0), (1.0, 0.0, 0.0, 0))}
 SPEED = 0.5
-RUBBISH_AT = 9.0
+RUBBISH_AT = 7.2
 """Run time at which an input goes mad, the robot driving by it [s]."""
 
 
@@ -36,7 +38,7 @@ class MadInput:
         self._spoil = spoil
 
     def read(self, now: float) -> OperatorInput:
-        drives = now > 6.0
+        drives = now > 4.2
         speed = SPEED if drives else 0.0
         answer = OperatorInput(source="stick", speed=speed, enabled=drives, neutral=not drives, age=0.0)
         if now > RUBBISH_AT:
@@ -130,7 +132,7 @@ def lost_between(*parts: tuple[float, float]) -> Ahead:
 
 def recovering_rig(folder: Path, follower: Ahead) -> Rig:
     """Somebody acknowledges and arms after the first stop, then leaves."""
-    operator = [{"at_s": 19.0, "do": "acknowledge"}]
+    operator = [{"at_s": 15.4, "do": "acknowledge"}]
     mission = write_mission(folder, [CALIBRATE, follow()], FILES, simulation={"operator": operator})
     rig = Rig(mission, follower=follower)
     rig.when(lambda s: s.mode is Mode.QUICKSTOP, rig.request(Request.ACKNOWLEDGE), after=2.0, name="acknowledge")

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from fake_scanner import PROBLEM, TURN, FakeScanner
 from rig import CALIBRATE, TICK, Run, follow, run, write_mission
 
 from artemis.recording.mcap_reader import Recording
+
+pytestmark = pytest.mark.short_alignment
 
 STEPS = [CALIBRATE, follow(0.4)]
 

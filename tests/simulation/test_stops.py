@@ -28,6 +28,8 @@ from rig import (
 from artemis.drive_states import DriveState
 from artemis.values import Mode, Request
 
+pytestmark = pytest.mark.short_alignment
+
 SPEED = 0.4
 LENGTH = 2.0
 ENABLE, QUICK_STOP = 0x0F, 0x0B
@@ -36,7 +38,7 @@ FILES = {"line.csv": straight(LENGTH)}
 UNFIT = (Mode.INIT, Mode.QUICKSTOP, Mode.FAULT)
 
 
-def attended_rig(folder: Path, *acts: tuple[float, str], end: float = 40.0) -> Rig:
+def attended_rig(folder: Path, *acts: tuple[float, str], end: float = 36.4) -> Rig:
     """A mission with a scripted operator, who is there until `end` [s]."""
     operator = [{"at_s": time, "do": act} for time, act in acts]
     operator.append({"at_s": end, "do": "acknowledge"})
@@ -100,37 +102,37 @@ def test_a_quick_stop_that_nobody_attends_ends_the_run_as_failed(stopped: Run) -
 
 
 def test_after_a_quick_stop_the_robot_does_not_move_by_itself_and_an_arm_finishes_the_path(tmp_path: Path) -> None:
-    seen = attended_rig(tmp_path, (10.0, "quickstop"), (16.0, "arm"), end=16.0).run()
+    seen = attended_rig(tmp_path, (6.4, "quickstop"), (12.4, "arm"), end=12.4).run()
     assert driven(seen.in_mode(Mode.FOLLOW)[0]) < 0.01
     assert seen.modes.count(Mode.FOLLOW) == 2
-    assert moved(seen, 9.9, 10.1)
-    assert not moved(seen, 10.5, 16.0)
-    assert moved(seen, 16.0, 17.0)
+    assert moved(seen, 6.3, 6.5)
+    assert not moved(seen, 6.9, 12.4)
+    assert moved(seen, 12.4, 13.4)
     assert_path_was_finished(seen)
 
 
 def test_while_it_waits_for_the_arm_the_drives_are_off(tmp_path: Path) -> None:
-    seen = attended_rig(tmp_path, (10.0, "quickstop"), (16.0, "arm"), end=16.0).run()
-    waiting = [truth for truth in seen.world.history if 10.6 < truth.time < 16.0]
+    seen = attended_rig(tmp_path, (6.4, "quickstop"), (12.4, "arm"), end=12.4).run()
+    waiting = [truth for truth in seen.world.history if 7.0 < truth.time < 12.4]
     assert {state for truth in waiting for state in truth.states} == {DriveState.SWITCH_ON_DISABLED}
 
 
 def test_an_acknowledgment_after_a_quick_stop_moves_nothing(tmp_path: Path) -> None:
-    acts = ((10.0, "quickstop"), (11.0, "acknowledge"), (12.0, "acknowledge"), (16.0, "arm"))
-    seen = attended_rig(tmp_path, *acts, end=16.0).run()
-    assert not moved(seen, 10.5, 16.0)
-    assert all(controlword(frame) != ENABLE for time, frame in seen.bus.sent if 10.5 < time < 16.0)
+    acts = ((6.4, "quickstop"), (7.4, "acknowledge"), (8.4, "acknowledge"), (12.4, "arm"))
+    seen = attended_rig(tmp_path, *acts, end=12.4).run()
+    assert not moved(seen, 6.9, 12.4)
+    assert all(controlword(frame) != ENABLE for time, frame in seen.bus.sent if 6.9 < time < 12.4)
     assert_path_was_finished(seen)
 
 
 def test_an_arm_while_the_robot_still_brakes_is_not_kept_for_later(tmp_path: Path) -> None:
-    seen = attended_rig(tmp_path, (10.0, "quickstop"), (10.05, "arm"), end=14.0).run()
+    seen = attended_rig(tmp_path, (6.4, "quickstop"), (6.45, "arm"), end=10.4).run()
     assert seen.status == 1
-    assert not moved(seen, 10.5, seen.world.time)
+    assert not moved(seen, 6.9, seen.world.time)
 
 
 def test_a_stop_request_before_anything_is_aligned_leads_through_the_whole_bring_up_again(tmp_path: Path) -> None:
-    seen = attended_rig(tmp_path, (1.5, "quickstop"), (3.0, "arm"), end=3.0).run()
+    seen = attended_rig(tmp_path, (0.95, "quickstop"), (2.45, "arm"), end=2.45).run()
     assert seen.modes[:4] == [Mode.INIT, Mode.QUICKSTOP, Mode.INIT, Mode.READY]
     assert_path_was_finished(seen)
 
@@ -186,13 +188,13 @@ def faulty_run(folder: Path, *acts: tuple[float, str], end: float) -> Run:
 @pytest.fixture(scope="module")
 def recovered(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """A fault, acknowledged at 13 s and armed at 18 s."""
-    acts = ((13.0, "acknowledge"), (18.0, "arm"))
-    return faulty_run(tmp_path_factory.mktemp("recovered"), *acts, end=18.0)
+    acts = ((9.4, "acknowledge"), (14.4, "arm"))
+    return faulty_run(tmp_path_factory.mktemp("recovered"), *acts, end=14.4)
 
 
 def test_after_fault_acknowledgment_and_arm_the_path_is_finished_from_where_it_stopped(recovered: Run) -> None:
     assert recovered.fault_ids == ["DRV-25"]
-    assert recovered.acts["emergency"] < 12.5
+    assert recovered.acts["emergency"] < 8.9
     later = recovered.modes[recovered.modes.index(Mode.FAULT) :]
     assert later == [Mode.FAULT, Mode.INIT, Mode.READY, Mode.FOLLOW, Mode.READY, Mode.END]
     assert_path_was_finished(recovered)
@@ -200,22 +202,22 @@ def test_after_fault_acknowledgment_and_arm_the_path_is_finished_from_where_it_s
 
 def test_after_an_acknowledgment_the_drives_are_brought_up_from_scratch_and_stay_off(recovered: Run) -> None:
     written = [time for time, frame in recovered.bus.sent if frame.id == 0x601 and frame.data[:3] == b"\x2b\x40\x60"]
-    assert any(time > 13.0 for time in written)  # secured again over SDO
-    watching = max(time for time, frame in recovered.bus.sent if frame.data[:4] == b"\x23\x16\x10\x01" and time < 18.0)
+    assert any(time > 9.4 for time in written)  # secured again over SDO
+    watching = max(time for time, frame in recovered.bus.sent if frame.data[:4] == b"\x23\x16\x10\x01" and time < 14.4)
     losses = [f for f in recovered.bus.heard if f.id & 0x780 == 0x080 and f.data[:2] == b"\x30\x81"]
-    again = {f.id for f in losses if 13.0 < watching < f.time < 18.0}
+    again = {f.id for f in losses if 9.4 < watching < f.time < 14.4}
     assert again == {0x080 + node for node in NODE.values()}  # the watchdog was proven again
-    assert all(controlword(frame) != ENABLE for time, frame in recovered.bus.sent if 13.0 <= time < 18.0)
+    assert all(controlword(frame) != ENABLE for time, frame in recovered.bus.sent if 9.4 <= time < 14.4)
 
 
 def test_nothing_moves_between_the_fault_and_the_arm(recovered: Run) -> None:
-    assert not moved(recovered, recovered.acts["emergency"] + 1.0, 18.0)
-    assert moved(recovered, 18.0, 26.0)
+    assert not moved(recovered, recovered.acts["emergency"] + 1.0, 14.4)
+    assert moved(recovered, 14.4, 22.4)
 
 
 def test_an_acknowledgment_alone_never_leads_to_motion(tmp_path: Path) -> None:
     seen = faulty_run(
-        tmp_path, (13.0, "acknowledge"), (15.0, "acknowledge"), (20.0, "acknowledge"), (24.0, "end"), end=24
+        tmp_path, (9.4, "acknowledge"), (11.4, "acknowledge"), (16.4, "acknowledge"), (20.4, "end"), end=20.4
     )
     assert seen.status == 1
     assert not moved(seen, seen.acts["emergency"] + 1.0, seen.world.time)
@@ -223,13 +225,13 @@ def test_an_acknowledgment_alone_never_leads_to_motion(tmp_path: Path) -> None:
 
 
 def test_an_arm_without_an_acknowledgment_does_nothing_in_a_fault(tmp_path: Path) -> None:
-    seen = faulty_run(tmp_path, (13.0, "arm"), (14.0, "arm"), (16.0, "end"), end=16.0)
+    seen = faulty_run(tmp_path, (9.4, "arm"), (10.4, "arm"), (12.4, "end"), end=12.4)
     assert seen.modes[-2:] == [Mode.FAULT, Mode.END]
     assert not moved(seen, seen.acts["emergency"] + 1.0, seen.world.time)
 
 
 def test_a_second_fault_after_the_recovery_stops_the_robot_again(tmp_path: Path) -> None:
-    rig = attended_rig(tmp_path, (13.0, "acknowledge"), (18.0, "arm"), end=18.0)
+    rig = attended_rig(tmp_path, (9.4, "acknowledge"), (14.4, "arm"), end=14.4)
     rig.while_following(rig.emergency("steer-left", 0x8611), distance=0.6)
     rig.while_following(rig.emergency("traction-left", 0x2310), distance=1.4)
     seen = rig.run()

@@ -27,6 +27,8 @@ from artemis.devices.can_bus import Frame
 from artemis.drive_states import DriveState
 from artemis.values import Mode, Request
 
+pytestmark = pytest.mark.short_alignment
+
 SPEED, LEFT = 0.6, "traction-left"
 STEPS, FILES = [CALIBRATE, follow(SPEED)], {"line.csv": straight(4.0)}
 BY_SDO, BY_SILENCE = 0.16, 0.5
@@ -40,7 +42,7 @@ class DeafRig(Rig):
     """A robot that follows a line. From `stop_answering` on, `drops` says which frames nobody hears."""
 
     def __init__(self, folder: Path, drops: Drops, **simulation: Any) -> None:  # noqa: ANN401 (keys of a mission)
-        operator = [{"at_s": 11.5, "do": "acknowledge"}]
+        operator = [{"at_s": 7.9, "do": "acknowledge"}]
         mission = write_mission(folder, STEPS, FILES, simulation={"operator": operator, **simulation})
         super().__init__(mission, disturb=self._disturb)
         self._drops, self._deaf = drops, False
@@ -158,7 +160,7 @@ def test_a_drive_that_could_not_be_switched_off_still_watches_when_the_run_is_ov
 
 
 def unready(folder: Path, *acts: tuple[float, str], **simulation: Any) -> Rig:  # noqa: ANN401 (keys of a mission)
-    operator = [{"at_s": time, "do": act} for time, act in (*acts, (9.0, "acknowledge"))]
+    operator = [{"at_s": time, "do": act} for time, act in (*acts, (7.2, "acknowledge"))]
     return Rig(write_mission(folder, [{"wait": {"seconds": 0.1}}], simulation={"operator": operator, **simulation}))
 
 
@@ -186,7 +188,7 @@ def test_a_second_artemis_sends_nothing_and_ends(tmp_path: Path, act: str) -> No
 
 
 def test_where_a_second_artemis_begins_the_first_one_stops_and_releases_its_drives(tmp_path: Path) -> None:
-    rig = DeafRig(tmp_path, lambda frame: False, faults=[{"at_s": 9.0, "inject": "COM-18"}])
+    rig = DeafRig(tmp_path, lambda frame: False, faults=[{"at_s": 5.4, "inject": "COM-18"}])
     seen = rig.run()
     assert seen.modes[-3:] == [Mode.FOLLOW, Mode.FAULT, Mode.END]
     assert standing(seen.world.truth)

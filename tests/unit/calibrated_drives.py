@@ -10,6 +10,7 @@ import random
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter  # scipy has no types
 
 from artemis.calibration.kinematics import TWO_WHEELS, Kinematics, altered
 from artemis.calibration.wheel_log import WheelLog
@@ -22,6 +23,8 @@ from artemis.vehicle import Geometry
 
 DESCRIBED = Geometry(wheelbase_m=0.56, track_m=0.436, scrub_radius_m=0.0625, driven_axle="front")
 STEP = 0.005
+MEMORY = 3.0
+"""Over which slip is correlated [s]."""
 COUNT, STEERING_COUNT = 2.1276596e-4, math.radians(1 / 5255.6)
 
 
@@ -51,6 +54,8 @@ def drive(
     noise: tuple[float, float] = (0.002, math.radians(0.2)),
     hertz: float = 50.0,
     on_axle: bool = False,
+    wander: float = 0.0,
+    filtered: float = 0.0,
 ) -> Drive:
     """Weave, forwards and backwards, with halts at which the wheels turn.
 
@@ -63,12 +68,14 @@ def drive(
         noise: standard deviations of the tracker [m, rad].
         hertz: ticks a second.
         on_axle: the tracker is at the rear axle's centre, not anywhere.
+        wander: standard deviation of a slip of each wheel that is correlated over `MEMORY`.
+        filtered: time constant of a low pass in the tracker [s].
     """
     dice = random.Random(seed)
     machine = altered(Kinematics.of(DESCRIBED), values)
     time, speed, steering = _commanded(dice, duration, math.radians(largest))
     counted = counted_by_drives(speed, steering)
-    poses = moved(machine, counted, slip, dice)
+    poses = moved(machine, _slipped(counted, wander, seed), slip, dice)
     ticks = np.arange(0, len(time), round(1 / hertz / STEP))
     distances = np.round(counted[ticks, :2] / COUNT) * COUNT
     angles = np.round(counted[ticks, 2:] / STEERING_COUNT) * STEERING_COUNT
@@ -80,7 +87,25 @@ def drive(
         steering_left=angles[:, 0],
         steering_right=angles[:, 1],
     )
-    return Drive(log=log, truth=_tracked(time, poses, dice, noise, on_axle), poses=poses[ticks])
+    truth = _tracked(time, _low_pass(poses, filtered), dice, noise, on_axle)
+    return Drive(log=log, truth=truth, poses=poses[ticks])
+
+
+def _slipped(counted: Array, wander: float, seed: int) -> Array:
+    """What the wheels truly roll while the drives count `counted`."""
+    if not wander:
+        return counted
+    keep = math.exp(-STEP / MEMORY)
+    drawn = np.random.default_rng(seed).normal(0.0, wander, (len(counted) - 1, 2)) * math.sqrt(1.0 - keep**2)
+    slip: Array = np.asarray(lfilter([1.0], [1.0, -keep], drawn, axis=0), dtype=np.float64)
+    rolled = counted.copy()
+    rolled[1:, :2] = np.cumsum(np.diff(counted[:, :2], axis=0) * (1.0 - slip), axis=0)
+    return rolled
+
+
+def _low_pass(poses: Array, period: float) -> Array:
+    keep = math.exp(-STEP / period) if period else 0.0
+    return np.asarray(poses[0] + lfilter([1.0 - keep], [1.0, -keep], poses - poses[0], axis=0), dtype=np.float64)
 
 
 def _commanded(dice: random.Random, duration: float, largest: float) -> tuple[Array, Array, Array]:

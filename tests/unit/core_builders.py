@@ -20,8 +20,9 @@ from artemis.motion.ackermann import Ackermann
 from artemis.motion.path import Path, path_from_points
 from artemis.motion.route import Part, Route
 from artemis.plugins.contracts import Following
+from artemis.progress import Position
 from artemis.states.mode import ModeLogic
-from artemis.states.plan import Plan, Shared, Step, advance
+from artemis.states.plan import Plan, Shared, Step
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
@@ -33,7 +34,6 @@ from artemis.values import (
     JobResult,
     LocatedPose,
     Odometry,
-    Position,
     Sensed,
     SetPoints,
     Snapshot,
@@ -228,7 +228,7 @@ class Player:
             self.enter(seen)
         self._wish = self.mode.step(seen)
         shared = self.mode.shared
-        shared.position = advance(shared.position, self._wish)
+        shared.advance(self._wish, seen, standing=True)
         self._points = points_from(self._wish, self._points)
         self._results = tuple(map(self._perform, self._wish.jobs))
         self.wishes.append(self._wish)

@@ -12,7 +12,7 @@ from artemis.errors import DeviceLost
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.gamepad import GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
-from artemis.plugins.inputs.profiles import SHIPPED, Profile, profile_named
+from artemis.plugins.inputs.profiles import Profile, all_profiles, profile_named
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import OperatorInput, Request
 from artemis.vehicle import RobotFile
@@ -21,7 +21,7 @@ from artemis.yaml_file import load
 MISSIONS = Path(__file__).parents[2] / "missions"
 ROBOT = RobotFile.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
 TICK = 0.02
-NAMES = sorted(path.stem for path in SHIPPED.glob("*.yaml"))
+NAMES = sorted(it.name for it in all_profiles() if {part.source for part in it.parts.values()} == {"hidraw"})
 
 
 def device_of(profile: Profile) -> str:
@@ -29,7 +29,7 @@ def device_of(profile: Profile) -> str:
     from hashlib import sha256
 
     digests = {sha256(raw).hexdigest()[:16]: name for name, raw in DESCRIPTORS.items()}
-    return digests[profile.device.descriptor]
+    return digests[profile.parts[""].digest]
 
 
 def encode(descriptor: Descriptor, report_id: int, levels: dict[str, int], count: int = 0) -> bytes:
@@ -58,8 +58,8 @@ class Pad:
         self.info = HidInfo(
             "/dev/hidraw0",
             DEVICES[name]["bus"],
-            self.profile.device.vendor,
-            self.profile.device.product,
+            self.profile.parts[""].vendor,
+            self.profile.parts[""].product,
             "",
             name,
             0,

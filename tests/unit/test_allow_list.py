@@ -18,9 +18,9 @@ RPM = 4700 * 60 / 72
 TOP = 1.02 * 0.72
 """Highest target of a wheel [m/s]: the robot file's limit and two percent."""
 ON, OFF, STOP, RESET, SHUTDOWN = 0x0F, 0x00, 0x0B, 0x80, 0x06
-DRIVING = {Mode.TELEOP, Mode.FOLLOW}
+DRIVING = {Mode.TELEOP, Mode.FOLLOW, Mode.ACT}
 SERVICE = {Mode.INIT, Mode.QUICKSTOP, Mode.FAULT, Mode.END}
-QUIET = {Mode.READY, Mode.TELEOP, Mode.FOLLOW}
+QUIET = {Mode.READY, Mode.TELEOP, Mode.FOLLOW, Mode.ACT}
 FALLING = (Mode.READY, Mode.CALIBRATE, Mode.QUICKSTOP)
 
 

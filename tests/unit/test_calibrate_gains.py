@@ -15,8 +15,8 @@ from artemis.commands import calibrate_gains as command
 from artemis.commands.calibrate_gains import Wanted, calibrate_gains, trial_from
 from artemis.commands.gains_trial import Findings, GainsWatch, Trial, write_mission
 from artemis.errors import ConfigError, RecordingError
+from artemis.mission.actions import NewGains
 from artemis.mission.loading import LoadedMission, load_mission
-from artemis.mission.schema import NewGains
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.run_folder import RunFolder
 

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from artemis.commands.calibrate_odometry import calibrate_closing, calibrate_with_truth
-from artemis.errors import ConfigError
+from artemis.errors import CalibrationError, ConfigError
 
 DATA = Path(__file__).parents[1] / "data" / "odometry"
 MACHINE = DATA / "tricycle.yaml"
 RUNS = [DATA / f"140120211415_run-0{number}.csv.gz" for number in (1, 2)]
-CHECK = [DATA / "140120211440_run-02.csv.gz"]
+CHECK = [DATA / f"1401202114{number}.csv.gz" for number in ("40_run-02", "54_run-01")]
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 
 
@@ -39,11 +39,12 @@ def test_tables_are_fitted_checked_and_drawn(tmp_path: Path, capsys: pytest.Capt
     told = capsys.readouterr().out
     lines = {line.partition("  ")[0]: line.split() for line in told.splitlines()}
     assert 0.9 < float(lines["steering zero [deg]"][4]) < 1.4
-    assert float(lines["to check, described"][6]) > 300.0
-    assert float(lines["to check, fitted"][6]) < 90.0
+    for name in (each.name for each in CHECK):
+        assert float(lines[f"check {name}, nominal"][6]) > 150.0
+        assert float(lines[f"check {name}, fitted"][6]) < 90.0
     page = (tmp_path / "calibration.html").read_text()
     assert page.count("<svg") == 3
-    assert "Not estimated (robot-file value kept)" in page
+    assert "Not estimated (nominal value kept)" in page
 
 
 def test_a_truth_file_stands_for_the_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -74,7 +75,7 @@ def test_loops_that_return_to_their_start(tmp_path: Path, capsys: pytest.Capture
 
     lines = {line.partition("  ")[0]: line.split() for line in told.splitlines()}
     assert float(lines["steering zero [deg]"][4]) == pytest.approx(1.0, abs=0.15)
-    assert "scale" in told.partition("Not estimated (robot-file value kept)")[2]
+    assert "scale" in told.partition("Not estimated (nominal value kept)")[2]
     assert (tmp_path / "calibration.html").read_text().count("<svg") == 2
 
 
@@ -91,14 +92,42 @@ def test_measured_ends_by_their_numbers(tmp_path: Path, capsys: pytest.CaptureFi
         calibrate_closing(runs, ends, cart(tmp_path), None, None)
 
 
+@pytest.mark.parametrize(
+    ("unit", "words"),
+    [
+        (-1.0, "the sign of the steering angle"),
+        (57.29578, "the steering angles are in degrees, but are declared as radians"),
+        (0.01745329, "the steering angles are in radians, but are declared as degrees"),
+    ],
+)
+def test_a_wrong_sign_or_unit_is_refused_by_name(unit: float, words: str, tmp_path: Path) -> None:
+    wrong = tmp_path / "wrong.yaml"
+    key = "radians_per_steering_unit: "
+    wrong.write_text(MACHINE.read_text().replace(f"{key}1.0", f"{key}{unit}"))
+
+    with pytest.raises(CalibrationError, match=words):
+        calibrate_with_truth(RUNS, [], wrong, [], tmp_path, None)
+
+    assert not (tmp_path / "calibration.html").exists()
+
+
+def test_the_truth_of_another_run_is_refused(tmp_path: Path) -> None:
+    other = tmp_path / "other.csv"
+    rows = [f"{0.05 * n:.2f},{0.1 * cos(0.05 * n):.5f},{0.1 * sin(0.13 * n):.5f},0.0" for n in range(1800)]
+    other.write_text("\n".join(["time_s,x_m,y_m,heading_rad", *rows]))
+
+    with pytest.raises(CalibrationError, match="does not explain the runs"):
+        calibrate_with_truth(RUNS[:1], [str(other)], MACHINE, [], tmp_path, None, same_clock=True)
+
+
 def test_what_does_not_fit_together_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="2 for 1 runs"):
         calibrate_with_truth(RUNS[:1], ["a.csv", "b.csv"], MACHINE, [], tmp_path, None)
     with pytest.raises(ConfigError, match="no robot file"):
         calibrate_with_truth(RUNS[:1], [], MACHINE, [], tmp_path, ROBOT)
-    with pytest.raises(ConfigError, match="not known; name --truth"):
+    with pytest.raises(ConfigError, match="no true poses; give --truth"):
         calibrate_with_truth([loop(tmp_path, 1)], [], cart(tmp_path), [], tmp_path, None)
     broken = tmp_path / "broken.csv.gz"
     broken.write_bytes(RUNS[0].read_bytes()[:1000])
-    with pytest.raises(ConfigError, match="cannot be unpacked"):
+    with pytest.raises(ConfigError, match="cannot be decompressed"):
         calibrate_with_truth([broken], [], MACHINE, [], tmp_path, None)

@@ -23,18 +23,11 @@ from live_core import AHEAD, STICK, Live
 from msgspec.structs import replace
 
 from artemis.drive_states import DriveState, Goal
+from artemis.progress import Position
 from artemis.robot import LIMITED_SPEED, Core
 from artemis.states.plan import FollowStep, Plan, TeleopStep, WaitStep
 from artemis.supervision import catalogue
-from artemis.values import (
-    Action,
-    DriveCommand,
-    Mode,
-    Pose,
-    Position,
-    Request,
-    SetPoints,
-)
+from artemis.values import Action, DriveCommand, Mode, Pose, Request, SetPoints
 
 
 def driving() -> Live:

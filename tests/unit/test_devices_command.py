@@ -7,6 +7,7 @@ from pathlib import Path
 
 import can
 import pytest
+from evdev_devices import EventDevice, FakeEvdev
 from hid_devices import DESCRIPTORS, STICK
 
 from artemis import clock
@@ -14,6 +15,7 @@ from artemis.commands import devices
 from artemis.devices.can_bus import Frame, detected_adapters
 from artemis.devices.hid.identity import Identity
 from artemis.devices.hid.port import HidInfo
+from artemis.devices.inputs import InputPorts
 from artemis.devices.inventory import NodeReport, ask_nodes
 from artemis.drive_states import Nmt
 from artemis.errors import ConfigError, DeviceLost
@@ -69,7 +71,7 @@ def test_keyboards_are_left_out_whether_the_system_tells_or_their_descriptor(
     hid.plug(HidInfo("/dev/hidraw2", "usb", 1, 2, "", "keyboard", 0), keyboard)
     assert shown(hid, capsys) == [
         "inputs",
-        "  no joystick, gamepad or wheel; some have a switch that must not stand at X",
+        "  no joystick, gamepad or wheel",
     ]
 
 
@@ -93,13 +95,46 @@ def test_a_wrong_profile_of_ones_own_is_told(
     assert shown(hid, capsys)[-1] == "    profile     mine.yaml:1:1: wrong"
 
 
+def test_a_pad_that_only_evdev_shows_is_shown_with_its_profile(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    computer = FakeEvdev(tmp_path)
+    computer.plug(EventDevice())
+    computer.plug(EventDevice(name="shown by hidraw", hidraw="hidraw0"))
+    devices.show_inputs(computer.port)
+    assert capsys.readouterr().out.splitlines() == [
+        "inputs",
+        "  Microsoft X-Box 360 pad (usb 045e:028e, /dev/input/event0)",
+        "    capabilities 3fc97b8c6bf7ca1f",
+        "    fields      x, y, z, rx, ry, rz, hat, 11 buttons",
+        "    profile     xbox-360-usb",
+    ]
+
+
+def test_the_interfaces_of_this_computer_are_looked_at_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    info = HidInfo("/dev/input/event0", "usb", 1, 2, "", "Pad", -1, source="evdev")
+
+    def no_hid(port: object) -> list[HidInfo]:
+        raise DeviceLost("HID", "no back end")
+
+    monkeypatch.setattr("artemis.devices.hid.port.Hidraw.enumerate", no_hid)
+    monkeypatch.setattr("artemis.devices.evdev.port.Evdev.enumerate", lambda port: [info])
+    assert InputPorts().enumerate() == [info]
+    with pytest.raises(DeviceLost, match=r"Pad .*is read by the extra evdev|Pad .*is not there"):
+        InputPorts().open(info)
+    monkeypatch.setattr("artemis.devices.evdev.port.Evdev.enumerate", lambda port: [])
+    with pytest.raises(DeviceLost, match="no back end"):
+        InputPorts().enumerate()
+    assert InputPorts(["evdev"]).enumerate() == []
+
+
 # ---------------------------------------------------------------------------------------------- adapters and drives
 
 
 @pytest.fixture
 def bare(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """A computer without a device."""
-    monkeypatch.setattr(devices, "Hidraw", FakeHid)
+    monkeypatch.setattr(devices, "InputPorts", FakeHid)
     monkeypatch.setattr(devices, "detected_adapters", list)
     return monkeypatch
 

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from evdev_devices import EventDevice, FakeEvdev
 
 from artemis.commands import doctor
 from artemis.commands.doctor import FAILURE, NOTE, OK, WARNING, Finding, Grade, can_links, examine
+from artemis.devices.evdev.nodes import event_nodes
 from artemis.recording.disk import Disk
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -139,3 +141,46 @@ def test_a_program_of_the_system_that_does_not_answer_is_not_waited_for(
     monkeypatch.setattr(doctor, "PATIENCE", 0.1)
     examine(None, report=False)
     assert "whether a time server keeps the date is not known: timedatectl does not answer" in capsys.readouterr().out
+
+
+# ---------------------------------------------------------------------------------------------- event nodes
+
+
+def event_findings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, **facts: Any) -> list[tuple[Grade, str, str]]:  # noqa: ANN401
+    """What is said of one gamepad; `permitted` and `installed` as the test says."""
+    permitted, installed = facts.pop("permitted", True), facts.pop("installed", True)
+    FakeEvdev(tmp_path).plug(EventDevice(**facts))
+    monkeypatch.setattr("os.access", lambda path, mode: permitted)
+    monkeypatch.setattr("artemis.devices.evdev.port.find_spec", lambda name: object() if installed else None)
+    return [(found.grade, found.what, found.remedy) for found in doctor.event_inputs(event_nodes(tmp_path))]
+
+
+PAD = "Microsoft X-Box 360 pad (usb 045e:028e, /dev/input/event0)"
+
+
+def test_a_pad_of_evdev_that_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert event_findings(tmp_path, monkeypatch) == [(OK, f"{PAD}: this user may open it", "")]
+
+
+def test_a_pad_of_evdev_without_the_extra_and_without_permission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    extra, permission = event_findings(tmp_path, monkeypatch, permitted=False, installed=False, forces=(0x50,))
+    assert extra == (
+        NOTE,
+        f"{PAD}: is read by the extra evdev, which is missing",
+        "pip install 'artemis-robot[evdev]'",
+    )
+    assert permission[:2] == (NOTE, f"{PAD}: this user may not open it")
+    assert permission[2].startswith('if it is to drive: write KERNEL=="event*", ATTRS{id/vendor}=="045e"')
+
+
+def test_motors_of_a_hid_pad_that_may_not_be_driven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    facts = {"permitted": False, "installed": False, "forces": (0x50,), "hidraw": "hidraw0"}
+    (found,) = event_findings(tmp_path, monkeypatch, **facts)
+    assert found[:2] == (NOTE, f"{PAD}: this user may not drive its motors")
+    assert found[2].startswith("for rumble or force: write KERNEL")
+
+
+def test_event_nodes_that_nobody_drives_with_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert event_findings(tmp_path, monkeypatch, keys=(30,), permitted=False) == []

@@ -10,7 +10,7 @@ from core_builders import ROBOT
 from epos_jobs_rig import LEFT, PER_DEGREE, STEER_LEFT, STEER_RIGHT, WATCH, Rig, bring_up, changed, has, on
 
 from artemis.devices.can_bus import Frame
-from artemis.devices.epos_jobs import RESET_FOR
+from artemis.devices.epos_jobs import MAX_RESETS, RESET_FOR
 from artemis.devices.epos_objects import Units
 from artemis.drive_states import DriveState, Nmt
 from artemis.errors import DeviceError, DeviceRestarted, DeviceTimeout, NotKept
@@ -135,6 +135,18 @@ def test_fault_that_remains_is_an_error_with_what_was_tried_and_the_history(code
         told = rf"stays in fault, not switch on disabled after fault reset, {reset}; error history: 0x{code:04X}"
         with pytest.raises(DeviceError, match=told):
             await rig.jobs.secure(0.0)
+
+    on(LEFT, test)
+
+
+def test_drive_that_no_reset_helps_is_not_reset_for_ever() -> None:
+    async def test(rig: Rig) -> None:
+        stays_in_fault(rig, 0x6100)
+        rig.drives.wire.take_traffic(0.0)
+        for _ in range(MAX_RESETS + 2):
+            with pytest.raises(DeviceError, match="0x6100"):
+                await rig.jobs.secure(0.0)
+        assert nmt_commands(rig).count(0x81) == MAX_RESETS
 
     on(LEFT, test)
 

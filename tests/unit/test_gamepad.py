@@ -17,7 +17,7 @@ from artemis.devices.hid.port import HidInfo
 from artemis.errors import ConfigError, DeviceLost, HidError
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.guard import PluginGuard
-from artemis.plugins.inputs.controls import Controls
+from artemis.plugins.inputs.controls import Controls, named_fields
 from artemis.plugins.inputs.gamepad import FIND, GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.held import DOUBT, GONE, SLOW, STALE, STUCK
@@ -260,8 +260,7 @@ def test_stop_goes_before_the_loss() -> None:
     pad.ready()
     pad.press("quickstop")
     pad.send()
-    reader = pad.plugin._reader
-    assert reader is not None
+    (reader,) = pad.plugin._readers.values()
     reader._poll(pad.now)
     pad.hid.unplug()
     assert pad.requests() == [Request.QUICKSTOP]
@@ -295,12 +294,13 @@ def test_values_beyond_the_logical_range_are_garbage() -> None:
     raw = bytes.fromhex(
         "05 01 09 04 a1 01 09 30 09 31 15 00 26 ff 03 75 10 95 02 81 02 05 09 19 01 29 02 25 01 75 01 95 08 81 02 c0"
     )
-    controls = Controls(profile_of_a_stick("x", "y"), parse_descriptor(raw))
-    assert controls.take(bytes.fromhex("ff03 0002 01"))
+    descriptor = parse_descriptor(raw)
+    controls = Controls(profile_of_a_stick("x", "y"), named_fields("", descriptor))
+    controls.take(descriptor.decode(bytes.fromhex("ff03 0002 01")) or {})
     assert controls.axes == (1.0, 0.0)
     assert controls.down == {"enable"}
     with pytest.raises(HidError, match="x is 1024, outside of 0 to 1023"):
-        controls.take(bytes.fromhex("0004 0002 00"))
+        controls.take(descriptor.decode(bytes.fromhex("0004 0002 00")) or {})
     assert controls.axes == (1.0, 0.0)
     assert controls.down == {"enable"}
 
@@ -357,7 +357,7 @@ def test_readers_thread_wakes_the_run_before_anybody_reads(monkeypatch: pytest.M
             return handle
 
     hid = Announcing()
-    monkeypatch.setattr("artemis.plugins.inputs.gamepad.Hidraw", lambda: hid)
+    monkeypatch.setattr("artemis.plugins.inputs.choosing.InputPorts", lambda sources: hid)
     hid.plug(pad.info, pad.raw)
     context = PluginContext(name="stick", robot=ROBOT, folder=MISSIONS, wake=woken.set)
     plugin = GamepadInput(GamepadConfig(profile="logitech-extreme-3d-pro"), context)
@@ -466,7 +466,7 @@ def test_broken_profile_of_ones_own_is_told_before_anything_runs(
     folder = tmp_path / "artemis" / "profiles"
     folder.mkdir(parents=True)
     (folder / "mine.yaml").write_text("name: mine\n")
-    with pytest.raises(ValidationError, match=r"mine.yaml:1:1: device: Field required"):
+    with pytest.raises(ValidationError, match=r"mine.yaml:1:1: kind: Field required"):
         GamepadConfig.model_validate({"profile": "auto"})
     assert GamepadConfig.model_validate({"profile": "logitech-g27"}).profile == "logitech-g27"
 

@@ -16,8 +16,8 @@ from artemis.commands.calibrate_gains import Wanted
 from artemis.commands.gains_trial import Findings, Trial
 from artemis.devices.can_bus import Frame
 from artemis.errors import ConfigError, DeviceTimeout
+from artemis.mission.actions import NewGains
 from artemis.mission.loading import load_mission
-from artemis.mission.schema import NewGains
 from artemis.motion.step_response import StepResponse
 from artemis.vehicle import Gains
 from artemis.yaml_edit import Keys, edit

@@ -134,6 +134,16 @@ def test_the_changing_line_fits(width: int) -> None:
     assert line.startswith(whole[:width])
 
 
+@pytest.mark.parametrize(
+    ("where", "head"),
+    [("follow paths/a.csv, round 2/3", "follow paths/a.csv, round 2/3  +0"), ("wait 1 s", "follow     wait 1 s  +0")],
+)
+def test_the_changing_line_names_the_step_of_a_mission_with_words(where: str, head: str) -> None:
+    tracking = Tracking(arc_length=1.0, length=4.0, cross_track=-0.012)
+    assert status(tick(12.5, tracking=tracking), 100, where=where).startswith(f"   12.50 s  {head}")
+    assert len(status(tick(12.5, tracking=tracking), 40, where=where)) == 40
+
+
 @pytest.mark.parametrize(("arc_length", "full"), [(-0.1, 0), (0.0, 0), (1.0, 8), (4.0, 30), (4.1, 30)])
 def test_the_bar_shows_the_way_gone(arc_length: float, full: int) -> None:
     bar = re.search("[█░]+", status(tick(tracking=Tracking(arc_length=arc_length, length=4.0, cross_track=0.0)), 120))

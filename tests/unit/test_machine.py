@@ -11,17 +11,18 @@ import pytest
 from artemis.states.machine import TRANSITIONS, ModeMachine, mermaid
 from artemis.values import Event, Mode
 
-EVENTS = ["aligned", "calibrate", "teleop", "follow", "done", "stop", "fault", "rearmed", "acknowledged", "end"]
+EVENTS = ["aligned", "calibrate", "teleop", "follow", "act", "done", "stop", "fault", "rearmed", "acknowledged", "end"]
 EXPECTED = {
-    #             aligned  calibrate    teleop    follow    done     stop         fault    rearmed  acknowl.  end
-    "init":      ["ready", "",          "",       "",       "",      "quickstop", "fault", "",      "",       "end"],
-    "ready":     ["",      "calibrate", "teleop", "follow", "",      "quickstop", "fault", "",      "",       "end"],
-    "calibrate": ["",      "",          "",       "",       "ready", "quickstop", "fault", "",      "",       "end"],
-    "teleop":    ["",      "",          "",       "",       "ready", "quickstop", "fault", "",      "",       "end"],
-    "follow":    ["",      "",          "",       "",       "ready", "quickstop", "fault", "",      "",       "end"],
-    "quickstop": ["",      "",          "",       "",       "",      "quickstop", "fault", "ready", "init",   "end"],
-    "fault":     ["",      "",          "",       "",       "",      "",          "",      "",      "init",   "end"],
-    "end":       ["",      "",          "",       "",       "",      "",          "",      "",      "",       ""],
+ #             aligned  calibrate    teleop    follow    act    done     stop         fault    rearmed  acknowl. end
+ "init":      ["ready", "",          "",       "",       "",    "",      "quickstop", "fault", "",      "",      "end"],
+ "ready":     ["",      "calibrate", "teleop", "follow", "act", "",      "quickstop", "fault", "",      "",      "end"],
+ "calibrate": ["",      "",          "",       "",       "",    "ready", "quickstop", "fault", "",      "",      "end"],
+ "teleop":    ["",      "",          "",       "",       "",    "ready", "quickstop", "fault", "",      "",      "end"],
+ "follow":    ["",      "",          "",       "",       "",    "ready", "quickstop", "fault", "",      "",      "end"],
+ "act":       ["",      "",          "",       "",       "",    "ready", "quickstop", "fault", "",      "",      "end"],
+ "quickstop": ["",      "",          "",       "",       "",    "",      "quickstop", "fault", "ready", "init",  "end"],
+ "fault":     ["",      "",          "",       "",       "",    "",      "",          "",      "",      "init",  "end"],
+ "end":       ["",      "",          "",       "",       "",    "",      "",          "",      "",      "",      ""],
 }  # fmt: skip
 """Next mode by mode and event; empty: refused."""
 
@@ -31,6 +32,7 @@ WAYS: dict[str, list[Event]] = {
     "calibrate": [Event.ALIGNED, Event.CALIBRATE],
     "teleop": [Event.ALIGNED, Event.TELEOP],
     "follow": [Event.ALIGNED, Event.FOLLOW],
+    "act": [Event.ALIGNED, Event.ACT],
     "quickstop": [Event.STOP],
     "fault": [Event.FAULT],
     "end": [Event.END],

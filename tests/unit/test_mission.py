@@ -29,6 +29,7 @@ from artemis.mission import (
 from artemis.mission.problems import describe, nearest
 from artemis.mission.schema import BusWords
 from artemis.plugins.followers.indiveri import IndiveriFollower
+from artemis.progress import WORDS
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import Data, KeyPath, dotted, load
 
@@ -62,7 +63,7 @@ def refusal(folder: Path, old: str, new: str, file: str = "mission.yaml") -> lis
 def test_every_mission_of_the_repository_is_accepted(path: Path) -> None:
     loaded = load_mission(path)
     assert loaded.mission.mission == path.stem.replace("_", "-")
-    assert loaded.robot.robot == "ARTEMIS"
+    assert loaded.robot.robot in ("ARTEMIS", "ARTEMIS-2")
 
 
 @pytest.mark.parametrize("path", MISSIONS, ids=lambda path: path.stem)
@@ -335,7 +336,12 @@ def test_the_schemas_know_every_key_and_explain_some() -> None:
     properties: Any = mission["properties"]
     assert list(Mission.model_fields) == list(properties)
     definitions: Any = mission["$defs"]
-    assert set(definitions["Step"]["properties"]) == {"calibrate", "follow", "wait", "teleop", "stop"}
+    actions = {"calibrate", "follow", "wait", "teleop", "ask", "say", "end", "stop"}
+    assert set(definitions["Step"]["properties"]) == {*actions, *WORDS, "approach"}
+    approach = definitions["Step"]["properties"]["approach"]
+    assert approach["description"].startswith("Drives straight ahead")
+    assert approach["properties"]["at_most_m"]["description"].endswith("the outcome `too-far`.")
+    assert definitions["Step"]["additionalProperties"] is False
     assert definitions["Follow"]["properties"]["max_cross_track_m"]["description"].startswith("Farther from the path")
     assert definitions["Follow"]["description"] == "Drive along a path to its end."
     geometry: Any = robot["$defs"]

@@ -19,6 +19,7 @@ from core_builders import (
 )
 
 from artemis.drive_states import DriveState
+from artemis.states.act import ActMode
 from artemis.states.calibrate import CalibrateMode
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
@@ -172,6 +173,7 @@ def test_every_mode_has_its_own_logic() -> None:
         Mode.CALIBRATE: CalibrateMode,
         Mode.TELEOP: TeleopMode,
         Mode.FOLLOW: FollowMode,
+        Mode.ACT: ActMode,
         Mode.QUICKSTOP: QuickstopMode,
         Mode.FAULT: FaultMode,
         Mode.END: EndMode,

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from artemis.drive_states import DriveState
 from artemis.motion.track import Track
+from artemis.progress import Position
 from artemis.states.end import EndMode
 from artemis.states.plan import (
     BringUp,
@@ -24,18 +25,7 @@ from artemis.states.plan import (
 )
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
-from artemis.values import (
-    DriveCommand,
-    Event,
-    JobKind,
-    LocatedPose,
-    OperatorInput,
-    Pose,
-    Position,
-    Request,
-    SetPoints,
-    Wish,
-)
+from artemis.values import DriveCommand, Event, JobKind, LocatedPose, OperatorInput, Pose, Request, SetPoints, Wish
 
 # ---------------------------------------------------------------------------------------------- teleop
 

@@ -32,7 +32,7 @@ from artemis.drive_states import DriveState, Goal
 from artemis.states.calibrate import CalibrateMode
 from artemis.states.mode import ON, finish_jobs
 from artemis.states.modes import Modes
-from artemis.states.plan import BringUp, CalibrateStep, FollowStep, Shared, Step, TeleopStep, WaitStep, advance
+from artemis.states.plan import BringUp, CalibrateStep, FollowStep, Shared, Step, TeleopStep, WaitStep
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.values import (
@@ -61,6 +61,7 @@ WAYS: dict[Mode, list[Event]] = {
     Mode.CALIBRATE: [Event.ALIGNED, Event.CALIBRATE],
     Mode.TELEOP: [Event.ALIGNED, Event.TELEOP],
     Mode.FOLLOW: [Event.ALIGNED, Event.FOLLOW],
+    Mode.ACT: [Event.ALIGNED, Event.ACT],
     Mode.QUICKSTOP: [Event.STOP],
     Mode.FAULT: [Event.FAULT],
     Mode.END: [Event.END],
@@ -275,7 +276,7 @@ def test_ready_walks_the_plan_to_its_end() -> None:
     for _, event in STEPS:
         assert player.tick().event is event
         assert player.tick().event is event, "until the step is done"
-        steps.position = advance(steps.position, Wish(over=True))
+        steps.advance(Wish(over=True), snapshot(), standing=True)
     assert player.until(has_event).event is Event.END
     assert steps.current is None
 

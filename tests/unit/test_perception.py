@@ -126,6 +126,17 @@ def test_frames_that_miss_a_tick_do_not_change_the_speed() -> None:
     assert speeds((0.02, 0.001), (0.04, 0.021), (0.06, 0.021), (0.08, 0.061))[1:] == pytest.approx([0.5] * 3)
 
 
+def test_speed_never_rises_while_one_wheel_falls_silent() -> None:
+    eyes, speeds = Eyes(), []
+    for number in range(30):
+        time, silent = number * PERIOD, max(number - 10, 0) * PERIOD
+        heard = drive(TRACTION[0], position=0.5 * (time - silent), age=silent)
+        feedback = seen(time, 0.5 * time, age=0.0)
+        speeds.append(eyes.look(replace(feedback, drives=(heard, *feedback.drives[1:]))).odometry.speed)
+    assert max(speeds[2:]) == pytest.approx(0.5)
+    assert speeds[-1] == pytest.approx(0.25), "the one that is not heard counts as standing"
+
+
 def test_frames_of_one_wheel_that_miss_a_tick_do_not_change_the_speed() -> None:
     eyes, found = Eyes(), []
     for number in range(1, 6):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pytest
@@ -13,11 +13,25 @@ from msgspec import Struct
 from msgspec.structs import replace
 from robot_rig import StubInput
 
+from artemis.config import Config
 from artemis.errors import DeviceLost
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Following
+from artemis.plugins.contracts import Acting, Following, State
 from artemis.plugins.guard import PluginGuard, is_in_range, is_whole_input, plain_following
-from artemis.values import Action, DriveCommand, OperatorInput, Request, Snapshot, Tracking
+from artemis.supervision import catalogue
+from artemis.values import (
+    Action,
+    DriveCommand,
+    Mode,
+    OperatorInput,
+    Request,
+    SetPoints,
+    Severity,
+    Snapshot,
+    Tick,
+    Tracking,
+    Wish,
+)
 
 GOOD = OperatorInput(source="stick", speed=0.3, steering=-0.1, enabled=True, neutral=False, age=0.01, axes=(0.5, -1.0))
 
@@ -481,6 +495,32 @@ def test_input_called_follower_and_the_follower_are_two() -> None:
     assert desk.problems() == []
 
 
+class SlowBehaviour:
+    """A behaviour that takes its time."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def __init__(self, desk: Desk, took: float) -> None:
+        self.desk, self.took = desk, took
+
+    def start(self, snapshot: Snapshot, state: State | None = None) -> None:
+        self.desk.time += 1.0
+
+    def step(self, snapshot: Snapshot) -> Acting:
+        self.desk.time += self.took
+        return Acting(state=(1,))
+
+
+def test_behaviour_is_watched_like_an_input_each_step_by_itself() -> None:
+    desk = Desk()
+    slow, quick = SlowBehaviour(desk, TOO), SlowBehaviour(desk, JUST)
+    one, other = (desk.guard.watched_behaviour("dock", behaviour) for behaviour in (slow, quick))
+    one.start(snapshot())
+    for _ in range(3):
+        assert one.step(snapshot()) == other.step(snapshot()) == Acting(state=(1,))
+    assert desk.guard.take_problems() == [("PLG-03", "dock", "15 ms, 3 times in a row")]
+
+
 # ---------------------------------------------------------------------------------------------- a follower's answer
 
 
@@ -512,3 +552,59 @@ def test_answer_of_which_a_part_is_something_else_is_not_whole(part: str, instea
 @pytest.mark.parametrize("action", ["run", None, [], {}, 0, Action])
 def test_command_whose_action_is_none_is_not_whole(action: Any) -> None:  # noqa: ANN401
     assert plain_following(replace(following(), command=DriveCommand(action=action))) is None
+
+
+# ---------------------------------------------------------------------------------------------- what inputs show
+
+
+class Showing(StubInput):
+    """An input that shows what a test says."""
+
+    def __init__(self, answer: Callable[[Tick], Any]) -> None:
+        super().__init__(lambda now: GOOD)
+        self.show = answer
+
+
+def shown(desk: Desk, answer: Callable[[Tick], Any], times: int) -> list[tuple[str, str, str]]:
+    """Problems of an input that is asked so often to show a tick."""
+    desk.guard = PluginGuard({"plain": StubInput(lambda now: GOOD), "stick": Showing(answer)}, lambda: desk.time)
+    for _ in range(times):
+        desk.guard.show(Tick(snapshot=snapshot(), mode=Mode.TELEOP, wish=Wish(), set_points=SetPoints()))
+    return desk.guard.take_problems()
+
+
+def test_an_input_shows_every_tick_and_tells_what_went_wrong() -> None:
+    seen: list[Tick] = []
+    words = iter(["", "no motor", "", ""])
+
+    def show(tick: Tick) -> str:
+        seen.append(tick)
+        return next(words)
+
+    assert shown(Desk(), show, 4) == [("INP-16", "stick", "no motor")]
+    assert [tick.mode for tick in seen] == [Mode.TELEOP] * 4
+
+
+def test_an_input_that_fails_to_show_is_a_warning_once() -> None:
+    def raising(tick: Tick) -> str:
+        raise RuntimeError("motor")
+
+    def ending(tick: Tick) -> str:
+        raise SystemExit
+
+    for answer, words in ((raising, "RuntimeError('motor')"), (ending, "SystemExit()"), (lambda tick: 7, "7")):
+        assert shown(Desk(), answer, 3) == [("INP-16", "stick", words)]
+    assert shown(Desk(), lambda tick: None, 3) == [("INP-16", "stick", "None")]
+    assert catalogue.fault("INP-16", "stick", "motor").severity is Severity.WARN
+
+
+def test_an_input_that_is_late_to_show_is_a_warning_once() -> None:
+    desk, asked = Desk(), list[Tick]()
+
+    def slow(tick: Tick) -> str:
+        asked.append(tick)
+        desk.time += 0.02
+        return ""
+
+    assert shown(desk, slow, 3) == [("INP-16", "stick", "showing takes it 20 ms")]
+    assert len(asked) == 1

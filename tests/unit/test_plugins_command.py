@@ -92,8 +92,10 @@ def test_a_new_package_has_all_that_it_needs(kind: str, tmp_path: Path) -> None:
     points = project["entry-points"]
     assert points == {GROUPS[kind]: {"slow-one": f"artemis_slow_one:SlowOne{kind.capitalize()}"}}
     assert not [path for path in package.rglob("*") if path.is_file() and "$" in path.read_text()]
-    with pytest.raises(ConfigError, match="no plugin 'slow-one'"):  # nothing else is wrong in it
+    missing = "slow-one: unknown key, and no installed behaviour" if kind == "behaviour" else "no plugin 'slow-one'"
+    with pytest.raises(ConfigError) as refused:
         load_mission(package / "mission.yaml")
+    assert all(missing in problem for problem in refused.value.problems)  # nothing else is wrong in it
 
 
 def test_the_command_says_what_it_made(tmp_path: Path) -> None:
@@ -119,6 +121,7 @@ def test_names_that_are_taken_are_refused(tmp_path: Path) -> None:
     ]
     (problem,) = refusal("input", "robot", tmp_path)
     assert re.fullmatch(r"a package artemis-robot \S+ is installed already; another name", problem)
+    assert refusal("behaviour", "follow", tmp_path) == ["'follow' is a step of artemis' own; another name"]
     begin_plugin("follower", "scripted", tmp_path)
 
 

@@ -13,6 +13,7 @@ import synthetic_run
 from msgspec.structs import replace
 
 from artemis.errors import RecordingError
+from artemis.progress import Position
 from artemis.recording.journal import Entry, Journal
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.mcap_writer import Recorder
@@ -21,7 +22,7 @@ from artemis.report import figures
 from artemis.report.figures import thinned
 from artemis.report.page import MAX_ENTRIES, MAX_FAULTS, write_report
 from artemis.supervision.catalogue import ROWS
-from artemis.values import JobKind, JobResult, Pose, Position
+from artemis.values import JobKind, JobResult, Pose
 
 VOID = {"meta", "!doctype"}
 

@@ -410,3 +410,11 @@ def test_cancelled_run_stops_every_drive() -> None:
 
     run(main(), simulated=True)
     assert [frame.id for frame in rig.bus.sent[-4:]] == [0x301, 0x302, 0x303, 0x304]
+
+
+def test_an_answer_is_sensed_once_and_makes_no_extra_tick() -> None:
+    rig = Rig()
+    rig.at(0.05, lambda: rig.robot.request("left"))
+    rig.run(0.2)
+    assert [(round(s.time, 6), s.answers, s.requests) for s in rig.core.seen if s.answers] == [(0.06, ("left",), ())]
+    assert not any(s.urgent for s in rig.core.seen)

@@ -13,6 +13,7 @@ from artemis.devices.can_bus import Frame
 from artemis.sim.axis import Axis, Regulation
 from artemis.sim.bus import SimBus
 from artemis.sim.epos import SimSettings
+from artemis.sim.supply_meter import SupplyMeter
 from artemis.sim.world import PlantParameters, Supply, World
 from artemis.vehicle import RobotFile
 
@@ -288,3 +289,38 @@ def test_carried_robot_stands_elsewhere_and_no_wheel_has_turned(robot: RobotFile
 
 def test_drive_is_found_by_its_name(robot: RobotFile) -> None:
     assert World(robot).drive("steer-left").node_id == robot.drives["steer-left"].node_id
+
+
+def test_battery_sinks_with_time_and_is_charged_near_the_charger(robot: RobotFile) -> None:
+    charger = {"x_m": 1.0, "y_m": 2.0, "within_m": 0.3, "charge_v_per_h": 720.0, "up_to_v": 25.5}
+    supply = {"battery_v": 25.0, "discharge_v_per_h": 360.0, "charger": charger}
+    away = World(robot, straight(supply=supply))
+    away.advance(5.0)
+    assert away.battery_v == pytest.approx(24.5)
+    away.advance(1000.0)
+    assert away.battery_v == 1.0, "flat, not switched off"
+    there = World(robot, straight(supply=supply, x_m=1.2, y_m=2.1))
+    there.advance(1.0)
+    assert there.battery_v == pytest.approx(25.2)
+    there.advance(10.0)
+    assert there.battery_v == 25.5
+    there.battery_v = 0.0
+    there.advance(11.0)
+    assert there.battery_v == 0.0, "an open switch stays open"
+
+
+def test_battery_without_either_stays_as_it_is(robot: RobotFile) -> None:
+    world = World(robot, STRAIGHT)
+    world.advance(100.0)
+    assert world.battery_v == 25.0
+
+
+def test_supply_meter_tells_the_voltage_at_the_drives(robot: RobotFile) -> None:
+    world = World(robot, STRAIGHT)
+    meter = SupplyMeter(world)
+    assert list(meter.begin(0.0, lambda: None, lambda *_: None)) == []
+    assert meter.sense(0.0).battery_v == 25.0
+    roll(world, robot, 1500.0, -1500.0)
+    world.advance(0.2)
+    assert meter.sense(0.2).battery_v == round(world.supply_voltage, 3) < 25.0
+    meter.close()

@@ -168,8 +168,9 @@ def test_fault_is_not_judged_any_more_once_the_drives_are_off_and_says_what_it_d
     assert (wish.event, wish.phase, wish.supervised) == (Event.ACKNOWLEDGED, "acknowledged", False)
 
 
-def test_fault_of_drives_that_are_not_ours_yet_is_not_judged() -> None:
-    player = in_fault(connected=False)
+@pytest.mark.parametrize("state", [{"connected": False}, {"proving": True}])
+def test_fault_of_drives_that_are_not_ours_yet_or_miss_our_heartbeat_is_not_judged(state: dict[str, bool]) -> None:
+    player = in_fault(**state)
     player.until(lambda wish: "acknowledge" in wish.phase)
     assert not any(wish.supervised for wish in player.wishes)
 

@@ -18,11 +18,13 @@ from artemis.devices.hid.descriptor import parse_descriptor
 from artemis.devices.hid.port import HidInfo
 from artemis.errors import ConfigError, DeviceLost
 from artemis.plugins.contracts import PluginContext
+from artemis.plugins.inputs.controls import named_fields
 from artemis.plugins.inputs.gamepad import GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.hands import BUTTONS
 from artemis.plugins.inputs.profiles import AxisProfile, Profile, profile_from, profile_named
-from artemis.plugins.inputs.teach import Learnt, Moment, lesson
+from artemis.plugins.inputs.teach import Learnt, lesson
+from artemis.plugins.inputs.teachable import Moment
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import Request
 
@@ -36,7 +38,7 @@ class Pupil:
         self.profile = profile_named(name)
         self.descriptor = parse_descriptor(DESCRIPTORS[device_of(self.profile)])
         self.pad = Pad(name)
-        self.lesson = lesson(self.profile.kind, self.descriptor)
+        self.lesson = lesson(self.profile.kind, named_fields("", self.descriptor))
         self.text = next(self.lesson)
         self.now = 0.0
         self.learnt: Learnt | None = None
@@ -46,7 +48,7 @@ class Pupil:
         for _ in range(round(seconds / 0.01)):
             self.now += 0.01
             try:
-                moment = Moment(time=self.now, values=self.values(), heard=heard, typed=typed)
+                moment = Moment(time=self.now, values=self.values(), heard="" if heard else None, typed=typed)
                 self.text = self.lesson.send(moment)
             except StopIteration as end:
                 self.learnt = self.learnt or end.value
@@ -86,10 +88,21 @@ class Pupil:
             self.swing({"y": 1.0}, {"y": -1.0})
             corner = 1.0 if self.profile.gate == "square" else math.sqrt(0.5)
             self.swing({"x": corner, "y": corner})
+            self.hold(y=1.0)
         else:
             self.swing({"steering": 1.0}, {"steering": -1.0})
             self.swing({"gas": 1.0})
             self.swing({"brake": 1.0})
+            self.hold(steering=1.0, gas=1.0)
+
+    def hold(self, *, heard: bool = True, **shares: float) -> str:
+        """Hold axes at their ends where that is asked for, then let go."""
+        if self.text.startswith("hold:"):
+            self.pad.move(**shares)
+            assert self.show(seconds=1.1, heard=heard) == "let go of everything"
+            self.pad.release()
+            self.show()
+        return self.text
 
     def press_all(self) -> None:
         for role in (
@@ -116,7 +129,7 @@ def test_lesson_finds_the_profile_that_is_known(name: str) -> None:
     assert pupil.learnt.axes == known.axes
     assert pupil.learnt.buttons == known.buttons
     assert pupil.learnt.gate == known.gate
-    assert pupil.learnt.reports == "always"
+    assert pupil.learnt.reports == {"": "always"}
 
 
 def test_device_that_is_silent_at_rest_reports_changes() -> None:
@@ -125,7 +138,7 @@ def test_device_that_is_silent_at_rest_reports_changes() -> None:
     pupil.move_all()
     pupil.press_all()
     assert pupil.learnt is not None
-    assert pupil.learnt.reports == "on_change"
+    assert pupil.learnt.reports == {"": "on_change"}
 
 
 def test_centre_is_the_median_of_its_noise() -> None:
@@ -141,6 +154,7 @@ def test_centre_is_the_median_of_its_noise() -> None:
     pupil.pad.release()
     pupil.swing({"y": 1.0}, {"y": -1.0})
     pupil.swing({"x": 1.0, "y": 1.0})
+    pupil.hold(y=1.0)
     pupil.press_all()
     assert pupil.learnt is not None
     x_axis = pupil.learnt.axes["x"]
@@ -185,7 +199,8 @@ def test_combined_pedals_are_told() -> None:
     pupil.swing({"steering": 1.0}, {"steering": -1.0})
     pupil.swing({"gas": 1.0})
     assert "(that was z, which is gas; both pedals on one axis cannot be told apart" in pupil.swing({"gas": 0.9})
-    assert pupil.swing({"brake": 1.0}).startswith("press the button for enable")
+    assert pupil.swing({"brake": 1.0}).startswith("hold: turn the wheel to the right")
+    assert pupil.hold(steering=1.0, gas=1.0).startswith("press the button for enable")
 
 
 def test_buttons_count_when_they_go_down_and_once() -> None:
@@ -283,8 +298,8 @@ def dialogue(
 ) -> tuple[int, Person]:
     pad = pad or Pad(G27)
     person = Person(pad, {"a stick": "w", **answers})
-    options = {"device": None, "name": "my-wheel", **keys}
-    status = clock.run(teach(pad.hid, person, options["device"], options["name"], output), simulated=True)
+    options = {"name": "my-wheel", **keys}
+    status = clock.run(teach(pad.hid, person, (), options["name"], output), simulated=True)
     return status, person
 
 
@@ -322,7 +337,7 @@ def test_interruption_changes_nothing(tmp_path: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(calibrate_input, "_chosen", interrupted)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    assert calibrate_input.calibrate_input(None, None, tmp_path / "wheel.yaml") == 130
+    assert calibrate_input.calibrate_input((), None, tmp_path / "wheel.yaml") == 130
     assert list(tmp_path.iterdir()) == []
 
 
@@ -336,7 +351,7 @@ def test_unplugged_device_ends_the_dialogue(tmp_path: Path) -> None:
                 self.pad.hid.unplug()
 
     with pytest.raises(DeviceLost, match="is gone"):
-        clock.run(teach(pad.hid, Clumsy(pad, {"a stick": "w"}), None, None, tmp_path / "x.yaml"), simulated=True)
+        clock.run(teach(pad.hid, Clumsy(pad, {"a stick": "w"}), (), None, tmp_path / "x.yaml"), simulated=True)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -366,7 +381,7 @@ def test_wrong_name_is_refused_before_the_lesson() -> None:
 def test_dialogue_without_a_person_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
     with pytest.raises(ConfigError, match="a person at a terminal"):
-        calibrate_input.calibrate_input(None, None, None)
+        calibrate_input.calibrate_input((), None, None)
 
 
 # ---------------------------------------------------------------------------------------------- the command itself
@@ -439,7 +454,7 @@ def test_the_command_teaches_a_device_that_no_profile_knows_and_it_drives(
 
     run = clock.run
     monkeypatch.setattr("artemis.commands.calibrate_input.clock.run", lambda main, simulated: run(main, simulated=True))
-    monkeypatch.setattr("artemis.commands.calibrate_input.Hidraw", lambda: hid)
+    monkeypatch.setattr("artemis.commands.calibrate_input.InputPorts", lambda: hid)
     monkeypatch.setattr("artemis.commands.calibrate_input.Terminal", lambda: person)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     with pytest.raises(SystemExit) as end:

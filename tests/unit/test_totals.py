@@ -9,7 +9,7 @@ import artemis
 from artemis.motion.totals import mean, total
 
 ARTEMIS = Path(artemis.__file__).parent
-CORE, MODULES = ("motion", "supervision", "states", "plugins", "sim"), ("values.py", "robot.py")
+CORE, MODULES = ("motion", "supervision", "states", "plugins", "sim"), ("values.py", "progress.py", "robot.py")
 """Whatever a tick reaches, and the simulation beside it."""
 WHILE_LOADING = {f"motion/{module}.py" for module in ("clocks", "rounding", "spline", "step_response", "comparison")}
 """They make a path of points or judge recordings: their results are given to the core, or come after it."""

@@ -20,6 +20,9 @@ JOYSTICK, GAMEPAD, MULTI_AXIS, SIMULATION_PAGE = 0x10004, 0x10005, 0x10008, 0x2
 """Usages of collections that somebody drives with (HID usage tables 1.5, chapters 4 and 5)."""
 
 _PAGE, _MINIMUM, _MAXIMUM, _SIZE, _ID, _COUNT, _PUSH, _POP = 0, 1, 2, 7, 8, 9, 10, 11
+_PHYSICAL_MINIMUM, _PHYSICAL_MAXIMUM, _EXPONENT, _UNIT = 3, 4, 5, 6
+_DEGREES = 0x14
+"""Unit "English rotation" (HID 1.11, 6.2.2.7)."""
 _USAGE, _USAGE_MINIMUM, _USAGE_MAXIMUM, _DELIMITER = 0, 1, 2, 10
 _LOCALS = frozenset({_USAGE, _USAGE_MINIMUM, _USAGE_MAXIMUM, 3, 4, 5, 7, 8, 9, _DELIMITER})
 _PADDING, _INPUT, _OUTPUT, _COLLECTION, _FEATURE, _END_COLLECTION = 0, 8, 9, 10, 11, 12
@@ -63,6 +66,8 @@ class Field:
     null_state: bool
     """A value outside the logical range says "nothing", as that of a released hat switch."""
     relative: bool
+    step: float | None = None
+    """Of a hat switch: degrees from a value to the next, clockwise, the lowest is up; None: not known, or no hat."""
 
 
 class Descriptor:
@@ -238,9 +243,10 @@ class _Reading:
         if maximum < minimum:
             raise HidError(f"logical range from {minimum} to {maximum}")
         for place, usage in enumerate(self._complete(count)):
+            name = self._name(usage)
             self.fields.append(
                 Field(
-                    name=self._name(usage),
+                    name=name,
                     report_id=number,
                     usage=usage,
                     bit=begin + place * size,
@@ -249,8 +255,17 @@ class _Reading:
                     maximum=maximum,
                     null_state=bool(flags & _NULL_STATE),
                     relative=bool(flags & _RELATIVE),
+                    step=self._hat_step(maximum - minimum) if name.startswith("hat") else None,
                 )
             )
+
+    def _hat_step(self, steps: int) -> float | None:
+        """Of a hat switch with so many steps: eight or four directions, or as many as its physical range says."""
+        if steps in (3, 7):
+            return 360.0 / (steps + 1)
+        low, high = (_signed(self._globals.get(tag, b"")) for tag in (_PHYSICAL_MINIMUM, _PHYSICAL_MAXIMUM))
+        plain = self._value(_UNIT) == _DEGREES and self._value(_EXPONENT) == 0
+        return (high - low) / steps if plain and low == 0 < high <= 360 and steps else None
 
     def _value(self, tag: int) -> int:
         return _unsigned(self._globals.get(tag, b""))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from hashlib import sha256
 
-from artemis.devices.hid.port import HidInfo
+from artemis.devices.hid.port import HidInfo, Source
 
 _DIGITS = 16
 
@@ -22,15 +22,16 @@ class Identity:
     vendor: int
     product: int
     descriptor_hash: str
-    """First 16 hexadecimal digits of the SHA-256 of the raw report descriptor."""
+    """First 16 hexadecimal digits of the SHA-256 of the raw report descriptor, or of the capabilities."""
     serial: str = ""
     """Empty: the device has none, or any of its kind is meant."""
+    source: Source = "hidraw"
 
     @classmethod
     def of(cls, info: HidInfo, descriptor: bytes) -> Identity:
         """That of a device which is there; `descriptor` is raw."""
         digits = sha256(descriptor).hexdigest()[:_DIGITS]
-        return cls(info.bus, info.vendor, info.product, digits, info.serial)
+        return cls(info.bus, info.vendor, info.product, digits, info.serial, info.source)
 
     def matches(self, other: Identity) -> bool:
         """Whether `other` is of this kind, and this very device if this one has a serial number."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import threading
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol, TypeAlias
 
 from artemis.devices.hid.descriptor import MAX_REPORT
 from artemis.errors import DeviceLost
@@ -17,8 +17,11 @@ from artemis.errors import DeviceLost
 _BUSES = {1: "usb", 2: "bluetooth", 3: "i2c", 4: "spi"}
 """By hidapi's numbers (hidapi.h, hid_bus_type)."""
 
-_RULES = "/etc/udev/rules.d/70-artemis-input.rules"
+RULES = "/etc/udev/rules.d/70-artemis-input.rules"
 """Before 73, where systemd hands devices to whoever sits at the computer."""
+
+Source: TypeAlias = Literal["hidraw", "evdev"]
+"""The interface of the kernel by which a device is read."""
 
 _one_at_a_time = threading.Lock()
 """hidapi keeps the text of the last error in one place for all threads, and frees it when it enumerates, opens or
@@ -42,6 +45,7 @@ class HidInfo:
     """Of a USB device with several; else -1."""
     usage: int = 0
     """Of its first top-level collection (page << 16 | id); 0: not known before it is opened."""
+    source: Source = "hidraw"
 
     def __str__(self) -> str:
         serial = f", serial {self.serial}" if self.serial else ""
@@ -165,7 +169,7 @@ def udev_rule(info: HidInfo) -> str:
 
 
 def _advice(info: HidInfo) -> str:
-    return f"write {udev_rule(info)} into {_RULES}, run `udevadm control --reload`, and plug it in again"
+    return f"write {udev_rule(info)} into {RULES}, run `udevadm control --reload`, and plug it in again"
 
 
 def _hidraw() -> Any:  # noqa: ANN401  hidapi has no types

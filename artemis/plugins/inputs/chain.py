@@ -30,6 +30,11 @@ def centre_pedal(pressed: float, deadzone: float) -> float:
     return max(pressed - deadzone, 0.0) / (1.0 - deadzone)
 
 
+def centre_lever(share: float, deadzone: float) -> float:
+    """How far an axis with a centre is moved beyond its deadzone, in [-1, 1]: 0 within, from there to +-1."""
+    return math.copysign(centre_pedal(abs(share), deadzone), share)
+
+
 def curve(travel: float, expo: float) -> float:
     """Travel in [-1, 1], finer around 0: `expo * travel^3 + (1 - expo) * travel`. Monotone and odd; 0 and +-1 stay."""
     return expo * travel**3 + (1.0 - expo) * travel

@@ -47,6 +47,12 @@ class GamepadConfig(Config):
     deadman: bool = True
     """The robot drives only while the enable button is held. False: whenever the controls are not released."""
 
+    rumble: bool = True
+    """A device that can do so rumbles for a moment when the robot stops by itself, or is stopped."""
+    wheel_force: Annotated[float, Field(ge=0, le=0.5)] = 0.0
+    """Share of a wheel's force by which it centres itself at `max_speed_m_s`, less at lower speeds, and by which it is
+    shaken for a moment when the robot stops; 0: neither."""
+
     @model_validator(mode="after")
     def _one_profile(self) -> Self:
         if self.profile != AUTO and self.profile_file is not None:

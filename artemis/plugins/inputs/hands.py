@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias
 
 from msgspec.structs import replace
 
-from artemis.plugins.inputs.chain import centre_pedal, curve, push
+from artemis.plugins.inputs.chain import centre_lever, centre_pedal, curve, push
 from artemis.plugins.inputs.joystick import (
     STANDSTILL,
     Gate,
@@ -27,10 +27,14 @@ from artemis.plugins.inputs.joystick import (
 from artemis.plugins.inputs.wheel import FAR_OFF_CENTRE, HARD_BRAKE, speed_from_pedals, steering_from_wheel
 from artemis.values import OperatorInput, Request
 
-Kind: TypeAlias = Literal["stick", "wheel"]
-AXES: dict[Kind, tuple[str, ...]] = {"stick": ("x", "y"), "wheel": ("steering", "gas", "brake")}
-"""Axes of each kind of control, in the order in which they are handed over. x and steering: right positive; y: forward
-positive; gas and brake: from 0, released, to 1."""
+Kind: TypeAlias = Literal["stick", "wheel", "levers"]
+AXES: dict[Kind, tuple[str, ...]] = {
+    "stick": ("x", "y"),
+    "wheel": ("steering", "gas", "brake"),
+    "levers": ("steering", "speed"),
+}
+"""Axes of each kind of control, in the order in which they are handed over. x and steering: right positive; y and
+speed: forward positive; gas, brake and a one-sided speed: from 0, released, to 1."""
 PEDALS = ("gas", "brake")
 REQUESTS = {
     "quickstop": Request.QUICKSTOP,
@@ -43,6 +47,7 @@ REQUESTS = {
 BUTTONS: dict[Kind, tuple[str, ...]] = {
     "stick": ("enable", "faster", "slower", *REQUESTS),
     "wheel": ("enable", "faster", "slower", "reverse", *REQUESTS),
+    "levers": ("enable", "faster", "slower", "reverse", *REQUESTS),
 }
 """Roles of buttons that mean something to each kind of control."""
 
@@ -63,7 +68,7 @@ class Grip:
     deadzone: float = 0.05
     """Share of the travel of a stick or a pedal that counts as released."""
     expo: float = 0.0
-    """Of a stick's deflection, or of a wheel's angle."""
+    """Of a stick's deflection, of a wheel's angle, or of both levers."""
     band: float = math.radians(1.0)
     """The angle in force trails the wished one by at most this much [rad]."""
     hard_brake: float = HARD_BRAKE
@@ -114,7 +119,13 @@ class Hands:
         self._last = now
         up, down = self._rolling + grip.acceleration * passed, self._rolling - grip.deceleration * passed
         self._rolling = max(min(self._wished, up), down)
-        wish = self._wish_of_stick() if grip.kind == "stick" else self._wish_of_wheel(abs(slowed))
+        match grip.kind:
+            case "stick":
+                wish = self._wish_of_stick()
+            case "wheel":
+                wish = self._wish_of_wheel(abs(slowed))
+            case "levers":
+                wish = self._wish_of_levers(abs(slowed))
         self._steering = trail(wish.steering, self._steering, grip.band, grip.steering_limit)
         speed = self._momentum.follow(wish.speed)
         self._wished = abs(speed)
@@ -140,9 +151,7 @@ class Hands:
         shaped = curve(turned, grip.expo)
         speed = speed_from_pedals(gas, brake, grip.hard_brake, self._range * grip.top_speed)
         speed = min(speed, self._rolling) if brake > 0 else speed
-        if self._turns_round and slowed <= STANDSTILL and gas == 0:
-            self._backwards = not self._backwards
-        self._turns_round = False
+        self._turn_round(slowed, released=gas == 0)
         return OperatorInput(
             source=self._source,
             speed=-speed if self._backwards else speed,
@@ -151,6 +160,28 @@ class Hands:
             centred=(turned, gas, brake),
             shaped=(shaped, gas, brake),
         )
+
+    def _wish_of_levers(self, slowed: float) -> OperatorInput:
+        """Steering by one axis, speed by another; a one-sided speed is never negative, and goes back by `reverse`."""
+        grip = self._grip
+        steering, speed = (centre_lever(share, grip.deadzone) for share in self._axes)
+        turned, pushed = curve(steering, grip.expo), curve(speed, grip.expo)
+        self._turn_round(slowed, released=speed == 0)
+        wished = pushed * self._range * grip.top_speed
+        return OperatorInput(
+            source=self._source,
+            speed=-wished if self._backwards else wished,
+            steering=steering_from_wheel(turned, grip.steering_limit),
+            neutral=speed == 0 and abs(self._axes[0]) <= FAR_OFF_CENTRE,
+            centred=(steering, speed),
+            shaped=(turned, pushed),
+        )
+
+    def _turn_round(self, slowed: float, released: bool) -> None:
+        """Change the direction of travel where that was asked for, at standstill with the speed released."""
+        if self._turns_round and slowed <= STANDSTILL and released:
+            self._backwards = not self._backwards
+        self._turns_round = False
 
     def _brakes_hard(self, axes: tuple[float, ...]) -> bool:
         return self._grip.kind == "wheel" and len(axes) == 3 and self._brake(axes) >= self._grip.hard_brake

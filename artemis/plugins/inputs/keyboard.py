@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Annotated, ClassVar, NamedTuple
 
 from pydantic import Field
@@ -135,6 +135,11 @@ class KeyboardInput:
         self._last_read: float | None = None
         self._steering = 0.0
         self._there = context.typed(self._listen)
+
+    @staticmethod
+    def may_share(_one: KeyboardConfig, _other: KeyboardConfig, _files: Mapping[str, bytes]) -> bool:
+        """There is one terminal."""
+        return True
 
     def read(self, now: float) -> OperatorInput:
         """The keys that are held at run time `now` [s].

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from artemis.errors import ConfigError, shown
-from artemis.motion.table import MAX_PROBLEMS, Table
+from artemis.motion.table import Table, raise_first
 from artemis.plugins.inputs.hands import AXES, BUTTONS, PEDALS, Kind
 from artemis.yaml_file import Data, KeyPath, surprise, survey
 
@@ -80,16 +80,12 @@ class YamlRows:
         """Raise what was found, if anything was.
 
         Raises:
-            ConfigError: the first `MAX_PROBLEMS` problems with file:line:column, and how many more there are.
+            ConfigError: as `raise_first`, with file:line:column.
         """
         document = self._document
         ordered = sorted(self._problems, key=lambda problem: document.position(problem[0]))
         fresh = [document.problem(path, text) for path, text in ordered if path not in document.damaged]
-        problems = self._found + fresh
-        if len(problems) > MAX_PROBLEMS:
-            problems[MAX_PROBLEMS:] = [f"{document.source}: and {len(problems) - MAX_PROBLEMS} more problems"]
-        if problems:
-            raise ConfigError(problems)
+        raise_first(self._found + fresh, document.source)
 
 
 def _number(value: Data) -> float:
@@ -98,6 +94,8 @@ def _number(value: Data) -> float:
 
 
 def _kind(names: Sequence[str] | dict[str, list[float]]) -> Kind:
+    if "speed" in names:
+        return "levers"
     return "wheel" if any(name in names for name in AXES["wheel"]) else "stick"
 
 
@@ -124,7 +122,7 @@ def _check(rows: Table | YamlRows) -> None:
     for name, levels in rows.columns.items():
         lowest = 0 if name in PEDALS else -1
         for row, level in enumerate(levels):
-            if name in (*AXES["stick"], *AXES["wheel"]) and not lowest <= level <= 1:
+            if any(name in axes for axes in AXES.values()) and not lowest <= level <= 1:
                 rows.report(row, f"{name}: expected {lowest} to 1, found {level:g}", name)
             if name in BUTTONS["wheel"] and level not in (0, 1):
                 rows.report(row, f"{name}: expected 0 or 1, found {level:g}", name)

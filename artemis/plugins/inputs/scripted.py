@@ -18,6 +18,8 @@ from artemis.plugins.inputs.script_rows import rows_from
 from artemis.values import OperatorInput, Request
 from artemis.vehicle import WishedSpeed
 
+KEPT_UP = {"enable", "quickstop"}
+"""Buttons that are released where everything rests."""
 OF_ROWS = ("speed_range", "gate", "deadzone", "hysteresis_deg")
 """Keys that say how levels become a wish: a recorded run holds the wishes themselves."""
 
@@ -131,7 +133,7 @@ class _ScriptRows:
         """What the row in force wishes at run time `now` [s]."""
         wish, enabled = self._hands.wish(now), "enable" in self._down
         buttons = tuple(name in self._down for name in self._buttons)
-        return replace(wish, enabled=enabled, neutral=wish.neutral and not enabled, buttons=buttons)
+        return replace(wish, enabled=enabled, neutral=wish.neutral and not self._down & KEPT_UP, buttons=buttons)
 
 
 def _recorded(config: ScriptedConfig, context: PluginContext, content: bytes) -> RecordedHand:

@@ -83,12 +83,13 @@ INPUTS: dict[str, Row] = {
     "INP-12": Row(
         "two inputs at once",
         _DESIGN,
-        reason="only the input of the present step drives; every input may stop",
+        reason="only the inputs of the present step drive, of several the first that is active; every input may stop",
     ),
     "INP-13": Row(
         "hand-over in motion",
         _DESIGN,
-        reason="another input drives in another step, and steps begin at standstill",
+        reason="a step begins at standstill; in it an input of higher priority takes over at once, within the limits, "
+        "and one of lower priority at standstill, once its controls were neutral",
     ),
     "INP-14": Row("accelerator and brake", _DESIGN, reason="the brake wins"),
     "INP-15": Row(
@@ -96,7 +97,14 @@ INPUTS: dict[str, Row] = {
         _DESIGN,
         reason="arming waits until it is released; 60 s without any movement while driving count as a release",
     ),
-    "INP-16": Row("force feedback fails", _ABSENT, WARN, ITSELF, reason="force feedback is not used"),
+    "INP-16": Row(
+        "force feedback fails",
+        Found.EDGE,
+        WARN,
+        ITSELF,
+        "cannot show what the robot does",
+        "see the reason; `rumble: false` and `wheel_force: 0` leave it out",
+    ),
     "NET-01": Row("link lost", _ABSENT, S2, automatic(5, _TEN), reason=_NETWORK),
     "NET-02": Row("latency", _ABSENT, S2, automatic(5, _TEN), reason=_NETWORK),
     "NET-03": Row("jitter", _ABSENT, WARN, ITSELF, reason=_NETWORK),

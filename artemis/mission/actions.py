@@ -1,0 +1,251 @@
+"""The steps of a mission that do something, as its file writes them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+
+from artemis import vehicle
+from artemis.config import Config
+from artemis.mission.keys import Name, Positive, check_one_key
+from artemis.mission.waypoints import Waypoints
+
+
+def _not_empty(parts: tuple[Any, ...]) -> tuple[Any, ...]:
+    if not parts:
+        raise ValueError("expected a list of at least one")
+    return parts
+
+
+A_LIST = (Field(strict=False, json_schema_extra={"minItems": 1}), AfterValidator(_not_empty))
+"""Of a tuple: in a file it is a list, and not empty."""
+FileName = Annotated[str, Field(min_length=1)]
+"""Relative to the folder of the mission file, and inside of it."""
+
+
+Angle = Annotated[float, Field(ge=-45, le=45)]
+"""[degrees]."""
+
+
+class PluginUse(Config):
+    """A plugin by its name; every other key belongs to the plugin."""
+
+    model_config = ConfigDict(extra="allow")
+    plugin: str
+
+    @property
+    def options(self) -> dict[str, object]:
+        """The plugin's own keys."""
+        return dict(self.model_extra or {})
+
+
+class FollowerUse(PluginUse):
+    """A path follower; artemis' own unless another is named."""
+
+    plugin: str = "frenet"
+    """Its name."""
+
+
+class Reference(Config):
+    """True angle of each front wheel, measured from outside."""
+
+    left: Angle | None = None
+    """Of the left wheel."""
+    right: Angle | None = None
+    """Of the right wheel."""
+
+
+LARGEST_UNSEEN_DEG = 5.0
+"""A wheel that is farther off stands visibly askew: the reference, or the wheel that is meant, is probably wrong."""
+
+
+class MeasureSteering(Config):
+    """Find zero and slope of the potentiometers: turn each wheel by 45 degrees to both sides and read them."""
+
+    wheels: Literal["left", "right", "both"] = "both"
+    """Which are measured."""
+    reference_deg: Reference = Reference()
+    """True angle of a wheel, left positive, while it shows 0 (of one with new potentiometers: as it is found). Without
+    it a person turns the wheel until it stands straight."""
+    potentiometers: Literal["known", "new"] = "known"
+    """New: nothing that they say now is believed; the wheels are aligned by hand or reference alone."""
+    save: Literal["nothing", "ask", "drives"] = "nothing"
+    """What to do with the result in the drives' memory; ask: whoever is at the terminal."""
+
+    @model_validator(mode="after")
+    def _unseen(self) -> Self:
+        if self.potentiometers == "new" or self.save != "drives":
+            return self
+        for side, angle in self.reference_deg:
+            if abs(angle or 0.0) > LARGEST_UNSEEN_DEG:
+                raise ValueError(
+                    f"reference_deg.{side} is {angle:g}: a zero that is wrong by more than {LARGEST_UNSEEN_DEG:g} "
+                    "degrees is not saved unless a person agrees: write save: ask (or potentiometers: new)"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _both(self) -> Self:
+        if self.potentiometers == "new" and self.wheels != "both":
+            raise ValueError("with new potentiometers both wheels are measured: leave `wheels` out")
+        return self
+
+
+def _kind_of_steering(steering: object) -> str:
+    return "<measured>" if isinstance(steering, dict | MeasureSteering) else "<word>"
+
+
+class NewGains(Config):
+    """Regulator gains of a drive to try; those that are left out stay as the robot file says."""
+
+    current: vehicle.PiGains | None = None
+    """P and I of the current regulator."""
+    velocity: vehicle.PiGains | None = None
+    """P and I of the velocity regulator."""
+    position: vehicle.PidGains | None = None
+    """P, I and D of the position regulator."""
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Self:
+        if not self.model_dump(exclude_none=True):
+            raise ValueError("expected at least one of current, velocity, position")
+        return self
+
+
+class Turn(Config):
+    """Turn the wheels and back at rest, to see how the steering drives follow."""
+
+    side: Literal["left", "right"] = "left"
+    """Whose angle is meant."""
+    angle_deg: Annotated[float, Field(gt=0, le=20)] = 5.0
+    """To the left."""
+
+
+class Calibrate(Config):
+    """Align the wheels, or measure what the robot has to know of itself: exactly one key."""
+
+    steering: (
+        Annotated[
+            Annotated[Literal["from_potentiometers"], Tag("<word>")] | Annotated[MeasureSteering, Tag("<measured>")],
+            Discriminator(_kind_of_steering),
+        ]
+        | None
+    ) = None
+    """Align the wheels, or measure their potentiometers."""
+    gains: Annotated[dict[str, NewGains], Field(min_length=1)] | None = None
+    """Try other regulator gains, by drive: until the run ends, or a fault has the drives configured anew."""
+    turn: Turn | None = None
+    """Turn the wheels by a step."""
+
+    @model_validator(mode="after")
+    def _one_key(self) -> Self:
+        check_one_key(self, "calibrate")
+        return self
+
+
+class Recorded(Config):
+    """A path that an earlier step of the same mission recorded."""
+
+    recorded: Name
+    """Its name, as the step that recorded it has it in `record`."""
+    close_within_m: Annotated[float, Field(ge=0, le=2)] = 0.0
+    """If it ends so near its beginning, in about the same direction, it goes on there: for several laps."""
+
+
+def _kind_of_path(path: object) -> str:
+    if isinstance(path, Waypoints) or (isinstance(path, dict) and "waypoints" in path):
+        return "<waypoints>"
+    return "<recorded>" if isinstance(path, dict | Recorded) else "<file>"
+
+
+class Follow(Config):
+    """Drive along a path to its end."""
+
+    path: Annotated[
+        Annotated[FileName, Tag("<file>")]
+        | Annotated[Recorded, Tag("<recorded>")]
+        | Annotated[Waypoints, Tag("<waypoints>")],
+        Discriminator(_kind_of_path),
+    ]
+    """Table of x, y in metres, from where the robot stands when the run is armed; or {recorded: NAME}; or
+    {waypoints: [[x, y], ...]}."""
+    follower: FollowerUse
+    """What steers and drives; `speed_m_s` and all other keys are those of the plugin."""
+    laps: Annotated[int, Field(ge=1, le=10_000)] = 1
+    """More than one only on a closed path."""
+    start: Literal["beginning", "nearest"] = "beginning"
+    """Where the path is begun: where it begins, or at its nearest point."""
+    from_end: bool = False
+    """From the path's last point to its first, headings as they are: what was driven forwards is driven backwards."""
+    direction: Literal["forward", "backward"] | None = None
+    """Which end of the robot is ahead when it begins; each reversal changes that. Goes before the path's headings, and
+    before what `from_end` makes of them; without any of these: forward."""
+    round_corners_m: Annotated[float, Field(ge=0, le=1)] | None = None
+    """A corner that is too sharp for the robot becomes the nearest curve that it can drive, if that is no farther from
+    the corner; 0: it is refused (PTH-03). If left out: 0, but 1 for waypoints."""
+    allow_slowdown: bool | None = None
+    """Where steering or a wheel cannot keep up the robot drives slower; false: the path is refused (PTH-03). If left
+    out: false, but true for waypoints."""
+    max_cross_track_m: Annotated[float, Field(gt=0, le=0.6)] = 0.6
+    """Farther from the path than this the robot is lost and stops (fault PTH-06)."""
+
+    @property
+    def wanted(self) -> dict[str, Any]:
+        """How its path is wanted: words of `artemis.motion.fitting.route_for`, and of `FollowStep`."""
+        lines = isinstance(self.path, Waypoints)
+        return {
+            "laps": self.laps,
+            "from_end": self.from_end,
+            "backward": None if self.direction is None else self.direction == "backward",
+            "round_corners": float(lines) if self.round_corners_m is None else self.round_corners_m,
+            "allow_slowdown": lines if self.allow_slowdown is None else self.allow_slowdown,
+        }
+
+
+ConditionText = Annotated[str, Field(min_length=1, max_length=1000, json_schema_extra={"format": "condition"})]
+"""One line over signals, such as `battery_v < 23.2 and not stick.done`."""
+Text = Annotated[str, Field(min_length=1, max_length=1000)]
+
+
+class Wait(Config):
+    """Stand still: for a time, or until a condition holds."""
+
+    seconds: Positive | None = None
+    """Done after so long."""
+    for_: ConditionText | None = Field(default=None, alias="for")
+    """Done once this holds."""
+    at_most_s: Positive | None = None
+    """Of a condition: after so long the step ends with the outcome `timeout`."""
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if (self.seconds is None) == (self.for_ is None):
+            raise ValueError("wait has exactly one of seconds, for")
+        if self.seconds is not None and self.at_most_s is not None:
+            raise ValueError("at_most_s belongs to wait: {for: ...}; seconds are its own end")
+        return self
+
+
+Answer = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^[^']+$")]
+
+
+class Ask(Config):
+    """Ask whoever is at the terminal; the answer is the signal `answer`."""
+
+    question: Text
+    """What is asked, in words."""
+    answers: Annotated[tuple[Answer, ...], *A_LIST, Field(max_length=9)]
+    """Between which the person chooses, by number or by name."""
+    at_most_s: Positive | None = None
+    """After so long the step ends with the outcome `timeout`."""
+
+    @model_validator(mode="after")
+    def _different(self) -> Self:
+        if len(set(self.answers)) < len(self.answers):
+            raise ValueError("two answers are the same")
+        return self
+
+
+class Stop(Config):
+    """End the mission: stand, drives off. Only as the last step."""

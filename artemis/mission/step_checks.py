@@ -1,0 +1,154 @@
+"""The steps of a mission, one by one, and how its words compose them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from artemis.errors import ConfigError
+from artemis.mission.actions import Calibrate, Follow, MeasureSteering, Recorded
+from artemis.mission.behaviours import behaviour_class, declarations
+from artemis.mission.by_hand import Teleop
+from artemis.mission.problems import nearest
+from artemis.mission.reading import Configs, MissionReading
+from artemis.mission.schema import Mission, Supervision
+from artemis.mission.words import Step
+from artemis.plugins.contracts import declared, follower_speed, input_speed
+from artemis.states.outline import numbered, steps_in
+from artemis.vehicle import RobotFile
+from artemis.yaml_file import KeyPath
+
+if TYPE_CHECKING:
+    from artemis.mission.tree import MissionTree
+
+
+class StepChecks(MissionReading):
+    """Notes what is wrong in the steps."""
+
+    def _tree(self, mission: Mission | None) -> MissionTree | None:
+        if mission is None or self._unknown:
+            return None
+        from artemis.mission.tree import mission_tree
+
+        found = mission_tree(mission)
+        for path, problem in found.problems:
+            self._complain(path, problem)
+        if not (found.steps or self._problems):
+            self._complain(("steps",), "no step takes time, so there is nothing to do; add one, such as wait")
+        self._remarks += found.remarks
+        return found
+
+    def _check_steps(self, robot: RobotFile | None, inputs: Configs) -> None:
+        calibrated, recorded, steps = False, list[str](), self._data.get("steps")
+        given = steps if isinstance(steps, list) else []
+        moving = {"follow", *(name for name, facts in declarations(given).items() if facts.moves)}
+        for path, word, _ in steps_in(given):
+            if word in moving and not calibrated:
+                self._complain(path, "calibrate first: no step before this one does (CAL-02)")
+            calibrated = calibrated or word == "calibrate"
+            if word == "stop" and path != ("steps", len(given) - 1, "stop"):
+                self._complain(path, "ends the mission: it can only be the last step")
+        for number, (path, _, _) in enumerate(numbered(given)):
+            step = self._part(Step, *path[:-1])
+            if step is None:
+                continue
+            if isinstance(step.action, Teleop) and step.action.record:
+                recorded.append(step.action.record)
+            if isinstance(step.action, Follow):
+                self._check_follow(number, path, step.action, robot, recorded)
+            elif isinstance(step.action, Teleop):
+                self._check_teleop(path, step.action, robot, inputs)
+            elif isinstance(step.action, Calibrate):
+                self._check_calibrate(path, step.action, robot, alone=len(list(steps_in(given))) == 1)
+            elif step.behaviour:
+                self._check_behaviour(path, step, robot)
+
+    def _check_calibrate(self, at: KeyPath, step: Calibrate, robot: RobotFile | None, *, alone: bool) -> None:
+        if isinstance(step.steering, MeasureSteering) and not alone:
+            if step.steering.potentiometers == "new":
+                problem = "new potentiometers are calibrated in a mission of their own, without other steps"
+                self._complain(("steps",), problem)
+            if step.steering.save != "nothing":
+                problem = "what is saved holds from the next start on: no other step may stand beside a calibration "
+                self._complain(("steps",), problem + "with save: drives or ask")
+        if step.gains is not None and robot is not None:
+            from artemis.mission.gains import check_gains
+
+            for name, problem in check_gains(step.gains, robot):
+                self._complain((*at, "gains", name), problem)
+
+    def _check_follow(
+        self, number: int, at: KeyPath, follow: Follow, robot: RobotFile | None, recorded: list[str]
+    ) -> None:
+        config = self._plugin("artemis.followers", *at, "follower")
+        speed = follower_speed(config)
+        if robot is not None:
+            speed = robot.limits.speed_m_s if speed is None else speed
+            self._check_speed((*at, "follower", "speed_m_s"), speed, robot)
+        if isinstance(follow.path, Recorded):
+            if (name := follow.path.recorded) not in recorded:
+                hint = nearest(name, recorded, "recorded before") if recorded else "; no step before has `record:`"
+                self._complain((*at, "path", "recorded"), f"no step before this one records {name}{hint}")
+            return
+        raw = self._file((*at, "path"), follow.path) if isinstance(follow.path, str) else b""
+        if raw is None:
+            return
+        from artemis.mission.paths import drivable_route, named, route_of
+
+        name = named(follow)
+        try:
+            route = route_of(follow, raw, str(self._folder / name))
+        except UnicodeDecodeError as error:
+            self._complain((*at, "path"), f"byte {error.start + 1} is not UTF-8: {name}")
+            return
+        except ConfigError as error:
+            places = (self._document.problem((*at, "path"), problem) for problem in error.problems)
+            self._problems += error.problems if raw else places
+            return
+        if follow.laps > 1 and not route.closed:
+            how = "open: it must end where it begins" if len(route.parts) == 1 else "not: it reverses"
+            self._complain((*at, "laps"), f"{follow.laps} laps need a closed path; {name} is {how}")
+        elif robot is not None and config is not None and speed is not None:
+            try:
+                self._routes[number], remarks = drivable_route(follow, route, robot, speed)
+                self._remarks += [f"{name}: {remark}" for remark in remarks]
+            except ConfigError as error:
+                for problem in error.problems:
+                    self._complain((*at, "path"), f"{name}: {problem}")
+
+    def _check_teleop(self, at: KeyPath, teleop: Teleop, robot: RobotFile | None, inputs: Configs) -> None:
+        for number, name in enumerate(teleop.names):
+            here: KeyPath = (*at, "input") if teleop.inputs is None else (*at, "inputs", number)
+            if name not in inputs:
+                self._complain(here, f"no such input: {name}{nearest(name, inputs, 'inputs')}")
+            elif robot is not None and (config := inputs[name]) is not None:
+                speed = input_speed(config)
+                place = here if speed is None else ("inputs", name, "max_speed_m_s")
+                self._check_speed(place, robot.limits.speed_m_s if speed is None else speed, robot)
+        if teleop.inputs is not None:
+            from artemis.mission.trial import shared_devices
+
+            for problem in shared_devices(teleop.inputs, self._plugins, self._files):
+                self._complain((*at, "inputs"), problem)
+
+    def _check_behaviour(self, at: KeyPath, step: Step, robot: RobotFile | None) -> None:
+        try:
+            plugin = behaviour_class(step.behaviour)
+        except ConfigError as error:
+            for problem in error.problems:
+                self._complain(at, problem)
+            self._unknown = True
+            return
+        config = self._options(plugin, at, step.action)
+        speed = follower_speed(config)
+        if robot is not None and config is not None and declared(plugin).moves:
+            place = at if speed is None else (*at, "speed_m_s")
+            self._check_speed(place, robot.limits.speed_m_s if speed is None else speed, robot)
+
+    def _check_speed(self, at: KeyPath, speed: float, robot: RobotFile) -> None:
+        """Refuse a speed of the virtual front wheel that the machine cannot drive, or not stop from in time."""
+        from artemis.mission.speeds import check_speed
+
+        supervision = self._part(Supervision, "supervision") if "supervision" in self._data else Supervision()
+        for problem in check_speed(speed, robot, math.inf if supervision is None else supervision.stop_distance_m):
+            self._complain(at, problem)

@@ -1,0 +1,190 @@
+"""A mission without a robot, driven by the outcomes that a test gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path as FilePath
+
+from msgspec.structs import replace
+
+from artemis.errors import ConfigError, shown, similar
+from artemis.mission.actions import Recorded
+from artemis.mission.loading import LoadedMission, load_mission
+from artemis.mission.paths import named
+from artemis.mission.tree import MissionTree, signals_of
+from artemis.mission.words import Step
+from artemis.progress import MissionEvent, Position
+from artemis.states.advance import MissionFacts, advance
+from artemis.states.condition import SignalKind, Value
+from artemis.states.tree import DONE, FAULT, LOST, LOST_FAULTS, TIMEOUT, Tree
+from artemis.supervision.catalogue import ROWS
+from artemis.yaml_file import dotted
+
+Happening = str | float | Mapping[str, Value]
+"""How the present step ends, an answer to its question, or `fault:ID`; or so many seconds pass; or signals change."""
+DT = 0.02
+"""What a tick lasts in which nothing else is said [s]."""
+
+
+class MissionWalk:
+    """A mission on its way.
+
+    Attributes:
+        steps: Steps that have begun so far, in their order, in words: `follow paths/lap.csv`, `wait 20 s`.
+        places: Where these stand in the mission: `steps[1].follow`.
+        events: What was told so far: `retry 1 of 2 after fault:DRV-25`.
+        said: What people were told.
+    """
+
+    def __init__(self, found: MissionTree, tree: Tree | None = None) -> None:
+        """At the beginning; `tree` takes the place of the mission's."""
+        self.found, self.tree = found, tree or found.tree
+        self.words = {dotted(path): described(step) for path, step in found.steps}
+        self.position = Position()
+        self.signals: dict[str, Value] = {"run_s": 0.0, "driven_m": 0.0}
+        self.places = [dotted(found.steps[0][0])] if self.tree.is_list else []
+        self.told: list[MissionEvent] = []
+        self.tick(dt=0.0)
+
+    @property
+    def steps(self) -> list[str]:
+        """See the class."""
+        return [self.words[place] for place in self.places]
+
+    @property
+    def events(self) -> list[str]:
+        """See the class."""
+        return [f"{event.kind} {event.text}" for event in self.told]
+
+    @property
+    def said(self) -> list[str]:
+        """See the class."""
+        return [event.text for event in self.told if event.kind == "said"]
+
+    @property
+    def is_over(self) -> bool:
+        """Nothing is left of it."""
+        return self.position.step >= self.tree.size
+
+    @property
+    def at(self) -> str:
+        """The step that runs now, in words; empty: the mission has ended."""
+        return "" if self.is_over else described(self.found.steps[self.position.step][1])
+
+    @property
+    def ended(self) -> str:
+        """`done`, or the outcome that ended the mission; empty: it has not ended."""
+        return (self.position.ended or DONE) if self.is_over else ""
+
+    def tick(
+        self, outcome: str = "", *, dt: float = DT, fault: str = "", answer: str = "", pressed: Sequence[str] = ()
+    ) -> None:
+        """One tick in which the robot stands: what happened to the present step, and which signals are true in it."""
+        self.signals["run_s"] = float(self.signals["run_s"]) + dt
+        position = replace(self.position, fault=fault) if fault else self.position
+        waits = not self.is_over and self.found.passive[position.step] is not None
+        facts = MissionFacts(
+            signals={**self.signals, **dict.fromkeys(pressed, True)},
+            dt=dt,
+            done=position.done + dt if waits else None,
+            outcome=outcome,
+            answers=(answer,) if answer else (),
+        )
+        advanced = advance(self.tree, self.found.passive, position, facts)
+        self.position = advanced.position
+        self.told += advanced.events
+        self.places += advanced.entered
+
+
+def walk(mission: str | FilePath | LoadedMission, *happenings: Happening) -> MissionWalk:
+    """Drive a mission by what happens, one thing after the other, without robot and simulation.
+
+    Args:
+        mission: Its file, or the loaded mission.
+        happenings: A text is how the present step ends (`done`, `timeout`, an outcome of its own), an answer to its
+            question, or a fault (`fault:DRV-25`; `lost` for one that lost the path). A number is so many seconds that
+            pass. A mapping changes signals: `{"battery_v": 22.0}`; one that is true is so for one tick, as a button is.
+
+    Raises:
+        ConfigError: the mission is wrong; or something cannot happen where it is.
+    """
+    loaded = mission if isinstance(mission, LoadedMission) else load_mission(FilePath(mission))
+    made, declared = MissionWalk(loaded.tree), signals_of(loaded.mission)
+    for number, happening in enumerate(happenings, start=1):
+        try:
+            _happen(made, happening, declared)
+        except ConfigError as error:
+            raise ConfigError(f"walk: {shown(happening)}, number {number}: {error}") from None
+    return made
+
+
+def _happen(made: MissionWalk, happening: Happening, declared: Mapping[str, SignalKind]) -> None:
+    if made.is_over:
+        raise ConfigError(f"the mission has ended before, with {made.ended}")
+    if isinstance(happening, Mapping):
+        for name, value in happening.items():
+            _check_signal(name, value, declared)
+        pressed = [name for name, value in happening.items() if value is True]
+        made.signals.update({name: value for name, value in happening.items() if value is not True})
+        made.tick(pressed=pressed)
+    elif isinstance(happening, str):
+        _end_step(made, happening)
+    elif isinstance(happening, bool) or happening < 0:
+        raise ConfigError("write an outcome, so many seconds, or signals with their values")
+    else:
+        made.tick(dt=float(happening))
+
+
+def _check_signal(name: str, value: Value, declared: Mapping[str, SignalKind]) -> None:
+    if name not in declared:
+        raise ConfigError(f"unknown signal {name!r}; {similar(name, declared)}")
+    kind = declared[name].kind
+    if name == "answer":
+        raise ConfigError("an answer is given to the step that asks: write it as a text")
+    if isinstance(value, bool) is not (kind is bool) or isinstance(value, str) is not (kind is str):
+        raise ConfigError(f"{name} is {'true or false' if kind is bool else 'a number'}")
+
+
+def _end_step(made: MissionWalk, outcome: str) -> None:
+    number = made.position.step
+    passive, step = made.found.passive[number], made.found.steps[number][1]
+    limit = passive.at_most if passive is not None else None
+    kind, _, id = outcome.partition(":")
+    if kind == FAULT and id in ROWS:
+        made.tick(fault=id)
+    elif outcome == LOST and step.follow is not None:
+        made.tick(fault=LOST_FAULTS[0])
+    elif passive is not None and outcome in passive.answers:
+        made.tick(answer=outcome)
+    elif outcome == DONE and passive is not None and passive.seconds is not None:
+        made.tick(dt=passive.seconds - made.position.done)
+    elif outcome == TIMEOUT and limit is not None:
+        made.tick(dt=limit - made.position.done)
+    elif outcome in made.found.outcomes[number] and not (passive is not None and passive.answers):
+        made.tick(outcome)
+    else:
+        raise _impossible(made, outcome)
+
+
+def _impossible(made: MissionWalk, outcome: str) -> ConfigError:
+    number = made.position.step
+    passive, step = made.found.passive[number], made.found.steps[number][1]
+    kind, _, id = outcome.partition(":")
+    if kind == FAULT:
+        return ConfigError(f"no fault {id!r} in the fault table; {similar(id, list(ROWS)).partition(',')[0]}")
+    answers = passive.answers if passive is not None else ()
+    ends = sorted(made.found.outcomes[number] - ({DONE} if answers else set()))
+    names = [*answers, *ends, *([LOST] if step.follow is not None else []), f"{FAULT}:ID"]
+    return ConfigError(f"the step '{made.at}' does not end so; {similar(outcome, names)}")
+
+
+def described(step: Step) -> str:
+    """A step in a few words."""
+    if step.follow is not None:
+        path = step.follow.path
+        return f"follow {path.recorded if isinstance(path, Recorded) else named(step.follow)}"
+    if step.wait is not None:
+        return f"wait {step.wait.seconds:g} s" if step.wait.seconds is not None else f"wait for {step.wait.for_}"
+    if step.ask is not None:
+        return f"ask {step.ask.question}"
+    return f"teleop {step.teleop.input}" if step.teleop is not None else step.word

@@ -1,0 +1,1 @@
+"""Built-in behaviours: steps of a mission that plugins do."""

@@ -1,0 +1,55 @@
+"""How far a mission is, and what happened in it: parts of a tick; and the words that a mission is made of."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+WORDS = ("repeat", "try", "during", "choose", "together", "call")
+"""Compose steps."""
+TIMELESS = ("say", "end", "stop")
+"""Steps in which no time passes: they have no number."""
+OWN_STEPS = ("calibrate", "follow", "wait", "teleop", "ask", *TIMELESS, *WORDS)
+"""Artemis' own steps and words: no behaviour can have such a name."""
+
+
+class SignalValue(Struct, frozen=True, kw_only=True, gc=False):
+    """What a behaviour measured: a signal for the mission's conditions."""
+
+    name: str
+    value: float
+
+
+class Acted(Struct, frozen=True, kw_only=True, gc=False):
+    """What the behaviour of one of the mission's steps told in a tick."""
+
+    step: int
+    outcome: str = ""  # how it ended; empty: it has not
+    state: str = ""  # what it needs to resume (JSON)
+    signals: tuple[SignalValue, ...] = ()
+
+
+class Position(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
+    """How far a mission is done."""
+
+    step: int = 0
+    """Which of its steps is done now, counted from 0 as they stand in the mission; after the last: their number."""
+    done: float = 0.0
+    """How much of it is done, here or in an earlier run: distance along its path [m], or time [s]."""
+    state: str = ""
+    """What the behaviour that does it told last (JSON); empty: none does, or it has told nothing yet."""
+    place: str = ""
+    """In the words around it (`artemis.states.advance.Place`, JSON); empty: the mission is a list of steps."""
+    fault: str = ""
+    """The fault table's id of what stopped the step: the mission is told when the robot may go on."""
+    answer: str = ""
+    """The newest one to a question of the mission."""
+    ended: str = ""
+    """How the mission ended, if not by doing all of its steps."""
+
+
+class MissionEvent(Struct, frozen=True, kw_only=True, gc=False):
+    """Something that happened in a mission, for people."""
+
+    kind: str  # said, ended, fired, expired, caught, retry, round, end
+    place: str  # key path in the mission
+    text: str

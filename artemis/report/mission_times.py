@@ -1,0 +1,135 @@
+"""Where the mission of a run was: how often and how long each step ran, and what it ended with. Holds no ticks."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from artemis.progress import MissionEvent
+from artemis.report.mission_boxes import name_of
+from artemis.states.modes import RUNNING
+from artemis.states.outline import numbered
+from artemis.states.tree import DONE
+from artemis.values import Tick
+from artemis.yaml_file import dotted
+
+_REASONS = ("ended", "fired", "expired", "end")
+"""Events that may end a mission."""
+
+
+@dataclass(slots=True, kw_only=True)
+class StepTime:
+    """One step that takes time, over a whole run."""
+
+    path: str
+    """Key path in the mission."""
+    name: str
+    number: int = 0
+    """How often it began."""
+    time: float = 0.0
+    """In which it was the present step and the mission ran [s]; steps beside others have none."""
+    outcomes: Counter[str] = field(default_factory=Counter)
+    """How often it ended with each."""
+    open: str = ""
+    """Why it has not ended since it began last; empty: it has."""
+
+    @property
+    def left(self) -> str:
+        """What it ended with, and how often if that differs."""
+        ends = [f"{name} {number}x" if len(self.outcomes) > 1 else name for name, number in self.outcomes.items()]
+        return ", ".join([*ends, *([self.open] if self.open else [])])
+
+    @property
+    def words(self) -> str:
+        """In one line."""
+        return " · ".join([f"{self.number}x", *([f"{self.time:.1f} s"] if self.time else []), self.left])
+
+
+class MissionTimes:
+    """Sees every tick of a run once.
+
+    Attributes:
+        steps: The mission's steps that take time, by number.
+        ended: How the mission ended, if not by doing all of its steps.
+    """
+
+    def __init__(self, mission: Mapping[str, Any]) -> None:
+        """`mission`: as recorded."""
+        found = numbered(mission.get("steps"))
+        self.steps = [StepTime(path=dotted(path), name=name_of(word, body)) for path, word, body in found]
+        self._by_path = {step.path: step for step in self.steps}
+        self.ended = ""
+        self._events: Counter[tuple[str, str]] = Counter()
+        self._reason: MissionEvent | None = None
+        self._said = ""
+        self._present: StepTime | None = None
+        self._last = 0.0
+
+    def see(self, tick: Tick) -> None:
+        """The next tick."""
+        time, position = tick.snapshot.sensed.time, tick.position
+        runs = tick.mode in RUNNING
+        if runs and self._present is not None:
+            self._present.time += time - self._last
+        self._last, self.ended = time, position.ended
+        for event in tick.events:
+            self._happened(event)
+        if runs or tick.events:
+            step = self.steps[position.step] if position.step < len(self.steps) else None
+            if step is not None and (not step.open or (step is not self._present and position.done == 0.0)):
+                step.number += 1
+            if step is not None and (not step.open or step is not self._present):
+                step.open = "unfinished"
+            self._present = step
+
+    def _happened(self, event: MissionEvent) -> None:
+        self._events[event.kind, event.place] += 1
+        if event.kind == "said":
+            self._said = event.text
+        if event.kind in _REASONS and event.text != DONE:
+            self._reason = event
+        step = self._by_path.get(event.place)
+        if event.kind == "ended" and step is not None:
+            step.number += not step.open  # one beside others
+            step.outcomes[event.text] += 1
+            step.open = ""
+        elif event.kind in ("fired", "expired") and self._present is not None and self._present.open:
+            self._present.open = f"interrupted: {event.text}"
+
+    @property
+    def ran(self) -> list[StepTime]:
+        """Steps that began."""
+        return [step for step in self.steps if step.number]
+
+    @property
+    def marks(self) -> dict[str, str]:
+        """What stands in the mission's picture, by key path."""
+        told = {"round": "next round", "retry": "retried", "caught": "caught", "fired": "condition met"}
+        told |= {"expired": "time limit reached", "said": "", "end": ""}
+        marks: dict[str, str] = {}
+        for (kind, path), number in self._events.items():
+            if kind in told:
+                marks[path] = " · ".join(filter(None, [marks.get(path), f"{told[kind]} {number}x".strip()]))
+        return {**marks, **{step.path: step.words for step in self.ran}}
+
+    @property
+    def failure(self) -> str:
+        """Which outcome ended the mission, and of what; empty: none did."""
+        if not self.ended or self._reason is None:
+            return ""
+        path = self._reason.place
+        if self._reason.kind == "end":
+            return f"the mission ended itself at {path}" + (f": {self._said}" if self._said else "")
+        step = self._by_path.get(path)
+        what = f"step “{step.name}” ({path})" if step else f"{path} ({self._reason.text})"
+        return f"{what} ended with {self.ended}, and no try catches that"
+
+    @property
+    def remedy(self) -> str:
+        """How to catch it; empty: there is nothing to catch."""
+        if not self.failure or (self._reason is not None and self._reason.kind == "end"):
+            return ""
+        name = f'"{self.ended}"' if ":" in self.ended else self.ended
+        return f"to continue then, write try: {{steps: [...], catch: {{{name}: [...]}}}} around it"

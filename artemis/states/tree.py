@@ -1,0 +1,173 @@
+"""A mission as a tree of steps: words compose steps; each step ends with an outcome, `done` or one that it declares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from artemis.states.condition import Condition
+
+DONE, TIMEOUT, FAULT, ANY = "done", "timeout", "fault", "any"
+LOST, LOST_FAULTS = "lost", ("PTH-05", "PTH-06", "LOC-01")
+"""Faults of a step that follows a path which are its outcome `lost`, too."""
+RESUME, RESTART = "resume", "restart"
+
+
+class Leaf(Struct, frozen=True):
+    """A step that takes time."""
+
+    number: int
+    """Among the mission's steps, as they stand there."""
+    path: str
+    """Key path in the mission."""
+
+
+class Say(Struct, frozen=True):
+    """Tells people something."""
+
+    path: str
+    text: str
+
+
+class End(Struct, frozen=True):
+    """The mission's ordered end."""
+
+    path: str
+    outcome: str
+    text: str = ""
+
+
+class Steps(Struct, frozen=True):
+    """One after the other."""
+
+    of: tuple[Node, ...]
+
+
+class Repeat(Struct, frozen=True, kw_only=True):
+    """Again and again: so often, or until a condition holds between two rounds; without either for ever."""
+
+    path: str
+    steps: Steps
+    times: int | None = None
+    until: Condition | None = None
+
+
+class Try(Struct, frozen=True, kw_only=True):
+    """Catches outcomes: tries again, then does the branch that names one."""
+
+    path: str
+    steps: Steps
+    retries: int = 0
+    again_on: tuple[str, ...] | None = None
+    """None: all but faults."""
+    between: Steps | None = None
+    catch: tuple[tuple[str, Steps], ...] = ()
+
+    def catches(self, outcome: str) -> bool:
+        """Whether a fault ends its steps."""
+        wanted = {*(self.again_on or ()), *(name for name, _ in self.catch)}
+        return not wanted.isdisjoint(names_of(outcome))
+
+
+class Watch(Struct, frozen=True, kw_only=True):
+    """What is done when a condition becomes true, and what then."""
+
+    text: str
+    condition: Condition
+    steps: Steps | None
+    then: str
+
+
+class During(Struct, frozen=True, kw_only=True):
+    """Watches while its steps run."""
+
+    path: str
+    steps: Steps
+    at_most: float | None
+    """[s] in which the mission runs."""
+    when: tuple[Watch, ...]
+
+
+class Choose(Struct, frozen=True, kw_only=True):
+    """The first branch whose condition holds; one without a condition always."""
+
+    path: str
+    branches: tuple[tuple[Condition | None, Steps], ...]
+
+
+class Together(Struct, frozen=True, kw_only=True):
+    """Steps that may move the robot, and others beside that may not."""
+
+    path: str
+    steps: Steps
+    beside: tuple[Steps, ...]
+
+
+Node = Leaf | Say | End | Steps | Repeat | Try | During | Choose | Together
+
+
+def children(node: Node) -> tuple[Node, ...]:
+    """The parts of a word, as they stand in the mission."""
+    match node:
+        case Steps(of):
+            return of
+        case Repeat():
+            return (node.steps,)
+        case Try():
+            between = (node.between,) if node.between is not None else ()
+            return (node.steps, *between, *(steps for _, steps in node.catch))
+        case During():
+            return (node.steps, *(watch.steps for watch in node.when if watch.steps is not None))
+        case Choose():
+            return tuple(steps for _, steps in node.branches)
+        case Together():
+            return (node.steps, *node.beside)
+    return ()
+
+
+def inside(node: Node) -> Iterator[Node]:
+    """The node and all within, as they stand in the mission."""
+    yield node
+    for child in children(node):
+        yield from inside(child)
+
+
+class Tree(Struct, frozen=True):
+    """A mission's words around its steps."""
+
+    root: Steps
+    size: int
+    """How many steps that take time it has."""
+    is_list: bool
+    """It is a list of such steps, and nothing else."""
+    catches_faults: bool
+
+
+def tree_of(root: Steps) -> Tree:
+    """The tree of a mission."""
+    nodes = list(inside(root))
+    return Tree(
+        root=root,
+        size=len([node for node in nodes if isinstance(node, Leaf)]),
+        is_list=all(isinstance(node, Leaf) for node in root.of),
+        catches_faults=any(
+            name.startswith((FAULT, LOST, ANY))
+            for node in nodes
+            if isinstance(node, Try)
+            for name in (*(node.again_on or ()), *(name for name, _ in node.catch))
+        ),
+    )
+
+
+def list_of(number: int) -> Tree:
+    """The tree of a mission that is a list of so many steps."""
+    return tree_of(Steps(tuple(Leaf(index, f"steps[{index}]") for index in range(number))))
+
+
+def names_of(outcome: str) -> set[str]:
+    """What a `try` may call it by."""
+    kind, _, id = outcome.partition(":")
+    if kind != FAULT:
+        return {outcome, ANY}
+    return {outcome, FAULT, ANY, *([LOST] if id in LOST_FAULTS else [])}

@@ -1,0 +1,217 @@
+"""What is wrong with how a mission's words fit together; parts put in where they are called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mission_trees import built, problems
+
+from artemis.errors import ConfigError
+from artemis.mission.loading import load_mission
+from artemis.mission.parts import expanded
+from artemis.states.outline import numbered
+from artemis.yaml_file import survey
+
+WAIT = {"wait": {"seconds": 1.0}}
+ASK = {"ask": {"question": "?", "answers": ["a"], "at_most_s": 5.0}}
+FOLLOW = {"follow": {"path": "a.csv", "follower": {}}}
+SAY = {"say": "x"}
+ELSE = {"steps": [WAIT]}
+ENDLESS = {"repeat": {"steps": [WAIT]}}
+MISSIONS = Path(__file__).parents[2] / "missions"
+NO_TIME = "no time passes in it on some way through"
+
+
+@pytest.mark.parametrize(
+    ("steps", "problem"),
+    [
+        ([ENDLESS, WAIT], "steps[1].wait: is never reached"),
+        ([{"together": {"steps": [WAIT], "beside": [ASK]}}], "steps[0].together.beside[0].ask: asks"),
+        ([{"end": {}}, WAIT], "steps[1].wait: is never reached"),
+        ([{"try": {"steps": [{"end": {}}, FOLLOW], "retries": 1}}], "steps[0].try.steps[1].follow: is never reached"),
+        ([{"repeat": {"times": 3, "steps": [SAY]}}], f"steps[0].repeat: {NO_TIME}"),
+        ([{"repeat": {"steps": [{"choose": [{"if": "run_s > 1", "steps": [WAIT]}]}]}}], f"steps[0].repeat: {NO_TIME}"),
+        (
+            [{"repeat": {"steps": [{"choose": [{"if": "run_s > 1", "steps": [WAIT]}, {"steps": [SAY]}]}]}}],
+            f"steps[0].repeat: {NO_TIME}",
+        ),
+        (
+            [{"try": {"steps": [ASK], "catch": {"timeuot": [WAIT]}}}],
+            "steps[0].try.catch.timeuot: no step within ends with timeuot; did you mean timeout?",
+        ),
+        ([{"try": {"steps": [WAIT], "catch": {"timeout": [WAIT]}}}], "no step within ends with timeout"),
+        ([{"try": {"steps": [WAIT], "catch": {"lost": [WAIT]}}}], "no step within ends with lost"),
+        ([{"try": {"steps": [WAIT], "catch": {"fault:DRV-99": [WAIT]}}}], "no fault DRV-99; did you mean"),
+        ([{"try": {"steps": [ASK], "retries": 1, "again_on": ["nope"]}}], "steps[0].try.again_on[0]: no step within"),
+        (
+            [{"choose": [{"steps": [WAIT]}, {"if": "run_s > 1", "steps": [WAIT]}]}],
+            "steps[0].choose[0]: without `if` it always holds: it can only be the last",
+        ),
+        (
+            [{"together": {"steps": [WAIT], "beside": [WAIT, {"repeat": {"times": 2, "steps": [FOLLOW]}}]}}],
+            "steps[0].together.beside[1].repeat.steps[0].follow: moves the robot",
+        ),
+        (
+            [
+                {
+                    "during": {
+                        "steps": [WAIT],
+                        "when": [{"if": "run_s > 1", "then": "a"}, {"if": "run_s > 1", "then": "b"}],
+                    }
+                }
+            ],
+            "steps[0].during.when[1].if: the same condition as a watcher above",
+        ),
+        (
+            [{"during": {"steps": [WAIT], "when": [{"if": "run_s > 1", "then": "fault"}]}}],
+            "fault is no outcome of your own",
+        ),
+        ([{"wait": {"for": "rum_s > 1"}}], "steps[0].wait.for: unknown signal 'rum_s'"),
+        ([{"wait": {"for": "round > 1"}}], "unknown signal 'round'"),
+        ([{"wait": {"for": "answer == 'a'"}}], "unknown signal 'answer'"),
+        ([ASK, {"wait": {"for": "answer == 'b'"}}], "answer is never 'b'"),
+        ([{"wait": {"for": "stik.done"}}], "unknown signal 'stik.done'; nearest is 'stick.done'"),
+    ],
+)
+def test_words_that_do_not_fit_are_refused_with_their_place(steps: list[Any], problem: str) -> None:
+    assert any(problem in each for each in problems(*steps)), problems(*steps)
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        {"repeat": {"steps": [ASK]}},
+        {
+            "repeat": {
+                "until": "round == 3",
+                "steps": [{"choose": [{"if": "run_s > 1", "steps": [WAIT]}, {"steps": [WAIT]}]}],
+            }
+        },
+        {"try": {"steps": [FOLLOW], "catch": {"lost": [WAIT], "fault:DRV-25": [WAIT], "fault": [SAY], "any": [SAY]}}},
+        {"try": {"steps": [ENDLESS], "catch": {"fault": [WAIT]}}},
+        {"during": {"steps": [ENDLESS], "at_most_s": 5.0}},
+        {"together": {"steps": [FOLLOW], "beside": [{"repeat": {"steps": [WAIT]}}]}},
+    ],
+)
+def test_words_that_fit_are_accepted(step: dict[str, Any]) -> None:
+    assert problems(step) == []
+
+
+def test_a_battery_that_nobody_measures_is_refused() -> None:
+    assert problems({"wait": {"for": "battery_v > 1"}}) == []
+    found = problems({"wait": {"for": "battery_v > 1"}}, bus={"interface": "socketcan", "channel": "can0"})
+    assert found == [
+        "steps[0].wait.for: battery_v: no drive of this robot measures it; use a time, such as run_s > 3600"
+    ]
+
+
+def test_a_repeat_that_only_a_person_ends_is_a_remark() -> None:
+    assert built({"repeat": {"steps": [WAIT]}}).remarks == ["steps[0].repeat: repeats for ever; only a person ends it"]
+    assert built({"repeat": {"steps": [ASK]}}).remarks == []
+
+
+def test_the_numbers_of_steps_are_those_of_their_order_in_the_file_for_every_reader() -> None:
+    inner: Any = {"try": {"retries": 1, "between": [ASK], "steps": [WAIT], "catch": {"any": [FOLLOW, SAY]}}}
+    when = [{"if": "run_s > 1", "then": "x"}, {"if": "run_s > 2", "steps": [inner]}]
+    choose = {"choose": [{"if": "run_s > 1", "steps": [ASK]}, {"steps": [WAIT]}]}
+    steps: list[Any] = [
+        WAIT,
+        {"during": {"steps": [FOLLOW], "when": when}},
+        {"together": {"steps": [choose], "beside": [WAIT, WAIT]}},
+    ]
+    made = built(*steps)
+    assert [path for path, _ in made.steps] == [path for path, _, _ in numbered(steps)]
+    assert made.tree.size == 9
+
+
+# ---------------------------------------------------------------------------------------------- parts
+
+ROBOT = "mission: m\nrobot: artemis.yaml\nbus: simulation\n"
+
+
+def refused(tmp_path: Path, text: str) -> str:
+    (tmp_path / "artemis.yaml").write_bytes((MISSIONS / "robots/artemis.yaml").read_bytes())
+    (tmp_path / "m.yaml").write_text(ROBOT + text)
+    with pytest.raises(ConfigError) as error:
+        load_mission(tmp_path / "m.yaml")
+    return str(error.value).replace(f"{tmp_path}/", "")
+
+
+def test_arguments_are_put_in_whole_and_inside_texts() -> None:
+    text = b"""
+steps: [{call: {part: visit, with: {place: gate, seconds: 2.5}}}]
+parts:
+  visit: {takes: {place: , seconds: 20}, steps: [{say: "to the ${place}, $seconds s"}, {wait: {seconds: $seconds}}]}
+"""
+    document, found = expanded(survey(text, "m")[0])
+    assert found == []
+    data: Any = document.data
+    assert data["steps"][0]["call"]["steps"] == [{"say": "to the gate, 2.5 s"}, {"wait": {"seconds": 2.5}}]
+
+
+@pytest.mark.parametrize(
+    ("call", "problem"),
+    [
+        ("vist", "m.yaml:5:3: steps[0].call: no such part; did you mean visit?"),
+        ("{part: visit}", "m.yaml:5:3: steps[0].call: part visit needs the argument seconds"),
+        ("{part: visit, with: {seconds: 1, second: 2}}", "5:42: steps[0].call.with.second: part visit takes no second"),
+        ("{part: visit, with: {seconds: soon}}", "m.yaml:9:21: parts.visit.steps[0].wait.seconds: expected a number"),
+        ("{part: visit, with: {seconds: 1}, steps: []}", "steps[0].call: steps: unknown key; known keys: part, with"),
+        ("{part: 3}", "m.yaml:5:10: steps[0].call.part: expected text, found 3"),
+    ],
+)
+def test_calls_that_do_not_fit_are_refused_where_they_stand(tmp_path: Path, call: str, problem: str) -> None:
+    part = "  visit:\n    takes: {seconds: }\n    steps: [{wait: {seconds: $seconds}}]\n"
+    assert problem in refused(tmp_path, f"steps:\n- call: {call}\nparts:\n{part}")
+
+
+@pytest.mark.parametrize(
+    ("parts", "problem"),
+    [
+        ("{a: {steps: [{call: b}]}, b: {steps: [{call: a}]}}", "a part cannot call itself: a -> b -> a"),
+        ("{a: {steps: [{say: $x}]}}", "the part takes no x; there are no arguments"),
+        ("{a: {steps: [{say: x}]}, b: {steps: [{say: x}]}}", "parts.b: no step calls this part"),
+        ("{a: {steps: []}}", "expected a list of at least 1"),
+        ("{a: {step: []}}", "parts.a.step: unknown key; did you mean steps?"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(tmp_path: Path, parts: str, problem: str) -> None:
+    assert problem in refused(tmp_path, f"steps: [{{call: a}}]\nparts: {parts}\n")
+
+
+def test_parts_that_double_each_other_do_not_fill_the_memory(tmp_path: Path) -> None:
+    parts = [f"  p{n}: {{steps: [{{call: p{n + 1}}}, {{call: p{n + 1}}}]}}" for n in range(30)]
+    text = "\n".join(["steps: [{call: p0}]", "parts:", *parts, "  p30: {steps: [{wait: {seconds: 1}}]}"])
+    assert "more than 20000 steps, parts put in" in refused(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("step", "problem"),
+    [
+        ("{say: x}", "steps: no step takes time"),
+        ("{wait: {}}", "wait has exactly one of seconds, for"),
+        ("{wait: {seconds: 1, at_most_s: 3}}", "at_most_s belongs to wait: {for: ...}"),
+        ("{repeat: {times: 0, steps: [{say: x}]}}", "repeat.times: expected at least 1"),
+        ("{repeat: {steps: []}}", "expected a list of at least one"),
+        ("{try: {steps: [{say: x}]}}", "neither retries nor catch"),
+        (
+            "{try: {steps: [{say: x}], catch: {any: [{say: x}]}, between: [{say: x}]}}",
+            "again_on and between belong to retries",
+        ),
+        ("{try: {steps: [{say: x}], on: {any: []}}}", "try.on: unknown key"),
+        ("{during: {steps: [{say: x}]}}", "neither at_most_s nor when"),
+        ("{during: {steps: [{say: x}], when: [{if: run_s > 1}]}}", "neither steps nor then"),
+        ("{ask: {question: a, answers: [b, b]}}", "two answers are the same"),
+        ("{repeet: {steps: [{say: x}]}}", "unknown key; did you mean repeat?"),
+        ("{repeat: {stepz: [{say: x}]}}", "unknown key; did you mean steps?"),
+        ("{end: {outcome: don}}", "did you mean done?"),
+        ("{repeat: }", "repeat is empty"),
+        ("{say: x, wait: {seconds: 1}}", "a step has exactly one key"),
+        ("{repeat: {steps: [{stop: {}}]}}", "ends the mission: it can only be the last step"),
+        ("{repeat: {steps: [{follow: {path: a.csv, follower: {}}}]}}", "calibrate first"),
+    ],
+)
+def test_what_a_word_cannot_take_is_refused(tmp_path: Path, step: str, problem: str) -> None:
+    assert problem in refused(tmp_path, f"steps: [{step}]\n")
