@@ -1,0 +1,133 @@
+"""How fast the robot may drive for what its laser scanners see: the ceiling of the gate.
+
+Deterministic: the same scans and odometry give the same ceilings, on every machine (see `sweep`).
+"""
+
+from __future__ import annotations
+
+from math import cos, inf, radians, sin, tan
+
+import numpy as np
+
+from artemis.motion.ground import Ground
+from artemis.motion.sweep import Box, free_distance, stopping_speed
+from artemis.motion.view import View
+from artemis.scan import Clearance, ObstacleRules
+from artemis.values import DriveCommand, SetPoints, Snapshot
+from artemis.vehicle import RobotFile
+
+REACTION = 0.12
+"""Until the wheels slow down for what a scan shows [s]: the tick after it, the drives' cycle, the first ramp; the
+scan's own age comes on top."""
+STALE = 0.17
+"""A scanner whose newest scan is older is blind (LAS-01) [s]."""
+CREEP = 0.1
+"""Below this speed every return nearby counts [m/s]."""
+UNKNOWN_SPEED, UNKNOWN_DISTANCE = 0.15, 0.5
+"""What stood within the least range when the run began was never seen: so slow [m/s], for so far [m]."""
+REVERSE_SPEED = 0.2
+"""Backwards where no scanner looks [m/s]."""
+SLOW_SPEED = 0.1
+"""With `obstacles: slow` the robot is so slow where it would stop else [m/s]."""
+BLOCKED_SPEED, BLOCKED_TIME, FREE_TIME = 0.05, 0.06, 1.0
+"""The path is blocked once the ceiling was below this [m/s] for so long [s], and free again once it was above it for
+the last of these [s]."""
+ARCS = 3
+"""Of the steering during the reaction time: from where it is to where it may be then."""
+
+
+class ObstacleStop:
+    """Keeps what the scanners saw from tick to tick, and gives the speed from which the robot still stops in time."""
+
+    def __init__(self, robot: RobotFile) -> None:
+        """The robot has an outline and scanners."""
+        assert robot.outline is not None
+        outline, limits = robot.outline, robot.limits
+        self._box = Box(outline.rear_m, outline.front_m, outline.half_width_m)
+        self._wheelbase, self._deceleration = robot.geometry.wheelbase_m, limits.deceleration_m_s2
+        self._rate, self._steering = radians(limits.steering_rate_wheel_deg_s), radians(limits.steering_deg)
+        top = limits.speed_m_s
+        self._horizon = top * (REACTION + STALE) + top * top / (2.0 * self._deceleration) + 0.2
+        reach = self._horizon + max(self._box.front, -self._box.rear) + self._box.half_width
+        self._views = {name: View(scanner, self._box, reach) for name, scanner in robot.scanners.items()}
+        self._ground = Ground(self._box)
+        self._since = self._free_since = self._begun = inf
+        self._at = 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: the odometry begins anew, or means nothing."""
+        for view in self._views.values():
+            view.forget()
+        self._ground.forget()
+        self._driven = 0.0
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Take what is new in a tick."""
+        odometry = snapshot.odometry
+        if odometry.lost:
+            self.reset()
+        self._driven, self._at = self._driven + abs(odometry.distance - self._at), odometry.distance
+        speed = odometry.speed * cos(odometry.steering)
+        turn = odometry.speed * sin(odometry.steering) / self._wheelbase
+        for view in self._views.values():
+            view.move(odometry.pose)
+        for scan in snapshot.sensed.scans:
+            view = self._views[scan.source]
+            view.take(scan, snapshot.time, speed, turn, creeping=abs(odometry.speed) < CREEP)
+        self._ground.mark(odometry.pose, snapshot.time, self._views.values())
+
+    def clearance(self, command: DriveCommand, last: SetPoints, snapshot: Snapshot, rules: ObstacleRules) -> Clearance:
+        """What is free for the robot as it is commanded, or rolls still.
+
+        Args:
+            command: wished in this tick.
+            last: what left the gate in the one before.
+            snapshot: of this tick, taken by `see`.
+            rules: of the mission's present step.
+        """
+        towards = last.speed if last.speed != 0.0 else command.speed
+        if towards == 0.0 or rules.mode == "off":
+            self._since = self._begun = inf
+            return Clearance()
+        distance, speed = self._free(command.steering, last.steering, snapshot.time, rules, forward=towards > 0.0)
+        if rules.mode == "slow":
+            return Clearance(speed=max(speed, SLOW_SPEED), distance=distance)
+        now = snapshot.time
+        if speed >= BLOCKED_SPEED:
+            self._since = inf
+            self._free_since = min(self._free_since, now)
+            if now - self._free_since >= FREE_TIME:
+                self._begun = inf
+        else:
+            self._free_since = inf
+            self._since = min(self._since, now)
+            if now - self._since >= BLOCKED_TIME:
+                self._begun = min(self._begun, self._since)
+        blocked = max(now - self._begun, 0.0)
+        return Clearance(speed=0.0 if blocked else speed, distance=distance, blocked=blocked)
+
+    def _free(
+        self, wanted: float, steering: float, now: float, rules: ObstacleRules, *, forward: bool
+    ) -> tuple[float, float]:
+        """Distance to the first contact on the arcs ahead [m], and the speed for it [m/s]."""
+        age = now - min(view.time for view in self._views.values())
+        if age > STALE:
+            return 0.0, 0.0
+        reaction = REACTION + max(age, 0.0)
+        points = np.concatenate([view.around() for view in self._views.values()], axis=1)
+        box = self._box.grown(rules.margin)
+        seen = forward or any(view.looks_back for view in self._views.values())
+        turned = min(max(wanted - steering, -self._rate * reaction), self._rate * reaction)
+        distance, speed = inf, inf
+        for arc in range(ARCS):
+            angle = min(max(steering + turned * arc / (ARCS - 1), -self._steering), self._steering)
+            curvature = tan(angle) / self._wheelbase
+            free = min(self._horizon, free_distance(points, curvature, box, forward=forward))
+            if not (seen or rules.unseen_reverse):
+                free = min(free, self._ground.known(curvature, now))
+            free = (free - rules.clear) / cos(angle)
+            distance, speed = min(distance, free), min(speed, stopping_speed(free, reaction, self._deceleration))
+        if not seen:
+            speed = min(speed, REVERSE_SPEED)
+        return distance, speed if self._driven >= UNKNOWN_DISTANCE else min(speed, UNKNOWN_SPEED)
