@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic.errors import PydanticInvalidForJsonSchema
 
-from artemis import vehicle
+from artemis import mounting, vehicle
 from artemis.config import Config
 from artemis.errors import PluginError
 from artemis.mission import actions, by_hand, schema, waypoints, words
@@ -42,7 +42,7 @@ def mission_schema() -> dict[str, object]:
 
 def robot_schema() -> dict[str, object]:
     """JSON schema of a robot file, for editors."""
-    return _schema(vehicle.RobotFile, vehicle)
+    return _schema(vehicle.RobotFile, vehicle, mounting)
 
 
 def _schema(model: type[Config], *modules: ModuleType | None, template: str = "#/$defs/{model}") -> dict[str, Any]:
