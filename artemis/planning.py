@@ -15,12 +15,14 @@ from artemis.mission.behaviours import behaviour_class
 from artemis.mission.by_hand import Teleop
 from artemis.mission.gains import merged
 from artemis.mission.loading import LoadedMission, plugin_from
+from artemis.mission.obstacles import rules_for
 from artemis.mission.policies import policies_from
 from artemis.plugins.contracts import PluginContext, declared, follower_speed, input_speed, is_live
 from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.progress import Position
 from artemis.recording.provenance import ResumePoint
 from artemis.robot import Core
+from artemis.scan import ObstacleRules
 from artemis.states.advance import Passive, states_in
 from artemis.states.gains import GainsStep, TurnStep
 from artemis.states.plan import AskStep, BehaviourStep, CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
@@ -49,7 +51,14 @@ def plan_from(loaded: LoadedMission) -> Plan:
                 steps.append(_behaviour_step(loaded, step.behaviour, action))
     policies = policies_from(loaded.mission.recovery)
     found = next((step.reference for step in steps if isinstance(step, SteeringStep) and step.new), None)
-    return Plan(robot=loaded.robot, steps=tuple(steps), tree=loaded.tree.tree, policies=policies, found=found)
+    return Plan(
+        robot=loaded.robot,
+        steps=tuple(steps),
+        tree=loaded.tree.tree,
+        policies=policies,
+        found=found,
+        obstacles=rules_for(loaded.mission.obstacles, loaded.robot) or ObstacleRules(),
+    )
 
 
 def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
@@ -79,6 +88,7 @@ def _teleop_step(loaded: LoadedMission, action: Teleop) -> TeleopStep:
         seconds=action.until.seconds,
         speed=None if None in speeds else max(speed for speed in speeds if speed is not None),
         record=action.record or "",
+        obstacles=rules_for(action.obstacles or loaded.mission.obstacles, loaded.robot, by_hand=True),
         enabled_by=" or ".join(held),
     )
 
@@ -93,6 +103,7 @@ def _follow_step(loaded: LoadedMission, number: int, action: Follow) -> FollowSt
         nearest=action.start == "nearest",
         max_cross_track=action.max_cross_track_m,
         speed=follower_speed(config),
+        obstacles=None if action.obstacles is None else rules_for(action.obstacles, loaded.robot),
         **action.wanted,
     )
 

@@ -47,6 +47,7 @@ class ObstacleRules(Struct, frozen=True, kw_only=True, gc=False):
     margin: float = 0.08  # the outline counts as so much larger on every side [m]
     clear: float = 0.05  # it stops so far before contact of that [m]
     blocked_after: float = 30.0  # a step of the mission waits no longer for a free path [s]
+    free_after: float = 1.0  # it drives on once the path was free for so long [s]
     unseen_reverse: bool = False  # it may drive backwards over ground that it has not seen
 
 

@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.progress import Acted, MissionEvent, Position
-from artemis.scan import Scan
+from artemis.scan import Clearance, Scan
 
 
 class DriveFeedback(Struct, frozen=True, kw_only=True, gc=False):
@@ -219,6 +219,7 @@ class SetPoints(Struct, frozen=True, kw_only=True, gc=False):
     speed_right: float = 0.0
     steering_left: float = 0.0
     steering_right: float = 0.0
+    clearance: Clearance | None = None  # what obstacles left to the robot; None: they do not limit it
 
 
 class Severity(IntEnum):

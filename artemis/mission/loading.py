@@ -13,6 +13,7 @@ from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
+from artemis.mission.obstacles import Obstacles
 from artemis.mission.problems import by_position, nearest, problems_from
 from artemis.mission.reading import Configs, Model
 from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
@@ -104,6 +105,8 @@ class _Loading(StepChecks):
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus()
         true_robot = self._true_robot()
+        if "obstacles" in self._data:
+            self._check_obstacles((), self._part(Obstacles, "obstacles"), robot)
         self._check_steps(robot, inputs)
         self._check_faults(robot, inputs)
         self._check_policies()

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
 from artemis.config import Config
 from artemis.mission.actions import A_LIST, FileName, PluginUse
 from artemis.mission.keys import Name
+from artemis.mission.obstacles import Obstacles
 from artemis.mission.words import MissionPart, Step
 from artemis.supervision.catalogue import ROWS
 
@@ -139,6 +140,8 @@ class Mission(Config):
     steps: Annotated[tuple[Step, ...], *A_LIST]
     parts: dict[Name, MissionPart] = Field(default_factory=dict)
     """Steps that are written once, by the name with which steps `call` them."""
+    obstacles: Obstacles | None = None
+    """What the robot does about what its scanners see; if left out, a robot that has any stops in time."""
     supervision: Supervision = Supervision()
     recovery: Annotated[
         dict[str, RecoveryPolicy], Field(json_schema_extra={"propertyNames": {"enum": sorted(ROWS)}})

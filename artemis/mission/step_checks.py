@@ -9,6 +9,7 @@ from artemis.errors import ConfigError
 from artemis.mission.actions import Calibrate, Follow, MeasureSteering, Recorded
 from artemis.mission.behaviours import behaviour_class, declarations
 from artemis.mission.by_hand import Teleop
+from artemis.mission.obstacles import Obstacles, check_obstacles
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs, MissionReading
 from artemis.mission.schema import Mission, Supervision
@@ -38,6 +39,11 @@ class StepChecks(MissionReading):
         self._remarks += found.remarks
         return found
 
+    def _check_obstacles(self, at: KeyPath, obstacles: Obstacles | None, robot: RobotFile | None) -> None:
+        if obstacles is not None and robot is not None:
+            for problem in check_obstacles(obstacles, robot, simulated=self._data.get("bus") == "simulation"):
+                self._complain((*at, "obstacles"), problem)
+
     def _check_steps(self, robot: RobotFile | None, inputs: Configs) -> None:
         calibrated, recorded, steps = False, list[str](), self._data.get("steps")
         given = steps if isinstance(steps, list) else []
@@ -54,6 +60,8 @@ class StepChecks(MissionReading):
                 continue
             if isinstance(step.action, Teleop) and step.action.record:
                 recorded.append(step.action.record)
+            if isinstance(step.action, Follow | Teleop):
+                self._check_obstacles(path, step.action.obstacles, robot)
             if isinstance(step.action, Follow):
                 self._check_follow(number, path, step.action, robot, recorded)
             elif isinstance(step.action, Teleop):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from artemis.errors import ConfigError
+from artemis.mission.actions import Follow
 from artemis.mission.behaviours import UNTIL, declarations
 from artemis.mission.problems import nearest
 from artemis.mission.schema import Mission
@@ -15,7 +16,7 @@ from artemis.states import tree
 from artemis.states.advance import Passive
 from artemis.states.condition import Condition, SignalKind, comparisons, parse
 from artemis.states.outline import steps_in
-from artemis.states.tree import ANY, DONE, FAULT, LOST, RESTART, RESUME, TIMEOUT, Leaf, Node, Steps, Tree
+from artemis.states.tree import ANY, BLOCKED, DONE, FAULT, LOST, RESTART, RESUME, TIMEOUT, Leaf, Node, Steps, Tree
 from artemis.supervision.catalogue import ROWS
 from artemis.yaml_file import KeyPath, dotted
 
@@ -242,7 +243,9 @@ class _Building:
     def _outcomes(self, step: Step) -> set[str]:
         if step.behaviour:
             facts = self._behaviours.get(step.behaviour)
-            return {DONE, *(facts.outcomes if facts else ())}
+            return {DONE, *(facts.outcomes if facts else ()), *([BLOCKED] if facts and facts.moves else ())}
+        if isinstance(step.action, Follow):
+            return {DONE, BLOCKED}
         limited = getattr(step.action, "at_most_s", None) is not None
         return {DONE, *([TIMEOUT] if limited else [])}
 

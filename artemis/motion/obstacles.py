@@ -13,7 +13,7 @@ from artemis.motion.ground import Ground
 from artemis.motion.sweep import Box, free_distance, stopping_speed
 from artemis.motion.view import View
 from artemis.scan import Clearance, ObstacleRules
-from artemis.values import DriveCommand, SetPoints, Snapshot
+from artemis.values import SetPoints, Snapshot, Wish
 from artemis.vehicle import RobotFile
 
 REACTION = 0.12
@@ -27,6 +27,8 @@ UNKNOWN_SPEED, UNKNOWN_DISTANCE = 0.15, 0.5
 """What stood within the least range when the run began was never seen: so slow [m/s], for so far [m]."""
 REVERSE_SPEED = 0.2
 """Backwards where no scanner looks [m/s]."""
+UNSEEING_SPEED = 0.3
+"""With `obstacles: off` [m/s]."""
 SLOW_SPEED = 0.1
 """With `obstacles: slow` the robot is so slow where it would stop else [m/s]."""
 BLOCKED_SPEED, BLOCKED_TIME, FREE_TIME = 0.05, 0.06, 1.0
@@ -43,15 +45,15 @@ class ObstacleStop:
         """The robot has an outline and scanners."""
         assert robot.outline is not None
         outline, limits = robot.outline, robot.limits
-        self._box = Box(outline.rear_m, outline.front_m, outline.half_width_m)
+        self._box = Box(-outline.rear_m, outline.front_m, outline.half_width_m)
         self._wheelbase, self._deceleration = robot.geometry.wheelbase_m, limits.deceleration_m_s2
         self._rate, self._steering = radians(limits.steering_rate_wheel_deg_s), radians(limits.steering_deg)
-        top = limits.speed_m_s
+        self._top = top = limits.speed_m_s
         self._horizon = top * (REACTION + STALE) + top * top / (2.0 * self._deceleration) + 0.2
         reach = self._horizon + max(self._box.front, -self._box.rear) + self._box.half_width
         self._views = {name: View(scanner, self._box, reach) for name, scanner in robot.scanners.items()}
         self._ground = Ground(self._box)
-        self._since = self._free_since = self._begun = inf
+        self._low_since = self._free_since = self._blocked_since = inf
         self._at = 0.0
         self.reset()
 
@@ -62,7 +64,27 @@ class ObstacleStop:
         self._ground.forget()
         self._driven = 0.0
 
-    def see(self, snapshot: Snapshot) -> None:
+    def look(self, wish: Wish, last: SetPoints, snapshot: Snapshot, rules: ObstacleRules) -> Clearance | None:
+        """What is free for the robot as it is commanded, or rolls still; None: nothing limits it.
+
+        Args:
+            wish: of this tick's mode.
+            last: what left the gate in the tick before.
+            snapshot: of this tick.
+            rules: of the mission's present step.
+        """
+        self._see(snapshot)
+        if wish.reset_pose:
+            self.reset()
+        towards = last.speed if last.speed != 0.0 else wish.command.speed
+        if rules.mode == "off":
+            return Clearance(speed=UNSEEING_SPEED)
+        if towards == 0.0:
+            return self._judged(None, snapshot.time, rules)
+        found = self._free(wish.command.steering, last.steering, snapshot.time, rules, forward=towards > 0.0)
+        return self._judged(found, snapshot.time, rules)
+
+    def _see(self, snapshot: Snapshot) -> None:
         """Take what is new in a tick."""
         odometry = snapshot.odometry
         if odometry.lost:
@@ -77,43 +99,28 @@ class ObstacleStop:
             view.take(scan, snapshot.time, speed, turn, creeping=abs(odometry.speed) < CREEP)
         self._ground.mark(odometry.pose, snapshot.time, self._views.values())
 
-    def clearance(self, command: DriveCommand, last: SetPoints, snapshot: Snapshot, rules: ObstacleRules) -> Clearance:
-        """What is free for the robot as it is commanded, or rolls still.
-
-        Args:
-            command: wished in this tick.
-            last: what left the gate in the one before.
-            snapshot: of this tick, taken by `see`.
-            rules: of the mission's present step.
-        """
-        towards = last.speed if last.speed != 0.0 else command.speed
-        if towards == 0.0 or rules.mode == "off":
-            self._since = self._begun = inf
-            return Clearance()
-        distance, speed = self._free(command.steering, last.steering, snapshot.time, rules, forward=towards > 0.0)
-        if rules.mode == "slow":
-            return Clearance(speed=max(speed, SLOW_SPEED), distance=distance)
-        now = snapshot.time
-        if speed >= BLOCKED_SPEED:
-            self._since = inf
-            self._free_since = min(self._free_since, now)
-            if now - self._free_since >= FREE_TIME:
-                self._begun = inf
+    def _judged(self, found: Clearance | None, now: float, rules: ObstacleRules) -> Clearance | None:
+        """What was found, or nothing that may move, with how long the path has been blocked."""
+        if found is None or rules.mode == "slow":
+            self._low_since = self._blocked_since = inf
+            return found and Clearance(speed=max(found.speed, SLOW_SPEED), distance=found.distance)
+        if found.speed >= BLOCKED_SPEED:
+            self._low_since, self._free_since = inf, min(self._free_since, now)
+            if now - self._free_since >= rules.free_after:
+                self._blocked_since = inf
         else:
-            self._free_since = inf
-            self._since = min(self._since, now)
-            if now - self._since >= BLOCKED_TIME:
-                self._begun = min(self._begun, self._since)
-        blocked = max(now - self._begun, 0.0)
-        return Clearance(speed=0.0 if blocked else speed, distance=distance, blocked=blocked)
+            self._low_since, self._free_since = min(self._low_since, now), inf
+            if now - self._low_since >= BLOCKED_TIME:
+                self._blocked_since = min(self._blocked_since, self._low_since)
+        if self._blocked_since < inf:
+            return Clearance(speed=0.0, distance=found.distance, blocked=now - self._blocked_since)
+        return found if found.speed < self._top else None
 
-    def _free(
-        self, wanted: float, steering: float, now: float, rules: ObstacleRules, *, forward: bool
-    ) -> tuple[float, float]:
-        """Distance to the first contact on the arcs ahead [m], and the speed for it [m/s]."""
+    def _free(self, wanted: float, steering: float, now: float, rules: ObstacleRules, *, forward: bool) -> Clearance:
+        """On the arcs from where the wheels are to where they may be when the robot slows down."""
         age = now - min(view.time for view in self._views.values())
         if age > STALE:
-            return 0.0, 0.0
+            return Clearance(speed=0.0, distance=0.0)
         reaction = REACTION + max(age, 0.0)
         points = np.concatenate([view.around() for view in self._views.values()], axis=1)
         box = self._box.grown(rules.margin)
@@ -130,4 +137,6 @@ class ObstacleStop:
             distance, speed = min(distance, free), min(speed, stopping_speed(free, reaction, self._deceleration))
         if not seen:
             speed = min(speed, REVERSE_SPEED)
-        return distance, speed if self._driven >= UNKNOWN_DISTANCE else min(speed, UNKNOWN_SPEED)
+        if self._driven < UNKNOWN_DISTANCE:
+            speed = min(speed, UNKNOWN_SPEED)
+        return Clearance(speed=speed, distance=distance)

@@ -11,7 +11,7 @@ bits. What a library may round as it likes, an arc cosine, is taken of one numbe
 
 from __future__ import annotations
 
-from math import acos, inf, pi
+from math import acos, inf
 
 import numpy as np
 from msgspec import Struct

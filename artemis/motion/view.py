@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from artemis.motion.angles import wrap
 from artemis.motion.spline import Array
 from artemis.motion.sweep import Box
+from artemis.mounting import Mounting
 from artemis.scan import Scan
 from artemis.values import Pose
-from artemis.vehicle import Scanner
 
 SAME = 150
 """Returns of neighbouring beams in two scans are of the same thing if they differ by less [mm]; what one beam alone
@@ -34,11 +34,11 @@ Numbers = NDArray[np.int32]
 class View:
     """Keeps points from scan to scan. In the frame of the rear axle, x ahead and y left [m], shape (2, n)."""
 
-    def __init__(self, scanner: Scanner, box: Box, reach: float) -> None:
+    def __init__(self, scanner: Mounting, box: Box, reach: float) -> None:
         """Points farther from the rear axle than `reach` [m] say nothing. `box`: the outline."""
         self._scanner, self._box, self._reach = scanner, box, reach
         self._x, self._y = scanner.x_m, scanner.y_m
-        self._heading, self.least = radians(scanner.heading_deg), round(1000.0 * scanner.least_range_m)
+        self._heading, self.least = scanner.heading, round(1000.0 * scanner.least_range_m)
         self._shape: tuple[float, float, int] | None = None
         self.forget()
 
@@ -104,9 +104,8 @@ class View:
     def _fit(self, start: float, increment: float, count: int) -> None:
         """Work out the beams' directions."""
         self._shape = start, increment, count
-        sense = -1.0 if self._scanner.upside_down else 1.0
         bearings = [start + increment * beam for beam in range(count)]
-        angles = [self._heading + sense * bearing for bearing in bearings]
+        angles = [self._heading + bearing for bearing in bearings]
         self._cos = np.array([cos(angle) for angle in angles]) / 1000.0
         self._sin = np.array([sin(angle) for angle in angles]) / 1000.0
         low, high = sorted((bearings[0], bearings[-1]))
@@ -153,7 +152,7 @@ class View:
         assert self._shape is not None
         start, increment, count = self._shape
         middle = start + increment * (count - 1) / 2.0
-        bearing = wrap(atan2(left, ahead) - self._heading) * (-1.0 if self._scanner.upside_down else 1.0)
+        bearing = wrap(atan2(left, ahead) - self._heading)
         return middle + wrap(bearing - middle)
 
     def beam_past(self, x: float, y: float) -> int | None:
@@ -178,7 +177,7 @@ def _moved(points: Array, ahead: float, left: float, c: float, s: float) -> Arra
 
 def _seen_twice(ranges: Numbers, before: Numbers) -> NDArray[np.bool_]:
     """Which beams show nearly what they, or their neighbours, showed in the scan before."""
-    same = np.abs(ranges - before) < SAME
+    same: NDArray[np.bool_] = np.abs(ranges - before) < SAME
     same[1:] |= np.abs(ranges[1:] - before[:-1]) < SAME
     same[:-1] |= np.abs(ranges[:-1] - before[1:]) < SAME
     return same

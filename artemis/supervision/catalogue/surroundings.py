@@ -16,7 +16,15 @@ SURROUNDINGS: dict[str, Row] = {
     "LAS-05": Row("scanner reports an error", _ABSENT, LIMIT, automatic(2, _TEN), reason=_LASER),
     "LAS-06": Row("ranges implausible", _ABSENT, S2, ITSELF, reason=_LASER),
     "LAS-07": Row("scanner clock drifts", _ABSENT, S2, ITSELF, reason=_LASER),
-    "LAS-08": Row("obstacle", _ABSENT, S2, ITSELF, reason=_LASER),
+    "LAS-08": Row(
+        "obstacle",
+        Found.MODE,
+        LIMIT,
+        ITSELF,
+        "stands for an obstacle",
+        "remove it, or drive around it by hand; it drives on once the path has been free for a second",
+        within=0.06,
+    ),
     "LOC-01": Row(
         "pose stale",
         Found.MODE,
