@@ -34,6 +34,8 @@ SLOW_SPEED = 0.1
 BLOCKED_SPEED, BLOCKED_TIME, FREE_TIME = 0.05, 0.06, 1.0
 """The path is blocked once the ceiling was below this [m/s] for so long [s], and free again once it was above it for
 the last of these [s]."""
+MEASURED = 0.3
+"""What moves is looked for so much longer than the robot needs to stop [s]."""
 ARCS = 3
 """Of the steering during the reaction time: from where it is to where it may be then."""
 
@@ -50,8 +52,9 @@ class ObstacleStop:
         self._rate, self._steering = radians(limits.steering_rate_wheel_deg_s), radians(limits.steering_deg)
         self._top = top = limits.speed_m_s
         self._horizon = top * (REACTION + STALE) + top * top / (2.0 * self._deceleration) + 0.2
+        lookahead = REACTION + top / self._deceleration + MEASURED
         reach = self._horizon + max(self._box.front, -self._box.rear) + self._box.half_width
-        self._views = {name: View(scanner, self._box, reach) for name, scanner in robot.scanners.items()}
+        self._views = {name: View(scanner, self._box, reach, lookahead) for name, scanner in robot.scanners.items()}
         self._ground = Ground(self._box)
         self._low_since = self._free_since = self._blocked_since = inf
         self._at = 0.0

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from artemis.motion.angles import wrap
+from artemis.motion.movers import Movers
 from artemis.motion.spline import Array
 from artemis.motion.sweep import Box
 from artemis.mounting import Mounting
@@ -25,6 +26,8 @@ PASSING, BEYOND = 0.05, 150
 """A remembered point is gone once all beams that pass it so near [m] show something so much farther [mm]."""
 THINNED = 0.015
 """Remembered points lie in cells of this width [m], one in each."""
+FASTEST_WALK = 2.0
+"""Of a person [m/s]."""
 BACK = radians(45.0)
 """A scanner whose field of view reaches this far to both sides of straight back looks there."""
 
@@ -34,9 +37,17 @@ Numbers = NDArray[np.int32]
 class View:
     """Keeps points from scan to scan. In the frame of the rear axle, x ahead and y left [m], shape (2, n)."""
 
-    def __init__(self, scanner: Mounting, box: Box, reach: float) -> None:
-        """Points farther from the rear axle than `reach` [m] say nothing. `box`: the outline."""
-        self._scanner, self._box, self._reach = scanner, box, reach
+    def __init__(self, scanner: Mounting, box: Box, reach: float, lookahead: float) -> None:
+        """Begin.
+
+        Args:
+            scanner: how it is mounted.
+            box: the outline.
+            reach: what stands farther from the rear axle says nothing [m].
+            lookahead: what moves counts where it will be for so long, too [s].
+        """
+        self._scanner, self._box, self._reach, self._lookahead = scanner, box, reach, lookahead
+        self._movers = Movers()
         self._x, self._y = scanner.x_m, scanner.y_m
         self._heading, self.least = scanner.heading, round(1000.0 * scanner.least_range_m)
         self._shape: tuple[float, float, int] | None = None
@@ -45,11 +56,14 @@ class View:
     def forget(self) -> None:
         """As if nothing had been seen."""
         self.time, self._pose, self.millimetres = -inf, Pose(), np.zeros(0, dtype=np.int32)
-        self._points, self._kept = np.zeros((2, 0)), np.zeros((2, 0))
+        self._points, self._kept, self._coming = np.zeros((2, 0)), np.zeros((2, 0)), np.zeros((2, 0))
+        self._movers.forget()
 
     def around(self) -> Array:
         """Every point that counts."""
-        return np.concatenate([self._points, self._kept], axis=1) if self._kept.size else self._points
+        if not (self._kept.size or self._coming.size):
+            return self._points
+        return np.concatenate([self._points, self._kept, self._coming], axis=1)
 
     @property
     def looks_back(self) -> bool:
@@ -71,6 +85,7 @@ class View:
         ahead, left = c * dx + s * dy, c * dy - s * dx
         c, s = cos(turn), sin(turn)
         self._points, self._kept = _moved(self._points, ahead, left, c, s), _moved(self._kept, ahead, left, c, s)
+        self._coming = _moved(self._coming, ahead, left, c, s)
 
     def take(self, scan: Scan, now: float, speed: float, turn: float, *, creeping: bool) -> None:
         """Take a new scan.
@@ -89,7 +104,8 @@ class View:
         ranges[self._masked] = 0
         counts = (ranges >= self.least) & _seen_twice(ranges, self.millimetres)
         x, y = self._x + ranges * self._cos, self._y + ranges * self._sin
-        near = x * x + y * y < self._reach * self._reach
+        far = self._reach + FASTEST_WALK * self._lookahead
+        near = x * x + y * y < far * far
         if creeping:
             box = self._box.grown(NEAR)
             close = (x > box.rear) & (x < box.front) & (y > -box.half_width) & (y < box.half_width)
@@ -99,7 +115,11 @@ class View:
         x, y, age = x[taken], y[taken], now - scan.time - scan.beam_time * taken
         points = np.array([x + age * (turn * y - speed), y - age * turn * x])
         self._remember(points, self._leaving[taken] | (ranges[taken] < self.least + LEAVING))
-        self._points = points
+        self._points, pose = points, self._pose
+        c, s = cos(pose.heading), sin(pose.heading)
+        there = np.array([pose.x + c * points[0] - s * points[1], pose.y + s * points[0] + c * points[1]])
+        coming = self._movers.ahead(there, now, self._lookahead)
+        self._coming = _moved(coming - np.array([[pose.x], [pose.y]]), 0.0, 0.0, c, s)
 
     def _fit(self, start: float, increment: float, count: int) -> None:
         """Work out the beams' directions."""
