@@ -39,8 +39,8 @@ class Ground:
         """`box`: the outline."""
         self._box = box
         wide = box.grown(AROUND)
-        self._beside = _cells(wide)
-        self._under = _cells(box)
+        self._beside = _cells(wide, CELL)
+        self._under = _cells(box, CELL / 2)
         self._edge = _border(box.grown(-SHRUNK))
         self._seen: dict[View, tuple[Indices, Array]] = {}
         self.forget()
@@ -100,10 +100,10 @@ class Ground:
         return inf
 
 
-def _cells(box: Box) -> Array:
-    """Centres of the cells in a rectangle, in the robot's frame, half a cell apart; shape (2, n)."""
-    x = np.arange(box.rear, box.front + CELL / 2, CELL / 2)
-    y = np.arange(-box.half_width, box.half_width + CELL / 2, CELL / 2)
+def _cells(box: Box, apart: float) -> Array:
+    """Places in a rectangle in the robot's frame, so far apart [m]; shape (2, n)."""
+    x = np.arange(box.rear, box.front + apart, apart)
+    y = np.arange(-box.half_width, box.half_width + apart, apart)
     return np.array(np.meshgrid(x, y)).reshape(2, -1)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 from math import hypot
 
 import numpy as np
@@ -48,6 +49,11 @@ class Movers:
         """As if nothing had been seen."""
         self._seen.clear()
         self._found.clear()
+
+    @property
+    def busy(self) -> bool:
+        """Whether something moved a short time ago."""
+        return bool(self._found)
 
     def ahead(self, points: Array, now: float, lookahead: float) -> Array:
         """Where what moves will be.
@@ -96,7 +102,7 @@ def _groups(points: Array) -> list[Group]:
     dx, dy = np.diff(x), np.diff(y)
     firsts = np.concatenate([[0], np.flatnonzero(dx * dx + dy * dy > GAP * GAP) + 1, [x.size]]).tolist()
     groups = []
-    for first, last in zip(firsts[:-1], firsts[1:], strict=True):
+    for first, last in pairwise(firsts):
         if last - first < FEWEST:
             continue
         here = points[:, first:last]

@@ -53,7 +53,7 @@ class ObstacleStop:
         self._top = top = limits.speed_m_s
         self._horizon = top * (REACTION + STALE) + top * top / (2.0 * self._deceleration) + 0.2
         lookahead = REACTION + top / self._deceleration + MEASURED
-        reach = self._horizon + max(self._box.front, -self._box.rear) + self._box.half_width
+        self._reach = reach = self._horizon + max(self._box.front, -self._box.rear) + self._box.half_width
         self._views = {name: View(scanner, self._box, reach, lookahead) for name, scanner in robot.scanners.items()}
         self._ground = Ground(self._box)
         self._low_since = self._free_since = self._blocked_since = inf
@@ -126,6 +126,7 @@ class ObstacleStop:
             return Clearance(speed=0.0, distance=0.0)
         reaction = REACTION + max(age, 0.0)
         points = np.concatenate([view.around() for view in self._views.values()], axis=1)
+        points = points[:, points[0] * points[0] + points[1] * points[1] < self._reach * self._reach]
         box = self._box.grown(rules.margin)
         seen = forward or any(view.looks_back for view in self._views.values())
         turned = min(max(wanted - steering, -self._rate * reaction), self._rate * reaction)

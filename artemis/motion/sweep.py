@@ -46,6 +46,8 @@ def free_distance(points: Array, curvature: float, box: Box, *, forward: bool = 
     A point that would be touched after more than half a turn counts as touched after half a turn.
     """
     x, y = points
+    if not x.size:
+        return inf
     rear, front, half = box.rear, box.front, box.half_width
     if not forward:
         x, rear, front = -x, -front, -rear

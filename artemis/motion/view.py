@@ -22,10 +22,14 @@ NEAR = 0.3
 """So near the outline [m] every return counts while the robot creeps."""
 LEAVING, EDGE = 150, radians(4.0)
 """Returns so little beyond the least range [mm], or so near the edges of the field of view, are remembered."""
-PASSING, BEYOND = 0.05, 150
-"""A remembered point is gone once all beams that pass it so near [m] show something so much farther [mm]."""
-THINNED = 0.015
-"""Remembered points lie in cells of this width [m], one in each."""
+BESIDE, BEYOND = 12, 150
+"""A remembered point is gone once so many beams to both sides of it show something so much farther [mm]."""
+THINNED, FAR = 0.025, 1e6
+"""Remembered points lie in cells of this width [m], one in each. Farther than anything [mm]."""
+NOTED, TURNED = 0.02, radians(1.0)
+"""They are noted after so much distance [m] or rotation."""
+MOVING_EVERY = 0.05
+"""What moves is looked for so often [s]."""
 FASTEST_WALK = 2.0
 """Of a person [m/s]."""
 BACK = radians(45.0)
@@ -56,8 +60,10 @@ class View:
     def forget(self) -> None:
         """As if nothing had been seen."""
         self.time, self._pose, self.millimetres = -inf, Pose(), np.zeros(0, dtype=np.int32)
+        self._noted = Pose(x=inf)
         self._points, self._kept, self._coming = np.zeros((2, 0)), np.zeros((2, 0)), np.zeros((2, 0))
         self._movers.forget()
+        self._moved_at = -inf
 
     def around(self) -> Array:
         """Every point that counts."""
@@ -101,25 +107,30 @@ class View:
         if (shape := (scan.start_angle, scan.increment, len(ranges))) != self._shape:
             self._fit(*shape)
             self.millimetres = np.zeros_like(ranges)
-        ranges[self._masked] = 0
-        counts = (ranges >= self.least) & _seen_twice(ranges, self.millimetres)
-        x, y = self._x + ranges * self._cos, self._y + ranges * self._sin
-        far = self._reach + FASTEST_WALK * self._lookahead
-        near = x * x + y * y < far * far
+        before, self.millimetres = self.millimetres, ranges
+        self.time = scan.time + scan.beam_time * len(ranges)
+        near = (ranges >= (1 if creeping else self.least)) & (ranges < self._farthest)
+        beams = np.flatnonzero(near)
+        if not beams.size and not self._kept.size and not self._movers.busy:
+            self._points = self._coming = np.zeros((2, 0))
+            return
+        counts = _seen_twice(ranges, before, beams)
+        x, y = self._x + ranges[beams] * self._cos[beams], self._y + ranges[beams] * self._sin[beams]
         if creeping:
             box = self._box.grown(NEAR)
             close = (x > box.rear) & (x < box.front) & (y > -box.half_width) & (y < box.half_width)
-            counts |= close & (ranges > 0)
-        self.millimetres, self.time = ranges, scan.time + scan.beam_time * len(ranges)
-        taken = np.flatnonzero(counts & near)
-        x, y, age = x[taken], y[taken], now - scan.time - scan.beam_time * taken
-        points = np.array([x + age * (turn * y - speed), y - age * turn * x])
-        self._remember(points, self._leaving[taken] | (ranges[taken] < self.least + LEAVING))
-        self._points, pose = points, self._pose
-        c, s = cos(pose.heading), sin(pose.heading)
-        there = np.array([pose.x + c * points[0] - s * points[1], pose.y + s * points[0] + c * points[1]])
-        coming = self._movers.ahead(there, now, self._lookahead)
-        self._coming = _moved(coming - np.array([[pose.x], [pose.y]]), 0.0, 0.0, c, s)
+            counts = close | (counts & (ranges[beams] >= self.least))
+        beams, x, y = beams[counts], x[counts], y[counts]
+        if speed or turn:
+            age = (now - scan.time) - scan.beam_time * beams
+            x, y = x + age * (turn * y - speed), y - age * turn * x
+        self._points = np.array([x, y])
+        self._remember(self._points, beams)
+        if now - self._moved_at >= MOVING_EVERY:
+            self._moved_at, pose = now, self._pose
+            coming = self._movers.ahead(_placed(self._points, pose), now, self._lookahead)
+            away = coming - np.array([[pose.x], [pose.y]])
+            self._coming = _moved(away, 0.0, 0.0, cos(pose.heading), sin(pose.heading))
 
     def _fit(self, start: float, increment: float, count: int) -> None:
         """Work out the beams' directions."""
@@ -130,50 +141,52 @@ class View:
         self._sin = np.array([sin(angle) for angle in angles]) / 1000.0
         low, high = sorted((bearings[0], bearings[-1]))
         self._leaving = np.array([not low + EDGE < bearing < high - EDGE for bearing in bearings])
+        self._half = int(self._reach / THINNED) + 1
+        places = [THINNED * (place + 0.5 - self._half) for place in range(2 * self._half)]
+        beams = [[self.beam_past(x, y) for y in places] for x in places]
+        inner = int(EDGE / 4.0 / abs(increment))
+        out_of_view = [[-1 if it is None or not inner <= it < count - inner else it for it in row] for row in beams]
+        self._beam_of = np.array(out_of_view)
+        self._distance_of = np.array([[1000.0 * self.distance_to(x, y) for y in places] for x in places])
+        far = self._reach + FASTEST_WALK * self._lookahead
         masks = [(radians(first), radians(last)) for first, last in self._scanner.mask]
-        self._masked = np.array([any(a <= bearing <= b for a, b in masks) for bearing in bearings], dtype=bool)
+        masked = [any(a <= bearing <= b for a, b in masks) for bearing in bearings]
+        self._farthest = np.array([0 if hidden else round(1000.0 * far) for hidden in masked])
 
-    def _remember(self, points: Array, leaving: NDArray[np.bool_]) -> None:
-        """Add those that may leave the view, drop those that nobody needs any more."""
+    def _remember(self, points: Array, beams: NDArray[np.intp]) -> None:
+        """Drop remembered points that nobody needs any more, add those of the scan that may leave the view."""
         if self._kept.size:
-            self._kept = self._kept[:, [self._is_kept(x, y) for x, y in self._kept.T.tolist()]]
-        if not leaving.any():
+            self._kept = self._kept[:, self._is_kept()]
+        pose, last = self._pose, self._noted
+        if abs(pose.x - last.x) + abs(pose.y - last.y) < NOTED and abs(pose.heading - last.heading) < TURNED:
             return
-        cells = {(round(x / THINNED), round(y / THINNED)) for x, y in self._kept.T.tolist()}
-        new = []
-        for x, y in points[:, leaving].T.tolist():
-            if (cell := (round(x / THINNED), round(y / THINNED))) not in cells:
-                cells.add(cell)
-                new.append((x, y))
-        if new:
-            self._kept = np.concatenate([self._kept, np.array(new).T], axis=1)
+        self._noted = pose
+        new = points[:, self._leaving[beams] | (self.millimetres[beams] < self.least + LEAVING)]
+        if not new.size:
+            return
+        cells = _cells(new)
+        _, first = np.unique(cells, return_index=True)
+        first = first[~np.isin(cells[first], _cells(self._kept))]
+        self._kept = np.concatenate([self._kept, new[:, first]], axis=1)
 
-    def _is_kept(self, x: float, y: float) -> bool:
-        """Whether a remembered point is near, out of view, and not seen to be gone."""
-        if x * x + y * y >= self._reach * self._reach:
-            return False
-        assert self._shape is not None
-        start, increment, count = self._shape
-        ahead, left = x - self._x, y - self._y
-        distance = hypot(ahead, left)
-        bearing = self._bearing(ahead, left)
-        beam = round((bearing - start) / increment)
-        inner = EDGE / 4.0 / abs(increment)
-        if not inner <= beam < count - inner:
-            return True
-        if 1000.0 * distance >= self.least + LEAVING / 2:
-            return False
-        beside = int(PASSING / max(distance, PASSING) / abs(increment)) + 1
-        passing = self.millimetres[max(beam - beside, 0) : beam + beside + 1]
-        return bool(passing.min() < 1000.0 * distance + BEYOND)
+    def _is_kept(self) -> NDArray[np.bool_]:
+        """Which remembered points are near, out of view, and not seen to be gone."""
+        column, row = np.floor(self._kept / THINNED).astype(np.int64) + self._half
+        inside = (column >= 0) & (row >= 0) & (column < 2 * self._half) & (row < 2 * self._half)
+        beam = np.full(len(column), -1)
+        distance = np.full(len(column), FAR)
+        beam[inside] = self._beam_of[column[inside], row[inside]]
+        distance[inside] = self._distance_of[column[inside], row[inside]]
+        window = np.lib.stride_tricks.sliding_window_view(np.pad(self.millimetres, BESIDE, mode="edge"), 2 * BESIDE + 1)
+        gone = (distance >= self.least + LEAVING // 2) | (window.min(axis=1)[beam] > distance + BEYOND)
+        return np.asarray(inside & ((beam < 0) | ~gone))
 
     def _bearing(self, ahead: float, left: float) -> float:
         """Of a place seen from the scanner, as it counts [rad], nearest to the middle of its field of view."""
         assert self._shape is not None
         start, increment, count = self._shape
         middle = start + increment * (count - 1) / 2.0
-        bearing = wrap(atan2(left, ahead) - self._heading)
-        return middle + wrap(bearing - middle)
+        return middle + wrap(wrap(atan2(left, ahead) - self._heading) - middle)
 
     def beam_past(self, x: float, y: float) -> int | None:
         """The beam that passes a place; None: it does not look there."""
@@ -187,6 +200,18 @@ class View:
         return hypot(x - self._x, y - self._y)
 
 
+def _placed(points: Array, pose: Pose) -> Array:
+    """Points seen from a pose, in its own frame."""
+    c, s = cos(pose.heading), sin(pose.heading)
+    return np.array([pose.x + c * points[0] - s * points[1], pose.y + s * points[0] + c * points[1]])
+
+
+def _cells(points: Array) -> NDArray[np.int64]:
+    """A number for the cell of each point."""
+    column, row = np.floor(points / THINNED).astype(np.int64)
+    return np.asarray(column * 100_003 + row)
+
+
 def _moved(points: Array, ahead: float, left: float, c: float, s: float) -> Array:
     """Points seen from a robot that moved, and turned by an angle with cosine `c` and sine `s`."""
     if not points.size:
@@ -195,9 +220,8 @@ def _moved(points: Array, ahead: float, left: float, c: float, s: float) -> Arra
     return np.array([c * x + s * y, c * y - s * x])
 
 
-def _seen_twice(ranges: Numbers, before: Numbers) -> NDArray[np.bool_]:
-    """Which beams show nearly what they, or their neighbours, showed in the scan before."""
-    same: NDArray[np.bool_] = np.abs(ranges - before) < SAME
-    same[1:] |= np.abs(ranges[1:] - before[:-1]) < SAME
-    same[:-1] |= np.abs(ranges[:-1] - before[1:]) < SAME
-    return same
+def _seen_twice(ranges: Numbers, before: Numbers, beams: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which of some beams show nearly what they, or those beside them, showed in the scan before."""
+    padded = np.concatenate([before[:1], before, before[-1:]])
+    beside = padded[beams[:, np.newaxis] + np.arange(3)]
+    return np.asarray((np.abs(beside - ranges[beams][:, np.newaxis]) < SAME).any(axis=1))
