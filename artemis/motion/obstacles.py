@@ -90,9 +90,9 @@ class ObstacleStop:
     def _see(self, snapshot: Snapshot) -> None:
         """Take what is new in a tick."""
         odometry = snapshot.odometry
+        self._driven, self._at = self._driven + abs(odometry.distance - self._at), odometry.distance
         if odometry.lost:
             self.reset()
-        self._driven, self._at = self._driven + abs(odometry.distance - self._at), odometry.distance
         speed = odometry.speed * cos(odometry.steering)
         turn = odometry.speed * sin(odometry.steering) / self._wheelbase
         for view in self._views.values():
