@@ -176,10 +176,10 @@ def test_an_old_scan_slows_down_and_then_stops() -> None:
 
 def test_one_beam_once_is_dust_but_not_while_creeping() -> None:
     dust = np.zeros(BEAMS)
-    dust[BEAMS // 2] = 0.52
+    dust[BEAMS // 2] = 0.4
     found = []
     for speed in (0.5, 0.05):
-        watch = Watch().known()
+        watch = Watch(least=0.1).known()
         pose = watch.odometry.pose
         watch.odometry = Odometry(pose=pose, distance=watch.odometry.distance, speed=speed)
         watch.look(np.zeros(BEAMS), speed=speed)
