@@ -77,6 +77,8 @@ class Lms100:
         self._lines: list[Line] = []
         self._timer: asyncio.TimerHandle | None = None
         self._telegrams = 0
+        self.first_turn = 0
+        """What it counted at first."""
         self._last: tuple[int, str] | None = None
         self.status = (0, 0)
         """Of the device, as it tells it: 0 1 error, 0 2 window nearly too dirty, 0 5 window too dirty."""
@@ -259,7 +261,7 @@ class Lms100:
         self._telegrams = (self._telegrams + 1) & 0xFFFF
         sent = self.clock_us(begun + 75 / self.frequency)
         head = (
-            f"LMDscandata 1 1 {SERIAL:X} {self.status[0]:X} {self.status[1]:X} {self._telegrams:X} {turn & 0xFFFF:X} "
+            f"LMDscandata 1 1 {SERIAL:X} {self.status[0]:X} {self.status[1]:X} {self._telegrams:X} {self.first_turn + turn & 0xFFFF:X} "
             f"{self.clock_us(begun):X} {sent:X} 0 0 7 0 0 {self.frequency:X} 168 0"
         )
         where = f"{first & 0xFFFFFFFF:X} {step:X} {len(distances):X}"

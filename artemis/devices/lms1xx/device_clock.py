@@ -36,7 +36,7 @@ class DeviceClock:
         device = self._unwrapped(device_us)
         now = arrived - device
         grown = self._offset + DRIFT * max(0.0, arrived - self._at)
-        self._at = arrived
+        self._at = max(self._at, arrived)
         if now <= grown:
             self._late.clear()
             self._offset = now

@@ -46,6 +46,11 @@ class TelegramReader:
         self.first_dropped = b""
         """The beginning of the first of them."""
 
+    @property
+    def waiting(self) -> int:
+        """Bytes that are no whole telegram yet."""
+        return len(self._waiting)
+
     def feed(self, data: bytes) -> list[bytes]:
         """The telegrams that are complete now, without their marks, oldest first."""
         waiting, found = self._waiting, []
@@ -92,6 +97,10 @@ def words_of(telegram: bytes) -> list[bytes]:
 _PRINTABLE = bytes(range(0x20, 0x7F))
 
 
+def _shown(word: bytes) -> str:
+    return ascii(word[:32].decode("ascii", "replace"))[1:-1]
+
+
 def unsigned(word: bytes, bits: int) -> int:
     """A number without sign.
 
@@ -100,7 +109,7 @@ def unsigned(word: bytes, bits: int) -> int:
     """
     number = _number(word)
     if not 0 <= number < 1 << bits:
-        raise TelegramError(f"expected a number of {bits} bits, found {word[:16].decode()}")
+        raise TelegramError(f"expected a number of {bits} bits, found {_shown(word)}")
     return number
 
 
@@ -117,7 +126,7 @@ def signed(word: bytes, bits: int) -> int:
         fits = 0 <= number < 2 * half
         number -= 2 * half if number >= half else 0
     if not fits:
-        raise TelegramError(f"expected a number of {bits} bits, found {word[:16].decode()}")
+        raise TelegramError(f"expected a number of {bits} bits, found {_shown(word)}")
     return number
 
 
@@ -125,7 +134,7 @@ def _number(word: bytes) -> int:
     if word[:1] in b"+-" and word[1:].isdigit() and len(word) <= _LONGEST_WORD:
         return int(word)
     if not word or len(word) > _LONGEST_WORD or word.translate(None, _HEX):
-        raise TelegramError(f"expected a number, found {word[:16].decode()}")
+        raise TelegramError(f"expected a number, found {_shown(word)}")
     return int(word, 16)
 
 
@@ -219,7 +228,7 @@ def scan_from(telegram: bytes) -> ScanTelegram:
     words = _Words(words_of(telegram))
     kind, name = words.take(), words.take()
     if kind not in (b"sSN", b"sRA") or name != b"LMDscandata":
-        raise TelegramError(f"no scan but {kind[:8].decode()} {name[:32].decode()}")
+        raise TelegramError(f"no scan but {_shown(kind)} {_shown(name)}")
     words.unsigned(16)  # version
     device, serial = words.unsigned(16), words.unsigned(32)
     status = words.unsigned(8), words.unsigned(8)
@@ -250,7 +259,7 @@ def _channels(words: _Words, bits: int) -> Iterator[Channel]:
     for _ in range(words.number_up_to(MOST_CHANNELS, f"channels of {bits} bits")):
         content = words.take()
         if content not in (b"DIST1", b"DIST2", b"RSSI1", b"RSSI2"):
-            raise TelegramError(f"a channel named {content[:16].decode()}")
+            raise TelegramError(f"a channel named {_shown(content)}")
         scale, offset = _float(words.unsigned(32)), _float(words.unsigned(32))
         start, step = signed(words.take(), 32), words.unsigned(16)
         number = words.number_up_to(MOST_VALUES, "values")
