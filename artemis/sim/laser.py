@@ -38,6 +38,8 @@ class Laser:
         self._turn = -1.0 if mounting.upside_down else 1.0
         self._dice = np.random.default_rng(seed)
         self._waves = self._dice.uniform([2.0, 0.0], [9.0, 2 * np.pi], (3, 2))
+        self.noise, self.systematic = NOISE, SYSTEMATIC
+        """Errors: standard deviation, and the largest that stays the same for a distance [m]."""
         self.dirt = 0.0
         """Share of the beams that the window swallows."""
         self.covered: tuple[float, float] | None = None
@@ -56,7 +58,7 @@ class Laser:
         mirrors = (sight.surface == SURFACES.index("shiny")) & (sight.square < SQUARE_ENOUGH)
         distance = self._mixed(np.minimum(true, 2 * FARTHEST))
         dice = self._dice
-        measured = distance + self._systematic(distance) + dice.normal(0.0, NOISE, len(true))
+        measured = distance + self._systematic(distance) + dice.normal(0.0, self.noise, len(true))
         lost = (distance < NEAREST) | (distance > reach) | mirrors
         if self.dirt:
             lost |= dice.random(len(true)) < self.dirt
@@ -84,4 +86,4 @@ class Laser:
         error = np.zeros(len(distance))
         for length, phase in self._waves:
             error += np.sin(distance * (2 * np.pi / length) + phase)
-        return error * (SYSTEMATIC / 3)
+        return error * (self.systematic / 3)

@@ -7,6 +7,7 @@ It is bytes in and bytes out on the running loop's time: the same device is reac
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from collections.abc import Callable
 from math import radians
 from typing import Protocol
@@ -261,7 +262,7 @@ class Lms100:
         self._telegrams = (self._telegrams + 1) & 0xFFFF
         sent = self.clock_us(begun + 75 / self.frequency)
         head = (
-            f"LMDscandata 1 1 {SERIAL:X} {self.status[0]:X} {self.status[1]:X} {self._telegrams:X} {self.first_turn + turn & 0xFFFF:X} "
+            f"LMDscandata 1 1 {SERIAL:X} {self.status[0]:X} {self.status[1]:X} {self._telegrams:X} {(self.first_turn + turn) & 0xFFFF:X} "
             f"{self.clock_us(begun):X} {sent:X} 0 0 7 0 0 {self.frequency:X} 168 0"
         )
         where = f"{first & 0xFFFFFFFF:X} {step:X} {len(distances):X}"
@@ -289,6 +290,7 @@ class SimStream:
         self._device, self._loop = device, asyncio.get_running_loop()
         self._line = device.connect(self._receive, self._hang_up)
         self._waiting, self._closed = bytearray(), False
+        self._sent: deque[bytes] = deque()
         self._news: asyncio.Future[None] | None = None
 
     async def read(self) -> bytes:
@@ -302,12 +304,16 @@ class SimStream:
 
     def write(self, data: bytes) -> None:
         """Have it sent."""
-        self._loop.call_later(TRANSFER, self._line.receive, data)
+        self._sent.append(data)
+        self._loop.call_later(TRANSFER, self._pass_on)
 
     def close(self) -> None:
         """Harmless when repeated."""
         self._device.leave(self._line)
         self._hang_up()
+
+    def _pass_on(self) -> None:
+        self._line.receive(self._sent.popleft())  # timers of one time may run in any order
 
     def _receive(self, data: bytes) -> None:
         self._waiting += data

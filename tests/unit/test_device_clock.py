@@ -14,7 +14,7 @@ PERIOD, LEAST = 0.02, 0.001
 def errors(
     drift: float, seconds: float, *, first_us: int = 0, lateness: float = 0.003, seed: int = 1, back: float = 0.0
 ) -> list[float]:
-    """How far mapped times are from the truth [s], the least delay left out; `back`: the clock is set back after half."""
+    """How far mapped times are from the truth [s], but for the least delay; the clock is set `back` after half."""
     dice, clock, found = random.Random(seed), DeviceClock(), []
     for number in range(round(seconds / PERIOD)):
         true = 100.0 + number * PERIOD
