@@ -261,8 +261,9 @@ class Lms100:
         distances = self._look(times, angles)[(first - FIRST) // step : (last - FIRST) // step + 1].tolist()
         self._telegrams = (self._telegrams + 1) & 0xFFFF
         sent = self.clock_us(begun + 75 / self.frequency)
+        counter = (self.first_turn + turn) & 0xFFFF
         head = (
-            f"LMDscandata 1 1 {SERIAL:X} {self.status[0]:X} {self.status[1]:X} {self._telegrams:X} {(self.first_turn + turn) & 0xFFFF:X} "
+            f"LMDscandata 1 1 {SERIAL:X} {self.status[0]:X} {self.status[1]:X} {self._telegrams:X} {counter:X} "
             f"{self.clock_us(begun):X} {sent:X} 0 0 7 0 0 {self.frequency:X} 168 0"
         )
         where = f"{first & 0xFFFFFFFF:X} {step:X} {len(distances):X}"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,12 +60,12 @@ class Held:
         return self.errors[-1]
 
 
-def held(test: Callable[[Held], Awaitable[None]], **setting: object) -> None:
+def held(test: Callable[[Held], Awaitable[None]], setting: Setting | None = None) -> None:
     """Run a test with a device and a session on virtual time."""
 
     async def main() -> None:
         device = Lms100(spiral, first_us=(1 << 32) - 2_000_000, drift=50e-6)
-        session = Session("front", partial(Setting, **setting)(), device.dial)
+        session = Session("front", setting or Setting(), device.dial)
         await test(Held(device, session))
 
     clock.run(main(), simulated=True)

@@ -19,7 +19,7 @@ from artemis.vehicle import RobotFile
 ROBOT = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml", RobotFile)
 ANGLES = np.radians(np.arange(541) * 0.5 - 135)
 AT_ONCE = np.zeros(541)
-PLACE = {"x_m": 0.0, "y_m": 0.0, "heading_deg": 0.0, "height_m": 0.3, "least_range_m": 0.5}
+PLACE = {"plugin": "lms1xx", "x_m": 0.0, "y_m": 0.0, "heading_deg": 0.0, "height_m": 0.3, "least_range_m": 0.5}
 
 
 def laser(
@@ -31,9 +31,7 @@ def laser(
     **mounted: object,
 ) -> Laser:
     world = World(ROBOT, true)
-    made = Laser(
-        world, Mounting(plugin="lms1xx", **{**PLACE, **mounted}), Surroundings2D(scenery), seed=seed, start=0.0
-    )
+    made = Laser(world, Mounting.model_validate({**PLACE, **mounted}), Surroundings2D(scenery), seed=seed, start=0.0)
     if exact:
         made.noise = made.systematic = 0.0
     return made
@@ -132,7 +130,7 @@ def test_at_an_edge_it_measures_in_between_now_and_then() -> None:
     between = 0
     for _ in range(200):
         found = metres(made.look(AT_ONCE, ANGLES))[beam(-20) : beam(20)]
-        between += np.count_nonzero((found > 2.15) & (found < 2.9))
+        between += int(np.count_nonzero((found > 2.15) & (found < 2.9)))
     assert 50 < between < 400, "two edges in each scan, about half of them hit"
 
 
