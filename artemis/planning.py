@@ -181,6 +181,12 @@ def localizer_used(loaded: LoadedMission, simulated: bool) -> PluginUse | None:
     return (loaded.mission.simulation.localizer if simulated else None) or loaded.mission.localizer
 
 
+def scanners_used(loaded: LoadedMission, simulated: bool) -> dict[str, PluginUse]:
+    """The robot's scanners; in simulation those that have a stand-in by that."""
+    named = {name: PluginUse(plugin=mount.plugin, **mount.options) for name, mount in loaded.robot.scanners.items()}
+    return {**named, **(loaded.mission.simulation.scanners if simulated else {})}
+
+
 def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
     """Whether a run of the mission takes place on virtual time, faster than real time."""
     if not is_simulated(loaded, simulate):
@@ -189,11 +195,12 @@ def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
         return loaded.mission.simulation.pace == "fast"
     if asks(loaded) and not any(act.answer is not None for act in loaded.mission.simulation.operator):
         return False
-    from artemis.plugins.registry import INPUTS, LOCALIZERS, load
+    from artemis.plugins.registry import INPUTS, LOCALIZERS, SCANNERS, load
 
     used = [load(INPUTS, use.plugin) for use in inputs_used(loaded, simulated=True).values()]
     if (localizer := localizer_used(loaded, simulated=True)) is not None:
         used.append(load(LOCALIZERS, localizer.plugin))
+    used += [load(SCANNERS, use.plugin) for use in scanners_used(loaded, simulated=True).values()]
     return not any(is_live(plugin) for plugin in used)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,14 @@ from msgspec import Struct
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+
+class Condition(IntEnum):
+    """What a scanner says of itself."""
+
+    WELL = 0
+    DIRTY = 1  # it still sees, but its window wants to be cleaned
+    FAULTY = 2  # what it measures cannot be trusted
 
 
 class Scan(Struct, frozen=True, kw_only=True, gc=False):
@@ -28,6 +37,8 @@ class Scan(Struct, frozen=True, kw_only=True, gc=False):
     """Likewise how strong each return was, in the scanner's own unit. Empty: it does not say."""
     counter: int = 0  # by the scanner: a scan whose number is not the next one lost others, one with the same is frozen
     status: int = 0  # as the scanner reports it, in its own bits; 0: well
+    condition: Condition = Condition.WELL  # what that means
+    garbled: int = 0  # telegrams that came since the scan before, and could not be read
 
     @property
     def millimetres(self) -> NDArray[np.uint16]:

@@ -115,8 +115,12 @@ class Simulation(Config):
     """Faster than real time, or not; nothing: in real time if an input needs a person or a device."""
     true_robot: dict[str, object] = Field(default_factory=dict)
     """How the simulated machine differs from the robot file, unknown to the software."""
+    world: dict[str, object] | None = None
+    """What the scanners see: walls, poles, boxes, persons, a map; nothing: a hall of 16 x 16 m around the origin."""
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
     """Stand-ins for inputs of the mission, by the same names."""
+    scanners: dict[str, PluginUse] = Field(default_factory=dict)
+    """Stand-ins for scanners of the robot, by the same names."""
     localizer: PluginUse | None = None
     """Stand-in for the mission's localizer, or the only one."""
     operator: Annotated[tuple[Operation, ...], Field(strict=False)] = ()
