@@ -106,8 +106,8 @@ class View:
         ranges = scan.millimetres.astype(np.int32)
         if (shape := (scan.start_angle, scan.increment, len(ranges))) != self._shape:
             self._fit(*shape)
-            self.millimetres = np.zeros_like(ranges)
-        before, self.millimetres = self.millimetres, ranges
+        known = self.millimetres.size == ranges.size
+        before, self.millimetres = self.millimetres if known else np.zeros_like(ranges), ranges
         self.time = scan.time + scan.beam_time * len(ranges)
         near = (ranges >= (1 if creeping else self.least)) & (ranges < self._farthest)
         beams = np.flatnonzero(near)
