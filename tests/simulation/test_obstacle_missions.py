@@ -97,14 +97,6 @@ def test_backwards_over_unknown_ground_is_blocked_unless_the_mission_allows_it(t
 
 def test_modes_that_drive_by_hand_stop_too_and_may_back_off(tmp_path: Path) -> None:
     rows = ["time_s,speed,steering,enable", "0,0,0,0", "9,0.5,0,1", "17,0,0,1", "18,-0.3,0,1", "20,0,0,0"]
-        "time_s,speed,steering,enable",
-        "0,0,0,0",
-        "1,0.5,0,1",
-        "12,0.5,0,1",
-        "12.1,0,0,1",
-        "13,-0.3,0,1",
-        "15,0,0,1",
-    ]
     (tmp_path / "drive.csv").parent.mkdir(parents=True, exist_ok=True)
     path = mission(
         tmp_path,
