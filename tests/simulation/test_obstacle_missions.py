@@ -96,11 +96,11 @@ def test_backwards_over_unknown_ground_is_blocked_unless_the_mission_allows_it(t
 
 
 def test_modes_that_drive_by_hand_stop_too_and_may_back_off(tmp_path: Path) -> None:
-    rows = ["time_s,speed,steering,enable", "0,0,0,0", "9,0.5,0,1", "17,0,0,1", "18,-0.3,0,1", "20,0,0,0"]
+    rows = ["time_s,speed,steering,enable", "0,0,0,0", "9,1,0,1", "15,0,0,1", "16,-1,0,1", "19,0,0,0"]
     (tmp_path / "drive.csv").parent.mkdir(parents=True, exist_ok=True)
     path = mission(
         tmp_path,
-        [CALIBRATE, {"teleop": {"input": "stick", "until": {"seconds": 14}}}],
+        [CALIBRATE, {"teleop": {"input": "stick", "until": {"seconds": 18}}}],
         inputs={"stick": {"plugin": "scripted", "file": "drive.csv", "max_speed_m_s": 0.5}},
         world={"walls": WALLS, "poles": [POST]},
     )
