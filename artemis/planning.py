@@ -49,7 +49,14 @@ def plan_from(loaded: LoadedMission) -> Plan:
                 steps.append(_behaviour_step(loaded, step.behaviour, action))
     policies = policies_from(loaded.mission.recovery)
     found = next((step.reference for step in steps if isinstance(step, SteeringStep) and step.new), None)
-    return Plan(robot=loaded.robot, steps=tuple(steps), tree=loaded.tree.tree, policies=policies, found=found)
+    return Plan(
+        robot=loaded.robot,
+        steps=tuple(steps),
+        tree=loaded.tree.tree,
+        policies=policies,
+        found=found,
+        needs_scanners=loaded.mission.supervision.needs_scanners,
+    )
 
 
 def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:

@@ -161,6 +161,8 @@ class Plan(Struct, frozen=True, kw_only=True):
     """Where the odometry begins, likewise; None: where the wheels are aligned first."""
     localized: bool = False
     """A localizer tells where the robot is."""
+    needs_scanners: bool = False
+    """The robot stops where a scanner of its fails."""
     tracks: Mapping[str, Track] = {}
     """What the earlier run has recorded, by name."""
 
