@@ -50,6 +50,7 @@ def plan_from(loaded: LoadedMission) -> Plan:
             case dict():
                 steps.append(_behaviour_step(loaded, step.behaviour, action))
     policies = policies_from(loaded.mission.recovery)
+    rules = rules_for(loaded.mission.obstacles, loaded.robot) or ObstacleRules()
     found = next((step.reference for step in steps if isinstance(step, SteeringStep) and step.new), None)
     return Plan(
         robot=loaded.robot,
@@ -57,7 +58,8 @@ def plan_from(loaded: LoadedMission) -> Plan:
         tree=loaded.tree.tree,
         policies=policies,
         found=found,
-        obstacles=rules_for(loaded.mission.obstacles, loaded.robot) or ObstacleRules(),
+        obstacles=rules,
+        needs_scanners=loaded.mission.supervision.needs_scanners or rules.mode == "stop",
     )
 
 

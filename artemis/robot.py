@@ -34,7 +34,7 @@ class Core:
         self._shared = Shared(plan)
         self.results = self._shared.results
         self._perception = Perception(plan.robot, period, plan.start or Pose(), localized=plan.localized)
-        self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind)
+        self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind, plan.needs_scanners)
         self._modes = Modes(self._shared)
         self._gate = Gate(plan.robot, period=period)
         self._obstacles = ObstacleStop(plan.robot) if plan.robot.scanners else None

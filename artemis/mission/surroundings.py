@@ -26,6 +26,9 @@ class SurroundingsChecks(StepChecks):
         from artemis.plugins.registry import SCANNERS, load
 
         for name, mounting in robot.scanners.items() if robot is not None else ():
+            for kind in ("inputs", "observers"):
+                if name in self._names(kind):
+                    self._complain((kind, name), "a scanner of the robot has this name: choose another one")
             document, at = self._documents[self._robot_source], ("scanners", name)
             try:
                 plugin = load(SCANNERS, mounting.plugin)

@@ -80,7 +80,7 @@ class Lms100:
         self._telegrams = 0
         self.first_turn = 0
         """What it counted at first."""
-        self._last: tuple[int, str] | None = None
+        self._last = ""
         self.status = (0, 0)
         """Of the device, as it tells it: 0 1 error, 0 2 window nearly too dirty, 0 5 window too dirty."""
         self.plugged_in = True
@@ -88,10 +88,10 @@ class Lms100:
         """It sends no scans; or the same one again and again."""
         self.delay = 0.0
         """Its telegrams arrive so much later [s]."""
-        self.loses = 0
-        """Of so many scans it sends one only; 0: every one."""
+        self.piece = 0
+        """In process a client reads at most so many bytes at once; 0: all."""
         self.garble: Callable[[bytes], bytes] = lambda telegram: telegram
-        """What becomes of a scan's telegram on its way."""
+        """What becomes of a scan's telegram on its way; empty: it is lost."""
 
     # ---------------------------------------------------------------------------------------------- connections
 
@@ -239,10 +239,10 @@ class Lms100:
 
     def _send(self, turn: int) -> None:
         self._timer = None
-        wanted = turn % self._interval == 0 and not (self.loses and turn % self.loses)
-        if wanted and not self.silent:
-            text = self._last[1] if self.frozen and self._last is not None else self._scan("sSN", turn)
-            data = START + self.garble(text.encode()) + END
+        if turn % self._interval == 0 and not self.silent:
+            text = self._last if self.frozen and self._last else self._scan("sSN", turn)
+            telegram = self.garble(text.encode())
+            data = START + telegram + END if telegram else b""
             for line in list(self._lines):
                 if line.streams and self.delay:
                     self._loop.call_later(self.delay, line.send, data)
@@ -274,7 +274,7 @@ class Lms100:
             channels = f"2{channels[1:]} {strengths}"
         eight = f"1 {strengths}" if self._remission == 8 else "0"
         text = f"{head} {channels} {eight} 0 0 0 0 0"
-        self._last = turn, f"sSN {text}"
+        self._last = f"sSN {text}"
         return f"{kind} {text}"
 
 
@@ -299,8 +299,9 @@ class SimStream:
         while not self._waiting and not self._closed:
             self._news = self._loop.create_future()
             await self._news
-        data = bytes(self._waiting)
-        self._waiting.clear()
+        size = self._device.piece or len(self._waiting)
+        data = bytes(self._waiting[:size])
+        del self._waiting[:size]
         return data
 
     def write(self, data: bytes) -> None:

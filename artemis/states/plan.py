@@ -168,6 +168,8 @@ class Plan(Struct, frozen=True, kw_only=True):
     """A localizer tells where the robot is."""
     obstacles: ObstacleRules = ObstacleRules()
     """In steps that have no rules of their own."""
+    needs_scanners: bool = False
+    """The robot stops where a scanner of its fails."""
     tracks: Mapping[str, Track] = {}
     """What the earlier run has recorded, by name."""
 
