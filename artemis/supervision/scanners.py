@@ -26,6 +26,8 @@ NO_RETURN = 0.8
 """Share of the beams; where more come back with nothing the scanner is covered, or blinded."""
 COVERED, NEAR = 20, 3000
 """As many neighbouring beams that had a return nearer than this [mm] do not lose it at once but by a cover."""
+APPROACH = 150
+"""What was seen this little beyond the least range may have come too near to be seen [mm]."""
 
 
 class ScannerMeasures:
@@ -50,7 +52,7 @@ class ScannerMeasures:
 
 class _Watched:
     def __init__(self, mounting: Mounting) -> None:
-        self._mask = mounting.mask
+        self._mask, self._nearest = mounting.mask, round(1000.0 * mounting.least_range_m) + APPROACH
         self._view: tuple[int, float, float] = (0, 0.0, 0.0)
         self._seeing: NDArray[np.bool_] = np.zeros(0, bool)
         self._heard: float | None = None
@@ -98,7 +100,7 @@ class _Watched:
         self._blind = f"{100 * share:.0f} % of the beams do not return" if share > NO_RETURN else ""
         before = self._uncovered
         if before is not None and not self._blind:
-            gone = _longest(none & (before > 0) & (before < NEAR))
+            gone = _longest(none & (before > self._nearest) & (before < NEAR))
             self._blind = f"{gone} neighbouring beams do not return any more" if gone > COVERED else ""
         if not self._blind:
             self._uncovered = ranges

@@ -135,3 +135,13 @@ def test_a_robot_without_a_scanner_cannot_stop_for_obstacles(tmp_path: Path) -> 
 
     with pytest.raises(ConfigError, match="has no scanner"):
         load_mission(path)
+
+
+def test_what_comes_too_near_to_be_seen_does_not_cover_the_scanner(tmp_path: Path) -> None:
+    box = {"x_m": 2.6, "y_m": 0, "length_m": 0.6, "width_m": 0.4}
+    keys: dict[str, Any] = {"world": {"walls": WALLS, "boxes": [box]}, "obstacles": {"blocked_after_s": 3}}
+
+    seen = run(mission(tmp_path, [CALIBRATE, LONG], **keys))
+
+    assert faults(seen) == {"LAS-08"}
+    assert max(each.pose.x for each in seen.seen) + FRONT < 2.3
