@@ -16,8 +16,10 @@ artemis/motion/limits.py
 artemis/motion/odometry.py
 artemis/motion/pace.py
 artemis/motion/perception.py
+artemis/motion/pose_filter.py
 artemis/motion/poses.py
 artemis/motion/potentiometers.py
+artemis/motion/samples.py
 artemis/plugins/followers/progress.py
 artemis/plugins/guard.py
 artemis/recording/event_log.py

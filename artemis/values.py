@@ -2,6 +2,8 @@
 
 One tick in the order of its values: `Sensed` (all that the edge knows) -> `Snapshot` (with the pose) -> `Verdict`
 -> `Wish` of the mode -> `SetPoints` after the gate -> `Tick` (the record of it all).
+
+Those with a field that may be None are recorded without what has its default; who reads them makes it again.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from artemis.progress import Acted, MissionEvent, Position
 from artemis.scan import Clearance, Scan
 
 
-class DriveFeedback(Struct, frozen=True, kw_only=True, gc=False):
+class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """What one drive last said. Ages are seconds; None means never heard in this run."""
 
     name: str
@@ -57,7 +59,7 @@ class Request(Enum):
     LEFT_TENTH, RIGHT_TENTH = "a tenth of a degree to the left", "a tenth of a degree to the right"
 
 
-class OperatorInput(Struct, frozen=True, kw_only=True, gc=False):
+class OperatorInput(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """The newest valid sample of one input device. Axes are levels; requests happen once."""
 
     source: str
@@ -127,7 +129,7 @@ class BusHealth(Struct, frozen=True, kw_only=True, gc=False):
     """Frames of ours that the allow-list held back, each with its reason and where it came from."""
 
 
-class Sensed(Struct, frozen=True, kw_only=True, gc=False):
+class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Everything the edge knows at a tick. Recording these is enough to replay a run."""
 
     index: int
@@ -169,7 +171,7 @@ class PoseFix(Struct, frozen=True, kw_only=True, gc=False):
     source: str  # the localizer's name
 
 
-class LocatedPose(Struct, frozen=True, kw_only=True, gc=False):
+class LocatedPose(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Where the robot is, by all that is known: the newest fixes of a localizer carried on by the odometry, or this."""
 
     pose: Pose = Pose()
@@ -330,7 +332,7 @@ class Event(Enum):
     END = "end"
 
 
-class Cause(Struct, frozen=True, kw_only=True, gc=False):
+class Cause(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Why a mode began, or began anew."""
 
     event: Event
@@ -340,7 +342,7 @@ class Cause(Struct, frozen=True, kw_only=True, gc=False):
     """Those that led there; at the end of a run that no request ended: those that still stop the robot."""
 
 
-class Tracking(Struct, frozen=True, kw_only=True, gc=False):
+class Tracking(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """How a path is being followed."""
 
     arc_length: float  # of the projection [m]
@@ -352,7 +354,7 @@ class Tracking(Struct, frozen=True, kw_only=True, gc=False):
     feedforward: float | None = None  # steering for the path's curvature alone [rad]; the rest is feedback
 
 
-class Wish(Struct, frozen=True, kw_only=True, gc=False):
+class Wish(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """What a mode wants of one tick."""
 
     command: DriveCommand = DriveCommand()
@@ -381,7 +383,7 @@ class Wish(Struct, frozen=True, kw_only=True, gc=False):
     finished: bool = False  # the ordered end is complete; the run may stop ticking
 
 
-class Tick(Struct, frozen=True, kw_only=True, gc=False):
+class Tick(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """The record of one tick, in the order it came about."""
 
     snapshot: Snapshot

@@ -9,10 +9,10 @@ import numpy as np
 from msgspec import Struct
 
 from artemis.errors import ConfigError
-from artemis.motion.angles import wrap
 from artemis.motion.demand import steering_per_distance
 from artemis.motion.noise import Drawn, Noise, noise_of
 from artemis.motion.path_points import MIN_STEP, cusps, read_points, wrapped
+from artemis.motion.samples import Samples
 from artemis.motion.spline import Array, parameter_from_arc, smoothed, smoothed_between_halts
 from artemis.vehicle import RobotFile
 
@@ -73,11 +73,9 @@ class Path:
         self.x, self.y, self.heading, self.curvature, self.speed = x, y, heading, curvature, speed
         self.spacing, self.closed, self.laps = spacing, closed, 1
         self.drawn = drawn
-        # Scalars are read from lists: several times faster than from arrays.
-        self._x: list[float] = x.tolist()
-        self._y: list[float] = y.tolist()
-        self._heading: list[float] = heading.tolist()
-        self._curvature: list[float] = curvature.tolist()
+        self._samples = Samples(
+            x.tolist(), y.tolist(), heading.tolist(), curvature.tolist(), spacing=spacing, closed=closed
+        )
         self._speed: list[float] = [] if speed is None else speed.tolist()
         self._last = len(x) - 1
         self._driven = 0.0
@@ -154,7 +152,7 @@ class Path:
         index = round(arc_length / self.spacing)
         if not self.closed:
             index = min(max(index, 0), self._last)
-        x, y, heading, curvature = self._near_sample(index, arc_length - index * self.spacing)
+        x, y, heading, curvature = self._samples.at(index, arc_length - index * self.spacing)
         return PathPoint(arc_length=arc_length, x=x, y=y, heading=heading, curvature=curvature)
 
     def speed_at(self, arc_length: float) -> float:
@@ -187,61 +185,16 @@ class Path:
         Costs the same for every length of path, and stays on its branch where the path crosses itself. Arc length
         counts on over laps; before the start and after the end of an open path it goes on along the tangent.
         """
-        spacing, last = self.spacing, self._last
-        if self.closed:
-            window, count = min(window, last * spacing / 2), last
-            first, final = round((near - window) / spacing), round((near + window) / spacing)
-        else:
-            near, count = min(max(near, 0.0), last * spacing), last + 1
-            first, final = max(round((near - window) / spacing), 0), min(round((near + window) / spacing), last)
-        xs, ys = self._x, self._y
-        nearest, index = math.inf, first
-        for candidate in range(first, final + 1):
-            dx, dy = x - xs[candidate % count], y - ys[candidate % count]
-            distance = dx * dx + dy * dy
-            if distance < nearest:
-                nearest, index = distance, candidate
-        rest = self._foot(x, y, index)
-        foot_x, foot_y, heading, curvature = self._near_sample(index, rest)
+        index, rest = self._samples.nearest(x, y, near, window)
+        foot_x, foot_y, heading, curvature = self._samples.at(index, rest)
         return Projection(
-            arc_length=index * spacing + rest,
+            arc_length=index * self.spacing + rest,
             x=foot_x,
             y=foot_y,
             heading=heading,
             curvature=curvature,
             cross_track=(y - foot_y) * math.cos(heading) - (x - foot_x) * math.sin(heading),
         )
-
-    def _foot(self, x: float, y: float, index: int) -> float:
-        """Arc length from a sample to the perpendicular through (x, y), which is close to that sample."""
-        sample = index % self._last if self.closed else index
-        dx, dy, heading = x - self._x[sample], y - self._y[sample], self._heading[sample]
-        cosine, sine = math.cos(heading), math.sin(heading)
-        along = dx * cosine + dy * sine
-        if not self.closed and (along < 0 if index == 0 else index == self._last and along > 0):
-            return along
-        # One Newton step; the distance from the centre of curvature scales the distance along the curve.
-        scale = 1.0 - self._curvature[sample] * (dy * cosine - dx * sine)
-        return max(-self.spacing, min(self.spacing, along / max(scale, 0.1)))
-
-    def _near_sample(self, index: int, rest: float) -> tuple[float, float, float, float]:
-        """x, y, heading and curvature `rest` metres after a sample; curvature is linear between samples."""
-        if self.closed:
-            index %= self._last
-        heading, curvature = self._heading[index], self._curvature[index]
-        following = index + 1 if rest > 0 else index - 1
-        if self.closed:
-            following %= self._last
-        if 0 <= following <= self._last:
-            end_curvature = curvature + (self._curvature[following] - curvature) * abs(rest) / self.spacing
-        elif rest == 0:
-            end_curvature = curvature
-        else:
-            curvature = end_curvature = 0.0
-        chord = heading + curvature * rest / 2
-        end_heading = wrap(heading + (curvature + end_curvature) * rest / 2)
-        x, y = self._x[index] + rest * math.cos(chord), self._y[index] + rest * math.sin(chord)
-        return x, y, end_heading, end_curvature
 
 
 def path_from_csv(text: str, source: str, *, spacing: float = SPACING, smoothing: float | None = None) -> Path:

@@ -7,11 +7,10 @@ no unions), so the schemas are derived here. Names of fields are shown there: an
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from enum import Enum
 from math import cos, isfinite, sin
-from operator import attrgetter
-from types import NoneType, UnionType
+from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -25,7 +24,10 @@ from artemis.devices.can_bus import Frame
 
 
 class TickRecord(values.Tick, frozen=True, kw_only=True, gc=False):
-    """A whole tick (topic `/tick`): what was sensed, all that was made of it, and where the robot really was."""
+    """A whole tick (topic `/tick`): what was sensed, all that was made of it, and where the robot really was.
+
+    A field that is not there has its default.
+    """
 
     true_pose: values.Pose | None = None
     """In the frame of the snapshot's pose; only where someone knows it (simulation, ground truth)."""
@@ -154,7 +156,7 @@ _NON_FINITE = {"float:nan": float("nan"), "float:inf": float("inf"), "float:-inf
 
 
 def tick_record(tick: values.Tick, true_pose: values.Pose | None = None) -> bytes:
-    """JSON of a tick, every field of it. Floats survive exactly, also those that JSON lacks (nan, inf)."""
+    """JSON of a tick, but for defaults. Floats survive exactly, also those that JSON lacks (nan, inf)."""
     return _exact(TickRecord(**asdict(tick), true_pose=true_pose))
 
 
@@ -179,69 +181,21 @@ def differences(recorded: TickRecord, tick: values.Tick) -> list[str]:
     if again == record:
         return []
     now = tick_from_record(again)  # a round trip makes floats of integers in float fields, as those recorded were
-    if _exact(now) == record:
-        return []
-    return list(_differing("", _respelled(msgspec.to_builtins(recorded)), _respelled(msgspec.to_builtins(now))))
+    return list(_differing("", recorded, now))
 
 
-def _differing(name: str, recorded: Any, now: Any) -> Iterator[str]:  # noqa: ANN401 (any JSON)
-    if isinstance(recorded, dict) and isinstance(now, dict):
-        for key in recorded | now:
-            yield from _differing(f"{name}.{key}".lstrip("."), recorded.get(key), now.get(key))
+def _differing(name: str, recorded: Any, now: Any) -> Iterator[str]:  # noqa: ANN401 (any part of a record)
+    if isinstance(recorded, msgspec.Struct) and type(recorded) is type(now):
+        for key in recorded.__struct_fields__:
+            yield from _differing(f"{name}.{key}".lstrip("."), getattr(recorded, key), getattr(now, key))
     elif repr(recorded) != repr(now):
-        yield f"{name}: recorded {recorded!r}, now {now!r}"
-
-
-_Count = Callable[[Any], int]
-
-
-def _nones(kind: type) -> _Count:
-    """What counts the Nones in a value of a type, however deep. It runs at every tick: few and wide steps."""
-    plain, deep = ["__class__", "__class__"], list[tuple[Callable[[Any], Any], _Count]]()
-
-    def walk(kind: type, prefix: str) -> None:
-        for name, hint in get_type_hints(kind).items():
-            place, optional = prefix + name, get_origin(hint) is UnionType
-            part = next(of for of in get_args(hint) if of is not NoneType) if optional else hint
-            if many := get_origin(part) is tuple:
-                part = get_args(part)[0]
-            count = _nones(part)
-            if count is not _no_none and not (optional or many):
-                walk(part, f"{place}.")
-            elif count is not _no_none:
-                deep.append((attrgetter(place), _of_all(count) if many else count))
-            elif optional:
-                plain.append(place)
-
-    if not issubclass(kind, msgspec.Struct):
-        return _no_none
-    walk(kind, "")
-    if len(plain) == 2 and not deep:
-        return _no_none
-    shallow = attrgetter(*plain)  # gives a tuple, as there are two at least
-    if not deep:
-        return lambda value: 1 if value is None else shallow(value).count(None)
-    return lambda value: 1 if value is None else shallow(value).count(None) + sum([of(get(value)) for get, of in deep])
-
-
-def _no_none(value: object) -> int:
-    """Counts the Nones in a value that can hold none."""
-    return 0
-
-
-def _of_all(count: _Count) -> _Count:
-    return lambda values: sum(map(count, values))
-
-
-_count_nones = _nones(TickRecord)
+        yield f"{name}: recorded {msgspec.to_builtins(recorded)!r}, now {msgspec.to_builtins(now)!r}"
 
 
 def _exact(record: TickRecord) -> bytes:
-    """JSON of a record; msgspec writes nan and inf as null: where more is null than is None, they are spelled out."""
+    """JSON of a record. No None is in it, but msgspec writes nan and inf as null: then they are spelled out."""
     written = encode(record)
-    return (
-        written if written.count(b"null") == _count_nones(record) else encode(_respelled(msgspec.to_builtins(record)))
-    )
+    return encode(_respelled(msgspec.to_builtins(record))) if b"null" in written else written
 
 
 def _respelled(value: Any) -> Any:  # noqa: ANN401 (any JSON)

@@ -59,7 +59,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Environment:
     return Environment(tmp_path_factory.mktemp("environment"))
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("kind", GROUPS)
 def test_a_new_package_works_at_once(kind: str, environment: Environment, tmp_path: Path) -> None:
     """The session of the docs, line by line; for a follower with the kind and the name of one."""

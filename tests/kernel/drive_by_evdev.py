@@ -5,10 +5,8 @@ from __future__ import annotations
 import argparse
 import os
 import queue
-import signal
 import struct
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -18,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Protocol
 
-from drive_by_hid import PATIENCE, Impossible, Told, Wrong, judge, started
+from drive_by_hid import PATIENCE, Impossible, Told, Wrong, judge, prepared, started, tried
 from uinput import UinputDevice
 from xbox_pad import XboxPad
 
@@ -278,27 +276,14 @@ def main() -> int:
     if find_spec("evdev") is None:
         print("SKIP the extra evdev is not installed: pip install 'artemis-robot[evdev]'")
         return 0
-    environment = {}
-    if options.slow != 1.0:
-        found = subprocess.run(["faketime", "-f", "+0", "printenv", "LD_PRELOAD"], capture_output=True, text=True)
-        environment = {"LD_PRELOAD": found.stdout.strip(), "FAKETIME": f"+0 x{1 / options.slow}"}
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-    failed = 0
+    environment = prepared(options.slow)
     tries: dict[str, Callable[[], str]] = {
         "dropped": lambda: flood(pad()),
         "gamepad": lambda: drive(pad(), options.slow, environment),
         "xpad": lambda: drive(pad(usb), options.slow, environment),
         "wheel": lambda: drive(wheel(), options.slow, environment),
     }
-    for name in options.only or tries:
-        try:
-            print(f"PASS {name}: {tries[name]()}", flush=True)
-        except Impossible as error:
-            print(f"SKIP {name}: {error}", flush=True)
-        except Wrong as error:
-            failed = 1
-            print(f"FAIL {name}: {error}", flush=True)
-    return failed
+    return tried({name: tries[name] for name in options.only or tries})
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import IO
@@ -328,15 +329,26 @@ def main() -> int:
     if not Path(f"/sys/class/net/{options.channel}").exists():
         print(f"SKIP {options.channel}: no such CAN interface")
         return 0
-    environment = {}
-    if options.slow != 1.0:
-        found = subprocess.run(["faketime", "-f", "+0", "printenv", "LD_PRELOAD"], capture_output=True, text=True)
-        environment = {"LD_PRELOAD": found.stdout.strip(), "FAKETIME": f"+0 x{1 / options.slow}"}
+    environment = prepared(options.slow)
+    names = options.device or DEVICES
+    return tried({name: partial(drive, name, options.channel, options.slow, environment) for name in names})
+
+
+def prepared(slow: float) -> dict[str, str]:
+    """What the environment of commands has to be, so that time passes so many times slower; SIGTERM ends the tries."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    if slow == 1.0:
+        return {}
+    found = subprocess.run(["faketime", "-f", "+0", "printenv", "LD_PRELOAD"], capture_output=True, text=True)
+    return {"LD_PRELOAD": found.stdout.strip(), "FAKETIME": f"+0 x{1 / slow}"}
+
+
+def tried(tries: Mapping[str, Callable[[], str]]) -> int:
+    """Try each, and print what became of it, by its name; 1 if something was wrong."""
     failed = 0
-    for name in options.device or DEVICES:
+    for name, attempt in tries.items():
         try:
-            print(f"PASS {name}: {drive(name, options.channel, options.slow, environment)}", flush=True)
+            print(f"PASS {name}: {attempt()}", flush=True)
         except Impossible as error:
             print(f"SKIP {name}: {error}", flush=True)
         except Wrong as error:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from evdev_devices import DROPPED, HAT, REPORT, XPAD_KEYS, EventDevice, FakeEvdev, Happened, bitmap, xpad_axes
+from lesson_person import LessonPerson
 from pad import MISSIONS, ROBOT, TICK
 
 from artemis import clock
@@ -434,22 +435,14 @@ def test_only_the_interfaces_of_the_profiles_are_looked_at(profile: str, sources
 # ---------------------------------------------------------------------------------------------- teaching
 
 
-class AtHisPad:
+class AtHisPad(LessonPerson):
     """Somebody at the terminal who teaches a pad of which artemis knows nothing."""
 
     def __init__(self, device: EventDevice) -> None:
-        self.told: list[str] = []
+        super().__init__()
         self._device = device
-        self._acts: Iterator[str | None] = iter(())
 
-    def say(self, text: str) -> None:
-        self.told.append(text)
-        self._acts = self._act(text)
-
-    def typed(self) -> str | None:
-        return next(self._acts, None)
-
-    def _act(self, text: str) -> Iterator[str | None]:
+    def act(self, text: str) -> Iterator[str | None]:
         axes = {"x": (X, 1), "y": (Y, -1)}
         presses = {"enable": {ENABLE: 1}, "quick stop": {STOP: 1}, "faster": {0x11: -1}}
         changes: list[dict[int, int]] = []

@@ -242,7 +242,7 @@ def test_the_steps_cost_does_not_depend_on_the_paths_length() -> None:
 
         zeros = np.zeros(samples)
         path = Path(0.02 * np.arange(float(samples)), zeros, zeros, zeros, spacing=0.02)
-        path._x = Counting(path._x)
+        path._samples.x = Counting(path._samples.x)
         robot = follower()
         robot.start(path, at(Pose(x=5.0)))
         robot.step(at(Pose(x=5.0)))

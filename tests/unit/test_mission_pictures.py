@@ -109,6 +109,7 @@ def test_watchers_and_regions() -> None:
     assert beside.count("--") == 2
 
 
+@pytest.mark.sampled(2)
 def test_mermaid_by_its_grammar(some: Box) -> None:
     """Braces pair, names are unique, labels hold nothing that means something, and arrows stay within their state."""
     head, body = mermaid_of(some).split("stateDiagram-v2\n")
@@ -179,6 +180,7 @@ def within(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
     return one[0] >= other[0] and one[1] >= other[1] and one[2] <= other[2] and one[3] <= other[3]
 
 
+@pytest.mark.sampled(2)
 def test_boxes_lie_in_each_other_or_apart_and_no_text_covers_another(some: Box) -> None:
     picture = chart(some)
     boxed, written = frames(picture), texts(picture)

@@ -331,7 +331,7 @@ def test_projection_costs_the_same_on_a_long_path(monkeypatch: pytest.MonkeyPatc
     for samples in (1_000, 1_000_000):
         zero = np.zeros(samples + 1)
         path = Path(np.linspace(0.0, samples * 0.02, samples + 1), zero, zero, zero, spacing=0.02)
-        monkeypatch.setattr(path, "_x", Counted(path._x))
+        monkeypatch.setattr(path._samples, "x", Counted(path._samples.x))
         reads = 0
         assert path.project(10.0, 0.2, near=9.9).arc_length == pytest.approx(10.0)
         counts.append(reads)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from hid_devices import DESCRIPTORS
+from lesson_person import LessonPerson
 from pad import ROBOT, Pad, device_of, encode
 
 from artemis import clock
@@ -398,25 +399,17 @@ PUSHES: dict[str, list[dict[str, int]]] = {
 PRESSES = {"enable": "button.5", "quick stop": "button.3", "faster": "hat", "arm": "button.10"}
 
 
-class AtHisGamepad:
+class AtHisGamepad(LessonPerson):
     """Somebody at the terminal, with a gamepad of which artemis knows nothing."""
 
     def __init__(self, hid: FakeHid) -> None:
-        self.told: list[str] = []
+        super().__init__()
         self._hid, self._descriptor = hid, parse_descriptor(DESCRIPTORS[UNKNOWN])
-        self._acts: Iterator[str | None] = iter(())
-
-    def say(self, text: str) -> None:
-        self.told.append(text)
-        self._acts = self._act(text)
-
-    def typed(self) -> str | None:
-        return next(self._acts, None)
 
     def send(self, **levels: int) -> None:
         self._hid.send(encode(self._descriptor, 0, {**REST, **levels}))
 
-    def _act(self, text: str) -> Iterator[str | None]:
+    def act(self, text: str) -> Iterator[str | None]:
         asked = text.partition(":")[0]
         pressed = next((name for name in PRESSES if text.startswith(f"press the button for {name}")), None)
         if text.startswith("a stick"):

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 from hid_devices import DESCRIPTORS, JOYSTICK, STICK, joystick
+from lesson_person import LessonPerson
 from pad import encode
 
 from artemis import clock
@@ -370,19 +371,12 @@ PEDALS_RAW = bytes.fromhex("05 01 09 04 a1 01 09 30 09 31 15 00 26 ff 03 75 10 9
 """Two axes, no buttons."""
 
 
-class Driver:
+class Driver(LessonPerson):
     """Does what it is told with a wheel base and pedals, each a device of its own."""
 
     def __init__(self, hid: FakeHid) -> None:
-        self.hid, self.told = hid, list[str]()
-        self._acts: Iterator[str | None] = iter(())
-
-    def say(self, text: str) -> None:
-        self.told.append(text)
-        self._acts = self._act(text)
-
-    def typed(self) -> str | None:
-        return next(self._acts, None)
+        super().__init__()
+        self.hid = hid
 
     def base(self, x: int = 128, buttons: int = 0) -> None:
         self.hid.send(bytes([x, 128, buttons]), WHEEL)
@@ -390,7 +384,7 @@ class Driver:
     def pedals(self, gas: int = 1023, brake: int = 1023) -> None:
         self.hid.send(gas.to_bytes(2, "little") + brake.to_bytes(2, "little"), PEDALS)
 
-    def _act(self, text: str) -> Iterator[str | None]:
+    def act(self, text: str) -> Iterator[str | None]:
         asked = text.partition(":")[0]
         if text.startswith("a stick"):
             yield "wheel"
