@@ -36,7 +36,7 @@ CONDITIONS = {(0, 0): Condition.WELL, (0, 2): Condition.DIRTY}
 """By the words of the device status; every other one means that it cannot be trusted (0 1 error, 0 5 window dirty)."""
 
 
-class Setting(Protocol):
+class ScanSetting(Protocol):
     """How a scanner is to measure."""
 
     @property
@@ -63,7 +63,7 @@ class _Refused(WrongDevice):
 class Session:
     """Sessions with an LMS1xx, one after the other."""
 
-    def __init__(self, name: str, setting: Setting, dial: Dial) -> None:
+    def __init__(self, name: str, setting: ScanSetting, dial: Dial) -> None:
         """With the scanner `name`, which measures as `setting` says and is reached by `dial`."""
         self._name, self._setting, self._dial = name, setting, dial
         self._stream: ByteStream | None = None
