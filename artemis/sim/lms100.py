@@ -151,7 +151,7 @@ class Lms100:
                 line.authorised = rest == [b"03", b"F4724744"]
                 return f"sAN SetAccessMode {int(line.authorised)}"
             case "sRN", "STlms":
-                return f"sRA STlms {self.state} 0 8 00:00:00 8 01.01.2000 0 0 0"
+                return f"sRA STlms {self.state} 0 8 00:00:00 8 01.01.00 0 0 0"
             case "sRN", "LMPscancfg":
                 return f"sRA LMPscancfg {self._configuration()}"
             case "sRN", "LMDscandata":
