@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
+from math import pi
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from rig import CALIBRATE, MISSIONS, Run, follow, run, write_mission
 
 from artemis.errors import ConfigError
@@ -42,6 +45,22 @@ def test_scans_are_recorded_and_replay_bit_for_bit(tmp_path: Path) -> None:
     assert read == [scan for _, scan in scans]
     replayed = done.recompute()
     assert (replayed.ticks, replayed.difference) == (len(done.seen), None)
+
+
+def test_viewers_get_ten_scans_a_second_from_where_the_scanner_sits(tmp_path: Path) -> None:
+    done = driven(tmp_path, world=WORLD)
+    assert done.outcome is not None
+    with done.outcome.run.recording.open("rb") as file:
+        found = [
+            (message.log_time, json.loads(message.data))
+            for schema, channel, message in make_reader(file).iter_messages(["/scan/front"])
+            if schema is not None and schema.name == "foxglove.LaserScan"
+        ]
+    assert len(found) == pytest.approx(10 * done.outcome.duration, rel=0.15)
+    _, told = found[50]
+    assert (told["frame_id"], told["pose"]["position"]["x"]) == ("base_link", 0.56)
+    assert (told["start_angle"], told["end_angle"]) == pytest.approx((-3 * pi / 4, 3 * pi / 4))
+    assert told["ranges"] in [(scan.millimetres / 1000).tolist() for _, scan in scans_of(done)]
 
 
 def test_each_scan_is_sensed_once_soon_and_in_its_time(tmp_path: Path) -> None:
@@ -83,7 +102,8 @@ def _errors(scan: Scan, times: np.ndarray[Any, Any], poses: list[Pose]) -> list[
     px = x + 0.56 * np.cos(heading) + metres * np.cos(angles)
     py = y + 0.56 * np.sin(heading) + metres * np.sin(angles)
     inside = np.minimum.reduce([px + 3.0, 6.0 - px, py + 2.0, 2.0 - py])
-    return inside[metres > 0.0].tolist()
+    found: list[float] = inside[metres > 0.0].tolist()
+    return found
 
 
 def test_a_map_and_a_stand_in(tmp_path: Path) -> None:
