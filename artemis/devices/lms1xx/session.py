@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Callable
 from math import radians
 from typing import Protocol
@@ -85,7 +86,9 @@ class Session:
         except OSError as error:
             if isinstance(error, DeviceTimeout | DeviceLost):
                 raise
-            raise DeviceLost(self._name, f"{self._place}: {error.strerror or error}") from error
+            number = error.errno or 0
+            why = os.strerror(number) if number > 0 else error.strerror or str(error)
+            raise DeviceLost(self._name, f"{self._place}: {why}") from error
         finally:
             self.close()
 
