@@ -26,7 +26,7 @@ from artemis.yaml_file import Document, KeyPath, read, survey
 if TYPE_CHECKING:
     from artemis.mission.tree import MissionTree
     from artemis.motion.route import Route
-    from artemis.sim.grid import Grid
+    from artemis.sim.grid import MapGrid
     from artemis.sim.scenery import Scenery
     from artemis.sim.world import PlantParameters
 
@@ -43,7 +43,7 @@ class LoadedMission:
     """How the simulated machine differs from the robot file."""
     scenery: Scenery | None = None
     """What the simulated scanners see; None: a hall."""
-    grid: Grid | None = None
+    grid: MapGrid | None = None
     """The map of that."""
     documents: Mapping[str, Document]
     """The mission and the robot file, by their names in messages."""

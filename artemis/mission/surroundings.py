@@ -11,7 +11,7 @@ from artemis.mission.step_checks import StepChecks
 from artemis.yaml_file import KeyPath, read
 
 if TYPE_CHECKING:
-    from artemis.sim.grid import Grid
+    from artemis.sim.grid import MapGrid
     from artemis.sim.scenery import Scenery
     from artemis.vehicle import RobotFile
 
@@ -42,7 +42,7 @@ class SurroundingsChecks(StepChecks):
                 hint = nearest(name, robot.scanners, "scanners")
                 self._complain(("simulation", "scanners", name), f"the robot has no such scanner{hint}")
 
-    def _scenery(self) -> tuple[Scenery | None, Grid | None]:
+    def _scenery(self) -> tuple[Scenery | None, MapGrid | None]:
         """The world of simulated scanners, and the map in it."""
         simulation = self._data.get("simulation")
         part = simulation.get("world") if isinstance(simulation, dict) else None
@@ -55,7 +55,7 @@ class SurroundingsChecks(StepChecks):
             return scenery, None
         return scenery, self._grid(scenery.map_file)
 
-    def _grid(self, name: str) -> Grid | None:
+    def _grid(self, name: str) -> MapGrid | None:
         """The map in a YAML file, with the image that this names."""
         from artemis.sim.grid import MapWords, grid_from, image_from
 

@@ -36,7 +36,7 @@ class MapWords(Config):
     mode: Literal["trinary", "scale", "raw"] = "trinary"
 
 
-class Grid:
+class MapGrid:
     """Cells that are occupied or not, with the way to the nearest occupied one."""
 
     def __init__(self, occupied: NDArray[np.bool_], resolution: float, x: float, y: float) -> None:
@@ -96,8 +96,8 @@ def image_from(data: bytes, name: str) -> NDArray[np.uint8]:
     return scaled.reshape(rows, columns)
 
 
-def grid_from(words: MapWords, image: NDArray[np.uint8]) -> Grid:
+def grid_from(words: MapWords, image: NDArray[np.uint8]) -> MapGrid:
     """The map that an image is."""
     dark = image if words.negate else 255 - image
     occupied = dark[::-1] > words.occupied_thresh * 255
-    return Grid(occupied, words.resolution, words.origin[0], words.origin[1])
+    return MapGrid(occupied, words.resolution, words.origin[0], words.origin[1])

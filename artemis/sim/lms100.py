@@ -41,14 +41,14 @@ SERIAL = 0x89A27F
 _CODES = {"access": "sFA 1", "method": "sFA 2", "variable": "sFA 3", "data": "sFA 5", "write": "sFA A"}
 
 
-class Look(Protocol):
+class Optics(Protocol):
     """Measures: distances [mm], 0: no return, of beams at loop times [s] into angles [rad] from the x axis."""
 
     def __call__(self, times: Floats, angles: Floats) -> NDArray[np.uint16]:
         """In the order of the beams."""
 
 
-class Line:
+class ClientLine:
     """The device's end of one connection."""
 
     def __init__(self, device: Lms100, send: Callable[[bytes], None], hang_up: Callable[[], None]) -> None:
@@ -65,7 +65,7 @@ class Line:
 class Lms100:
     """The device, powered on and measuring as it was made: 50 turns a second, every half degree."""
 
-    def __init__(self, look: Look, *, drift: float = 0.0, first_us: int = 0) -> None:
+    def __init__(self, look: Optics, *, drift: float = 0.0, first_us: int = 0) -> None:
         """`drift`: of its clock against ours, as a share; `first_us`: what that shows now."""
         self._look, self._loop = look, asyncio.get_running_loop()
         self._begun = self._loop.time()
@@ -75,7 +75,7 @@ class Lms100:
         self._interval, self._remission = 1, 0
         self._measuring_from, self._spinning_from = self._begun, self._begun
         self._started = True
-        self._lines: list[Line] = []
+        self._lines: list[ClientLine] = []
         self._timer: asyncio.TimerHandle | None = None
         self._telegrams = 0
         self.first_turn = 0
@@ -83,6 +83,7 @@ class Lms100:
         self._last = ""
         self.status = (0, 0)
         """Of the device, as it tells it: 0 1 error, 0 2 window nearly too dirty, 0 5 window too dirty."""
+        self.spin_up = SPIN_UP
         self.plugged_in = True
         self.silent = self.frozen = False
         """It sends no scans; or the same one again and again."""
@@ -95,7 +96,7 @@ class Lms100:
 
     # ---------------------------------------------------------------------------------------------- connections
 
-    def connect(self, send: Callable[[bytes], None], hang_up: Callable[[], None]) -> Line:
+    def connect(self, send: Callable[[bytes], None], hang_up: Callable[[], None]) -> ClientLine:
         """A client connects: `send` takes bytes for it, `hang_up` ends the connection.
 
         Raises:
@@ -103,10 +104,10 @@ class Lms100:
         """
         if not self.plugged_in:
             raise ConnectionRefusedError(111, "Connection refused")
-        self._lines.append(line := Line(self, send, hang_up))
+        self._lines.append(line := ClientLine(self, send, hang_up))
         return line
 
-    def leave(self, line: Line) -> None:
+    def leave(self, line: ClientLine) -> None:
         """The client is gone; harmless when repeated."""
         if line in self._lines:
             self._lines.remove(line)
@@ -135,7 +136,7 @@ class Lms100:
             return IDLE
         return MEASURES if now >= self._measuring_from else PREPARES
 
-    def answer(self, telegram: bytes, line: Line) -> str:
+    def answer(self, telegram: bytes, line: ClientLine) -> str:
         """To a request on a line."""
         try:
             words = words_of(telegram)
@@ -144,13 +145,13 @@ class Lms100:
         except (TelegramError, IndexError):
             return _CODES["data"]
 
-    def _answer(self, kind: str, name: str, rest: list[bytes], line: Line) -> str:
+    def _answer(self, kind: str, name: str, rest: list[bytes], line: ClientLine) -> str:
         match kind, name:
             case "sMN", "SetAccessMode":
                 line.authorised = rest == [b"03", b"F4724744"]
                 return f"sAN SetAccessMode {int(line.authorised)}"
             case "sRN", "STlms":
-                return f"sRA STlms {self.state} 0 8 00:00:00 8 01.01.2000 0 0 0"
+                return f"sRA STlms {self.state} 0 8 00:00:00 8 01.01.00 0 0 0"
             case "sRN", "LMPscancfg":
                 return f"sRA LMPscancfg {self._configuration()}"
             case "sRN", "LMDscandata":
@@ -200,7 +201,7 @@ class Lms100:
         if not FIRST <= start < stop <= LAST:
             return 4
         if frequency != self.frequency:
-            self._spinning_from = self._loop.time() + SPIN_UP
+            self._spinning_from = self._loop.time() + self.spin_up
             self._measuring_from = self._spinning_from + GET_READY
         self.frequency, self.resolution = frequency, resolution
         return 0

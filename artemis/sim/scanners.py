@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass
 
-from artemis.sim.grid import Grid
+from artemis.sim.grid import MapGrid
 from artemis.sim.laser import Laser
 from artemis.sim.lms100 import Lms100
 from artemis.sim.scenery import HALL, Scenery, Surroundings2D
@@ -25,7 +25,7 @@ class SimScanner:
 
 
 def mount_scanners(
-    robot: RobotFile, world: World, scenery: Scenery | None, grid: Grid | None, *, seed: int, start: float
+    robot: RobotFile, world: World, scenery: Scenery | None, grid: MapGrid | None, *, seed: int, start: float
 ) -> None:
     """Put those of the robot file into its world, powered on now; they see `scenery`, or a hall.
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from artemis.config import Config, Quantity
-from artemis.sim.grid import Grid
+from artemis.sim.grid import MapGrid
 
 Floats = NDArray[np.float64]
 Place = Annotated[float, Quantity(0.0, 10_000.0, "m", signed=True)]
@@ -50,7 +50,7 @@ class Pole(Thing):
     diameter_m: Size
 
 
-class Box(Thing):
+class Crate(Thing):
     """Something with four sides."""
 
     x_m: Place
@@ -85,7 +85,7 @@ class Scenery(Config):
 
     walls: Annotated[tuple[Wall, ...], Field(strict=False)] = ()
     poles: Annotated[tuple[Pole, ...], Field(strict=False)] = ()
-    boxes: Annotated[tuple[Box, ...], Field(strict=False)] = ()
+    boxes: Annotated[tuple[Crate, ...], Field(strict=False)] = ()
     persons: Annotated[tuple[Person, ...], Field(strict=False)] = ()
     map_file: str | None = None
     """A map (YAML beside an image, as of map_server): what is occupied there is a plain wall."""
@@ -119,7 +119,7 @@ class Sight:
 class Surroundings2D:
     """Scenery ready to be looked at."""
 
-    def __init__(self, scenery: Scenery, grid: Grid | None = None) -> None:
+    def __init__(self, scenery: Scenery, grid: MapGrid | None = None) -> None:
         """`grid` is what the scenery's map file holds."""
         self._grid, self._persons = grid, scenery.persons
         lines, rounds = list(_lines(scenery)), list(_rounds(scenery))

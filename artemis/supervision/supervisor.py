@@ -133,7 +133,7 @@ class Supervisor:
 
     def _readings(self, sensed: Sensed, last: Wish, points: SetPoints) -> list[Reading]:
         readings = self._host.read(sensed, last)
-        if self._scanners is not None and not sensed.urgent:
+        if self._scanners is not None:
             readings += self._scanners.read(sensed)
         for fault in sensed.faults:
             if fault.id == _ADAPTER_LOST:

@@ -21,19 +21,19 @@ _STEP = 0.01
 """A delay grows so often [s]."""
 
 
-class Scanner(Lasting):
+class OfScanner(Lasting):
     """Which of the robot's scanners; None: all."""
 
     scanner: str | None = None
 
 
-class Loss(Scanner):
+class Loss(OfScanner):
     """How it is lost: its plug is pulled, or it says nothing more."""
 
     how: Literal["unplugged", "silent"] = "unplugged"
 
 
-class Damage(Scanner):
+class Damage(OfScanner):
     """What becomes of its telegrams: nothing that can be read, the first half, a wrong bit, or lost on the way."""
 
     how: Literal["rubbish", "cut", "bit", "lost"] = "rubbish"
@@ -41,27 +41,27 @@ class Damage(Scanner):
     """Of the telegrams."""
 
 
-class Pieces(Scanner):
+class Pieces(OfScanner):
     """How its telegrams come."""
 
     bytes: Annotated[int, Field(ge=1, le=10_000)] = 7
     """So many at once."""
 
 
-class Illness(Scanner):
+class Illness(OfScanner):
     """What it says of itself."""
 
     status: Literal["dirty", "too dirty", "error"] = "error"
 
 
-class Cover(Scanner):
+class Cover(OfScanner):
     """What something on its window hides."""
 
     sector_deg: Sector = (-135.0, 135.0)
     """In the scanner's frame."""
 
 
-class Delay(Scanner):
+class Delay(OfScanner):
     """How much later its telegrams come, and how long it takes to become so much."""
 
     seconds: Positive = 0.3
@@ -95,7 +95,7 @@ def _set(device: Lms100, name: str, value: object, back: object) -> Undo:
     return lambda: setattr(device, name, back)
 
 
-def _freeze(stage: Stage, node: str | None, given: Scanner) -> Undo:
+def _freeze(stage: Stage, node: str | None, given: OfScanner) -> Undo:
     return _each(stage, given.scanner, lambda scanner: _set(scanner.device, "frozen", True, False))
 
 
@@ -165,7 +165,7 @@ def _delay(stage: Stage, node: str | None, given: Delay) -> Undo:
 
 SCANNER_INJECTIONS: dict[str, Injection] = {
     "LAS-01": Injection("scanner is lost", _lose, parameters=Loss),
-    "LAS-02": Injection("scanner sends the same scan again and again", _freeze, parameters=Scanner),
+    "LAS-02": Injection("scanner sends the same scan again and again", _freeze, parameters=OfScanner),
     "LAS-03": Injection("telegrams of the scanner are damaged or lost", _damage, parameters=Damage),
     "LAS-04": Injection("telegrams of the scanner come in pieces", _split, parameters=Pieces),
     "LAS-05": Injection("scanner is not well", _ail, parameters=Illness),

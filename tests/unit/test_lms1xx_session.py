@@ -11,7 +11,7 @@ from scanner_rig import Held, Setting, held
 
 from artemis.errors import DeviceLost, DeviceTimeout, ProtocolError, WrongDevice
 from artemis.scan import Condition
-from artemis.sim.lms100 import Line, Lms100
+from artemis.sim.lms100 import ClientLine, Lms100
 
 
 def test_scans_come_each_once_at_their_time() -> None:
@@ -240,7 +240,7 @@ def _answering(monkeypatch: pytest.MonkeyPatch, answers: dict[str, str]) -> None
     """The device answers so to requests of these names."""
     right = Lms100.answer
 
-    def answer(self: Lms100, telegram: bytes, line: Line) -> str:
+    def answer(self: Lms100, telegram: bytes, line: ClientLine) -> str:
         return answers.get(telegram.split()[1].decode(), right(self, telegram, line))
 
     monkeypatch.setattr(Lms100, "answer", answer)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from artemis.mission.loading import load_model
 from artemis.mounting import Mounting
 from artemis.sim.laser import Laser
-from artemis.sim.scenery import HALL, Box, Pole, Scenery, Surroundings2D, Wall
+from artemis.sim.scenery import HALL, Crate, Pole, Scenery, Surroundings2D, Wall
 from artemis.sim.world import PlantParameters, World
 from artemis.vehicle import RobotFile
 
@@ -124,7 +124,7 @@ def test_dark_things_are_seen_less_far_and_mirrors_only_squarely() -> None:
 
 def test_at_an_edge_it_measures_in_between_now_and_then() -> None:
     scenery = Scenery(
-        boxes=(Box(x_m=2.0, y_m=0.0, length_m=0.1, width_m=1.0),), walls=(Wall(points=((3.0, -9.0), (3.0, 9.0))),)
+        boxes=(Crate(x_m=2.0, y_m=0.0, length_m=0.1, width_m=1.0),), walls=(Wall(points=((3.0, -9.0), (3.0, 9.0))),)
     )
     made = laser(scenery)
     between = 0

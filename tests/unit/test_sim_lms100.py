@@ -59,9 +59,9 @@ def test_answers_in_the_order_of_a_session() -> None:
         client = await connected()
         for request, answer in (
             (LOGIN, "sAN SetAccessMode 1"),
-            ("sRN STlms", "sRA STlms 7 0 8 00:00:00 8 01.01.2000 0 0 0"),
+            ("sRN STlms", "sRA STlms 7 0 8 00:00:00 8 01.01.00 0 0 0"),
             ("sMN LMCstopmeas", "sAN LMCstopmeas 0"),
-            ("sRN STlms", "sRA STlms 3 0 8 00:00:00 8 01.01.2000 0 0 0"),
+            ("sRN STlms", "sRA STlms 3 0 8 00:00:00 8 01.01.00 0 0 0"),
             (f"sMN mLMPsetscancfg +5000 +1 {SECTOR}", "sAN mLMPsetscancfg 0 1388 1 1388 FFF92230 225510"),
             ("sMN mLMPsetscancfg 1388 +1 1388 FFF92230 225510", "sAN mLMPsetscancfg 0 1388 1 1388 FFF92230 225510"),
             ("sRN LMPscancfg", "sRA LMPscancfg 1388 1 1388 FFF92230 225510"),
@@ -69,7 +69,7 @@ def test_answers_in_the_order_of_a_session() -> None:
             (f"sWN LMPoutputRange 1 {SECTOR}", "sWA LMPoutputRange"),
             ("sMN mEEwriteall", "sAN mEEwriteall 1"),
             ("sMN LMCstartmeas", "sAN LMCstartmeas 0"),
-            ("sRN STlms", "sRA STlms 5 0 8 00:00:00 8 01.01.2000 0 0 0"),
+            ("sRN STlms", "sRA STlms 5 0 8 00:00:00 8 01.01.00 0 0 0"),
             ("sMN Run", "sAN Run 1"),
             ("sMN LMCstopmeas", "sFA 1"),
             ("sWN LMPoutputRange 1 1388 0 1388", "sFA A"),

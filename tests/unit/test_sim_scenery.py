@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from artemis.sim.grid import Grid
-from artemis.sim.scenery import HALL, Box, Person, Pole, Scenery, Surroundings2D, Wall
+from artemis.sim.grid import MapGrid
+from artemis.sim.scenery import HALL, Crate, Person, Pole, Scenery, Surroundings2D, Wall
 
 
 def seen(scenery: Scenery, x: float, y: float, *degrees: float, time: float = 0.0) -> NDArray[np.float64]:
@@ -33,11 +33,11 @@ def test_nothing_is_infinitely_far() -> None:
 
 
 def test_a_box_has_four_sides() -> None:
-    box = Scenery(boxes=(Box(x_m=3.0, y_m=0.0, length_m=2.0, width_m=1.0),))
+    box = Scenery(boxes=(Crate(x_m=3.0, y_m=0.0, length_m=2.0, width_m=1.0),))
     assert seen(box, 0, 0, 0).tolist() == [2.0]
     assert seen(box, 3, 5, 270).tolist() == [4.5]
     assert seen(box, 9, 0, 180).tolist() == [5.0]
-    turned = Scenery(boxes=(Box(x_m=3.0, y_m=0.0, length_m=2.0, width_m=1.0, heading_deg=90.0),))
+    turned = Scenery(boxes=(Crate(x_m=3.0, y_m=0.0, length_m=2.0, width_m=1.0, heading_deg=90.0),))
     assert seen(turned, 0, 0, 0) == pytest.approx([2.5])
 
 
@@ -96,7 +96,7 @@ def test_a_wall_is_met_where_the_lines_cross(ax: float, ay: float, bx: float, by
 def test_a_map_is_seen_like_the_walls_that_it_shows() -> None:
     occupied = np.zeros((200, 300), bool)
     occupied[[0, -1], :] = occupied[:, [0, -1]] = True
-    grid = Grid(occupied, 0.05, -5.0, -4.0)  # 15 x 10 m, its inner side from (-4.95, -3.95) to (9.95, 5.95)
+    grid = MapGrid(occupied, 0.05, -5.0, -4.0)  # 15 x 10 m, its inner side from (-4.95, -3.95) to (9.95, 5.95)
     angles = np.radians(np.arange(0.0, 360.0, 0.5))
     beams = len(angles)
     found = Surroundings2D(Scenery(), grid).seen(np.zeros(beams), np.zeros(beams), angles, 0.0).distance
@@ -106,14 +106,14 @@ def test_a_map_is_seen_like_the_walls_that_it_shows() -> None:
 
 
 def test_beams_that_leave_the_map_meet_nothing() -> None:
-    grid = Grid(np.zeros((10, 10), bool), 0.05, 0.0, 0.0)
+    grid = MapGrid(np.zeros((10, 10), bool), 0.05, 0.0, 0.0)
     far = np.full(4, 100.0)
     assert grid.distances(far, far, np.array([1.0, -1, 0, 0]), np.array([0.0, 0, 1, -1])).tolist() == [inf] * 4
     assert np.isinf(grid.distances(np.full(1, 0.2), np.full(1, 0.2), np.ones(1), np.zeros(1))).all()
 
 
 def test_a_map_is_seen_from_beside_it() -> None:
-    grid = Grid(np.ones((10, 10), bool), 0.05, 0.0, 0.0)
+    grid = MapGrid(np.ones((10, 10), bool), 0.05, 0.0, 0.0)
     assert grid.distances(np.array([-2.0]), np.array([0.25]), np.ones(1), np.zeros(1))[0] == pytest.approx(
         2.0, abs=0.05
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Callable
 from math import radians
 from typing import Protocol
@@ -36,7 +37,7 @@ CONDITIONS = {(0, 0): Condition.WELL, (0, 2): Condition.DIRTY}
 """By the words of the device status; every other one means that it cannot be trusted (0 1 error, 0 5 window dirty)."""
 
 
-class Setting(Protocol):
+class ScanSetting(Protocol):
     """How a scanner is to measure."""
 
     @property
@@ -63,7 +64,7 @@ class _Refused(WrongDevice):
 class Session:
     """Sessions with an LMS1xx, one after the other."""
 
-    def __init__(self, name: str, setting: Setting, dial: Dial) -> None:
+    def __init__(self, name: str, setting: ScanSetting, dial: Dial) -> None:
         """With the scanner `name`, which measures as `setting` says and is reached by `dial`."""
         self._name, self._setting, self._dial = name, setting, dial
         self._stream: ByteStream | None = None
@@ -85,7 +86,9 @@ class Session:
         except OSError as error:
             if isinstance(error, DeviceTimeout | DeviceLost):
                 raise
-            raise DeviceLost(self._name, f"{self._place}: {error.strerror or error}") from error
+            number = error.errno or 0
+            why = os.strerror(number) if number > 0 else error.strerror or str(error)
+            raise DeviceLost(self._name, f"{self._place}: {why}") from error
         finally:
             self.close()
 
