@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -37,9 +37,9 @@ ROBUST = 10.0
 """Whitened differences beyond count less (soft L1),"""
 OUTLIER = 30.0
 """and beyond this not at all."""
-FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.005, 0.01, 0.002, 0.002, 0.005)
-"""As `increments.NOISES` and `increments.SLOW`,"""
-NOISE_BOUNDS = (1e-5, 1.0)
+FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.005, 0.005, 0.002, 0.003, 1.5, 0.01)
+"""As `increments.NOISES` and `increments.SLIPS`, how far slip is correlated [m], the slow error of the clock [s],"""
+NOISE_BOUNDS = (*[(1e-5, 1.0)] * 8, increments.REACHES, (1e-5, 1.0))
 """each."""
 
 
@@ -173,9 +173,20 @@ class Problem:
     def weigh(self, x: Array, noise: Array) -> None:
         """Make each run's weights of the noise."""
         for case in self.cases:
-            case.true = motions(case.moments.beside(case.averaged(self._reckoned(case, x), self.sensor(x))))
-            case.parts = increments.covariances(case.true, case.rolled(), self.sensor(x)[:2])
+            sensor = self.sensor(x)
+            means = case.averaged(self._reckoned(case, x), sensor)
+            case.true = motions(case.moments.beside(means))
+            case.weigh(self._wheels(case, x, motions(means)), sensor)
             case.root, case.prior = increments.factor(case.covariance(noise)), case.precision(noise)
+
+    def _wheels(self, case: FittedRun, x: Array, here: Array) -> list[Array]:
+        """Derivatives of a run's motions by the share that each wheel rolls more."""
+        machine, slopes = altered(self.base, self.values(x)), []
+        for side in ("distance_left", "distance_right"):
+            more = replace(machine, **{side: getattr(machine, side) * (1.0 + STEP)})
+            means = case.averaged(dead_reckoned(case.run.log, more), self.sensor(x))
+            slopes.append((motions(means) - here) / STEP)
+        return slopes
 
     def leave_out(self, x: Array) -> None:
         """Find the motions that fit nothing."""
@@ -255,9 +266,8 @@ class Problem:
             fitted = normal[0, 1:] @ np.linalg.solve(inner, normal[1:, 0])
             return float(total + (np.linalg.slogdet(inner)[1] + normal[0, 0] - fitted) / 2.0)
 
-        options = {"maxiter": 25, "ftol": 1e-7}
-        bounds = [np.log(NOISE_BOUNDS)] * len(first)
-        found = minimize(unlikeliness, np.log(first), method="L-BFGS-B", bounds=bounds, options=options)
+        options = {"maxiter": 20, "ftol": 1e-6}
+        found = minimize(unlikeliness, np.log(first), method="L-BFGS-B", bounds=np.log(NOISE_BOUNDS), options=options)
         return np.asarray(np.exp(found.x))
 
 

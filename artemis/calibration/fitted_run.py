@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import block_diag  # scipy has no types
 
 from artemis.calibration import increments
-from artemis.calibration.increments import Knots, Moments, motions
+from artemis.calibration.increments import Knots, Moments, Slips, motions
 from artemis.calibration.kinematics import Kinematics, dead_reckoned
 from artemis.calibration.knowledge import Mask
 from artemis.calibration.wheel_log import WheelLog
@@ -20,13 +21,18 @@ from artemis.motion.trajectory import Trajectory
 CLOCK, ONE_CLOCK = (0.5, 1e-4), (0.02, 1e-6)
 """Bands of offset [s] and drift [s/s] of the truth's clock in each run, beyond the first estimate; and where both were
 written with one clock: the time that values take to the tick."""
+BLUR = 0.05
+"""Band of the variance of the time over which the truth is filtered [s²]."""
 LEAST_MOMENTS = 10
 LOST = 1.0
 """Variance of a motion that says nothing [m², rad²]."""
 UNKNOWN = 0.3
 """So far off are headings that the truth does not know, at each moment alone [rad]: much farther than they may be."""
 STEP = 1e-3
-"""Of a parameter's band, for derivatives."""
+"""Of a parameter's band, of a second, and of the blur, for derivatives."""
+TINY = 1e-6
+OWN = 3
+"""Unknowns of a run before its slow errors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -47,16 +53,16 @@ class FittedRun:
     first_clock: Clock
     moments: Moments
     own: Array = field(init=False)
-    """Unknowns of this run: offset [s] and drift of the clock beyond the first estimate, then the slow errors at their
-    knots: of the clock, along, across, in turn."""
+    """Unknowns of this run: offset [s] and drift of the clock beyond the first estimate, variance of the time over which
+    the truth is filtered [s²], then the slow errors at their knots: of the clock, along, across, in turn."""
     true: Array = field(init=False)
     """Motions between the moments, shape (n, 3)."""
     parts: Array = field(init=False)
+    slips: Slips = field(init=False)
     root: Array = field(init=False)
     prior: Array = field(init=False)
     lost: Mask = field(init=False)
     times: Knots = field(init=False)
-    distances: Knots = field(init=False)
     driven: Array = field(init=False)
     """Distance rolled until each row of the log [m]."""
 
@@ -64,9 +70,8 @@ class FittedRun:
         log = self.run.log
         steps = np.abs(np.diff(log.distance_left)) + np.abs(np.diff(log.distance_right))
         self.driven = np.append(0.0, np.cumsum(steps)) / 2.0
-        self.times = Knots.over(float(log.time[-1] - log.time[0]), increments.LENGTHS[0])
-        self.distances = Knots.over(float(self.driven[-1]), increments.LENGTHS[1])
-        self.own = np.zeros(2 + len(self.times.places) + 3 * len(self.distances.places))
+        self.times = Knots.over(float(log.time[-1] - log.time[0]), increments.CLOCK_LENGTH)
+        self.own = np.zeros(OWN + len(self.times.places))
         self.lost = np.zeros(len(self.moments.poses) - 1, dtype=bool)
 
     @property
@@ -77,42 +82,49 @@ class FittedRun:
 
     def _time(self) -> Array:
         """Of each row of the log, by the truth's clock [s]."""
-        log, count = self.run.log, len(self.times.places)
-        late = np.interp(log.time - log.time[0], self.times.places, self.own[2 : 2 + count])
+        log = self.run.log
+        late = np.interp(log.time - log.time[0], self.times.places, self.own[OWN:])
         return np.asarray(self.clock.shown(log.time) + late)
 
     def averaged(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
         """Mean poses of the sensor by the odometry, shape (n, 3)."""
-        return self.moments.averaged(self._time(), at_sensor(reckoned, sensor))
+        means = self.moments.averaged(self._time(), at_sensor(reckoned, sensor))
+        return np.asarray(means + self.own[2] * self.moments.bent(means))
 
     def _distance(self) -> Array:
         return self.moments.averaged(self._time(), self.driven[:, np.newaxis])[:, 0]
 
-    def rolled(self) -> Array:
-        """By the driven wheels between the moments [m], shape (n,)."""
-        return np.abs(np.diff(self._distance()))
+    def weigh(self, wheels: Sequence[Array], sensor: tuple[float, float, float]) -> None:
+        """Make the parts of the covariance.
 
-    def _slips(self, sensor: tuple[float, float, float]) -> Array:
-        """Derivatives of the differences by the slips at the knots, shape (3 n, 3 knots)."""
-        distance = self._distance()
-        weights = self.distances.weights((distance[1:] + distance[:-1]) / 2.0) * np.diff(distance)[:, np.newaxis]
-        parts = [np.multiply.outer(weights, lever).swapaxes(1, 2) for lever in increments.levers(sensor[:2])]
-        return -np.concatenate(parts, axis=2).reshape(3 * len(weights), -1)
+        Args:
+            wheels: derivatives of the odometry's motions by the share that each wheel rolls more, shape (n, 3) each.
+            sensor: of the truth.
+        """
+        distance, time = self._distance(), self.moments.time[self.moments.starts]
+        rolled = np.diff(distance)[:, np.newaxis]
+        _, across, turn = increments.levers(sensor[:2])
+        self.parts = increments.covariances(self.true, np.abs(rolled[:, 0]), sensor[:2])
+        levers = (wheels, (rolled * across,), (rolled * turn,))
+        self.slips = Slips.of(levers, (distance[1:] + distance[:-1]) / 2.0, time[1:])
 
     def differences(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
         """Of the motions by truth and odometry, shape (n, 3)."""
-        slips = self._slips(sensor) @ self.own[2 + len(self.times.places) :]
-        return self.true - motions(self.averaged(reckoned, sensor)) + slips.reshape(-1, 3)
+        return self.true - motions(self.averaged(reckoned, sensor))
 
     def own_slopes(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
         """Derivatives of the differences by this run's unknowns, shape (3 n, unknowns)."""
-        here, columns, slips = motions(self.averaged(reckoned, sensor)), [], self._slips(sensor)
-        for place in range(2 + len(self.times.places)):
-            step = STEP * (1e-3 if place == 1 else 1.0)
-            self.own[place] += step
-            columns.append((here - motions(self.averaged(reckoned, sensor))).ravel() / step)
-            self.own[place] -= step
-        return np.column_stack([*columns, slips])
+        poses, time, moments = at_sensor(reckoned, sensor), self._time(), self.moments
+        sooner, later = (moments.averaged(time + step, poses) for step in (STEP, -STEP))
+        speed, since = (sooner - later) / (2.0 * STEP), moments.time[moments.starts] - time[0]
+        since_middle = since + self.run.log.time[0] - self.first_clock.middle
+        weights = [np.ones_like(since), since_middle, *self.times.weights(since).T]
+        changes = [speed * weight[:, np.newaxis] for weight in weights]
+        means = self.averaged(reckoned, sensor)
+        changes.insert(2, moments.bent(means))
+        here = motions(means)
+        columns = [(here - motions(means + TINY * change)).ravel() / TINY for change in changes]
+        return np.column_stack(columns)
 
     def covariance(self, noise: Array) -> Array:
         """Of the differences by fast noise, lower banded."""
@@ -121,14 +133,14 @@ class FittedRun:
             variances[1] = UNKNOWN**2
         total = np.tensordot(variances, self.parts, axes=1)
         total[0] += LOST * np.repeat(self.lost, 3)
-        return np.asarray(total)
+        slow = self.slips.covariance(noise[len(increments.NOISES) : -2] ** 2, noise[-2])
+        slow[: len(total)] += total
+        return slow
 
     def precision(self, noise: Array) -> Array:
         """Inverse of the prior covariance of `own`."""
-        clock, *slips = noise[len(increments.NOISES) :] ** 2
-        bands = ONE_CLOCK if self.run.one_clock else CLOCK
-        parts = [np.diag(np.square(bands)), self.times.covariance(clock)]
-        parts += [self.distances.covariance(slip) for slip in slips]
+        bands = (*(ONE_CLOCK if self.run.one_clock else CLOCK), BLUR)
+        parts = [np.diag(np.square(bands)), self.times.covariance(noise[-1] ** 2, increments.CLOCK_LENGTH)]
         return np.asarray(block_diag(*(np.linalg.inv(part) for part in parts)))
 
 
