@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from artemis.calibration import increments
-from artemis.calibration.fitted_run import STEP, FittedRun, Run, case_of
+from artemis.calibration.fitted_run import BLUR, SHARP, STEP, FittedRun, Run, case_of
 from artemis.calibration.increments import Indices, motions
 from artemis.calibration.kinematics import Kinematics, Parameter, altered, dead_reckoned
 from artemis.calibration.knowledge import Estimates, Mask, condition_of, covariance_of, estimates_of, hold
@@ -29,17 +29,17 @@ CHANCE = {2: 9.2, 3: 11.3}
 """may be on the axle with a squared distance below this (chi square with so many degrees of freedom, 99 %) is there,"""
 ON_THE_AXLE = 1e-5
 """to this [m, rad]."""
-ROUNDS = 2
-"""Of fitting the parameters and then the noise."""
+ROUNDS = (SHARP, BLUR)
+"""Of fitting the parameters and then the noise: before the noise is known, a filter would explain all of it."""
 STEPS = 8
 """Of the least squares, at most."""
 ROBUST = 10.0
 """Whitened differences beyond count less (soft L1),"""
 OUTLIER = 30.0
 """and beyond this not at all."""
-FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.005, 0.005, 0.002, 0.003, 1.5, 0.01)
-"""As `increments.NOISES` and `increments.SLIPS`, how far slip is correlated [m], the slow error of the clock [s],"""
-NOISE_BOUNDS = (*[(1e-5, 1.0)] * 8, increments.REACHES, (1e-5, 1.0))
+FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.005, 0.005, 0.002, 0.003, 1.5)
+"""As `increments.NOISES` and `increments.SLIPS`, how far slip is correlated [m],"""
+NOISE_BOUNDS = (*[(1e-5, 1.0)] * 5, *[(1e-5, 0.02)] * 3, increments.REACHES)
 """each."""
 
 
@@ -86,7 +86,9 @@ def fit(runs: Sequence[Run], base: Kinematics, parameters: Sequence[Parameter], 
     sensor = slice(len(parameters), len(bands))
     free[-1] = any(run.truth.knows_heading for run in runs)
     x, noise = np.zeros(len(bands)), np.array(FIRST_NOISE)
-    for _ in range(ROUNDS):
+    for band in ROUNDS:
+        for case in problem.cases:
+            case.blur = band
         problem.weigh(x, noise)
         x = problem.solved(x, free)
         problem.leave_out(x)
@@ -130,7 +132,7 @@ class Problem:
     """Differences of all runs as a function of what is unknown.
 
     Common to all runs are the machine's parameters and the sensor's place (`x`). Each run's own unknowns, its clock and
-    its slow errors (`FittedRun.own`), are eliminated from the normal equations run by run.
+    its truth's filter (`FittedRun.own`), are eliminated from the normal equations run by run.
     """
 
     def __init__(self, cases: list[FittedRun], base: Kinematics, names: Sequence[Parameter]) -> None:
@@ -177,7 +179,7 @@ class Problem:
             means = case.averaged(self._reckoned(case, x), sensor)
             case.true = motions(case.moments.beside(means))
             case.weigh(self._wheels(case, x, motions(means)), sensor)
-            case.root, case.prior = increments.factor(case.covariance(noise)), case.precision(noise)
+            case.root, case.prior = increments.factor(case.covariance(noise)), case.precision()
 
     def _wheels(self, case: FittedRun, x: Array, here: Array) -> list[Array]:
         """Derivatives of a run's motions by the share that each wheel rolls more."""
@@ -257,11 +259,11 @@ class Problem:
         def unlikeliness(logs: Array) -> float:
             noise, total, normal = np.exp(logs), 0.0, np.zeros((count, count))
             for case, each in zip(self.cases, columns, strict=True):
-                root, precision = increments.factor(case.covariance(noise)), case.precision(noise)
+                root = increments.factor(case.covariance(noise))
                 white = increments.whitened(root, each)
-                part, _, log_own = eliminated(white[:, :count], white[:, count:], precision)
+                part, _, log_own = eliminated(white[:, :count], white[:, count:], case.prior)
                 normal += part
-                total += float(np.sum(np.log(root[0]))) + (log_own - np.linalg.slogdet(precision)[1]) / 2.0
+                total += float(np.sum(np.log(root[0]))) + log_own / 2.0
             inner = normal[1:, 1:] + prior
             fitted = normal[0, 1:] @ np.linalg.solve(inner, normal[1:, 0])
             return float(total + (np.linalg.slogdet(inner)[1] + normal[0, 0] - fitted) / 2.0)

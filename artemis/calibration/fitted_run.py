@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import block_diag  # scipy has no types
 
 from artemis.calibration import increments
-from artemis.calibration.increments import Knots, Moments, Slips, motions
+from artemis.calibration.increments import Moments, Slips, motions
 from artemis.calibration.kinematics import Kinematics, dead_reckoned
 from artemis.calibration.knowledge import Mask
 from artemis.calibration.wheel_log import WheelLog
@@ -21,18 +20,17 @@ from artemis.motion.trajectory import Trajectory
 CLOCK, ONE_CLOCK = (0.5, 1e-4), (0.02, 1e-6)
 """Bands of offset [s] and drift [s/s] of the truth's clock in each run, beyond the first estimate; and where both were
 written with one clock: the time that values take to the tick."""
-BLUR = 0.05
-"""Band of the variance of the time over which the truth is filtered [s²]."""
+BLUR, SHARP = 0.02, 1e-4
+"""Band of the variance of the time over which the truth is filtered [s²], and of one that is not."""
 LEAST_MOMENTS = 10
 LOST = 1.0
 """Variance of a motion that says nothing [m², rad²]."""
 UNKNOWN = 0.3
 """So far off are headings that the truth does not know, at each moment alone [rad]: much farther than they may be."""
 STEP = 1e-3
-"""Of a parameter's band, of a second, and of the blur, for derivatives."""
+"""Of a parameter's band, and of a second, for derivatives;"""
 TINY = 1e-6
-OWN = 3
-"""Unknowns of a run before its slow errors."""
+"""and of what changes poses."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -52,9 +50,11 @@ class FittedRun:
     run: Run
     first_clock: Clock
     moments: Moments
+    blur: float = BLUR
+    """Band of the last of `own`."""
     own: Array = field(init=False)
-    """Unknowns of this run: offset [s] and drift of the clock beyond the first estimate, variance of the time over which
-    the truth is filtered [s²], then the slow errors at their knots: of the clock, along, across, in turn."""
+    """Unknowns of this run: offset [s] and drift of the clock beyond the first estimate, variance of the time over
+    which the truth is filtered [s²]."""
     true: Array = field(init=False)
     """Motions between the moments, shape (n, 3)."""
     parts: Array = field(init=False)
@@ -62,7 +62,6 @@ class FittedRun:
     root: Array = field(init=False)
     prior: Array = field(init=False)
     lost: Mask = field(init=False)
-    times: Knots = field(init=False)
     driven: Array = field(init=False)
     """Distance rolled until each row of the log [m]."""
 
@@ -70,21 +69,18 @@ class FittedRun:
         log = self.run.log
         steps = np.abs(np.diff(log.distance_left)) + np.abs(np.diff(log.distance_right))
         self.driven = np.append(0.0, np.cumsum(steps)) / 2.0
-        self.times = Knots.over(float(log.time[-1] - log.time[0]), increments.CLOCK_LENGTH)
-        self.own = np.zeros(OWN + len(self.times.places))
+        self.own = np.zeros(3)
         self.lost = np.zeros(len(self.moments.poses) - 1, dtype=bool)
 
     @property
     def clock(self) -> Clock:
-        """Of the truth, without its slow error."""
+        """Of the truth."""
         first = self.first_clock
         return Clock(offset=first.offset + self.own[0], drift=first.drift + self.own[1], middle=first.middle)
 
     def _time(self) -> Array:
         """Of each row of the log, by the truth's clock [s]."""
-        log = self.run.log
-        late = np.interp(log.time - log.time[0], self.times.places, self.own[OWN:])
-        return np.asarray(self.clock.shown(log.time) + late)
+        return self.clock.shown(self.run.log.time)
 
     def averaged(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
         """Mean poses of the sensor by the odometry, shape (n, 3)."""
@@ -115,33 +111,27 @@ class FittedRun:
     def own_slopes(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
         """Derivatives of the differences by this run's unknowns, shape (3 n, unknowns)."""
         poses, time, moments = at_sensor(reckoned, sensor), self._time(), self.moments
-        sooner, later = (moments.averaged(time + step, poses) for step in (STEP, -STEP))
-        speed, since = (sooner - later) / (2.0 * STEP), moments.time[moments.starts] - time[0]
-        since_middle = since + self.run.log.time[0] - self.first_clock.middle
-        weights = [np.ones_like(since), since_middle, *self.times.weights(since).T]
-        changes = [speed * weight[:, np.newaxis] for weight in weights]
-        means = self.averaged(reckoned, sensor)
-        changes.insert(2, moments.bent(means))
+        later, sooner = (moments.averaged(time + step, poses) for step in (STEP, -STEP))
+        change, means = (later - sooner) / (2.0 * STEP), self.averaged(reckoned, sensor)
+        since = moments.time[moments.starts] - self.clock.offset - self.clock.middle
+        changes = (change, change * since[:, np.newaxis], moments.bent(means))
         here = motions(means)
-        columns = [(here - motions(means + TINY * change)).ravel() / TINY for change in changes]
-        return np.column_stack(columns)
+        return np.column_stack([(here - motions(means + TINY * each)).ravel() / TINY for each in changes])
 
     def covariance(self, noise: Array) -> Array:
-        """Of the differences by fast noise, lower banded."""
+        """Of the differences, lower banded."""
         variances = noise[: len(increments.NOISES)] ** 2
         if not self.run.truth.knows_heading:
             variances[1] = UNKNOWN**2
         total = np.tensordot(variances, self.parts, axes=1)
         total[0] += LOST * np.repeat(self.lost, 3)
-        slow = self.slips.covariance(noise[len(increments.NOISES) : -2] ** 2, noise[-2])
+        slow = self.slips.covariance(noise[len(increments.NOISES) : -1] ** 2, noise[-1])
         slow[: len(total)] += total
         return slow
 
-    def precision(self, noise: Array) -> Array:
+    def precision(self) -> Array:
         """Inverse of the prior covariance of `own`."""
-        bands = (*(ONE_CLOCK if self.run.one_clock else CLOCK), BLUR)
-        parts = [np.diag(np.square(bands)), self.times.covariance(noise[-1] ** 2, increments.CLOCK_LENGTH)]
-        return np.asarray(block_diag(*(np.linalg.inv(part) for part in parts)))
+        return np.diag(np.array([*(ONE_CLOCK if self.run.one_clock else CLOCK), self.blur]) ** -2.0)
 
 
 def case_of(run: Run, base: Kinematics, clock: Clock | None = None) -> FittedRun:

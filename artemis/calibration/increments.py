@@ -5,8 +5,9 @@ So what the two say of the motion between neighbouring moments differs by noise 
 linear in five variances. Multiplied by the inverse of its Cholesky factor the differences are independent, and least
 squares on them is the generalised least squares of whole trajectories with unknown start poses.
 
-What is correlated for longer is slip: a share of what each wheel rolls, and the same across and in turn, whose covariance
-decays linearly with the distance driven and with time and ends, so that the covariance stays banded.
+What is correlated for longer is slip: a share of what each wheel rolls, and of the distance across and in turn. Its
+covariance decays linearly with the distance driven and with time, and ends, so that that of the motions stays banded.
+How large and how long it is, the runs say (restricted maximum likelihood: Harville 1977, J. Am. Stat. Assoc. 72:320).
 """
 
 from __future__ import annotations
@@ -35,14 +36,10 @@ NOISES = ("position", "heading", "along", "across", "turn")
 """Of the truth [m, rad]; of the odometry [m/sqrt(m), m/sqrt(m), rad/sqrt(m)]."""
 SLIPS = ("slip of each wheel", "slip across", "slip turn")
 """Of the odometry, correlated [m/m, m/m, rad/m]."""
-CLOCK_LENGTH = 30.0
-"""Over which the slow error of the clock is correlated [s]: much longer than a bin."""
 REACHES = (0.3, 3.0)
 """Slip is not correlated beyond this distance [m], which is fitted between these two: less is as fast as noise,"""
 REACH = 30.0
 """nor beyond this time [s]."""
-KNOTS = 24
-"""Of the clock's slow error in a run, at most; two in each length are enough."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -108,28 +105,6 @@ def levers(arm: tuple[float, float]) -> Array:
     """What errors of the axle's motion along, across and in turn are at the sensor, shape (3, 3)."""
     ahead, left = arm
     return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-left, ahead, 1.0]])
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Knots:
-    """Evenly spaced points between which a slow error is interpolated."""
-
-    places: Array
-    """Times [s] or distances [m]."""
-
-    @classmethod
-    def over(cls, end: float, length: float) -> Knots:
-        """From 0 to `end`, for errors that are correlated over `length` or farther."""
-        end = max(end, length)
-        return cls(places=np.linspace(0.0, end, int(min(2.0 * end / length, KNOTS - 1)) + 1))
-
-    def weights(self, at: Array) -> Array:
-        """Of each knot at some places, shape (n, knots)."""
-        return np.column_stack([np.interp(at, self.places, row) for row in np.eye(len(self.places))])
-
-    def covariance(self, variance: float, length: float) -> Array:
-        """Of the values at the knots of a process of Ornstein and Uhlenbeck, correlated by 1/e over `length`."""
-        return np.asarray(variance * np.exp(-np.abs(np.subtract.outer(self.places, self.places)) / length))
 
 
 def covariances(motion: Array, rolled: Array, arm: tuple[float, float]) -> Array:
