@@ -84,8 +84,8 @@ class FittedRun:
 
     def averaged(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
         """Mean poses of the sensor by the odometry, shape (n, 3)."""
-        means = self.moments.averaged(self._time(), at_sensor(reckoned, sensor))
-        return np.asarray(means + self.own[2] * self.moments.bent(means))
+        poses, time = at_sensor(reckoned, sensor), self._time()
+        return np.asarray(self.moments.averaged(time, poses) + self.own[2] * self.moments.bent(time, poses))
 
     def _distance(self) -> Array:
         return self.moments.averaged(self._time(), self.driven[:, np.newaxis])[:, 0]
@@ -114,7 +114,7 @@ class FittedRun:
         later, sooner = (moments.averaged(time + step, poses) for step in (STEP, -STEP))
         change, means = (later - sooner) / (2.0 * STEP), self.averaged(reckoned, sensor)
         since = moments.time[moments.starts] - self.clock.offset - self.clock.middle
-        changes = (change, change * since[:, np.newaxis], moments.bent(means))
+        changes = (change, change * since[:, np.newaxis], moments.bent(time, poses))
         here = motions(means)
         return np.column_stack([(here - motions(means + TINY * each)).ravel() / TINY for each in changes])
 

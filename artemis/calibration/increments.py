@@ -28,6 +28,8 @@ Indices: TypeAlias = NDArray[np.intp]
 
 BIN = 0.5
 """Truth within so long is averaged [s]: in less, the jitter of counters and clocks hides what a wheel rolls."""
+BEND = 0.2
+"""Second derivatives by time are taken over so long to both sides [s], as long as usual filters."""
 BAND = 6
 """Diagonals of the covariance at and below the main one."""
 NEAR = 0.5
@@ -78,15 +80,14 @@ class Moments:
         turn = np.unwrap(np.angle(of_both - of_own.conj() * of_true / (last - first)))
         return np.column_stack([self.poses[:, :2], reckoned[:, 2] + turn])
 
-    def bent(self, poses: Array) -> Array:
-        """Half the second derivative of mean poses by time, 0 beside gaps [1/s²]: what a filter changes; (n, 3)."""
-        half, near = np.zeros_like(poses), np.diff(self.time[self.starts]) < 1.5 * BIN
-        half[1:-1] = np.diff(poses, 2, axis=0) * (near[1:] & near[:-1])[:, np.newaxis] / (2.0 * BIN**2)
-        return half
-
     def averaged(self, time: Array, poses: Array) -> Array:
         """Means in the bins of other poses of the sensor, known at `time` [s by the truth's clock]; shape (n, 3)."""
         return _means(np.column_stack([np.interp(self.time, time, column) for column in poses.T]), self.starts)
+
+    def bent(self, time: Array, poses: Array) -> Array:
+        """Half the second derivative of such means by time [1/s²]: what a filter changes; shape (n, 3)."""
+        sooner, here, later = (self.averaged(time + step, poses) for step in (-BEND, 0.0, BEND))
+        return (sooner - 2.0 * here + later) / (2.0 * BEND**2)
 
 
 def _means(poses: Array, starts: Indices) -> Array:
