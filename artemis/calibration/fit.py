@@ -39,7 +39,7 @@ OUTLIER = 30.0
 """and beyond this not at all."""
 FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.005, 0.005, 0.002, 0.003, 1.5)
 """As `increments.NOISES` and `increments.SLIPS`, how far slip is correlated [m],"""
-NOISE_BOUNDS = (*[(1e-5, 1.0)] * 5, *[(1e-5, 0.01)] * 3, increments.REACHES)
+NOISE_BOUNDS = (*[(1e-5, 1.0)] * 5, *[(1e-5, 0.02)] * 3, increments.REACHES)
 """each."""
 
 
@@ -268,7 +268,7 @@ class Problem:
             fitted = normal[0, 1:] @ np.linalg.solve(inner, normal[1:, 0])
             return float(total + (np.linalg.slogdet(inner)[1] + normal[0, 0] - fitted) / 2.0)
 
-        options = {"maxiter": 10, "ftol": 1e-6}
+        options = {"maxiter": 20, "ftol": 1e-6}
         found = minimize(unlikeliness, np.log(first), method="L-BFGS-B", bounds=np.log(NOISE_BOUNDS), options=options)
         return np.asarray(np.exp(found.x))
 

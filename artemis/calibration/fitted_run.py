@@ -20,7 +20,7 @@ from artemis.motion.trajectory import Trajectory
 CLOCK, ONE_CLOCK = (0.5, 1e-4), (0.02, 1e-6)
 """Bands of offset [s] and drift [s/s] of the truth's clock in each run, beyond the first estimate; and where both were
 written with one clock: the time that values take to the tick."""
-BLUR, SHARP = 0.02, 1e-4
+BLUR, SHARP = 0.05, 1e-4
 """Band of the variance of the time over which the truth is filtered [s²], and of one that is not."""
 LEAST_MOMENTS = 10
 LOST = 1.0
