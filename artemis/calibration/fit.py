@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.special import stdtrit  # scipy has no types
 
 from artemis.calibration import increments
 from artemis.calibration.fitted_run import BLUR, SHARP, STEP, FittedRun, Run, case_of
 from artemis.calibration.increments import Indices, motions
 from artemis.calibration.kinematics import Kinematics, Parameter, altered, dead_reckoned
-from artemis.calibration.knowledge import Estimates, Mask, condition_of, covariance_of, estimates_of, hold
+from artemis.calibration.knowledge import QUANTILE, Estimates, Mask, condition_of, covariance_of, estimates_of, hold
 from artemis.errors import CalibrationError
 from artemis.motion.clocks import Clock
 from artemis.motion.spline import Array
@@ -33,6 +34,8 @@ ROUNDS = (SHARP, BLUR)
 """Of fitting the parameters and then the noise: before the noise is known, a filter would explain all of it."""
 STEPS = 8
 """Of the least squares, at most."""
+PIECE = 12
+"""Motions between two moments, that scatter together."""
 ROBUST = 10.0
 """Whitened differences beyond count less (soft L1),"""
 OUTLIER = 30.0
@@ -249,6 +252,25 @@ class Problem:
             total += 3.0 * np.outer(shift, shift)
         return total
 
+    def excess(self, x: Array, bands: Array, free: Mask) -> Array:
+        """Factors of the standard deviations by which pieces of the runs scatter more than the noise explains, or 1.
+
+        The cluster-robust covariance of Liang and Zeger (1986, Biometrika 73:13) of pieces that are longer than noise
+        is correlated, with Student's quantile for as few.
+        """
+        normal, scores = np.diag(bands[free] ** -2.0), []
+        for case in self.cases:
+            white = increments.whitened(case.root, self.columns(case, x))
+            common, own = white[:, 1 : 1 + len(x)][:, free], white[:, 1 + len(x) :]
+            rest = common - own @ np.linalg.solve(own.T @ own + case.prior, own.T @ common)
+            normal += common.T @ rest
+            scores.append(np.add.reduceat(rest * white[:, :1], np.arange(0, len(white), 3 * PIECE)))
+        pieces, inverse = np.concatenate(scores), np.linalg.inv(normal)
+        freedom = max(len(pieces) - len(inverse), 1.0)
+        small = len(pieces) / freedom * (stdtrit(freedom, 0.975) / QUANTILE) ** 2
+        scatter = small * inverse @ pieces.T @ pieces @ inverse
+        return np.asarray(np.sqrt(np.maximum(1.0, np.diag(scatter) / np.diag(inverse))))
+
     def noise_of(self, x: Array, first: Array) -> Array:
         """The noise by restricted maximum likelihood of the differences, linear at `x` (Harville 1977)."""
         columns = [self.columns(case, x) for case in self.cases]
@@ -295,6 +317,7 @@ def _is_on_the_axle(information: Array, bands: Array, x: Array, mount: Indices) 
 def _result(problem: Problem, x: Array, bands: Array, free: Mask, reasons: Sequence[str], noise: Array) -> Fit:
     information = problem.information(x)
     covariance = covariance_of(information, bands, free)
+    covariance[np.ix_(free, free)] *= np.multiply.outer(*[problem.excess(x, bands, free)] * 2)
     covariance[np.ix_(free, free)] += problem.bends(x, bands, free)
     mounted = "" if free[len(reasons)] else "the truth is of the rear axle's centre"
     said = [*reasons, mounted, mounted, "" if free[len(reasons) + 2] else mounted or "needs a truth with headings"]

@@ -311,16 +311,8 @@ class TestRealRuns:
             runs.append(Run(log=log, truth=truth, one_clock=True))
         return runs
 
-    @pytest.mark.parametrize(
-        ("headings", "within"),
-        [
-            (True, 0.06),
-            pytest.param(
-                False, 0.07, marks=pytest.mark.xfail(strict=True, reason="7.2 cm since slow errors are modelled")
-            ),
-        ],
-    )
-    def test_circular_runs_are_within_6_cm_by_a_fit_of_others(self, headings: bool, within: float) -> None:
+    @pytest.mark.parametrize("headings", [True, False])
+    def test_circular_runs_are_within_7_cm_by_a_fit_of_others(self, headings: bool) -> None:
         base = load_model(DATA / "tricycle.yaml", Machine).kinematics
         check = self.runs("40_run-01", "40_run-02", "54_run-01", "54_run-02")
 
@@ -333,7 +325,7 @@ class TestRealRuns:
         fitted = score([track(run, found.machine, found.sensor, found.clocks[0]) for run in check])
 
         assert nominal.mean > 0.35
-        assert fitted.mean < within
+        assert fitted.mean < 0.07
         assert degrees(found.machine.zero_left) == pytest.approx(1.15, abs=0.15)
 
 
