@@ -150,7 +150,7 @@ class TestNoise:
     def test_covariance_of_slip_is_that_of_every_two_motions(self) -> None:
         dice = np.random.default_rng(2)
         levers = [[dice.normal(size=(40, 3)), dice.normal(size=(40, 3))], [dice.normal(size=(40, 3))]]
-        distance, time = np.cumsum(dice.uniform(0.0, 0.4, 40)), 0.5 * np.arange(40)
+        distance, time = np.asarray(np.cumsum(dice.uniform(0.0, 0.4, 40)), dtype=np.float64), np.linspace(0.0, 19.5, 40)
         variances, reach = (2.0, 3.0), 1.7
         apart = [np.abs(np.subtract.outer(each, each)) for each in (distance, time)]
         kernel = np.maximum(0.0, 1.0 - apart[0] / reach) * np.maximum(0.0, 1.0 - apart[1] / increments.REACH)
