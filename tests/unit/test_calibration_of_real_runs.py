@@ -23,7 +23,7 @@ def apart(one: Fit, other: Fit) -> list[float]:
 @pytest.mark.sampled(14)
 @pytest.mark.parametrize("fitted", SPLITS, ids=lambda names: "+".join(name[8:10] + name[-1] for name in names))
 def test_circles_are_hardly_worse_than_by_the_plain_fit(fitted: tuple[str, ...]) -> None:
-    """Up to 15 % worse was seen on some splits (better on average); presumably slip is overrated by hard starts and stops."""
+    """Up to 15 % worse was seen (better on average); presumably hard starts and stops pass for slip."""
     runs, others = real_runs(*fitted), real_runs(*(name for name in CIRCLES if name not in fitted))
 
     found = fit(runs, BASE, ONE_WHEEL)
