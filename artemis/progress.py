@@ -45,6 +45,10 @@ class Position(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """The newest one to a question of the mission."""
     ended: str = ""
     """How the mission ended, if not by doing all of its steps."""
+    driven: float = 0.0
+    """Distance driven in the earlier runs that this one resumes [m]; the present run's is the odometry's."""
+    time: float = 0.0
+    """How long these lasted [s]."""
 
 
 class MissionEvent(Struct, frozen=True, kw_only=True, gc=False):
