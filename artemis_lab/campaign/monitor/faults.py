@@ -82,8 +82,8 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
         case When.BY_HAND:
             return modes == {"teleop"}
         case When.FOLLOWING:
-            asked = e.journal.phase_before(end - 1e-6) == "following"  # not any more at the end of the path
-            return asked and modes == {"follow"}
+            phase = e.journal.phase_before(end - 1e-6)  # not asked any more at the end of the path
+            return (phase, modes) in (("following", {"follow"}), ("approaching", {"act"}))
         case When.MOVING:
             moving = modes <= DRIVING and _commanded(e, injected.time - 0.1, end)
             return moving and (injected.id not in ("RUN-01", "RUN-05") or _runs_away(e, injected, end))
@@ -240,7 +240,7 @@ def journal_whole(e: Evidence) -> Iterator[Violation]:
             yield Violation("I11", line.time, f"{line.text} without a cause")
 
 
-_STEPS = ("calibrate", "teleop", "follow")
+_STEPS = ("calibrate", *sorted(DRIVING))
 CHANGES = {
     (None, "init"),
     (None, "fault"),
