@@ -67,7 +67,7 @@ class Result:
     def from_json(cls, values: dict[str, Any]) -> Result:
         """What `as_json` gave."""
         lists = {
-            "kinds": tuple(values["kinds"]),
+            "kinds": tuple(values.get("kinds", ())),
             "injected": tuple(values["injected"]),
             "seen": tuple(tuple(entry) for entry in values["seen"]),
             "violations": tuple(Violation(*entry) for entry in values["violations"]),
