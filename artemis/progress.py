@@ -8,6 +8,8 @@ WORDS = ("repeat", "try", "during", "choose", "together", "call")
 """Compose steps."""
 TIMELESS = ("say", "end", "stop")
 """Steps in which no time passes: they have no number."""
+DONE = "done"
+"""The outcome of a step that has done what it is for."""
 OWN_STEPS = ("calibrate", "follow", "wait", "teleop", "ask", *TIMELESS, *WORDS)
 """Artemis' own steps and words: no behaviour can have such a name."""
 

@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from artemis.plugins.contracts import Declared
+from artemis.progress import DONE
 from artemis.states.outline import Path, step_of, steps_in
-from artemis.states.tree import ANY, DONE, FAULT, LOST, RESTART, RESUME, TIMEOUT
+from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, TIMEOUT
 from artemis.yaml_file import dotted
 
 CALIBRATED = ""

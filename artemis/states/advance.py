@@ -10,10 +10,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct, json
 
-from artemis.progress import Acted, MissionEvent, Position
+from artemis.progress import DONE, Acted, MissionEvent, Position
 from artemis.states.condition import Condition, Signals, holds
 from artemis.states.tree import (
-    DONE,
     FAULT,
     RESTART,
     RESUME,

@@ -14,10 +14,10 @@ from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Behaviour, Declared, Follower
-from artemis.progress import MissionEvent, Position
+from artemis.progress import DONE, MissionEvent, Position
 from artemis.states.advance import MissionFacts, Passive, advance
 from artemis.states.condition import Condition
-from artemis.states.tree import DONE, Tree, list_of
+from artemis.states.tree import Tree, list_of
 from artemis.supervision.policy import Policies
 from artemis.values import Job, JobKind, Pose, Request, Snapshot, Wish
 from artemis.vehicle import RobotFile

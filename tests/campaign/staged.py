@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -40,7 +41,6 @@ def _scenario(
     killed_at: float | None = None,
     tick_hz: float = 50,
     inputs: dict[str, Any] | None = None,
-    resumed: bool = False,
     **true_robot: float,
 ) -> Scenario:
     mission = {
@@ -57,7 +57,7 @@ def _scenario(
             "faults": list(faults),
         },
     }
-    return Scenario(seed=1, mission=mission, files=files, killed_at=killed_at, resumed=resumed)
+    return Scenario(seed=1, mission=mission, files=files, killed_at=killed_at)
 
 
 def drive(
@@ -94,7 +94,7 @@ WORDS: list[dict[str, Any]] = [
 def compose(*faults: dict[str, Any], killed_at: float | None = None, acts: Acts = ()) -> Scenario:
     """Words around a path, there (from 7.3 s on, with a break at 0.3 m) and back; a run that is killed is resumed."""
     table = "x,y\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in _line(0.0))
-    return _scenario([ALIGN, *WORDS], {"path.csv": table}, faults, acts, killed_at=killed_at, resumed=True)
+    return replace(_scenario([ALIGN, *WORDS], {"path.csv": table}, faults, acts, killed_at=killed_at), resumed=True)
 
 
 def approach(*faults: dict[str, Any], acts: Acts = ()) -> Scenario:

@@ -70,6 +70,16 @@ def test_a_run_with_words_is_replayed_bit_for_bit(tmp_path: Path, capsys: pytest
     ]
 
 
+def test_what_steps_beside_watch_does_not_stop_the_robot_and_no_word_says_so(tmp_path: Path) -> None:
+    beside = {
+        "during": {"steps": [{"wait": {"for": "run_s > 1000"}}], "when": [{"if": "driven_m > 0.4", "steps": [WAIT]}]}
+    }
+    done = run(write_mission(tmp_path, [CALIBRATE, {"together": {"steps": [follow(0.4)], "beside": [beside]}}]))
+    assert "condition met: driven_m > 0.4" in [entry.text for entry in done.journal if entry.kind == "mission"]
+    fired = next(index for index, tick in enumerate(done.ticks) if tick.events and tick.events[0].kind == "fired")
+    assert done.ticks[fired + 5].set_points.speed >= done.ticks[fired].set_points.speed > 0.3
+
+
 # ---------------------------------------------------------------------------------------------- faults and stops
 
 FAULT = {"inject": "DRV-25", "node": "steer-left", "at_s": 10.0}
