@@ -59,8 +59,16 @@ def judged(e: Evidence) -> Iterator[tuple[Injected, Expected, float]]:
             deadline += e.tick
         deadline += _stands_still(e, injected, deadline)
         lasts = injected.until > deadline + LASTS and gone >= deadline
-        if not injected.is_counted and lasts and _must_show(e, injected, expected, deadline):
+        new = not injected.is_counted and not _is_told(e, injected)
+        if new and lasts and _must_show(e, injected, expected, deadline):
             yield injected, expected, deadline
+
+
+def _is_told(e: Evidence, injected: Injected) -> bool:
+    """The journal has it already, from before, and does not say that it is over."""
+    lines = (line for line in e.journal.of("fault", "cleared") if line.time < injected.time)
+    told = [line.kind for line in lines if (line.data["id"], line.data["device"]) == (injected.id, injected.node)]
+    return told[-1:] == ["fault"]
 
 
 def _stands_still(e: Evidence, injected: Injected, end: float) -> float:
