@@ -127,10 +127,10 @@ def core_from(loaded: LoadedMission, resume_point: ResumePoint | None = None, si
 
 
 def plan_for(loaded: LoadedMission, simulated: bool, resume_point: ResumePoint | None) -> Plan:
-    """The mission's plan, with followers that fail where it wants that, begun where an earlier run stopped."""
+    """The mission's plan, with plugins that fail where it wants that, begun where an earlier run stopped."""
     plan = replace(plan_from(loaded), localized=localizer_used(loaded, simulated) is not None)
     if simulated and loaded.injector is not None:
-        steps = loaded.injector.failing_followers(plan.steps, loaded.mission.simulation.faults)
+        steps = loaded.injector.failing_plugins(plan.steps, loaded.mission.simulation.faults)
         plan = replace(plan, steps=steps)
     if resume_point is None:
         return plan

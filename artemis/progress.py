@@ -8,6 +8,10 @@ WORDS = ("repeat", "try", "during", "choose", "together", "call")
 """Compose steps."""
 TIMELESS = ("say", "end", "stop")
 """Steps in which no time passes: they have no number."""
+BLOCKED = "blocked"
+"""The outcome of a step that stood for an obstacle for too long."""
+DONE = "done"
+"""The outcome of a step that has done what it is for."""
 OWN_STEPS = ("calibrate", "follow", "wait", "teleop", "ask", *TIMELESS, *WORDS)
 """Artemis' own steps and words: no behaviour can have such a name."""
 
@@ -45,6 +49,10 @@ class Position(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """The newest one to a question of the mission."""
     ended: str = ""
     """How the mission ended, if not by doing all of its steps."""
+    driven: float = 0.0
+    """Distance driven in the earlier runs that this one resumes [m]; the present run's is the odometry's."""
+    time: float = 0.0
+    """How long these lasted [s]."""
 
 
 class MissionEvent(Struct, frozen=True, kw_only=True, gc=False):

@@ -191,6 +191,7 @@ class Odometry(Struct, frozen=True, kw_only=True, gc=False):
     speed: float = 0.0  # of the virtual front wheel [m/s]
     steering: float = 0.0  # of the virtual front wheel [rad]
     distance: float = 0.0  # distance of the rear axle centre [m], forward positive
+    driven: float = 0.0  # the same, but backwards counts as forwards
     slip: float = 0.0
     """Disagreement of the driven wheels in the last step [m/s]: how far each is from the rigid-body fit."""
     lost: bool = False  # driven wheels may have rolled while nobody counted: this pose means nothing

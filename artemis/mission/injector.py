@@ -60,11 +60,11 @@ class FaultInjector(Protocol):
             fault: As the mission has it.
             robot: Whose drives it may name; None: not known.
             inputs: The mission's inputs.
-            follows: The mission has a follow step.
+            follows: A follower or a behaviour does one of the mission's steps.
         """
 
-    def failing_followers(self, steps: Sequence[Step], faults: Sequence[InjectedFault]) -> tuple[Step, ...]:
-        """The steps of a plan; their followers do at its run time what is asked for, also in a replay."""
+    def failing_plugins(self, steps: Sequence[Step], faults: Sequence[InjectedFault]) -> tuple[Step, ...]:
+        """The steps of a plan; those that drive misbehave at its run time as asked for, also in a replay."""
 
     def failing_disk(self, folder: FilePath) -> Disk:
         """A disk that can be told to fail, with the room that `folder` has."""

@@ -19,6 +19,7 @@ from artemis.mission.reading import Configs, Model
 from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
 from artemis.mission.surroundings import SurroundingsChecks
 from artemis.plugins.contracts import PluginContext, is_pure
+from artemis.progress import OWN_STEPS
 from artemis.states.outline import steps_in
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import Document, KeyPath, read, survey
@@ -205,7 +206,7 @@ class _Loading(SurroundingsChecks):
         if injector is None:
             self._complain(("simulation", "faults"), "the package artemis_lab makes them happen: it is not installed")
             return
-        follows = any(word == "follow" for _, word, _ in steps_in(steps))
+        follows = any(word == "follow" or word not in OWN_STEPS for _, word, _ in steps_in(steps))
         for index in range(len(given)):
             at: KeyPath = ("simulation", "faults", index)
             if (fault := self._part(InjectedFault, *at)) is None:

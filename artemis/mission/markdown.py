@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from artemis.states.tree import DONE, LOST_FAULTS, TIMEOUT
+from artemis.progress import DONE
+from artemis.states.tree import LOST_FAULTS, TIMEOUT
 
 _ENDS = {
     "follow": f"`{DONE}`; where a `try` names it, `lost`: the faults {', '.join(LOST_FAULTS)}",

@@ -11,9 +11,10 @@ from msgspec import Struct
 from artemis.mission.loading import LoadedMission
 from artemis.mission.tree import MissionTree
 from artemis.mission.walking import DT, MissionWalk
+from artemis.progress import DONE
 from artemis.states.condition import Compare, Has, comparisons
 from artemis.states.outline import steps_in
-from artemis.states.tree import ANY, DONE, FAULT, LOST, LOST_FAULTS, During, Repeat, Try, inside
+from artemis.states.tree import ANY, FAULT, LOST, LOST_FAULTS, During, Repeat, Try, inside
 from artemis.yaml_file import KeyPath, dotted
 
 _ROUNDS = 3

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from artemis.errors import ConfigError
 from artemis.mission.actions import Calibrate, Follow, MeasureSteering, Recorded
 from artemis.mission.behaviours import behaviour_class, declarations
 from artemis.mission.by_hand import Teleop
 from artemis.mission.obstacles import Obstacles, check_obstacles
+from artemis.mission.order import CALIBRATED, Facts, done_before, why_not
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs, MissionReading
 from artemis.mission.schema import Mission, Supervision
@@ -21,6 +22,8 @@ from artemis.yaml_file import KeyPath
 
 if TYPE_CHECKING:
     from artemis.mission.tree import MissionTree
+
+NO_RECORD = "; no step before has `record:`"
 
 
 class StepChecks(MissionReading):
@@ -45,25 +48,27 @@ class StepChecks(MissionReading):
                 self._complain((*at, "obstacles"), problem)
 
     def _check_steps(self, robot: RobotFile | None, inputs: Configs) -> None:
-        calibrated, recorded, steps = False, list[str](), self._data.get("steps")
+        steps = self._data.get("steps")
         given = steps if isinstance(steps, list) else []
-        moving = {"follow", *(name for name, facts in declarations(given).items() if facts.moves)}
+        behaviours = declarations(given)
+        moving = {"follow", *(name for name, facts in behaviours.items() if facts.moves)}
+        before = done_before(given, behaviours)
         for path, word, _ in steps_in(given):
-            if word in moving and not calibrated:
-                self._complain(path, "calibrate first: no step before this one does (CAL-02)")
-            calibrated = calibrated or word == "calibrate"
+            if word in moving and CALIBRATED not in before.get(path, [CALIBRATED]):
+                why = why_not(given, CALIBRATED, path) or "no step before this one does"
+                self._complain(path, f"calibrate first: {why} (CAL-02)")
             if word == "stop" and path != ("steps", len(given) - 1, "stop"):
                 self._complain(path, "ends the mission: it can only be the last step")
         for number, (path, _, _) in enumerate(numbered(given)):
             step = self._part(Step, *path[:-1])
             if step is None:
                 continue
-            if isinstance(step.action, Teleop) and step.action.record:
-                recorded.append(step.action.record)
             if isinstance(step.action, Follow | Teleop):
                 self._check_obstacles(path, step.action.obstacles, robot)
             if isinstance(step.action, Follow):
-                self._check_follow(number, path, step.action, robot, recorded)
+                if isinstance(step.action.path, Recorded) and path in before:
+                    self._check_recorded(path, step.action.path.recorded, before[path], given)
+                self._check_follow(number, path, step.action, robot)
             elif isinstance(step.action, Teleop):
                 self._check_teleop(path, step.action, robot, inputs)
             elif isinstance(step.action, Calibrate):
@@ -85,18 +90,20 @@ class StepChecks(MissionReading):
             for name, problem in check_gains(step.gains, robot):
                 self._complain((*at, "gains", name), problem)
 
-    def _check_follow(
-        self, number: int, at: KeyPath, follow: Follow, robot: RobotFile | None, recorded: list[str]
-    ) -> None:
+    def _check_recorded(self, at: KeyPath, name: str, before: Facts, steps: list[Any]) -> None:
+        if name in before:
+            return
+        hint, names = why_not(steps, name, at), before - {CALIBRATED}
+        hint = f": {hint}" if hint else nearest(name, names, "recorded before") if names else NO_RECORD
+        self._complain((*at, "path", "recorded"), f"no step before this one records {name}{hint}")
+
+    def _check_follow(self, number: int, at: KeyPath, follow: Follow, robot: RobotFile | None) -> None:
         config = self._plugin("artemis.followers", *at, "follower")
         speed = follower_speed(config)
         if robot is not None:
             speed = robot.limits.speed_m_s if speed is None else speed
             self._check_speed((*at, "follower", "speed_m_s"), speed, robot)
         if isinstance(follow.path, Recorded):
-            if (name := follow.path.recorded) not in recorded:
-                hint = nearest(name, recorded, "recorded before") if recorded else "; no step before has `record:`"
-                self._complain((*at, "path", "recorded"), f"no step before this one records {name}{hint}")
             return
         raw = self._file((*at, "path"), follow.path) if isinstance(follow.path, str) else b""
         if raw is None:

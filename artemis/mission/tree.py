@@ -12,11 +12,13 @@ from artemis.mission.behaviours import UNTIL, declarations
 from artemis.mission.problems import nearest
 from artemis.mission.schema import Mission
 from artemis.mission.words import Step
+from artemis.plugins.contracts import Declared
+from artemis.progress import BLOCKED, DONE
 from artemis.states import tree
 from artemis.states.advance import Passive
 from artemis.states.condition import Condition, SignalKind, comparisons, parse
 from artemis.states.outline import steps_in
-from artemis.states.tree import ANY, BLOCKED, DONE, FAULT, LOST, RESTART, RESUME, TIMEOUT, Leaf, Node, Steps, Tree
+from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, TIMEOUT, Leaf, Node, Steps, Tree
 from artemis.supervision.catalogue import ROWS
 from artemis.yaml_file import KeyPath, dotted
 
@@ -50,10 +52,14 @@ class MissionTree:
 def signals_of(mission: Mission) -> dict[str, SignalKind]:
     """What conditions of a mission may ask for, `round` apart, which only a `repeat` has."""
     steps = _written(mission)
+    return _signals(mission, steps, declarations(steps))
+
+
+def _signals(mission: Mission, steps: Any, behaviours: Mapping[str, Declared]) -> dict[str, SignalKind]:  # noqa: ANN401
     answers = [answer for _, word, body in steps_in(steps) if word == "ask" for answer in body["answers"]]
     by_input = {f"{name}.{button}": _TRUTH for name in mission.inputs for button in ("done", "record")}
     asked = {"answer": SignalKind(kind=str, values=tuple(dict.fromkeys(answers)))} if answers else {}
-    measured = {name: _NUMBER for facts in declarations(steps).values() for name in facts.signals}
+    measured = {name: _NUMBER for facts in behaviours.values() for name in facts.signals}
     return {"run_s": _NUMBER, "driven_m": _NUMBER, "battery_v": _NUMBER, **asked, **by_input, **measured}
 
 
@@ -67,7 +73,7 @@ def mission_tree(mission: Mission) -> MissionTree:
     building = _Building(mission)
     building.check_signals()
     of = mission.steps[:-1] if mission.steps[-1].stop is not None and len(mission.steps) > 1 else mission.steps
-    root = building.steps(of, ("steps",), signals_of(mission))
+    root = building.steps(of, ("steps",), building.signals)
     building.check(root, ("steps",))
     return MissionTree(
         tree.tree_of(root),
@@ -83,7 +89,9 @@ def mission_tree(mission: Mission) -> MissionTree:
 class _Building:
     def __init__(self, mission: Mission) -> None:
         self._simulated = mission.bus == "simulation"
-        self._behaviours = declarations(_written(mission))
+        steps = _written(mission)
+        self._behaviours = declarations(steps)
+        self.signals = _signals(mission, steps, self._behaviours)
         self._until: set[int] = set()
         """Nodes made of a behaviour's key `until`, by identity."""
         self.numbered: list[tuple[KeyPath, Step]] = []

@@ -13,10 +13,10 @@ from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.paths import named
 from artemis.mission.tree import MissionTree, signals_of
 from artemis.mission.words import Step
-from artemis.progress import MissionEvent, Position
+from artemis.progress import DONE, MissionEvent, Position
 from artemis.states.advance import MissionFacts, advance
 from artemis.states.condition import SignalKind, Value
-from artemis.states.tree import DONE, FAULT, LOST, LOST_FAULTS, TIMEOUT, Tree
+from artemis.states.tree import FAULT, LOST, LOST_FAULTS, TIMEOUT, Tree
 from artemis.supervision.catalogue import ROWS
 from artemis.yaml_file import dotted
 

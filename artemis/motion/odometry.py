@@ -74,6 +74,7 @@ class Odometer:
             speed=rolled / dt if dt > 0.0 else last.speed,
             steering=steering,
             distance=last.distance + advance,
+            driven=last.driven + (advance if advance > 0.0 else -advance),
             slip=slipped / dt if dt > 0.0 else last.slip,
         )
         return self.odometry

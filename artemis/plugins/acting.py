@@ -12,11 +12,9 @@ from msgspec import Struct, json
 
 from artemis.plugins.contracts import Acting, Declared, State
 from artemis.plugins.guard import NUMBER, told
-from artemis.progress import SignalValue
+from artemis.progress import DONE, SignalValue
 from artemis.values import Action, DriveCommand
 
-DONE = "done"
-"""The outcome of a step that did what it is for."""
 MAX_STATE_BYTES = 1000
 """Of a state, as JSON."""
 SIGNALS = ("run_s", "driven_m", "battery_v", "round", "answer", "and", "or", "not")

@@ -267,7 +267,8 @@ def meaning(code: int) -> str:
 
 def happened(event: MissionEvent, mode: Mode) -> str:
     """What happened in a mission, in words; `mode` of that tick."""
-    rests = "" if mode is Mode.READY else ": coming to rest"
+    stands = mode is Mode.READY or ".together.beside[" in event.place  # the robot is not stopped for steps beside
+    rests = "" if stands else ": coming to rest"
     match event.kind:
         case "ended":
             return f"step ended: {event.text} ({event.place})"

@@ -8,6 +8,8 @@ from copy import deepcopy
 from datetime import datetime
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from artemis.errors import ConfigError, RecordingError
 from artemis.motion.track import Track
 from artemis.progress import Position
@@ -83,9 +85,11 @@ def _where_it_stopped(
     pose, true_pose = Pose(), None
     if before or recording.places_robot():
         pose, true_pose = last.snapshot.pose.pose, last.true_pose
+    position, snapshot = last.position, last.snapshot
+    driven, time = position.driven + snapshot.odometry.driven, position.time + snapshot.time
     resume_point = ResumePoint(
         run=recording.path.resolve().parent.name,
-        position=last.position,
+        position=replace(position, driven=driven, time=time),
         pose=pose,
         true_pose=true_pose,
         tracks=_tracks(run, recording, last.position),

@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from artemis.progress import MissionEvent
+from artemis.progress import DONE, MissionEvent
 from artemis.report.mission_boxes import name_of
 from artemis.states.modes import RUNNING
 from artemis.states.outline import numbered
-from artemis.states.tree import DONE
 from artemis.values import Tick
 from artemis.yaml_file import dotted
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from artemis.drive_states import Goal
-from artemis.plugins.acting import DONE, Answered, answered, state_from
+from artemis.plugins.acting import Answered, answered, state_from
 from artemis.plugins.guard import PLUGIN_ERRORS, told
-from artemis.progress import Acted
+from artemis.progress import DONE, Acted
 from artemis.states.follow import lost_fault
 from artemis.states.mode import stand
 from artemis.states.plan import BehaviourStep, Shared

@@ -10,10 +10,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct, json
 
-from artemis.progress import Acted, MissionEvent, Position
+from artemis.progress import DONE, Acted, MissionEvent, Position
 from artemis.states.condition import Condition, Signals, holds
 from artemis.states.tree import (
-    DONE,
     FAULT,
     RESTART,
     RESUME,
@@ -126,10 +125,19 @@ class _Advance:
         place, outcome = self._run(tree.root, place)
         if outcome:
             ended = "" if outcome in (DONE, f"!{DONE}") else outcome.removeprefix("!")
-            after = Position(step=tree.size, answer=self._answer, ended=ended)
+            after = Position(
+                step=tree.size, answer=self._answer, ended=ended, driven=position.driven, time=position.time
+            )
         else:
-            text = "" if tree.is_list else _ENCODER.encode(place).decode()
-            after = Position(step=self._step, done=self._done, state=self._state, place=text, answer=self._answer)
+            after = Position(
+                step=self._step,
+                done=self._done,
+                state=self._state,
+                place="" if tree.is_list else _ENCODER.encode(place).decode(),
+                answer=self._answer,
+                driven=position.driven,
+                time=position.time,
+            )
         return Advanced(
             position=after,
             events=tuple(self._events),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from artemis.progress import BLOCKED
 from artemis.scan import ObstacleRules
 from artemis.states.mode import stand
-from artemis.states.tree import BLOCKED
 from artemis.supervision import catalogue
 from artemis.values import Event, Mode, Snapshot, Wish
 

@@ -14,11 +14,11 @@ from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Behaviour, Declared, Follower
-from artemis.progress import MissionEvent, Position
+from artemis.progress import DONE, MissionEvent, Position
 from artemis.scan import ObstacleRules
 from artemis.states.advance import MissionFacts, Passive, advance
 from artemis.states.condition import Condition
-from artemis.states.tree import DONE, Tree, list_of
+from artemis.states.tree import Tree, list_of
 from artemis.supervision.policy import Policies
 from artemis.values import Job, JobKind, Pose, Request, Snapshot, Wish
 from artemis.vehicle import RobotFile
@@ -266,7 +266,6 @@ class Shared:
         """Steps that run beside the present one, each with the state of its behaviour (JSON; empty: it begins)."""
         self._told: dict[str, float] = {}
         self._passive = [_passive(step) for step in plan.steps]
-        self._driven, self._at = 0.0, 0.0
 
     @property
     def current(self) -> Step | None:
@@ -331,11 +330,10 @@ class Shared:
                 self._told.pop(name, None)
 
     def _signals(self, snapshot: Snapshot) -> dict[str, float | str | bool]:
-        sensed, distance = snapshot.sensed, snapshot.odometry.distance
-        self._driven, self._at = self._driven + abs(distance - self._at), distance
+        sensed, position = snapshot.sensed, self.position
         signals: dict[str, float | str | bool] = {
-            "run_s": sensed.time,
-            "driven_m": self._driven,
+            "run_s": position.time + sensed.time,
+            "driven_m": position.driven + snapshot.odometry.driven,
             **self._told,
         }
         if sensed.battery_v is not None:

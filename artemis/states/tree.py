@@ -8,9 +8,7 @@ from msgspec import Struct
 
 from artemis.states.condition import Condition
 
-DONE, TIMEOUT, FAULT, ANY = "done", "timeout", "fault", "any"
-BLOCKED = "blocked"
-"""Outcome of a step that stood for an obstacle for too long."""
+TIMEOUT, FAULT, ANY = "timeout", "fault", "any"
 LOST, LOST_FAULTS = "lost", ("PTH-05", "PTH-06", "LOC-01")
 """Faults of a step that follows a path which are its outcome `lost`, too."""
 RESUME, RESTART = "resume", "restart"

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import os
+import random
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from artemis.app import Outcome, Watch, run_mission
+from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.devices.can_bus import Traffic
+from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.planning import core_from
 from artemis.recording.mcap_reader import Recording
+from artemis.recording.provenance import ResumePoint
 from artemis.recording.replay import replay
 from artemis.sim.world import World
 from artemis.values import Tick
 from artemis_lab.campaign.monitor import judge
 from artemis_lab.campaign.monitor.evidence import Evidence, Injected, Stick, Violation
-from artemis_lab.campaign.monitor.faults import seen
+from artemis_lab.campaign.monitor.faults import Seen, seen
 from artemis_lab.campaign.monitor.journal_reader import ReadJournal
 from artemis_lab.campaign.scenario import Scenario
 from artemis_lab.campaign.witness import Witness
@@ -31,6 +34,10 @@ ALONE = 1.5
 """A machine without a host is watched for so long [s]."""
 RESTS = 0.05
 """A stick that is moved less than this lies in its dead zone."""
+LATER = timedelta(hours=1)
+"""After so long a run that was killed is resumed."""
+LOST = 20_000
+"""So much of a recording may be missing after a kill [bytes]."""
 PROGRAM_FAILS = "SYS-04"
 """An injection after which the program has to fail."""
 
@@ -44,6 +51,8 @@ class Result:
     """Exit status; None: the program failed or was killed."""
     time_s: float
     """Run time."""
+    kinds: tuple[str, ...] = ()
+    """Steps and words of the mission, and what else was special."""
     injected: tuple[str, ...] = ()
     """Rows of the faults that were made to happen."""
     seen: tuple[tuple[str, float, float], ...] = ()
@@ -58,6 +67,7 @@ class Result:
     def from_json(cls, values: dict[str, Any]) -> Result:
         """What `as_json` gave."""
         lists = {
+            "kinds": tuple(values.get("kinds", ())),
             "injected": tuple(values["injected"]),
             "seen": tuple(tuple(entry) for entry in values["seen"]),
             "violations": tuple(Violation(*entry) for entry in values["violations"]),
@@ -87,57 +97,157 @@ def run_scenario(
     """
     before = resources()
     source = given.write(folder, robot)
-    loaded = load_mission(source)
-    witnesses: list[Witness] = []
-
-    def make_witness(world: World) -> Witness:
-        witnesses.append(Witness(world, loaded.robot))
-        return witnesses[0]
-
-    def observe(tick: Tick, traffic: Traffic) -> None:
-        if watch is not None:
-            watch(tick, traffic)
-        if given.killed_at is not None and tick.snapshot.time >= given.killed_at:
-            raise _Killed
-        if tick.snapshot.time > given.longest:
-            raise _Endless(f"still running: {tick.mode.value}, {tick.wish.phase}")
-
-    outcome, failures = _run(loaded, source, given.seed, observe, make_witness)
-    witness = witnesses[0]
-    end = witness.time
-    if outcome is None:
-        witness.go_on_alone(ALONE)
-    (run,) = (folder / loaded.mission.record).iterdir()
-    evidence = _evidence(given, loaded, witness, end, ReadJournal(run / "journal.jsonl"), outcome)
-    violations = [*_unexpected(given, failures, evidence, end), *judge(evidence)]
-    if replayed:
-        difference = replay(Recording(run), core_from(loaded)).difference
-        violations += [Violation("I11", end, f"replay: {difference}")] if difference else []
-    del witness, witnesses[:]
+    mission = _Mission(given, load_mission(source), source, watch, replayed)
+    runs = [mission.run(EPOCH + timedelta(seconds=given.seed), given.killed_at)]
+    kinds, violations = list(given.kinds), list(runs[0].violations)
+    if runs[0].killed:
+        kinds.append("killed")
+    if runs[0].killed and given.resumed and not any(isinstance(error, RuntimeError) for error in runs[0].failures):
+        resumed, problems = mission.resume(runs[0])
+        runs += [resumed] if resumed is not None else []
+        kinds += ["resumed"] if resumed is not None else []
+        kinds += ["compared"] if resumed is not None and not given.disturbed else []
+        violations += problems
+    last = runs[-1]
     after = resources()
     if any(now > then for now, then in zip(after, before, strict=True)):
-        violations.append(Violation("I12", end, f"threads and open files grew from {before} to {after}"))
+        violations.append(Violation("I12", last.end, f"threads and open files grew from {before} to {after}"))
+    found = [one for run in runs for one in run.seen]
     return Result(
         seed=given.seed,
-        status=None if outcome is None else outcome.exit_status,
-        time_s=round(end, 4),
-        injected=tuple(injected.id for injected in evidence.injected),
-        seen=tuple((one.injected.id, round(one.latency, 4), round(one.within, 4)) for one in seen(evidence)),
+        status=last.status,
+        time_s=round(sum(run.end for run in runs), 4),
+        kinds=tuple(kinds),
+        injected=tuple(injected.id for run in runs for injected in run.injected),
+        seen=tuple((one.injected.id, round(one.latency, 4), round(one.within, 4)) for one in found),
         violations=tuple(violations),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Done:
+    """One run of a scenario's mission, judged."""
+
+    folder: Path
+    status: int | None
+    failures: list[BaseException]
+    end: float
+    injected: Sequence[Injected]
+    seen: Sequence[Seen]
+    violations: list[Violation]
+    events: list[tuple[float, str]]
+    """What happened in the mission, and when [s]."""
+
+    @property
+    def killed(self) -> bool:
+        """The host was killed in it."""
+        return any(isinstance(error, _Killed) for error in self.failures)
+
+
+@dataclass(frozen=True, slots=True)
+class _Mission:
+    """The mission of a scenario, laid out in its folder."""
+
+    given: Scenario
+    loaded: LoadedMission
+    source: Path
+    watch: Watch | None
+    replayed: bool
+
+    def run(self, start: datetime, killed_at: float | None = None, resume_point: ResumePoint | None = None) -> _Done:
+        """Run it and judge that; nothing of the run stays in memory but what is found."""
+        given, loaded, witnesses, events = self.given, self.loaded, list[Witness](), list[tuple[float, str]]()
+
+        def make_witness(world: World) -> Witness:
+            witnesses.append(Witness(world, loaded.robot))
+            return witnesses[0]
+
+        def observe(tick: Tick, traffic: Traffic) -> None:
+            if self.watch is not None:
+                self.watch(tick, traffic)
+            time = tick.snapshot.time
+            events.extend((time, f"{event.kind} {event.text} {event.place}") for event in tick.events)
+            if killed_at is not None and time >= killed_at:
+                raise _Killed
+            if time > given.longest:
+                raise _Endless(f"still running: {tick.mode.value}, {tick.wish.phase}")
+
+        folders = set(self._folders())
+        outcome, failures = _run(loaded, self.source, start, observe, make_witness, resume_point)
+        witness = witnesses[0]
+        end = witness.time
+        if outcome is None:
+            witness.go_on_alone(ALONE)
+        (run,) = set(self._folders()) - folders
+        evidence = _evidence(given, loaded, witness, end, ReadJournal(run / "journal.jsonl"), outcome)
+        violations = [*_unexpected(failures, evidence, end), *judge(evidence)]
+        if self.replayed:
+            difference = replay(Recording(run), core_from(loaded, resume_point)).difference
+            violations += [Violation("I11", end, f"replay: {difference}")] if difference else []
+        return _Done(
+            folder=run,
+            status=None if outcome is None else outcome.exit_status,
+            failures=failures,
+            end=end,
+            injected=evidence.injected,
+            seen=seen(evidence),
+            violations=violations,
+            events=events,
+        )
+
+    def resume(self, killed: _Done) -> tuple[_Done | None, list[Violation]]:
+        """Resume a run that was killed; None where that is refused for a reason. And what is wrong with it."""
+        given, recording = self.given, killed.folder / "recording.mcap"
+        lost = random.Random(given.seed).choice((0, 1)) * random.Random(-given.seed).randrange(LOST)
+        recording.write_bytes(recording.read_bytes()[: -lost or None])  # what was not on the disk yet
+        try:
+            last = Recording(killed.folder).last_tick()
+        except RecordingError:
+            last = None
+        try:
+            point, _ = resumption_from(self.loaded, self.source, killed.folder)
+        except ConfigError as error:
+            over = last is None or last.position.step >= len(self.loaded.tree.steps) or last.snapshot.pose.lost
+            return None, [] if over else [Violation("I13", killed.end, f"is not resumed: {error}")]
+        assert last is not None
+        start = EPOCH + timedelta(seconds=given.seed)
+        resumed = self.run(start + LATER, None, point)
+        violations = [v._replace(text=f"{v.text} (resumed)") for v in resumed.violations if not _follows(v, killed)]
+        if not given.disturbed:
+            whole = self.run(start + 2 * LATER)
+            before = [text for time, text in killed.events if time <= last.snapshot.time]
+            did, does = [*before, *(text for _, text in resumed.events)], [text for _, text in whole.events]
+            if did != does or resumed.status != whole.status:
+                here = next(
+                    (n for n, (a, b) in enumerate(zip(did, does, strict=False)) if a != b), min(len(did), len(does))
+                )
+                instead = f"{did[here : here + 1]} instead of {does[here : here + 1]}"
+                violations.append(
+                    Violation("I13", resumed.end, f"the mission is not done as in a whole run: {instead}")
+                )
+        return resumed, violations
+
+    def _folders(self) -> list[Path]:
+        runs = self.source.parent / self.loaded.mission.record
+        return list(runs.iterdir()) if runs.is_dir() else []
+
+
+def _follows(violation: Violation, killed: _Done) -> bool:
+    """It comes of what went wrong before the kill: the robot was off its path then."""
+    return bool(killed.injected) and violation.invariant in ("I0", "I3") and "nothing had happened" in violation.text
 
 
 def _run(
     loaded: LoadedMission,
     source: Path,
-    seed: int,
+    start: datetime,
     observe: Watch,
     witness: Callable[[World], Witness],
+    resume_point: ResumePoint | None,
 ) -> tuple[Outcome | None, list[BaseException]]:
     """The outcome, or with what the program failed."""
     try:
-        start = EPOCH + timedelta(seconds=seed)
-        return run_mission(loaded, source, watch=observe, witness=witness, start=start), []
+        return run_mission(loaded, source, watch=observe, witness=witness, start=start, resume_point=resume_point), []
     except Exception as error:  # noqa: BLE001  what is under test may fail in any way; that is a finding
         return None, _leaves(error)
 
@@ -148,7 +258,7 @@ def _leaves(error: BaseException) -> list[BaseException]:
     return [error]
 
 
-def _unexpected(given: Scenario, failures: list[BaseException], evidence: Evidence, end: float) -> list[Violation]:
+def _unexpected(failures: list[BaseException], evidence: Evidence, end: float) -> list[Violation]:
     """I0: how a program may not end."""
     told = [injected for injected in evidence.injected if injected.id == PROGRAM_FAILS]
     wanted = (_Killed,) if not told else (_Killed, RuntimeError)

@@ -221,6 +221,18 @@ class FaultTotals:
     """Runs with it in which an invariant broke."""
 
 
+def drawn(results: Iterable[Result]) -> list[tuple[str, int, int]]:
+    """Each kind of step and word, in how many runs it was, and in how many of those an invariant broke."""
+    runs: Counter[str] = Counter()
+    failed: Counter[str] = Counter()
+    for result in results:
+        runs.update(result.kinds)
+        failed.update(result.kinds if result.violations else ())
+    return [
+        (kind, number, failed[kind]) for kind, number in sorted(runs.items(), key=lambda entry: (-entry[1], entry[0]))
+    ]
+
+
 def table(results: Iterable[Result]) -> list[FaultTotals]:
     """One line for each kind of fault that happened."""
     runs: Counter[str] = Counter()

@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import math
 import random
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from artemis.motion.path import check_drivable, path_from_csv
+from artemis.states.outline import steps_in
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Kind
 from artemis.supervision.policy import WATCHED
 from artemis.vehicle import RobotFile
+from artemis_lab.campaign.trees import ALIGN, ANSWERS, LENGTH, PARTS, TreeDice
 from artemis_lab.injections.stage import Lasting, Needs
 from artemis_lab.injections.table import INJECTIONS
 
@@ -26,13 +29,14 @@ NOT_DRAWN = {
 MISSION = "mission.yaml"
 BRING_UP = 5.0
 """About how long it takes from the start to the first step [s]."""
-ENDING = ("INP", "RUN-12")
-"""Faults that have to end for the run to end: controls that never rest, a follower that never arrives."""
+ENDING = ("INP", "RUN-12", "PTH-08")
+"""Faults that have to end for the run to end: controls that never rest, a follower or behaviour that never arrives."""
 SLOWEST = 0.05
 """A path that is too fast is driven slower, down to this speed [m/s]."""
 GRACE = 5.0
 """The robot waits so long for an operator who no longer acts [s]."""
 _PLUGIN = ("PLG-", "PTH-08", "PTH-09", "RUN-11", "RUN-12")
+_CAUGHT = re.compile(r"fault:(\w+-\d+)")
 _ROLES = {
     Needs.DRIVE: ("traction", "steering"),
     Needs.SOME_DRIVE: ("traction", "steering"),
@@ -52,6 +56,22 @@ class Scenario:
     """Tables that it names."""
     killed_at: float | None = None
     """Then the host dies as by SIGKILL: nothing of it reaches the bus any more [s]."""
+    resumed: bool = False
+    """Once it is dead, another run resumes the mission."""
+
+    @property
+    def disturbed(self) -> bool:
+        """Something goes wrong, or a person stops the robot."""
+        return bool(self.faults) or any(act["do"] in ("quickstop", "end") for act in self.operator)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The steps and words of its mission, and what is special in them."""
+        found = list(steps_in(self.mission["steps"]))
+        follows = [body for _, word, body in found if word == "follow"]
+        measures = ("measure" for _, word, body in found if word == "calibrate" and "from_pot" not in str(body))
+        backwards = ("backwards" for body in follows if body.get("from_end") or body.get("direction") == "backward")
+        return tuple(dict.fromkeys([*(word for _, word, _ in found), *measures, *backwards]))
 
     @property
     def faults(self) -> Sequence[dict[str, Any]]:
@@ -85,11 +105,16 @@ class Scenario:
 def scenario(seed: int, robot: RobotFile) -> Scenario:
     """The scenario of a seed for a robot: always the same, until something is added here or to the injections."""
     dice = random.Random(seed)
-    draw = _follow if dice.uniform(0, 1) < 0.6 else _teleop
+    draw = dice.choices((_follow, _teleop, _tree, _calibrate), (36, 30, 30, 4))[0]
     tick_hz = dice.choice((50, 50, 50, 50, 50, 50, 25, 40, 80, 100))
     steps, files, inputs, length = draw(dice, robot)
-    faults = _faults(dice, robot, length, by_hand=bool(inputs))
-    operator = _operator(dice, [fault["at_s"] for fault in faults], length)
+    words = {word for _, word, _ in steps_in(steps)}
+    resumed = dice.uniform(0, 1) < (0.12 if draw is _tree else 0.02)
+    sound = resumed and dice.uniform(0, 1) < 0.5
+    faults = [] if sound else _faults(dice, robot, length, _fitting(words), _CAUGHT.findall(json.dumps(steps)))
+    operator = [] if sound else _operator(dice, [fault["at_s"] for fault in faults], length)
+    if "ask" in words and dice.uniform(0, 1) < 0.7:
+        operator = sorted([*operator, *_answers(dice, length)], key=lambda act: float(act["at_s"]))
     mission = {
         "mission": f"seed-{seed}",
         "robot": "robot.yaml",
@@ -97,16 +122,19 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
         "tick_hz": tick_hz,
         "inputs": inputs,
         "steps": steps,
+        **({"parts": PARTS} if "call" in words else {}),
         "recovery": _recovery(dice),
         "simulation": {
             "seed": dice.randrange(1 << 32),
+            "pace": "fast",
             "true_robot": _true_robot(dice),
             "operator": operator,
             "faults": faults,
         },
     }
-    killed = round(dice.uniform(0.0, length + 1.0), 4) if dice.uniform(0, 1) < 0.05 else None
-    return Scenario(seed=seed, mission=mission, files=files, killed_at=killed)
+    dies = resumed or dice.uniform(0, 1) < 0.04
+    killed = round(dice.uniform(0.0, length + 1.0), 4) if dies else None
+    return Scenario(seed=seed, mission=mission, files=files, killed_at=killed, resumed=resumed)
 
 
 def _recovery(dice: random.Random) -> dict[str, dict[str, str]]:
@@ -138,18 +166,48 @@ Part = tuple[list[dict[str, Any]], dict[str, str], dict[str, Any], float]
 """Steps, files, inputs, and about how long the run takes [s]."""
 
 
+def _tree(dice: random.Random, robot: RobotFile) -> Part:
+    """Words around a path, and maybe ahead beyond its end."""
+    bend = dice.choice((0.0, 0.0, -1.0, 1.0)) * dice.uniform(0.1, 0.3)
+    speed = min(round(dice.uniform(0.3, 0.6), 2), robot.limits.speed_m_s)
+    drawn = TreeDice(dice, speed, dice.sample(_fitting({"follow"}), 2))
+    steps, table = drawn.mission(), _table(_sampled(lambda distance: bend, LENGTH))
+    return steps, {"path.csv": table}, {}, BRING_UP + 2.0 + drawn.seconds
+
+
+def _calibrate(dice: random.Random, robot: RobotFile) -> Part:
+    """One wheel's potentiometers are measured, or gains are tried."""
+    side, other = dice.sample(("left", "right"), 2)
+    if dice.uniform(0, 1) < 0.4:
+        words = {"wheels": side, "reference_deg": {side: round(dice.uniform(-1.0, 1.0), 1)}}
+        return [{"calibrate": {"steering": words}}], {}, {}, BRING_UP + 17.0
+    gains = {f"steer-{other}": {"position": [160, 10, 210]}, f"traction-{side}": {"velocity": [900, 110]}}
+    turn = {"turn": {"side": side, "angle_deg": round(dice.uniform(1.0, 6.0), 1)}}
+    return [{"calibrate": step} for step in ({"gains": gains}, turn)], {}, {}, BRING_UP + 9.0
+
+
 def _follow(dice: random.Random, robot: RobotFile) -> Part:
     shape = dice.choice((_straight, _straight, _straight, _arc, _arc, _slalom, _eight, _circle))
     points, speed, laps, length = shape(dice)
-    table = "x,y\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in points)
+    mirrored = -1.0 if shape is not _circle and dice.uniform(0, 1) < 0.1 else 1.0
+    table = _table([(mirrored * x, y) for x, y in points])
     path, speed = path_from_csv(table, "path.csv"), min(speed, robot.limits.speed_m_s)
     while check_drivable(path, robot, speed) and speed > SLOWEST:
         speed = round(0.75 * speed, 3)
     follow: dict[str, Any] = {"path": "path.csv", "follower": {"plugin": "indiveri", "speed_m_s": speed}, "laps": laps}
-    steps: list[dict[str, Any]] = [{"calibrate": {"steering": "from_potentiometers"}}, {"follow": follow}]
+    steps: list[dict[str, Any]] = [ALIGN, {"follow": follow}]
+    if mirrored < 0.0:
+        follow["direction"] = "backward"
+    elif laps * length < 1.5 and dice.uniform(0, 1) < 0.15:
+        steps.append({"follow": {**follow, "from_end": True}})
+        laps += 1
     if dice.uniform(0, 1) < 0.1:
         steps.insert(1, {"wait": {"seconds": round(dice.uniform(0.1, 1.0), 2)}})
     return steps, {"path.csv": table}, {}, BRING_UP + 3.0 + laps * length / speed
+
+
+def _table(points: Sequence[tuple[float, float]]) -> str:
+    return "x,y\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in points)
 
 
 Shape = tuple[list[tuple[float, float]], float, int, float]
@@ -228,10 +286,11 @@ def _teleop(dice: random.Random, robot: RobotFile) -> Part:
 # ---------------------------------------------------------------------------------------------- what goes wrong
 
 
-def _faults(dice: random.Random, robot: RobotFile, length: float, *, by_hand: bool) -> list[dict[str, Any]]:
-    """In all phases of the run; more than one may be there at once."""
+def _faults(
+    dice: random.Random, robot: RobotFile, length: float, fitting: Sequence[str], caught: Sequence[str]
+) -> list[dict[str, Any]]:
+    """In all phases of the run; more than one may be there at once; those that a `try` names more often."""
     number = dice.choices((0, 1, 2, 3, 4), (12, 48, 22, 12, 6))[0]
-    fitting = [id for id in INJECTIONS if id not in NOT_DRAWN and _fits(id, by_hand)]
     faults: list[dict[str, Any]] = []
     for _ in range(number):
         phase, last = dice.uniform(0, 1), faults[-1]["at_s"] if faults else 0.0
@@ -243,14 +302,15 @@ def _faults(dice: random.Random, robot: RobotFile, length: float, *, by_hand: bo
             at = length + dice.uniform(-1.0, 2.0)  # at the end
         else:
             at = dice.uniform(BRING_UP, length)
-        faults.append(_fault(dice, robot, dice.choice(fitting), round(at, 4)))
+        likely = caught if caught and dice.uniform(0, 1) < 0.5 else fitting
+        faults.append(_fault(dice, robot, dice.choice(likely), round(at, 4)))
     return sorted(faults, key=lambda fault: fault["at_s"])
 
 
-def _fits(id: str, by_hand: bool) -> bool:
-    if id.startswith("INP"):
-        return by_hand
-    return not id.startswith(_PLUGIN) or not by_hand
+def _fitting(words: Set[str]) -> list[str]:
+    """Injections that can happen to a mission with these steps and words."""
+    drawn = [id for id in INJECTIONS if id not in NOT_DRAWN and (not id.startswith("INP") or "teleop" in words)]
+    return [id for id in drawn if not id.startswith(_PLUGIN) or words & {"follow", "approach"}]
 
 
 def _fault(dice: random.Random, robot: RobotFile, id: str, at: float) -> dict[str, Any]:
@@ -292,3 +352,9 @@ def _operator(dice: random.Random, times: Sequence[float], length: float) -> lis
     if dice.uniform(0, 1) < 0.08:
         acts.append((dice.uniform(0.0, length), "end"))
     return [{"at_s": round(time, 4), "do": what} for time, what in sorted(acts)]
+
+
+def _answers(dice: random.Random, length: float) -> list[dict[str, Any]]:
+    """Somebody gives the same answer all the time."""
+    number, answer = round(2.0 * (length + 5.0 - BRING_UP)), dice.choice(ANSWERS)
+    return [{"at_s": BRING_UP + 0.5 * index, "do": "answer", "answer": answer} for index in range(number)]

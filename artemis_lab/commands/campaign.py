@@ -17,7 +17,7 @@ from artemis.commands.live import LiveView
 from artemis.devices.can_bus import Traffic
 from artemis.values import Tick
 from artemis_lab.campaign.one_run import Result, run_scenario
-from artemis_lab.campaign.runs import Campaign, ResultFile, load_campaign, run_campaign, table
+from artemis_lab.campaign.runs import Campaign, ResultFile, drawn, load_campaign, run_campaign, table
 from artemis_lab.campaign.scenario import MISSION, scenario
 
 SHOWN = 20
@@ -124,6 +124,12 @@ def _conclude(file: Path, campaign: Campaign, results: ResultFile) -> None:
         times = [_milliseconds(line.worst), _milliseconds(line.within)]
         shown.add_row(line.id or "none", str(line.runs), str(line.judged), *times, str(line.failed))
     Console().print(shown)
+    kinds = Table(title="what was in their missions")
+    for heading in ("kind", "runs", "failed runs"):
+        kinds.add_column(heading, justify="left" if heading == "kind" else "right")
+    for kind, number, broken in drawn(results.finished.values()):
+        kinds.add_row(kind, str(number), str(broken))
+    Console().print(kinds)
     failed = [result for _, result in sorted(results.finished.items()) if result.violations]
     for result in failed:
         folder = campaign.scenario_folder(result.seed)

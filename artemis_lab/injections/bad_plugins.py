@@ -1,4 +1,4 @@
-"""Input devices and followers that pass through what they wrap, until they are told to misbehave."""
+"""Inputs, followers and behaviours that pass through what they wrap, until they are told to misbehave."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from msgspec.structs import replace
 from artemis.clock import stall
 from artemis.config import Config
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Follower, Following, InputDevice
+from artemis.plugins.contracts import Acting, Behaviour, Follower, Following, InputDevice, State
 from artemis.values import DriveCommand, OperatorInput, Snapshot
 
 Answer = TypeVar("Answer")
 
 InputBehaviour = Callable[[OperatorInput, float], Any]
 """What a device answers instead of a sample, at run time [s]; it may raise."""
-FollowerBehaviour = Callable[[Following, float], Any]
-"""What a follower answers instead, at run time [s]; it may raise."""
+FollowerBehaviour = Callable[[Any, float], Any]
+"""What a follower, or the behaviour of a step, answers instead, at run time [s]; it may raise."""
+Agenda = Sequence[tuple[float, FollowerBehaviour | None]]
+"""Run times [s] in their order, and how to behave from then on; None: as what is wrapped."""
 
 
 class BadInput:
@@ -46,32 +48,57 @@ class BadInput:
         self._device.close()
 
 
-class BadFollower:
-    """A follower around another; what it does wrong it does at run times, so that a replay does the same."""
+class _BadDriver:
+    """What it does wrong it does at run times, so that a replay does the same."""
 
     Config: ClassVar[type[Config]] = Config
 
-    def __init__(self, follower: Follower, agenda: Sequence[tuple[float, FollowerBehaviour | None]] = ()) -> None:
-        """`agenda`: run times [s] in their order, and how to behave from then on; None: as the follower."""
-        self._follower = follower
+    def __init__(self, agenda: Agenda) -> None:
         self._agenda = list(agenda)
         self._behaviour: FollowerBehaviour | None = None
 
     def misbehave(self, behaviour: FollowerBehaviour | None) -> None:
-        """Answer as `behaviour` says from now on; None: as the follower."""
+        """Answer as `behaviour` says from now on; None: as what is wrapped."""
         self._behaviour = behaviour
+
+    def _altered(self, answer: Answer, now: float) -> Answer:
+        """The answer, or what the behaviour makes of it."""
+        while self._agenda and self._agenda[0][0] <= now:
+            self._behaviour = self._agenda.pop(0)[1]
+        altered: Answer = answer if self._behaviour is None else self._behaviour(answer, now)
+        return altered
+
+
+class BadFollower(_BadDriver):
+    """A follower around another."""
+
+    def __init__(self, follower: Follower, agenda: Agenda = ()) -> None:
+        super().__init__(agenda)
+        self._follower = follower
 
     def start(self, path: Path, snapshot: Snapshot) -> None:
         """Start the follower."""
         self._follower.start(path, snapshot)
 
     def step(self, snapshot: Snapshot) -> Following:
-        """The follower's answer, or what the behaviour makes of it."""
-        while self._agenda and self._agenda[0][0] <= snapshot.time:
-            self._behaviour = self._agenda.pop(0)[1]
-        following = self._follower.step(snapshot)
-        answer: Following = following if self._behaviour is None else self._behaviour(following, snapshot.time)
-        return answer
+        """The follower's answer, or what is made of it."""
+        return self._altered(self._follower.step(snapshot), snapshot.time)
+
+
+class BadBehaviour(_BadDriver):
+    """The behaviour of a step around another."""
+
+    def __init__(self, behaviour: Behaviour, agenda: Agenda = ()) -> None:
+        super().__init__(agenda)
+        self._wrapped = behaviour
+
+    def start(self, snapshot: Snapshot, state: State | None = None) -> None:
+        """Start the behaviour."""
+        self._wrapped.start(snapshot, state)
+
+    def step(self, snapshot: Snapshot) -> Acting:
+        """The behaviour's answer, or what is made of it."""
+        return self._altered(self._wrapped.step(snapshot), snapshot.time)
 
 
 # ---------------------------------------------------------------------------------------------- of both
@@ -147,17 +174,18 @@ def jumps(speed: float) -> InputBehaviour:
     return behave
 
 
-# ---------------------------------------------------------------------------------------------- of followers
+# ---------------------------------------------------------------------------------------------- of what drives
 
 
 def holds_command() -> FollowerBehaviour:
-    """The present command for ever, and never an end of the path."""
-    held: list[DriveCommand] = []
+    """The present command for ever, and never an end."""
+    held: list[DriveCommand | None] = []
 
-    def behave(following: Following, _now: float) -> Following:
+    def behave(answer: Following | Acting, _now: float) -> Following | Acting:
         if not held:
-            held.append(following.command)
-        return replace(following, command=held[0], finished=False)
+            held.append(answer.command)
+        goes_on: dict[str, Any] = {"outcome": None} if isinstance(answer, Acting) else {"finished": False}
+        return replace(answer, command=held[0], **goes_on)
 
     return behave
 

@@ -13,9 +13,9 @@ from artemis.mission.problems import nearest
 from artemis.mission.schema import InjectedFault
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry
-from artemis.states.plan import Step, with_followers
+from artemis.states.plan import Step, with_behaviours, with_followers
 from artemis.vehicle import RobotFile
-from artemis_lab.injections.bad_plugins import BadFollower, BadInput, FollowerBehaviour
+from artemis_lab.injections.bad_plugins import BadBehaviour, BadFollower, BadInput, FollowerBehaviour
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.fault_bus import FaultBus
 from artemis_lab.injections.stage import Injection, Needs, Stage
@@ -85,7 +85,7 @@ def _check_plugin(
             yield "input", f"no such input: {name}{nearest(name, inputs, 'inputs')}"
     elif injection.behaviour is not None:
         if not follows:
-            yield "inject", f"{fault.inject} needs a follower: no step is a follow"
+            yield "inject", f"{fault.inject} needs a follower or a behaviour: no step has one"
     elif "input" in injection.parameters.model_fields and not inputs:
         yield "inject", f"{fault.inject} needs an input: the mission has none"
 
@@ -93,9 +93,10 @@ def _check_plugin(
 # ---------------------------------------------------------------------------------------------- parts that can fail
 
 
-def failing_followers(steps: Sequence[Step], faults: Sequence[InjectedFault]) -> tuple[Step, ...]:
-    """The steps of a plan; their followers do at its run time what is asked for, also in a replay."""
-    return with_followers(steps, lambda follower: BadFollower(follower, _agenda(faults)))
+def failing_plugins(steps: Sequence[Step], faults: Sequence[InjectedFault]) -> tuple[Step, ...]:
+    """The steps of a plan; their followers and behaviours do at its run time what is asked for, also in a replay."""
+    following = with_followers(steps, lambda follower: BadFollower(follower, _agenda(faults)))
+    return with_behaviours(following, lambda _, behaviour: BadBehaviour(behaviour, _agenda(faults)))
 
 
 def failing_disk(folder: FilePath) -> Disk:
@@ -114,7 +115,7 @@ def failing_bus(bus: FrameBus, seed: int) -> FrameBus:
 def begin(run: Simulated, faults: Sequence[InjectedFault], note: Callable[[Entry], None]) -> None:
     """Have each fault happen at its time, counted from now; those at 0 before this returns.
 
-    Each is noted as a journal entry when it happens. A follower's faults are otherwise its agenda's business.
+    Each is noted as a journal entry when it happens; those of followers and behaviours are their agenda's business.
     """
     stage = _stage_of(run)
     start = stage.now
@@ -150,7 +151,7 @@ def _stage_of(run: Simulated) -> Stage:
 
 
 def _agenda(faults: Sequence[InjectedFault]) -> list[tuple[float, FollowerBehaviour | None]]:
-    """What a `BadFollower` is to do, and when."""
+    """What a `BadFollower` or `BadBehaviour` is to do, and when."""
     found: list[tuple[float, FollowerBehaviour | None]] = []
     for fault in faults:
         behaviour = _of_follower(fault)

@@ -261,6 +261,8 @@ def _keep_running(stage: Stage, node: str | None, p: Running) -> None:
     drive = stage.drive(node)
 
     def run() -> None:
+        if drive.nmt is None:
+            return  # without power nothing turns
         drive.poke(0x6060, 0, PROFILE_VELOCITY)
         drive.poke(0x60FF, 0, p.speed_rpm)
         drive.failures.force_state(DriveState.OPERATION_ENABLE)

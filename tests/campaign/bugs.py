@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import threading
@@ -24,7 +25,7 @@ from artemis.states.alignment import enable
 from artemis.states.init import RESETTING, WAKING
 from artemis.states.mode import ON
 from artemis.supervision.catalogue import EMERGENCIES
-from artemis.values import Action, Event, Mode, Request
+from artemis.values import Action, Event, Fault, Mode, Request
 
 Change = Callable[[Any], Any]
 """Given what is there, what stands in its place."""
@@ -182,6 +183,25 @@ def _beating(original: Any) -> Any:
         await original(self)
 
     return run
+
+
+def _resumed_at(**changes: Any) -> Change:
+    """A resumed run begins at another position."""
+    return with_result(
+        lambda found, *_: (dataclasses.replace(found[0], position=replace(found[0].position, **changes)), found[1])
+    )
+
+
+def _passed_over(original: Any) -> Any:
+    """Mode act drives on as it was told last."""
+    last: list[Any] = []
+
+    def ask(*args: Any, **keys: Any) -> Any:
+        answer = original(*args, **keys)
+        last[:] = last if isinstance(answer, Fault) and last else [answer]
+        return last[0]
+
+    return ask
 
 
 def _steering_let_go(original: Any) -> Any:
@@ -493,6 +513,27 @@ BUGS: tuple[Bug, ...] = (
         "journal has wrong checksums", "by hand", "I11", {"artemis.recording.journal.crc32": becomes(lambda content: 1)}
     ),
     Bug("replay would differ", "by hand", "I11", {GATE: _with_memory}, replayed=True),
+    Bug(
+        "outcomes are not caught",
+        "words",
+        "I0",
+        {"artemis.states.advance.names_of": becomes(lambda outcome: {outcome})},
+    ),
+    Bug(
+        "words begin anew in the resumed run",
+        "words, killed in the second round",
+        "I13",
+        {"artemis.app.where_it_stopped": _resumed_at(place="")},
+    ),
+    Bug(
+        "resumed run does not know how far the mission came",
+        "words, killed after the break",
+        "I13",
+        {"artemis.app.where_it_stopped": _resumed_at(driven=0.0)},
+    ),
+    Bug("a behaviour that fails is passed over", "behaviour raises", "I3", {"artemis.states.act.ask": _passed_over}),
+    Bug("a behaviour accelerates without limit", "behaviour", "I9", {GATE_LIMITS: having(_acceleration=5.0)}),
+    Bug("a failed behaviour hardly brakes", "behaviour raises", "I4", {GATE_LIMITS: having(_deceleration=0.15)}),
     Bug("program fails", "by hand", "I0", {"artemis.states.teleop.TeleopMode.step": _fails_later}),
     Bug("runs leave threads behind", "by hand", "I12", {"artemis.sim.world.World.__init__": _leaving_a_thread}),
 )

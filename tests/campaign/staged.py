@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -18,6 +19,11 @@ LONGEST = 60.0
 Faults = Sequence[dict[str, Any]]
 Acts = Sequence[tuple[float, str]]
 TRUE_ROBOT: dict[str, float] = {"potentiometer_noise_v": 0.002, "slip": 0.005}
+
+
+ALIGN: dict[str, Any] = {"calibrate": {"steering": "from_potentiometers"}}
+FOLLOW: dict[str, Any] = {"follow": {"path": "path.csv", "follower": {"plugin": "indiveri", "speed_m_s": 0.4}}}
+FOLLOW_BACK = {"follow": {**FOLLOW["follow"], "from_end": True}}
 
 
 def run(given: Scenario, *, replayed: bool = False) -> Result:
@@ -73,10 +79,28 @@ def drive(
 def follow(*faults: dict[str, Any], acts: Acts = (), bend: float = 0.0) -> Scenario:
     """Along 1 m of a straight line, or 2 m with a bend of this curvature [1/m], from 7.3 s on, with 0.4 m/s."""
     table = "x,y\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in _line(bend))
-    follower = {"plugin": "indiveri", "speed_m_s": 0.4}
-    calibrate: dict[str, Any] = {"calibrate": {"steering": "from_potentiometers"}}
-    steps = [calibrate, {"follow": {"path": "path.csv", "follower": follower}}]
-    return _scenario(steps, {"path.csv": table}, faults, acts)
+    return _scenario([ALIGN, FOLLOW], {"path.csv": table}, faults, acts)
+
+
+LATE: dict[str, Any] = {"wait": {"for": "run_s > 1000", "at_most_s": 0.3}}
+WAIT: dict[str, Any] = {"wait": {"seconds": 0.3}}
+WORDS: list[dict[str, Any]] = [
+    {"during": {"steps": [FOLLOW], "when": [{"if": "driven_m > 0.3", "steps": [{"say": "far"}, WAIT]}]}},
+    {"repeat": {"times": 2, "steps": [{"try": {"steps": [LATE], "catch": {"any": [WAIT]}}}]}},
+    {"together": {"steps": [FOLLOW_BACK], "beside": [{"wait": {"for": "run_s > 1000"}}]}},
+]
+
+
+def compose(*faults: dict[str, Any], killed_at: float | None = None, acts: Acts = ()) -> Scenario:
+    """Words around a path, there (from 7.3 s on, with a break at 0.3 m) and back; a run that is killed is resumed."""
+    table = "x,y\n" + "".join(f"{x:.5f},{y:.5f}\n" for x, y in _line(0.0))
+    return replace(_scenario([ALIGN, *WORDS], {"path.csv": table}, faults, acts, killed_at=killed_at), resumed=True)
+
+
+def approach(*faults: dict[str, Any], acts: Acts = ()) -> Scenario:
+    """Ahead for 0.8 m by a behaviour, from 7.3 s on, with 0.4 m/s."""
+    step = {"approach": {"until": "driven_m > 0.8", "at_most_m": 2.0, "speed_m_s": 0.4}}
+    return _scenario([ALIGN, step], {}, faults, acts)
 
 
 def measure(*faults: dict[str, Any], new: bool = False, **true_robot: float) -> Scenario:
@@ -202,6 +226,22 @@ SCENARIOS: dict[str, Scenario] = {
         fault("COM-28", 6.53, "steer-right", duration_s=0.3),
         acts=[(12.0, "end")],
         seconds=9.0,
+    ),
+    "words": compose(),
+    "words, killed while the wheels are aligned": compose(killed_at=5.5),
+    "words, killed after the break": compose(killed_at=9.6),
+    "words, killed in the second round": compose(killed_at=12.2),
+    "words, killed on the way back": compose(killed_at=14.0),
+    "words, killed after a fault": compose(
+        fault("DRV-25", 8.0, STEER), acts=[(9.0, "acknowledge"), (11.0, "arm")], killed_at=16.0
+    ),
+    "behaviour": approach(),
+    "behaviour raises": approach(fault("PLG-02", 8.5)),
+    "behaviour answers with rubbish": approach(fault("PLG-06", 8.5)),
+    "behaviour late": approach(fault("PTH-09", 8.5, seconds=0.05)),
+    "behaviour asks for no number": approach(fault("RUN-11", 8.5)),
+    "drive fault under a behaviour": approach(
+        fault("DRV-02", 8.5, LEFT), acts=[(10.0, "acknowledge"), (13.0, "arm"), (20.0, "end")]
     ),
     "askew": drive(start_steering_left_deg=20.0, start_steering_right_deg=15.0),
 }

@@ -18,7 +18,7 @@ from artemis.errors import ConfigError
 from artemis_lab.campaign import runs
 from artemis_lab.campaign.monitor.evidence import Violation
 from artemis_lab.campaign.one_run import Result
-from artemis_lab.campaign.runs import FaultTotals, ResultFile, load_campaign, run_campaign, table
+from artemis_lab.campaign.runs import FaultTotals, ResultFile, drawn, load_campaign, run_campaign, table
 
 
 class Here(Executor):
@@ -151,6 +151,16 @@ def test_wrong_campaign_is_refused(keys: dict[str, Any], problem: str, tmp_path:
         load_campaign(write_campaign(tmp_path, **keys))
 
     assert problem in str(refused.value)
+
+
+def test_kinds_of_runs_are_counted() -> None:
+    broken = (Violation("I3", 6.5, "late"),)
+    results = [
+        Result(seed=1, status=0, time_s=9.0, kinds=("follow", "calibrate")),
+        Result(seed=2, status=0, time_s=9.0, kinds=("follow", "resumed"), violations=broken),
+    ]
+
+    assert drawn(results) == [("follow", 2, 1), ("calibrate", 1, 0), ("resumed", 1, 1)]
 
 
 def test_table_has_a_line_for_every_fault() -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
 from staged import ROBOT
 
 from artemis.mission.loading import load_mission, load_model
+from artemis.progress import OWN_STEPS
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Kind
 from artemis.vehicle import RobotFile
@@ -44,12 +48,20 @@ def test_every_injection_is_drawn_or_says_why_not(robot: RobotFile) -> None:
 def test_scenarios_are_of_all_kinds(robot: RobotFile) -> None:
     scenarios = [scenario(seed, robot) for seed in SEEDS]
 
-    assert {next(iter(given.mission["steps"][-1])) for given in scenarios} == {"follow", "teleop"}
+    kinds = Counter(kind for given in scenarios for kind in given.kinds)
+    assert {*OWN_STEPS, "approach", "measure", "backwards"} == set(kinds)
+    assert min(kinds.values()) >= 4
+    names = {name for given in scenarios for name in re.findall(r'"(fault[^"]*)"', json.dumps(given.mission["steps"]))}
+    assert {name.partition(":")[0] for name in names} == {"fault"} != names
     assert {len(given.faults) for given in scenarios} >= {0, 1, 2, 3, 4}
     assert any(fault["at_s"] < 4.0 for given in scenarios for fault in given.faults)
-    assert {act["do"] for given in scenarios for act in given.operator} == {"acknowledge", "arm", "quickstop", "end"}
+    assert {act["do"] for given in scenarios for act in given.operator} == {
+        *("acknowledge", "arm", "quickstop", "end", "answer")
+    }
     assert any(not given.operator for given in scenarios)
     assert any(given.killed_at is not None for given in scenarios)
+    assert any(given.resumed and given.disturbed for given in scenarios)
+    assert any(given.resumed and not given.disturbed for given in scenarios)
 
 
 def test_monitor_expects_something_of_every_injection() -> None:

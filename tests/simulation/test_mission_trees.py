@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 from resuming import Done, run
 from rig import CALIBRATE, follow, write_mission
 
@@ -67,6 +68,16 @@ def test_a_run_with_words_is_replayed_bit_for_bit(tmp_path: Path, capsys: pytest
         "outcome enough caught (steps[1].try)",
         "said: enough",
     ]
+
+
+def test_what_steps_beside_watch_does_not_stop_the_robot_and_no_word_says_so(tmp_path: Path) -> None:
+    beside = {
+        "during": {"steps": [{"wait": {"for": "run_s > 1000"}}], "when": [{"if": "driven_m > 0.4", "steps": [WAIT]}]}
+    }
+    done = run(write_mission(tmp_path, [CALIBRATE, {"together": {"steps": [follow(0.4)], "beside": [beside]}}]))
+    assert "condition met: driven_m > 0.4" in [entry.text for entry in done.journal if entry.kind == "mission"]
+    fired = next(index for index, tick in enumerate(done.ticks) if tick.events and tick.events[0].kind == "fired")
+    assert done.ticks[fired + 5].set_points.speed >= done.ticks[fired].set_points.speed > 0.3
 
 
 # ---------------------------------------------------------------------------------------------- faults and stops
@@ -134,12 +145,29 @@ RESUMED: list[Any] = [
     {"during": {"steps": [follow(0.4)], "when": [{"if": "run_s > 0", "steps": [WAIT, WAIT]}], "at_most_s": 60.0}},
     {"together": {"steps": [WAIT, WAIT], "beside": [{"repeat": {"times": 2, "steps": [WAIT]}}]}},
 ]
+BACK = follow(0.4)
+BACK["follow"]["from_end"] = True
+COUNTED: list[Any] = [
+    CALIBRATE,
+    {"wait": {"for": "run_s > 9"}},
+    {
+        "during": {
+            "steps": [follow(0.4), {"choose": [{"if": "driven_m > 1", "steps": [WAIT]}]}, BACK],
+            "when": [
+                {"if": "driven_m > 0.4", "steps": [WAIT]},
+                {"if": "driven_m > 1.9", "steps": [{"say": "far"}, WAIT]},
+            ],
+        }
+    },
+    {"repeat": {"until": "driven_m > 2 and run_s > 10", "times": 9, "steps": [WAIT]}},
+]
+"""Its signals count over all runs of it; there and back."""
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Done]:
-    """A run to the end, in which nothing depends on the run's time."""
-    mission = write_mission(tmp_path_factory.mktemp("mission"), RESUMED)
+@pytest.fixture(scope="module", params=[RESUMED, COUNTED], ids=["words", "signals"])
+def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Done]:
+    """A run to the end, in which nothing depends on how long the bring-up takes."""
+    mission = write_mission(tmp_path_factory.mktemp("mission"), request.param)
     return mission, run(mission)
 
 
@@ -153,3 +181,16 @@ def test_a_run_that_is_broken_off_at_any_tick_does_the_rest_and_nothing_else(
     second = run(mission, first.folder)
     assert second.outcome.exit_status == 0
     assert told(first.ticks) + told(second.ticks) == told(done.ticks)
+
+
+def test_time_and_distance_count_over_all_runs_of_a_mission(tmp_path: Path) -> None:
+    last = {"wait": {"for": "driven_m > 2.3 and run_s > 40"}}
+    mission = write_mission(tmp_path, [CALIBRATE, follow(0.4), BACK, last])
+    folder = None
+    for ends in (lambda tick: tick.position.done > 0.6, lambda tick: tick.position.step == 3):
+        folder = run(mission, folder, ends).folder
+    done = run(mission, folder)
+    begin, end = done.ticks[0].position, done.ticks[-1]
+    assert begin.driven == pytest.approx(2.4, abs=0.05)
+    assert end.position == replace(begin, step=4, done=0.0)
+    assert begin.time + end.snapshot.time > 40.0 > end.snapshot.time + 10.0

@@ -125,7 +125,7 @@ def test_fault_of_a_plugin_that_the_mission_does_not_have_is_refused(tmp_path: P
         load_mission(write_mission(tmp_path, [CALIBRATE], simulation={"faults": faults}))
     assert [problem.split(": ", 2)[2] for problem in caught.value.problems] == [
         "INP-03 needs an input: the mission has none",
-        "PTH-09 needs a follower: no step is a follow",
+        "PTH-09 needs a follower or a behaviour: no step has one",
     ]
 
 

@@ -69,7 +69,7 @@ def test_a_question_with_a_time_limit_waits_for_that_alone() -> None:
 def test_waiting_for_a_condition_looks_at_the_run_s_time_the_distance_and_the_battery() -> None:
     for signal, value, world in (
         ("run_s", 1.0, {}),
-        ("driven_m", 0.5, {"odometry": Odometry(distance=-0.6)}),
+        ("driven_m", 0.5, {"odometry": Odometry(distance=-0.6, driven=0.6)}),
         ("battery_v", 25.0, {"battery_v": 26.0}),
         ("stick.done", 0.5, {"inputs": (replace(HELD, requests=(Request.DONE,)),)}),
     ):
@@ -83,12 +83,16 @@ def test_waiting_for_a_condition_looks_at_the_run_s_time_the_distance_and_the_ba
         assert steps.position.step == 1, signal
 
 
-def test_distance_counts_whatever_the_direction() -> None:
-    steps = shared(WaitStep(condition=Compare("driven_m", ">", 0.9)), WaitStep(seconds=1.0))
-    for number, distance in enumerate((0.0, 0.4, 0.0, 0.4)):
-        assert steps.position.step == 0, number
-        steps.advance(Wish(), snapshot(odometry=Odometry(distance=distance)), standing=True)
-    assert steps.position.step == 1
+def test_time_and_distance_of_earlier_runs_count() -> None:
+    for signal, begin in ("run_s", Position(time=9.0)), ("driven_m", Position(driven=9.0)):
+        steps = shared(WaitStep(condition=Compare(signal, ">", 9.5)), WaitStep(seconds=1.0))
+        steps.position = begin
+        player = Player(ReadyMode(steps))
+        player.tick()
+        assert steps.position == begin
+        player.time += 0.6
+        player.tick(odometry=Odometry(driven=0.6))
+        assert steps.position == replace(begin, step=1)
 
 
 def test_teleoperation_that_is_to_rest_ramps_down_and_leaves_without_being_over() -> None:

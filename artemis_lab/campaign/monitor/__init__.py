@@ -23,7 +23,8 @@ I9  Speed, acceleration, steering angle and rate of the set-points stay within t
     too, unless the injected fault makes the machine misbehave. All wheels are sent about one turning point.
 I10 Faults that need a person wait for one, final ones for ever; automatic recoveries stay within budget.
 I11 The journal has no gaps; each change of the mode is one that may be, and has its cause. (That a replay gives the
-    same commands, and I12, that nothing grows from run to run, is checked by whoever does the runs.)
+    same commands, I12, that nothing grows from run to run, and I13, that a run which was killed is resumed as if it had
+    not been, is checked by whoever does the runs.)
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ class When(Enum):
     ENABLED = "while the traction drives are enabled"
     MOVING = "while both driven wheels are commanded to move"
     BY_HAND = "while driving by hand"
-    FOLLOWING = "while following a path"
+    FOLLOWING = "while a follower or a behaviour drives"
     FROM_START = "there from the beginning: before the robot is ready"
     HARMLESS = "never: nothing may come of it"
     UNTOLD = "it depends"

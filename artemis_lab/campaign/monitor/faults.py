@@ -59,8 +59,16 @@ def judged(e: Evidence) -> Iterator[tuple[Injected, Expected, float]]:
             deadline += e.tick
         deadline += _stands_still(e, injected, deadline)
         lasts = injected.until > deadline + LASTS and gone >= deadline
-        if not injected.is_counted and lasts and _must_show(e, injected, expected, deadline):
+        new = not injected.is_counted and not _is_told(e, injected)
+        if new and lasts and _must_show(e, injected, expected, deadline):
             yield injected, expected, deadline
+
+
+def _is_told(e: Evidence, injected: Injected) -> bool:
+    """The journal has it already, from before, and does not say that it is over."""
+    lines = (line for line in e.journal.of("fault", "cleared") if line.time < injected.time)
+    told = [line.kind for line in lines if (line.data["id"], line.data["device"]) == (injected.id, injected.node)]
+    return told[-1:] == ["fault"]
 
 
 def _stands_still(e: Evidence, injected: Injected, end: float) -> float:
@@ -82,8 +90,8 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
         case When.BY_HAND:
             return modes == {"teleop"}
         case When.FOLLOWING:
-            asked = e.journal.phase_before(end - 1e-6) == "following"  # not any more at the end of the path
-            return asked and modes == {"follow"}
+            phase = e.journal.phase_before(end - 1e-6)  # not asked any more at the end of the path
+            return (phase, modes) in (("following", {"follow"}), ("approaching", {"act"}))
         case When.MOVING:
             moving = modes <= DRIVING and _commanded(e, injected.time - 0.1, end)
             return moving and (injected.id not in ("RUN-01", "RUN-05") or _runs_away(e, injected, end))
@@ -240,7 +248,7 @@ def journal_whole(e: Evidence) -> Iterator[Violation]:
             yield Violation("I11", line.time, f"{line.text} without a cause")
 
 
-_STEPS = ("calibrate", "teleop", "follow")
+_STEPS = ("calibrate", *sorted(DRIVING))
 CHANGES = {
     (None, "init"),
     (None, "fault"),

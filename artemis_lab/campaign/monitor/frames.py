@@ -24,7 +24,7 @@ from artemis_lab.campaign.monitor.wire import (
 )
 from artemis_lab.campaign.witness import SIDES
 
-DRIVING, RESTING = {"teleop", "follow"}, {"init", "fault", "end"}
+DRIVING, RESTING = {"teleop", "follow", "act"}, {"init", "fault", "end"}
 QUEUED = 0.006
 """A frame may wait so long for the wire [s]: it can belong to the mode before."""
 SCRUB = 0.05

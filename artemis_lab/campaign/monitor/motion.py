@@ -78,8 +78,8 @@ def stops(e: Evidence) -> Iterator[Violation]:
 def _fits(e: Evidence, injected: Injected, expected: Expected) -> bool:
     """The fault hits a robot that drives, in the situation in which it has to be noticed."""
     mode = e.journal.mode_at(injected.time)
-    wanted = {When.BY_HAND: "teleop", When.FOLLOWING: "follow"}.get(expected.when, mode)
-    return mode in DRIVING and mode == wanted and expected.when not in (When.UNTOLD, When.HARMLESS, When.FROM_START)
+    wanted = {When.BY_HAND: ("teleop",), When.FOLLOWING: ("follow", "act")}.get(expected.when, DRIVING)
+    return mode in DRIVING and mode in wanted and expected.when not in (When.UNTOLD, When.HARMLESS, When.FROM_START)
 
 
 def _lag(e: Evidence) -> float:

@@ -164,7 +164,7 @@ def _steering_targets(e: Evidence, side: str) -> Iterator[Violation]:
                 look = next(looks, None)
         if not isinstance(event, SetPoint):
             continue
-        calm = e.journal.modes_between(event.time - QUEUED, event.time) <= {"teleop", "follow"}
+        calm = e.journal.modes_between(event.time - QUEUED, event.time) <= DRIVING
         if not calm or event.controlword != ENABLE or look is None or not look.enabled[2 + index]:
             last = None
             continue

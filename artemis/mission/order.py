@@ -1,0 +1,175 @@
+"""What is done before each step of a mission, whatever happens in it: on every path through its words to the step.
+
+The first of two steps dominates the second one, as compilers say of their graphs (R. T. Prosser, Applications of
+Boolean matrices to the analysis of flow diagrams, 1959). Nothing that is done is ever undone, so one pass suffices: the
+first round of a `repeat` and the first attempt of a `try` decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from artemis.plugins.contracts import Declared
+from artemis.progress import BLOCKED, DONE
+from artemis.states.outline import Path, step_of, steps_in
+from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, TIMEOUT
+from artemis.yaml_file import dotted
+
+CALIBRATED = ""
+"""The wheels are aligned; beside this the names of the paths that are recorded."""
+Facts = frozenset[str]
+Ends = dict[str, Facts]
+"""By outcome, `done` and `fault` among them: what is done whenever a step, or a word, ends so."""
+
+
+def done_before(steps: Any, behaviours: Mapping[str, Declared]) -> dict[Path, Facts]:  # noqa: ANN401 (of a file)
+    """Of each step that can be reached, by its path, what is done before; of a mission in its file's own form."""
+    order = _Order(behaviours)
+    order.list(steps, ("steps",), Facts())
+    return order.before
+
+
+def why_not(steps: Any, fact: str, target: Path) -> str:  # noqa: ANN401 (of a file)
+    """Why a fact may be missing before a step, though another step sees to it; empty: no step before does."""
+    for path, word, body in steps_in(steps):
+        if path == target:
+            return ""
+        if fact in _gained(word, body):
+            return f"{dotted(path)} {_condition(steps, path, target)}"
+    return ""
+
+
+class _Order:
+    def __init__(self, behaviours: Mapping[str, Declared]) -> None:
+        self._behaviours = behaviours
+        self.before: dict[Path, Facts] = {}
+
+    def list(self, steps: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
+        """One step after the other."""
+        ends: Ends = {DONE: before}
+        for index, step in enumerate(steps if isinstance(steps, list | tuple) else ()):
+            if isinstance(step, dict) and step and DONE in ends:
+                word, body = step_of(step)
+                found = self._step(word, body, (*path, index, word), ends.pop(DONE))
+                _join(ends, found)
+        return ends
+
+    def _step(self, word: str, body: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
+        self.before[path] = before
+        keys: Mapping[str, Any] = body if isinstance(body, dict) else {}
+        match word:
+            case "say":
+                return {DONE: before}
+            case "end" | "stop":
+                return {}
+            case "repeat" | "call":
+                ends = self.list(keys.get("steps"), (*path, "steps"), before)
+                if word == "repeat" and not (keys.get("times") or keys.get("until")):
+                    ends.pop(DONE, None)
+                return ends
+            case "try":
+                return self._try(keys, path, before)
+            case "during":
+                return self._during(keys, path, before)
+            case "choose":
+                return self._choose(body, path, before)
+            case "together":
+                ends = self.list(keys.get("steps"), (*path, "steps"), before)
+                for index, step in enumerate(_mappings(keys.get("beside"))):
+                    word, body = step_of(step)
+                    _join(ends, _but(self._step(word, body, (*path, "beside", index, word), before), DONE))
+                return ends
+        facts = self._behaviours.get(word)
+        others = [FAULT, *([TIMEOUT] if keys.get("at_most_s") else []), *(facts.outcomes if facts else ())]
+        if word == "follow" or (facts is not None and facts.moves):
+            others += [LOST, BLOCKED]
+        return {DONE: before | _gained(word, body), **dict.fromkeys(others, before)}
+
+    def _try(self, keys: Mapping[str, Any], path: Path, before: Facts) -> Ends:
+        body = self.list(keys.get("steps"), (*path, "steps"), before)
+        others = _but(body, DONE)
+        given = keys.get("catch")
+        catch: Mapping[str, Any] = given if isinstance(given, dict) else {}
+        ends = _but(body, *(others if ANY in catch else catch))
+        again = keys.get("again_on")
+        names = again if isinstance(again, list | tuple) else [name for name in others if name not in (FAULT, LOST)]
+        if retried := _of(others, names):
+            _join(ends, _but(self.list(keys.get("between"), (*path, "between"), _common(retried)), DONE))
+        for name, steps in catch.items():
+            if caught := _of(others, [name]):
+                _join(ends, self.list(steps, (*path, "catch", name), _common(caught)))
+        return ends
+
+    def _during(self, keys: Mapping[str, Any], path: Path, before: Facts) -> Ends:
+        ends = self.list(keys.get("steps"), (*path, "steps"), before)
+        for index, watch in enumerate(_mappings(keys.get("when"))):
+            branch = self.list(watch.get("steps"), (*path, "when", index, "steps"), before)
+            then = watch.get("then", RESUME)
+            if DONE in branch and then not in (RESUME, RESTART):
+                _join(ends, {str(then): branch[DONE]})
+            _join(ends, _but(branch, DONE))
+        _join(ends, {TIMEOUT: before} if keys.get("at_most_s") else {})
+        return ends
+
+    def _choose(self, body: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
+        branches = _mappings(body)
+        ends: Ends = {} if any(branch.get("if") is None for branch in branches) else {DONE: before}
+        for index, branch in enumerate(branches):
+            _join(ends, self.list(branch.get("steps"), (*path, index, "steps"), before))
+        return ends
+
+
+def _gained(word: str, body: Any) -> Facts:  # noqa: ANN401 (of a file)
+    """What a step sees to."""
+    if word == "calibrate":
+        return Facts([CALIBRATED])
+    name = body.get("record") if word == "teleop" and isinstance(body, dict) else None
+    return Facts([name] if isinstance(name, str) and name else [])
+
+
+def _mappings(parts: Any) -> Sequence[Mapping[str, Any]]:  # noqa: ANN401 (of a file)
+    found = parts if isinstance(parts, list | tuple) else ()
+    return [part if isinstance(part, dict) and part else {"": None} for part in found]
+
+
+def _join(ends: Ends, others: Ends) -> None:
+    """Another path leads to these outcomes."""
+    for name, facts in others.items():
+        ends[name] = ends[name] & facts if name in ends else facts
+
+
+def _but(ends: Ends, *names: str) -> Ends:
+    return {name: facts for name, facts in ends.items() if name not in names}
+
+
+def _of(ends: Ends, names: Sequence[str]) -> Ends:
+    """Those that a `try` calls by one of these names."""
+    kinds = {FAULT if f"{name}".startswith(f"{FAULT}:") else f"{name}" for name in names}
+    return {name: facts for name, facts in ends.items() if name in kinds or ANY in kinds}
+
+
+def _common(ends: Ends) -> Facts:
+    return Facts.intersection(*ends.values())
+
+
+def _condition(steps: Any, path: Path, target: Path) -> str:  # noqa: ANN401 (of a file)
+    """What has to happen for a step to be done before another one."""
+    shared = next(index for index, (a, b) in enumerate(zip(path, target, strict=False)) if a != b)
+    of: Any = {"steps": steps}
+    left = ""
+    for index, key in enumerate(path[:-1]):
+        word, of, after = path[index - 1] if index else "", of[key], path[index + 1]
+        if index < shared:
+            continue
+        if word == "choose":
+            return f"only runs if {of['if']}" if of.get("if") else "only runs if no condition above it holds"
+        if (word, key) == ("try", "catch"):
+            return f"only runs after {after}"
+        if (word, key) == ("try", "between"):
+            return "only runs before a retry"
+        if (word, key) == ("during", "when"):
+            return f"only runs once {of[after]['if']}"
+        if word in ("try", "during", "together"):
+            left = left or f"may be left before it is done, as {dotted(path[:index])} says"
+    return left
