@@ -59,7 +59,6 @@ def plan_from(loaded: LoadedMission) -> Plan:
         policies=policies,
         found=found,
         obstacles=rules,
-        needs_scanners=loaded.mission.supervision.needs_scanners or rules.mode == "stop",
     )
 
 

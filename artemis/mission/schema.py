@@ -47,8 +47,6 @@ class Supervision(Config):
 
     stop_distance_m: Annotated[float, Field(gt=0, le=10)] = 0.6
     """A quick stop from the highest speed of the mission must need no more than this."""
-    needs_scanners: bool = False
-    """The robot stops where one of its scanners fails; otherwise that is a warning."""
 
 
 class RecoveryPolicy(Config):

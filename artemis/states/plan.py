@@ -168,8 +168,6 @@ class Plan(Struct, frozen=True, kw_only=True):
     """A localizer tells where the robot is."""
     obstacles: ObstacleRules = ObstacleRules()
     """In steps that have no rules of their own."""
-    needs_scanners: bool = False
-    """The robot stops where a scanner of its fails."""
     tracks: Mapping[str, Track] = {}
     """What the earlier run has recorded, by name."""
 
@@ -182,6 +180,11 @@ class Plan(Struct, frozen=True, kw_only=True):
     def blind(self) -> bool:
         """Nobody knows what the potentiometers say: traction stays off."""
         return self.found is not None
+
+    @property
+    def needs_scanners(self) -> bool:
+        """The robot stops where a scanner of its fails."""
+        return self.obstacles.mode != "off"
 
     @property
     def spare(self) -> frozenset[str]:

@@ -172,7 +172,7 @@ def play(
     files = {"stick.csv": table(*setting.stick), "line.csv": straight(setting.distance)}
     keys: dict[str, Any] = {"inputs": inputs, "simulation": simulation}
     if scene.scanner:
-        keys |= {"robot": "artemis_lms100.yaml", "supervision": {"needs_scanners": True}}
+        keys |= {"robot": "artemis_lms100.yaml"}
         simulation["world"] = {"walls": [{"points": CORRIDOR}]}
     mission = write_mission(folder, setting.steps, files, **keys)
     rig = Rig(mission, longest=scene.longest)

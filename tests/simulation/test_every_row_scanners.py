@@ -25,7 +25,7 @@ def driven(folder: Path, **keys: Any) -> Run:  # noqa: ANN401 (of a mission)
 
 @pytest.mark.parametrize("id", ["LAS-01", "LAS-02", "LAS-06"])
 def test_what_a_mission_does_not_need_may_fail(tmp_path: Path, id: str) -> None:
-    done = driven(tmp_path, simulation={"faults": [{"at_s": 3.5, "inject": id}]})
+    done = driven(tmp_path, obstacles="off", simulation={"faults": [{"at_s": 3.5, "inject": id}]})
     assert done.status == 0
     assert id in done.fault_ids
     assert {fault.severity for fault in done.faults} == {Severity.WARN}
@@ -33,7 +33,7 @@ def test_what_a_mission_does_not_need_may_fail(tmp_path: Path, id: str) -> None:
 
 def test_a_scanner_that_is_needed_and_never_comes_ends_the_run_before_it_moves(tmp_path: Path) -> None:
     faults = [{"at_s": 0.0, "inject": "LAS-01"}]
-    done = driven(tmp_path, supervision={"needs_scanners": True}, simulation={"faults": faults})
+    done = driven(tmp_path, simulation={"faults": faults})
     assert done.status == 1
     assert Mode.READY not in done.modes
     assert done.fault_ids == ["LAS-01"]
@@ -41,7 +41,8 @@ def test_a_scanner_that_is_needed_and_never_comes_ends_the_run_before_it_moves(t
 
 
 def test_a_scanner_that_comes_back_is_gone_on_with(tmp_path: Path) -> None:
-    done = driven(tmp_path, simulation={"faults": [{"at_s": 2.501, "inject": "LAS-01", "duration_s": 0.4}]})
+    faults = [{"at_s": 2.501, "inject": "LAS-01", "duration_s": 0.4}]
+    done = driven(tmp_path, obstacles="off", simulation={"faults": faults})
     assert (done.status, done.fault_ids) == (0, ["LAS-01"])
     lost = [seen.time for seen in done.seen if seen.tick.snapshot.verdict.faults]
     assert 2.5 <= min(lost) < 2.53
