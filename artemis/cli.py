@@ -126,11 +126,21 @@ def sim(
     true: Annotated[
         Path | None, typer.Option("--true", metavar="FILE", help="True parameters of the simulated machine.")
     ] = None,
+    scanner: Annotated[
+        list[str] | None,
+        typer.Option(metavar="[NAME=]HOST:PORT", help="Where a scanner of the robot takes connections; port 0: any."),
+    ] = None,
+    world: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="What the scanners see, as a mission's simulation.world.")
+    ] = None,
 ) -> None:
-    """Simulate the robot's drives on a real bus, in real time, for any CANopen tool. Ctrl-C ends it."""
+    """Simulate the robot's drives on a real bus, in real time, for any CANopen tool, and its scanners over TCP.
+
+    Ctrl-C ends it.
+    """
     from artemis.commands.simulate import simulate
 
-    simulate(robot, interface, channel, option or [], seed, true)
+    simulate(robot, interface, channel, option or [], seed, true, scanner or [], world)
 
 
 @app.command()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from artemis.devices.can_bus import CanBus, FrameBus, Traffic
@@ -13,6 +13,9 @@ from artemis.devices.drive import Drives
 from artemis.devices.reopening import ReopeningBus
 from artemis.mission.loading import LoadedMission
 from artemis.mission.schema import BusWords
+from artemis.planning import plugin_made, scanners_used, setup_for
+from artemis.plugins.registry import SCANNERS
+from artemis.plugins.scanning import ScannerDevice
 from artemis.recording.provenance import ResumePoint
 from artemis.values import Pose, Tick
 
@@ -64,6 +67,7 @@ def opened(
 
     Raises:
         DeviceLost: the bus cannot be opened.
+        ConfigError: a scanner's plugin cannot be made.
     """
     loop, mission = asyncio.get_running_loop(), loaded.mission
     world: World | None
@@ -76,7 +80,7 @@ def opened(
         bus, world = _simulated(loaded, localized, resume_point, witness)
     if world is not None and loaded.injector is not None:
         bus = loaded.injector.failing_bus(bus, mission.simulation.seed)
-    drives, others = Drives(loaded.robot, bus), list(sensors())
+    drives, others = Drives(loaded.robot, bus), [*sensors(), *_scanners(loaded, world, simulated=simulated)]
     if world is not None and "battery_v" in loaded.tree.signals:
         from artemis.sim.supply_meter import SupplyMeter
 
@@ -88,6 +92,24 @@ def opened(
         world=world,
         true_pose=_true_pose(loaded, localized, resume_point, world),
     )
+
+
+def _scanners(loaded: LoadedMission, world: World | None, *, simulated: bool) -> list[ScannerDevice]:
+    """The robot's; in a simulated world each meets a simulated device."""
+    robot, found = loaded.robot, []
+    if world is not None and robot.scanners:
+        from artemis.sim.scanners import mount_scanners
+
+        start = asyncio.get_running_loop().time()
+        seed = loaded.mission.simulation.seed
+        mount_scanners(robot, world, loaded.scenery, loaded.grid, seed=seed, start=start)
+    for name, use in scanners_used(loaded, simulated).items():
+        context = setup_for(loaded, name)
+        if world is not None:
+            context = replace(context, dial=world.scanners[name].device.dial)
+        scanner = plugin_made(SCANNERS, use, context)
+        found.append(ScannerDevice(name, scanner, upside_down=robot.scanners[name].upside_down))
+    return found
 
 
 def _simulated(

@@ -15,12 +15,14 @@ from artemis.mission.behaviours import behaviour_class
 from artemis.mission.by_hand import Teleop
 from artemis.mission.gains import merged
 from artemis.mission.loading import LoadedMission, plugin_from
+from artemis.mission.obstacles import rules_for
 from artemis.mission.policies import policies_from
 from artemis.plugins.contracts import PluginContext, declared, follower_speed, input_speed, is_live
 from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.progress import Position
 from artemis.recording.provenance import ResumePoint
 from artemis.robot import Core
+from artemis.scan import ObstacleRules
 from artemis.states.advance import Passive, states_in
 from artemis.states.gains import GainsStep, TurnStep
 from artemis.states.plan import AskStep, BehaviourStep, CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
@@ -48,8 +50,16 @@ def plan_from(loaded: LoadedMission) -> Plan:
             case dict():
                 steps.append(_behaviour_step(loaded, step.behaviour, action))
     policies = policies_from(loaded.mission.recovery)
+    rules = rules_for(loaded.mission.obstacles, loaded.robot) or ObstacleRules()
     found = next((step.reference for step in steps if isinstance(step, SteeringStep) and step.new), None)
-    return Plan(robot=loaded.robot, steps=tuple(steps), tree=loaded.tree.tree, policies=policies, found=found)
+    return Plan(
+        robot=loaded.robot,
+        steps=tuple(steps),
+        tree=loaded.tree.tree,
+        policies=policies,
+        found=found,
+        obstacles=rules,
+    )
 
 
 def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
@@ -79,6 +89,7 @@ def _teleop_step(loaded: LoadedMission, action: Teleop) -> TeleopStep:
         seconds=action.until.seconds,
         speed=None if None in speeds else max(speed for speed in speeds if speed is not None),
         record=action.record or "",
+        obstacles=rules_for(action.obstacles or loaded.mission.obstacles, loaded.robot, by_hand=True),
         enabled_by=" or ".join(held),
     )
 
@@ -93,6 +104,7 @@ def _follow_step(loaded: LoadedMission, number: int, action: Follow) -> FollowSt
         nearest=action.start == "nearest",
         max_cross_track=action.max_cross_track_m,
         speed=follower_speed(config),
+        obstacles=None if action.obstacles is None else rules_for(action.obstacles, loaded.robot),
         **action.wanted,
     )
 
@@ -170,6 +182,12 @@ def localizer_used(loaded: LoadedMission, simulated: bool) -> PluginUse | None:
     return (loaded.mission.simulation.localizer if simulated else None) or loaded.mission.localizer
 
 
+def scanners_used(loaded: LoadedMission, simulated: bool) -> dict[str, PluginUse]:
+    """The robot's scanners; in simulation those that have a stand-in by that."""
+    named = {name: PluginUse(plugin=mount.plugin, **mount.options) for name, mount in loaded.robot.scanners.items()}
+    return {**named, **(loaded.mission.simulation.scanners if simulated else {})}
+
+
 def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
     """Whether a run of the mission takes place on virtual time, faster than real time."""
     if not is_simulated(loaded, simulate):
@@ -178,11 +196,12 @@ def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
         return loaded.mission.simulation.pace == "fast"
     if asks(loaded) and not any(act.answer is not None for act in loaded.mission.simulation.operator):
         return False
-    from artemis.plugins.registry import INPUTS, LOCALIZERS, load
+    from artemis.plugins.registry import INPUTS, LOCALIZERS, SCANNERS, load
 
     used = [load(INPUTS, use.plugin) for use in inputs_used(loaded, simulated=True).values()]
     if (localizer := localizer_used(loaded, simulated=True)) is not None:
         used.append(load(LOCALIZERS, localizer.plugin))
+    used += [load(SCANNERS, use.plugin) for use in scanners_used(loaded, simulated=True).values()]
     return not any(is_live(plugin) for plugin in used)
 
 

@@ -8,6 +8,8 @@ WORDS = ("repeat", "try", "during", "choose", "together", "call")
 """Compose steps."""
 TIMELESS = ("say", "end", "stop")
 """Steps in which no time passes: they have no number."""
+BLOCKED = "blocked"
+"""The outcome of a step that stood for an obstacle for too long."""
 DONE = "done"
 """The outcome of a step that has done what it is for."""
 OWN_STEPS = ("calibrate", "follow", "wait", "teleop", "ask", *TIMELESS, *WORDS)

@@ -11,7 +11,8 @@ from msgspec.structs import replace
 
 from artemis.clock import until
 from artemis.devices.device import Actuators
-from artemis.motion.limits import Gate, is_sane
+from artemis.motion.limits import Gate
+from artemis.motion.obstacles import ObstacleStop
 from artemis.motion.pace import Pace
 from artemis.motion.perception import Perception
 from artemis.plugins.guard import PluginGuard
@@ -33,9 +34,10 @@ class Core:
         self._shared = Shared(plan)
         self.results = self._shared.results
         self._perception = Perception(plan.robot, period, plan.start or Pose(), localized=plan.localized)
-        self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind)
+        self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind, plan.needs_scanners)
         self._modes = Modes(self._shared)
         self._gate = Gate(plan.robot, period=period)
+        self._obstacles = ObstacleStop(plan.robot) if plan.robot.scanners else None
         self._wish, self._points, self._pace = Wish(supervised=False), SetPoints(), Pace()
 
     def decide(self, sensed: Sensed) -> Tick:
@@ -44,8 +46,6 @@ class Core:
         seen = self._perception.perceive(sensed, verdict, self._points)
         cause = self._modes.advance(seen, self._wish.event)
         mode, wish = self._modes.mode, self._modes.step(seen)
-        if not is_sane(wish.command):
-            wish = replace(wish, fault=catalogue.fault("RUN-11", mode.value, repr(wish.command)))
         if wish.reset_pose:
             self._perception.reset()
         points = self._limit(wish, seen)
@@ -58,10 +58,14 @@ class Core:
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
         """The gate, from its last set-points on; wheels whose drives are off are where they are."""
         verdict, sensed = snapshot.verdict, snapshot.sensed
-        ceiling = min(self._shared.top_speed, LIMITED_SPEED if verdict.limits else inf)
+        ceiling, stop = min(self._shared.top_speed, LIMITED_SPEED if verdict.limits else inf), verdict.stops
         last = self._perception.as_they_stand(sensed, self._points)
-        points = self._gate.limit(wish.command, last, self._pace.since_sent(snapshot), ceiling, verdict.stops)
-        return self._perception.as_they_stand(sensed, points)
+        free = self._obstacles and self._obstacles.look(wish, last, snapshot, self._shared.rules)
+        if free:
+            ceiling, stop = min(ceiling, free.speed), stop or abs(last.speed) > free.speed
+        points = self._gate.limit(wish.command, last, self._pace.since_sent(snapshot), ceiling, stop)
+        points = self._perception.as_they_stand(sensed, points)
+        return replace(points, clearance=free) if free else points
 
 
 class Robot:
@@ -90,7 +94,9 @@ class Robot:
         """One tick at loop time `now` [s]. An urgent one, off the schedule, writes stop frames only."""
         self._ticking = True
         tick = self._core.decide(self._sense(now, urgent))
-        self._write(tick)
+        self._devices.write(tick)
+        for job in tick.wish.jobs:
+            self._tasks.create_task(self._perform(job))
         if not urgent:
             self._sent = asyncio.get_running_loop().time() - self._start
         self._guard.show(tick)
@@ -165,11 +171,6 @@ class Robot:
         """Keep what a device reports for the next tick, each problem once."""
         if (fault := catalogue.fault(id, device, seen)) not in self._faults:
             self._faults.append(fault)
-
-    def _write(self, tick: Tick) -> None:
-        self._devices.write(tick)
-        for job in tick.wish.jobs:
-            self._tasks.create_task(self._perform(job))
 
     async def _perform(self, job: Job) -> None:
         self._results.append(await self._devices.perform(job))

@@ -12,6 +12,7 @@ from artemis.devices.can_bus import Traffic
 from artemis.errors import RecordingError
 from artemis.mission.loading import LoadedMission
 from artemis.motion.route import Route
+from artemis.mounting import Mounting
 from artemis.planning import plugin_made, setup_for
 from artemis.plugins.contracts import Observer
 from artemis.plugins.guard import GARBAGE, Problem
@@ -25,7 +26,12 @@ from artemis.recording.resume import BROKEN
 from artemis.recording.run_folder import create_run_folder, keep_calibration, keep_paths
 from artemis.states.plan import FollowStep, Plan, Results
 from artemis.supervision import catalogue
-from artemis.values import Fault, Severity, Tick
+from artemis.values import Fault, Pose, Severity, Tick
+
+
+def place_of(mounting: Mounting) -> Pose:
+    """Where a scanner sits on the robot."""
+    return Pose(x=mounting.x_m, y=mounting.y_m, heading=mounting.heading)
 
 
 class RunRecord:
@@ -62,6 +68,7 @@ class RunRecord:
             provenance,
             threaded=threaded,
             journal=Journal(self.folder.journal, disk),
+            scanners={name: place_of(mounting) for name, mounting in loaded.robot.scanners.items()},
             nodes={name: drive.node_id for name, drive in loaded.robot.drives.items()},
             disk=disk,
         )

@@ -1,7 +1,9 @@
-"""What a laser scanner measures in one turn, as bytes: a thousand numbers cost little more than one to record."""
+"""What a laser scanner measures in one turn, and how fast the robot may drive for what the scanners see."""
 
 from __future__ import annotations
 
+from enum import IntEnum
+from math import inf
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
@@ -9,6 +11,14 @@ from msgspec import Struct
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+
+class Condition(IntEnum):
+    """What a scanner says of itself."""
+
+    WELL = 0
+    DIRTY = 1  # it still sees, but its window wants to be cleaned
+    FAULTY = 2  # what it measures cannot be trusted
 
 
 class Scan(Struct, frozen=True, kw_only=True, gc=False):
@@ -27,6 +37,8 @@ class Scan(Struct, frozen=True, kw_only=True, gc=False):
     """Likewise how strong each return was, in the scanner's own unit. Empty: it does not say."""
     counter: int = 0  # by the scanner: a scan whose number is not the next one lost others, one with the same is frozen
     status: int = 0  # as the scanner reports it, in its own bits; 0: well
+    condition: Condition = Condition.WELL  # what that means
+    garbled: int = 0  # telegrams that came since the scan before, and could not be read
 
     @property
     def millimetres(self) -> NDArray[np.uint16]:
@@ -37,6 +49,25 @@ class Scan(Struct, frozen=True, kw_only=True, gc=False):
     def strengths(self) -> NDArray[np.uint16]:
         """The intensities as a read-only view, one per beam or none at all."""
         return _numbers(self.intensities)
+
+
+class ObstacleRules(Struct, frozen=True, kw_only=True, gc=False):
+    """What the robot does about obstacles in one of the mission's steps."""
+
+    mode: str = "off"  # stop; slow: it does not stop for them; off: they are not looked at
+    margin: float = 0.08  # the outline counts as so much larger on every side [m]
+    clear: float = 0.05  # it stops so far before contact of that [m]
+    blocked_after: float = 30.0  # a step of the mission waits no longer for a free path [s]
+    free_after: float = 1.0  # it drives on once the path was free for so long [s]
+    unseen_reverse: bool = False  # it may drive backwards over ground that it has not seen
+
+
+class Clearance(Struct, frozen=True, kw_only=True, gc=False):
+    """What the scanners leave to the robot on the arcs that it may drive now."""
+
+    speed: float = inf  # of the virtual wheel, from which it still stops in time [m/s]
+    distance: float = inf  # that it may drive [m]
+    blocked: float = 0.0  # how long it has stood for an obstacle [s]; 0: it does not
 
 
 def _numbers(packed: bytes) -> NDArray[np.uint16]:

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.progress import Acted, MissionEvent, Position
-from artemis.scan import Scan
+from artemis.scan import Clearance, Scan
 
 
 class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
@@ -137,8 +137,7 @@ class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Run time [s]."""
     late: float = 0.0  # how long after its time on the schedule the tick began [s]
     sent: float = 0.0  # when the last scheduled tick's frames had been sent [s of the run]
-    urgent: bool = False
-    """An extra tick, off the schedule: writes stop frames only."""
+    urgent: bool = False  # an extra tick, off the schedule: writes stop frames only
     attended: bool = False
     """Somebody can acknowledge and arm; otherwise a fault or a quick stop ends the run."""
     drives: tuple[DriveFeedback, ...] = ()
@@ -222,6 +221,7 @@ class SetPoints(Struct, frozen=True, kw_only=True, gc=False):
     speed_right: float = 0.0
     steering_left: float = 0.0
     steering_right: float = 0.0
+    clearance: Clearance | None = None  # what obstacles left to the robot; None: they do not limit it
 
 
 class Severity(IntEnum):
@@ -336,8 +336,7 @@ class Cause(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Why a mode began, or began anew."""
 
     event: Event
-    request: Request | None = None
-    """What somebody asked for, where that is the reason."""
+    request: Request | None = None  # what somebody asked for, where that is the reason
     faults: tuple[Fault, ...] = ()
     """Those that led there; at the end of a run that no request ended: those that still stop the robot."""
 

@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from artemis.config import Config, Inconsistent, Quantity
+from artemis.mounting import Mounting, Outline
 from artemis.yaml_file import KeyPath
 
 Positive = Annotated[float, Field(gt=0)]
@@ -160,10 +161,14 @@ class RobotFile(Config):
     bitrate: Literal[1000000, 800000, 500000, 250000, 125000, 50000, 20000] = 1000000
     host_node_id: Annotated[int, Field(ge=1, le=127)] = 127
     """The identifier of the host's heartbeat is 0x700 plus this."""
+    outline: Outline | None = None
+    """Of the whole robot, for what must not touch anything."""
+    scanners: dict[Annotated[str, Field(min_length=1)], Mounting] = Field(default_factory=dict)
+    """Laser scanners, by names of the robot's own."""
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        problems = [*_nodes(self), *_geometry(self.geometry)]
+        problems = [*_nodes(self), *_geometry(self.geometry), *_body(self)]
         if not problems:
             problems = [*_traction(self), *_steering(self), *_limits(self.limits)]
         if problems:
@@ -233,6 +238,21 @@ def _geometry(geometry: Geometry) -> Problems:
             ("geometry", "track_m"),
             f"expected at most three times wheelbase_m ({geometry.wheelbase_m:g} m), found {geometry.track_m:g} m",
         )
+
+
+def _body(robot: RobotFile) -> Problems:
+    """The outline is around the wheels; a scanner has no drive's name."""
+    geometry = robot.geometry
+    if (outline := robot.outline) is not None:
+        if outline.front_m <= geometry.wheelbase_m:
+            text = f"expected more than wheelbase_m ({geometry.wheelbase_m:g} m): it counts from the rear axle"
+            yield ("outline", "front_m"), f"{text}, found {outline.front_m:g} m"
+        if outline.half_width_m <= geometry.track_m / 2:
+            text = f"expected more than half of track_m ({geometry.track_m / 2:g} m), found {outline.half_width_m:g} m"
+            yield ("outline", "half_width_m"), text
+    for name in robot.scanners:
+        if name in robot.drives:
+            yield ("scanners", name), "a drive has this name: give the scanner another one"
 
 
 _CIRCUMFERENCE = Quantity(0.05, 10.0, "m a turn")

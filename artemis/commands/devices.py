@@ -1,11 +1,14 @@
-"""`artemis devices`: what is plugged into this computer, and with a mission, which drives answer on its bus."""
+"""`artemis devices`: what is plugged into this computer; with a mission, what answers on its bus, and its scanners."""
 
 from __future__ import annotations
 
 import asyncio
 import sys
 from contextlib import closing
+from dataclasses import replace
+from math import degrees
 from pathlib import Path
+from typing import Any
 
 from artemis import clock
 from artemis.devices.can_bus import CanBus, FrameBus, detected_adapters
@@ -14,11 +17,18 @@ from artemis.devices.hid.identity import Identity
 from artemis.devices.hid.port import HidInfo, HidPort
 from artemis.devices.inputs import InputPorts, layout_of
 from artemis.devices.inventory import NodeReport, ask_nodes
-from artemis.errors import ConfigError, DeviceLost, HidError
+from artemis.errors import ConfigError, DeviceError, DeviceLost, HidError
+from artemis.mission.actions import PluginUse
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
-from artemis.planning import is_simulated
+from artemis.planning import is_simulated, plugin_made, scanners_used, setup_for
+from artemis.plugins.contracts import Scanner
 from artemis.plugins.inputs.profiles import all_profiles, find_profile
+from artemis.plugins.registry import SCANNERS
+from artemis.scan import Condition, Scan
+
+SCAN_TIME = 15.0
+"""A scanner has so long to its first scan [s]."""
 
 
 def show_devices(mission: Path | None) -> None:
@@ -32,6 +42,7 @@ def show_devices(mission: Path | None) -> None:
     show_inputs(InputPorts())
     if loaded is not None:
         _show_drives(loaded)
+        _show_scanners(loaded)
 
 
 def _show_adapters() -> None:
@@ -131,6 +142,57 @@ def open_bus(loaded: LoadedMission, simulated: bool) -> FrameBus:
     loop = asyncio.get_running_loop()
     world = World(loaded.robot, loaded.true_robot, seed=loaded.mission.simulation.seed, start=loop.time())
     return SimBus(world, loaded.robot.bitrate, loop)
+
+
+def _show_scanners(loaded: LoadedMission) -> None:
+    simulated = is_simulated(loaded)
+    if loaded.robot.scanners:
+        _say(f"scanners of {loaded.robot.robot}{' (simulated)' * simulated}")
+    for name, use in scanners_used(loaded, simulated).items():
+        told = clock.run(_first_scan(loaded, name, use, simulated), simulated=simulated)
+        where = ", ".join(str(use.options[key]) for key in ("host", "port") if key in use.options)
+        _say(f"  {name}  {use.plugin}{f' at {where}' if where else ''}: {told}")
+
+
+async def _first_scan(loaded: LoadedMission, name: str, use: PluginUse, simulated: bool) -> str:
+    """What a scanner first tells, or why it does not."""
+    loop, context = asyncio.get_running_loop(), setup_for(loaded, name)
+    begun = loop.time()
+    if simulated:
+        from artemis.sim.scanners import mount_scanners
+        from artemis.sim.world import World
+
+        seed = loaded.mission.simulation.seed
+        world = World(loaded.robot, loaded.true_robot, seed=seed, start=begun)
+        mount_scanners(loaded.robot, world, loaded.scenery, loaded.grid, seed=seed, start=begun)
+        context = replace(context, dial=world.scanners[name].device.dial)
+    first: asyncio.Future[Scan] = loop.create_future()
+
+    def give(scan: Scan) -> None:
+        if not first.done():
+            first.set_result(scan)
+
+    scanner: Scanner = plugin_made(SCANNERS, use, context)
+    running = asyncio.ensure_future(scanner.run(lambda: loop.time() - begun, give))
+    with closing(scanner):
+        either: list[asyncio.Future[Any]] = [running, first]
+        await asyncio.wait(either, timeout=SCAN_TIME, return_when=asyncio.FIRST_COMPLETED)
+        if first.done():
+            running.cancel()
+            return _scan(first.result())
+        if not running.done():
+            running.cancel()
+            return f"no scan within {SCAN_TIME:g} s"
+        error = running.exception()
+        return error.problem if isinstance(error, DeviceError) else f"its plugin fails: {error!r}"
+
+
+def _scan(scan: Scan) -> str:
+    beams = len(scan.millimetres)
+    first, last = degrees(scan.start_angle), degrees(scan.start_angle + scan.increment * (beams - 1))
+    returns = sum(1 for distance in scan.millimetres.tolist() if distance)
+    health = "" if scan.condition is Condition.WELL else f"; {scan.condition.name.lower()}, status {scan.status:#06x}"
+    return f"{beams} beams from {first:.0f} to {last:.0f} degrees, {returns} of them return{health}"
 
 
 def _node(node: NodeReport) -> str:

@@ -21,7 +21,9 @@ def list_plugins(context: typer.Context) -> None:
 
 @plugins.command("new")
 def new_plugin(
-    kind: Annotated[str, typer.Argument(metavar="input|follower|localizer|observer|behaviour", help="What it is.")],
+    kind: Annotated[
+        str, typer.Argument(metavar="input|follower|localizer|scanner|observer|behaviour", help="What it is.")
+    ],
     name: Annotated[str, typer.Argument(metavar="NAME", help="What missions will call it.")],
     folder: Annotated[Path, typer.Option(help="Where the package's folder is made.")] = Path(),
 ) -> None:

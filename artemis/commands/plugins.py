@@ -11,13 +11,14 @@ from pathlib import Path
 from string import Template
 
 from artemis.errors import ConfigError
-from artemis.plugins.registry import BEHAVIOURS, CONTRACTS, FOLLOWERS, INPUTS, LOCALIZERS, OBSERVERS, listing
+from artemis.plugins.registry import BEHAVIOURS, CONTRACTS, FOLLOWERS, INPUTS, LOCALIZERS, OBSERVERS, SCANNERS, listing
 from artemis.progress import OWN_STEPS
 
 GROUPS = {
     "input": INPUTS,
     "follower": FOLLOWERS,
     "localizer": LOCALIZERS,
+    "scanner": SCANNERS,
     "observer": OBSERVERS,
     "behaviour": BEHAVIOURS,
 }
@@ -28,9 +29,22 @@ ADVICE = {
     "input": "As written it drives without an enable button: run it in simulation only.",
     "follower": "It is pure pursuit, to begin with; `path.csv` is a path to try it on.",
     "localizer": "As it is, it knows where a simulated robot is: in `fixes`, ask your device instead.",
+    "scanner": "As it is, it sees a round room that is not there: in `run`, ask your device instead.",
     "observer": "It writes how far the robot has gone into `NAME.txt` of the run's folder, to begin with.",
     "behaviour": "It drives an arc, to begin with; its name is the key of the step in `mission.yaml`.",
 }
+
+SCANNER = """
+scanners:
+  front:
+    plugin: {}
+    x_m: 0.56              # from the centre of the rear axle
+    y_m: 0.0
+    heading_deg: 0
+    height_m: 0.30
+    least_range_m: 0.1
+"""
+"""In the robot file of a package with a scanner."""
 
 
 def show_plugins() -> int:
@@ -106,9 +120,13 @@ class _Package:
             f"src/{self._module}/py.typed": "",
             f"tests/test_{self._module}.py": self._filled(f"{self.kind}/test.py"),
             "mission.yaml": self._filled(f"{self.kind}/mission.yaml"),
-            "robot.yaml": (files("artemis") / "testing/artemis.yaml").read_text(encoding="utf-8"),
+            "robot.yaml": self._robot(),
         }
         return made if self.kind in ("input", "behaviour") else made | {"path.csv": self._filled("follower/path.csv")}
+
+    def _robot(self) -> str:
+        text = (files("artemis") / "testing/artemis.yaml").read_text(encoding="utf-8")
+        return text + SCANNER.format(self.name) if self.kind == "scanner" else text
 
     @property
     def _module(self) -> str:

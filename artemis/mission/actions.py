@@ -9,6 +9,7 @@ from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, mode
 from artemis import vehicle
 from artemis.config import Config
 from artemis.mission.keys import Name, Positive, check_one_key
+from artemis.mission.obstacles import Obstacles
 from artemis.mission.waypoints import Waypoints
 
 
@@ -189,6 +190,8 @@ class Follow(Config):
     out: false, but true for waypoints."""
     max_cross_track_m: Annotated[float, Field(gt=0, le=0.6)] = 0.6
     """Farther from the path than this the robot is lost and stops (fault PTH-06)."""
+    obstacles: Obstacles | None = None
+    """In this step; if left out, as in the mission."""
 
     @property
     def wanted(self) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from artemis.config import Config
 from artemis.mission.keys import Name, Positive, check_one_key
+from artemis.mission.obstacles import Obstacles
 
 
 class Until(Config):
@@ -37,6 +38,8 @@ class Teleop(Config):
     record: Name | None = None
     """Record the path that is driven under this name: all of it, or what lies between two presses of the record
     button. It is kept in the run's folder, and a later step may follow it."""
+    obstacles: Obstacles | None = None
+    """In this step; if left out, as in the mission."""
 
     @property
     def names(self) -> tuple[str, ...]:

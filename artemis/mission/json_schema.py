@@ -11,10 +11,10 @@ from typing import Any
 
 from pydantic.errors import PydanticInvalidForJsonSchema
 
-from artemis import vehicle
+from artemis import mounting, vehicle
 from artemis.config import Config
 from artemis.errors import PluginError
-from artemis.mission import actions, by_hand, schema, waypoints, words
+from artemis.mission import actions, by_hand, obstacles, schema, waypoints, words
 from artemis.mission.behaviours import behaviour_class, installed_behaviours
 from artemis.mission.injector import installed_injector
 from artemis.mission.schema import Mission
@@ -24,7 +24,7 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def mission_schema() -> dict[str, object]:
     """JSON schema of a mission file, for editors."""
-    found: dict[str, Any] = _schema(Mission, actions, by_hand, words, schema, waypoints)
+    found: dict[str, Any] = _schema(Mission, actions, by_hand, obstacles, words, schema, waypoints)
     if (injector := installed_injector()) is not None:
         found["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] = list(injector.ids())
     step = found["$defs"]["Step"]
@@ -42,7 +42,7 @@ def mission_schema() -> dict[str, object]:
 
 def robot_schema() -> dict[str, object]:
     """JSON schema of a robot file, for editors."""
-    return _schema(vehicle.RobotFile, vehicle)
+    return _schema(vehicle.RobotFile, vehicle, mounting)
 
 
 def _schema(model: type[Config], *modules: ModuleType | None, template: str = "#/$defs/{model}") -> dict[str, Any]:

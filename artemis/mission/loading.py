@@ -13,10 +13,11 @@ from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
+from artemis.mission.obstacles import Obstacles
 from artemis.mission.problems import by_position, nearest, problems_from
 from artemis.mission.reading import Configs, Model
 from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
-from artemis.mission.step_checks import StepChecks
+from artemis.mission.surroundings import SurroundingsChecks
 from artemis.plugins.contracts import PluginContext, is_pure
 from artemis.progress import OWN_STEPS
 from artemis.states.outline import steps_in
@@ -26,6 +27,8 @@ from artemis.yaml_file import Document, KeyPath, read, survey
 if TYPE_CHECKING:
     from artemis.mission.tree import MissionTree
     from artemis.motion.route import Route
+    from artemis.sim.grid import MapGrid
+    from artemis.sim.scenery import Scenery
     from artemis.sim.world import PlantParameters
 
 
@@ -39,6 +42,10 @@ class LoadedMission:
     """Name of the robot file, for messages."""
     true_robot: PlantParameters
     """How the simulated machine differs from the robot file."""
+    scenery: Scenery | None = None
+    """What the simulated scanners see; None: a hall."""
+    grid: MapGrid | None = None
+    """The map of that."""
     documents: Mapping[str, Document]
     """The mission and the robot file, by their names in messages."""
     files: Mapping[str, bytes]
@@ -95,7 +102,7 @@ def plugin_from(group: str, use: PluginUse) -> tuple[Any, Config]:
     return plugin, config
 
 
-class _Loading(StepChecks):
+class _Loading(SurroundingsChecks):
     """Goes through the mission part by part."""
 
     def result(self) -> LoadedMission:
@@ -105,6 +112,10 @@ class _Loading(StepChecks):
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus()
         true_robot = self._true_robot()
+        if "obstacles" in self._data:
+            self._check_obstacles((), self._part(Obstacles, "obstacles"), robot)
+        self._check_scanners(robot)
+        scenery, grid = self._scenery()
         self._check_steps(robot, inputs)
         self._check_faults(robot, inputs)
         self._check_policies()
@@ -118,6 +129,8 @@ class _Loading(StepChecks):
             robot=robot,
             robot_source=self._robot_source,
             true_robot=true_robot,
+            scenery=scenery,
+            grid=grid,
             documents=self._documents,
             files=self._files,
             folder=self._folder,

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from artemis.plugins.contracts import Declared
-from artemis.progress import DONE
+from artemis.progress import BLOCKED, DONE
 from artemis.states.outline import Path, step_of, steps_in
 from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, TIMEOUT
 from artemis.yaml_file import dotted
@@ -83,7 +83,7 @@ class _Order:
         facts = self._behaviours.get(word)
         others = [FAULT, *([TIMEOUT] if keys.get("at_most_s") else []), *(facts.outcomes if facts else ())]
         if word == "follow" or (facts is not None and facts.moves):
-            others.append(LOST)
+            others += [LOST, BLOCKED]
         return {DONE: before | _gained(word, body), **dict.fromkeys(others, before)}
 
     def _try(self, keys: Mapping[str, Any], path: Path, before: Facts) -> Ends:

@@ -12,6 +12,7 @@ from pydantic_core import ErrorDetails
 
 from artemis.config import Inconsistent
 from artemis.errors import shown
+from artemis.mounting import Mounting
 from artemis.yaml_file import Document, KeyPath, surprise
 
 _MAX_NAMED = 12
@@ -71,7 +72,9 @@ def describe(value: object) -> str:
 def problems_from(error: ValidationError, document: Document, model: type[BaseModel], at: KeyPath = ()) -> list[str]:
     """One line with file, position and key for each error that `model` found in the part of a document at `at`."""
     found = [(_path(document, (*at, *detail["loc"])), detail) for detail in error.errors(include_url=False)]
-    beside = ("plugin",) if at[-1:] == ("follower",) else ()  # a follower's own keys stand beside its name
+    beside: tuple[str, ...] = ("plugin",) if at[-1:] == ("follower",) else ()  # its own keys stand beside its name
+    if at[:1] == ("scanners",):  # and a scanner's beside its mounting
+        beside = tuple(Mounting.model_fields)
     problems = []
     for path, detail in found:
         if _follows_from_damage(document, path, detail["type"]):

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
 from artemis.config import Config
 from artemis.mission.actions import A_LIST, FileName, PluginUse
 from artemis.mission.keys import Name
+from artemis.mission.obstacles import Obstacles
 from artemis.mission.words import MissionPart, Step
 from artemis.supervision.catalogue import ROWS
 
@@ -114,8 +115,12 @@ class Simulation(Config):
     """Faster than real time, or not; nothing: in real time if an input needs a person or a device."""
     true_robot: dict[str, object] = Field(default_factory=dict)
     """How the simulated machine differs from the robot file, unknown to the software."""
+    world: dict[str, object] | None = None
+    """What the scanners see: walls, poles, boxes, persons, a map; nothing: a hall of 16 x 16 m around the origin."""
     inputs: dict[str, PluginUse] = Field(default_factory=dict)
     """Stand-ins for inputs of the mission, by the same names."""
+    scanners: dict[str, PluginUse] = Field(default_factory=dict)
+    """Stand-ins for scanners of the robot, by the same names."""
     localizer: PluginUse | None = None
     """Stand-in for the mission's localizer, or the only one."""
     operator: Annotated[tuple[Operation, ...], Field(strict=False)] = ()
@@ -139,6 +144,8 @@ class Mission(Config):
     steps: Annotated[tuple[Step, ...], *A_LIST]
     parts: dict[Name, MissionPart] = Field(default_factory=dict)
     """Steps that are written once, by the name with which steps `call` them."""
+    obstacles: Obstacles | None = None
+    """What the robot does about what its scanners see; if left out, a robot that has any stops in time."""
     supervision: Supervision = Supervision()
     recovery: Annotated[
         dict[str, RecoveryPolicy], Field(json_schema_extra={"propertyNames": {"enum": sorted(ROWS)}})

@@ -9,6 +9,7 @@ from artemis.errors import ConfigError
 from artemis.mission.actions import Calibrate, Follow, MeasureSteering, Recorded
 from artemis.mission.behaviours import behaviour_class, declarations
 from artemis.mission.by_hand import Teleop
+from artemis.mission.obstacles import Obstacles, check_obstacles
 from artemis.mission.order import CALIBRATED, Facts, done_before, why_not
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs, MissionReading
@@ -41,6 +42,11 @@ class StepChecks(MissionReading):
         self._remarks += found.remarks
         return found
 
+    def _check_obstacles(self, at: KeyPath, obstacles: Obstacles | None, robot: RobotFile | None) -> None:
+        if obstacles is not None and robot is not None:
+            for problem in check_obstacles(obstacles, robot, simulated=self._data.get("bus") == "simulation"):
+                self._complain((*at, "obstacles"), problem)
+
     def _check_steps(self, robot: RobotFile | None, inputs: Configs) -> None:
         steps = self._data.get("steps")
         given = steps if isinstance(steps, list) else []
@@ -57,6 +63,8 @@ class StepChecks(MissionReading):
             step = self._part(Step, *path[:-1])
             if step is None:
                 continue
+            if isinstance(step.action, Follow | Teleop):
+                self._check_obstacles(path, step.action.obstacles, robot)
             if isinstance(step.action, Follow):
                 if isinstance(step.action.path, Recorded) and path in before:
                     self._check_recorded(path, step.action.path.recorded, before[path], given)

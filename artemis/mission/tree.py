@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from artemis.errors import ConfigError
+from artemis.mission.actions import Follow
 from artemis.mission.behaviours import UNTIL, declarations
 from artemis.mission.problems import nearest
 from artemis.mission.schema import Mission
 from artemis.mission.words import Step
 from artemis.plugins.contracts import Declared
-from artemis.progress import DONE
+from artemis.progress import BLOCKED, DONE
 from artemis.states import tree
 from artemis.states.advance import Passive
 from artemis.states.condition import Condition, SignalKind, comparisons, parse
@@ -250,7 +251,9 @@ class _Building:
     def _outcomes(self, step: Step) -> set[str]:
         if step.behaviour:
             facts = self._behaviours.get(step.behaviour)
-            return {DONE, *(facts.outcomes if facts else ())}
+            return {DONE, *(facts.outcomes if facts else ()), *([BLOCKED] if facts and facts.moves else ())}
+        if isinstance(step.action, Follow):
+            return {DONE, BLOCKED}
         limited = getattr(step.action, "at_most_s", None) is not None
         return {DONE, *([TIMEOUT] if limited else [])}
 

@@ -1,10 +1,10 @@
 """All that a plugin author reads: what artemis gives a plugin, and what it wants back.
 
 A plugin is a class, registered as an entry point in its group (`artemis.inputs`, `artemis.followers`,
-`artemis.localizers`, `artemis.observers`, `artemis.behaviours`). It has an inner pydantic model `Config` (a subclass of
-`artemis.config.Config`: the keys that a mission may write beside `plugin:`) and is made with `Plugin(config, context)`.
-All but observers run inside the tick: they must return within 15 ms, never wait, and take the time only from what they
-are given.
+`artemis.localizers`, `artemis.scanners`, `artemis.observers`, `artemis.behaviours`). It has an inner pydantic model
+`Config` (a subclass of `artemis.config.Config`: the keys that a mission, or for a scanner the robot file, may write
+beside `plugin:`) and is made with `Plugin(config, context)`. All but scanners and observers run inside the tick: they
+must return within 15 ms, never wait, and take the time only from what they are given.
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ from msgspec import Struct
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
 from artemis.motion.path import Path
+from artemis.scan import Scan
 from artemis.values import DriveCommand, OperatorInput, Pose, PoseFix, Snapshot, Tick, Tracking
 from artemis.vehicle import RobotFile
 
 if TYPE_CHECKING:
     from artemis.devices.can_bus import Traffic
+    from artemis.devices.tcp import Dial
 
 CONTRACT = 1
 """Version of these contracts. A plugin may state `contract = 1`; another number is refused by name."""
@@ -51,6 +53,8 @@ class PluginContext:
     true_pose: Callable[[], tuple[float, Pose]] | None = None
     """Run time [s] and where a simulated robot truly is then, in the world's frame: for a localizer that simulates one.
     None: nobody knows."""
+    dial: Dial | None = None
+    """Connects to the simulated device that stands in for a scanner's; None: there is none, connect to the real one."""
 
     def top_speed(self, key: str, wanted: float | None) -> float:
         """The speed of the virtual front wheel [m/s] that a key of the plugin wants; None: the robot's limit.
@@ -97,6 +101,34 @@ class Localizer(Protocol):
 
         Raises:
             DeviceLost: the device is gone; asked again at the next tick. Until then the odometry carries the pose on.
+        """
+
+    def close(self) -> None:
+        """Give the device back; harmless when repeated."""
+
+
+class Scanner(Protocol):
+    """Measures distances around the robot, again and again: a laser scanner.
+
+    It is described in the robot file under `scanners`; `context.robot.scanners[context.name]` is its mounting. It runs
+    beside the ticks, in the run's thread, so it must never block: what it waits for, it awaits. Its class may state
+    `NeedsRealTime`.
+    """
+
+    Config: ClassVar[type[Config]]
+
+    async def run(self, clock: Callable[[], float], give: Callable[[Scan], None]) -> None:
+        """Connect, configure and measure until cancelled.
+
+        Args:
+            clock: run time now [s].
+            give: takes each scan as soon as it is complete. Its `source` is `context.name`; its `time` the run time at
+                which its first beam was measured, never later than now; its angles are those of a scanner that stands
+                upright, however it is mounted.
+
+        Raises:
+            DeviceError: the device is gone or does not answer (LAS-01), `WrongDevice`: does not do what it shall
+                (LAS-05). `run` is called again after a pause of 0.5 s, doubled each time up to 8 s until scans came.
         """
 
     def close(self) -> None:
@@ -214,7 +246,10 @@ class Observer(Protocol):
 
 @runtime_checkable
 class NeedsRealTime(Protocol):
-    """An input or localizer whose devices need a person or a wire, where `live`: a simulation then keeps real time."""
+    """An input, localizer or scanner whose devices need a person or a wire, where `live`.
+
+    A simulation then keeps real time.
+    """
 
     live: bool
 

@@ -10,18 +10,20 @@ from typing import Any
 from artemis.config import Config
 from artemis.errors import PluginError, similar
 from artemis.plugins.acting import misdeclared
-from artemis.plugins.contracts import CONTRACT, Behaviour, Follower, InputDevice, Localizer, Observer, declared
+from artemis.plugins.contracts import CONTRACT, Behaviour, Follower, InputDevice, Localizer, Observer, Scanner, declared
 from artemis.progress import OWN_STEPS
 
 INPUTS = "artemis.inputs"
 FOLLOWERS = "artemis.followers"
 LOCALIZERS = "artemis.localizers"
+SCANNERS = "artemis.scanners"
 OBSERVERS = "artemis.observers"
 BEHAVIOURS = "artemis.behaviours"
 CONTRACTS: dict[str, type[Any]] = {
     INPUTS: InputDevice,
     FOLLOWERS: Follower,
     LOCALIZERS: Localizer,
+    SCANNERS: Scanner,
     OBSERVERS: Observer,
     BEHAVIOURS: Behaviour,
 }

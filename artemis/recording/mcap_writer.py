@@ -27,6 +27,7 @@ from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_file import McapFile
 from artemis.recording.provenance import Provenance, made_with
 from artemis.recording.schemas import encode, pack_frames, spatial_pose, tick_record
+from artemis.scan import Scan
 from artemis.values import Pose, Snapshot, Tick
 
 CHUNK_SIZE = 256 * 1024
@@ -57,6 +58,7 @@ class Recorder:
         threaded: bool,
         journal: Journal | None = None,
         nodes: Mapping[str, int] | None = None,
+        scanners: Mapping[str, Pose] | None = None,
         disk: Disk | None = None,
     ) -> None:
         """Begin the file.
@@ -67,6 +69,7 @@ class Recorder:
             threaded: See above.
             journal: Where events are written, too; closed with the recorder.
             nodes: The drives' node ids by their names: whose frames a fault's entry shows.
+            scanners: Where they sit on the robot, by their names: their scans are drawn there.
             disk: Makes the file.
 
         Raises:
@@ -74,6 +77,8 @@ class Recorder:
         """
         self._path, self._journal = path, journal
         self._chronicle = EventLog(nodes or {})
+        self._scanners = {name: spatial_pose(place) for name, place in (scanners or {}).items()}
+        self._scan_slots: dict[str, int] = {}
         self._start = _nanoseconds(provenance.start)
         self._begun = stopwatch()
         self._index = self._pose_slot = -1
@@ -240,6 +245,11 @@ class Recorder:
                 schema = msgspec.json.encode(schemas.json_schema(kind))
                 ids[name] = self._writer.add_schema(name, "jsonschema", schema)
             channels[topic] = self._writer.add_channel(topic, "json", ids[name])
+        if self._scanners:
+            schema = msgspec.json.encode(schemas.json_schema(schemas.LaserScan))
+            id = self._writer.add_schema("foxglove.LaserScan", "jsonschema", schema)
+            for topic in (schemas.SCANS + name for name in self._scanners):
+                channels[topic] = self._writer.add_channel(topic, "json", id)
         return channels
 
     def _attach(self, name: str, content: bytes) -> None:
@@ -256,6 +266,8 @@ class Recorder:
         if (slot := int(sensed.time / POSE_PERIOD + 1e-6)) != self._pose_slot:
             self._pose_slot = slot
             self._write_poses(at, tick.snapshot, true_pose)
+        for scan in sensed.scans:
+            self._write_scan(scan)
         if sensed.time >= self._next_flush:
             self._next_flush = sensed.time + self._flush_period
             self._writer.flush()
@@ -276,6 +288,14 @@ class Recorder:
         self._add("/tf", at, schemas.FrameTransforms(transforms))
         if true_pose is not None:
             self._add("/pose/true", at, schemas.PoseInFrame(time, located.frame, spatial_pose(true_pose)))
+
+    def _write_scan(self, scan: Scan) -> None:
+        """For viewers; `/tick` holds all of them."""
+        place, slot = self._scanners.get(scan.source), int(scan.time / POSE_PERIOD + 1e-6)
+        if place is not None and slot != self._scan_slots.get(scan.source):
+            self._scan_slots[scan.source] = slot
+            at = self._start + round(scan.time * 1e9)
+            self._add(schemas.SCANS + scan.source, at, schemas.laser_scan(scan, place, _timestamp(at)))
 
     def _write_path(self, time: float, poses: Sequence[Pose], frame: str) -> None:
         at = self._start + round(time * 1e9)

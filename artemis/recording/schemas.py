@@ -19,6 +19,7 @@ from msgspec.structs import asdict
 
 from artemis import values
 from artemis.devices.can_bus import Frame
+from artemis.scan import Scan
 
 # ------------------------------------------------------------------------------------------------- records of artemis
 
@@ -106,6 +107,18 @@ class FrameTransforms(msgspec.Struct, frozen=True):
     transforms: list[FrameTransform]
 
 
+class LaserScan(msgspec.Struct, frozen=True):
+    """A scan, seen from a place in a frame; a range of 0: no return."""
+
+    timestamp: Time
+    frame_id: str
+    pose: SpatialPose
+    start_angle: float
+    end_angle: float
+    ranges: list[float]
+    intensities: list[float]
+
+
 class Log(msgspec.Struct, frozen=True):
     """One line of the log; `name` is the kind of the entry. Levels: 2 info, 3 warning, 4 error."""
 
@@ -127,6 +140,8 @@ CHANNELS: dict[str, tuple[str, type]] = {
     "/log": ("foxglove.Log", Log),
 }
 """Name of the schema and type of the messages, by topic."""
+SCANS = "/scan/"
+"""Topics of single scanners begin so; they are `foxglove.LaserScan`."""
 
 
 def json_schema(kind: Any) -> dict[str, Any]:  # noqa: ANN401 (any type annotation)
@@ -234,6 +249,14 @@ def unpack_frames(data: bytes) -> list[tuple[bool, Frame]]:
 
 
 # ------------------------------------------------------------------------------------------------------------- poses
+
+
+def laser_scan(scan: Scan, place: SpatialPose, timestamp: Time) -> LaserScan:
+    """A scan as Foxglove draws it, from a scanner at `place` on the robot."""
+    ranges, strengths = scan.millimetres, scan.strengths
+    end = scan.start_angle + scan.increment * (len(ranges) - 1)
+    metres = (ranges * 1e-3).round(3).tolist()
+    return LaserScan(timestamp, "base_link", place, scan.start_angle, end, metres, strengths.astype(float).tolist())
 
 
 def spatial_pose(pose: values.Pose) -> SpatialPose:

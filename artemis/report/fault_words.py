@@ -12,7 +12,7 @@ from artemis.values import JobKind, Severity
 
 DID = {
     Severity.WARN: "nothing: the run continues",
-    Severity.LIMIT: "drives on, slowly",
+    Severity.LIMIT: "limits the speed",
     Severity.CONTROLLED_STOP: "controlled stop, drives stay on",
     Severity.QUICK_STOP: "quick stop by the drives, then off",
     Severity.OFF: "drives off: the robot can roll",

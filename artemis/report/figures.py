@@ -136,6 +136,10 @@ def path_figure(run: Series) -> Figure:
         x, y, heading = known[0]
         axes.plot(x, y, marker=(3, 0, np.degrees(heading) - 90), color=INK, markersize=9, linestyle="", label="start")
         axes.plot(*known[-1, :2], marker="o", color=INK, markersize=6, linestyle="", label="end")
+    slowed = np.isfinite(run.slowed)
+    if slowed.any():
+        x, y, _ = run.estimated[slowed].T
+        axes.plot(x, y, marker=".", color=RIGHT, markersize=5, linestyle="", label="slowed for an obstacle", zorder=4)
     faults = [entry.time for entry in _faults(run)]
     if faults and len(known):
         x, y, _ = run.estimated[np.searchsorted(run.time, faults).clip(0, len(run.time) - 1)].T

@@ -158,6 +158,7 @@ def _rows(facts: Summary) -> list[tuple[str, str]]:
         (f"error of {facts.source} at the end", _known(facts.position_error_end)),
         ("highest speed: robot, a wheel", f"{facts.max_speed:.3f} m/s, {facts.max_wheel_speed:.3f} m/s"),
         ("largest steering angle of a wheel", f"{degrees(facts.max_steering):.1f}°"),
+        ("stood for obstacles", _seconds(facts.waited) if facts.waited else ""),
         ("frames", str(facts.frames)),
         ("bus load: mean, highest", f"{100 * facts.bus_load_mean:.1f} %, {100 * facts.bus_load_max:.1f} %"),
     ]

@@ -81,6 +81,10 @@ class Series:
     """What the follower adds to that [rad]; nan likewise."""
     late: Array
     """How late each tick began [s]."""
+    slowed: Array
+    """Speed that an obstacle left, where that was less than was wished [m/s]; nan elsewhere."""
+    waited: float
+    """How long the robot stood for obstacles [s]."""
     ticks: int
     """All of them."""
     error: Errors
@@ -135,7 +139,7 @@ _COLUMNS = (
     *("odometry_x", "odometry_y", "odometry_heading"),
     *("true_x", "true_y", "true_heading"),
     *("arc_length", "cross_track", "true_arc_length", "true_cross_track"),
-    *("speed", "planned_speed", "feedforward", "feedback", "late"),
+    *("speed", "planned_speed", "feedforward", "feedback", "late", "slowed"),
 )
 """Those before the set-points and measured values of the drives."""
 _AT = {name: number for number, name in enumerate(_COLUMNS)}
@@ -176,7 +180,7 @@ class _Reader:
         self._error, self._true_error = Errors(), Errors()
         self._given, self._true_given = GivenErrors(), GivenErrors()
         self._error_end: float | None = None
-        self._way = 0.0
+        self._way = self._waited = 0.0
         self._driven: float | None = None
         """By the odometry, before this tick [m]; None: unknown, or counted anew."""
         self._placed_after = -inf
@@ -210,7 +214,11 @@ class _Reader:
         row = [time, moment, estimated.x, estimated.y, estimated.heading, by_wheels.x, by_wheels.y, by_wheels.heading]
         row += (at.x, at.y, at.heading)
         row += (arc_length, cross_track, true_arc_length, true_cross_track)
+        clearance = points.clearance
+        slowed = clearance is not None and clearance.speed < abs(tick.wish.command.speed)
+        self._waited += snapshot.dt if clearance is not None and clearance.blocked else 0.0
         row += (odometry.speed, planned_speed, feedforward, feedback, sensed.late)
+        row.append(clearance.speed if clearance is not None and slowed else nan)
         heard = {drive.name: drive for drive in sensed.drives}
         for name, set_point, states, measured in self._drives:
             drive = heard.get(name) or DriveFeedback(name=name)
@@ -254,6 +262,8 @@ class _Reader:
             feedforward=columns["feedforward"],
             feedback=columns["feedback"],
             late=columns["late"],
+            slowed=columns["slowed"],
+            waited=self._waited,
             ticks=self._ticks,
             error=self._error,
             true_error=self._true_error,

@@ -56,6 +56,8 @@ class Summary:
     bus_load_mean: float
     bus_load_max: float
     """Shares, each frame counted with its most stuff bits."""
+    waited: float
+    """For obstacles."""
     max_late: float
     """How late the latest tick began."""
     steps: tuple[Interval, ...]
@@ -97,6 +99,7 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         frames=run.frames,
         bus_load_mean=float(np.mean(run.bus_load)) if len(run.bus_load) else 0.0,
         bus_load_max=_largest(run.bus_load),
+        waited=run.waited,
         max_late=_largest(run.late),
         steps=run.steps,
         faults=tuple(entry.text for entry in run.entries if entry.kind == "fault"),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import random
-from typing import Annotated
+from collections import deque
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
@@ -16,12 +17,20 @@ from artemis.sim.wheels import DrivenWheel, SteeredWheel
 from artemis.values import Pose
 from artemis.vehicle import Inset, Length, RobotFile
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from artemis.sim.scanners import SimScanner
+
 LONGEST_STEP = 5e-3
 """Axes and vehicle move in equal steps of this length or less (a twentieth more, if that saves a step) [s]."""
 DISCHARGE = 5e-3
 """Time constant with which an emergency stop empties the drives' capacitors [s]; an assumption."""
 GRAVITY = 9.81
 """[m/s²]."""
+TRAIL = 64
+"""Past poses that are kept: one a millisecond at most."""
 
 
 Scale = Annotated[float, Quantity(0.1, 10.0, "")]
@@ -121,6 +130,8 @@ class World:
         self.time = start
         self.battery_v = true.supply.battery_v
         """Of the batteries without load [V]; 0: their switch is open, as the emergency stop's."""
+        self.scanners: dict[str, SimScanner] = {}
+        """Those on the robot, by their names in its file."""
         self._true = true
         self._dice = random.Random(seed)
         axes = {name: Axis(drive) for name, drive in robot.drives.items()}
@@ -129,6 +140,7 @@ class World:
         self._axes = list(axes.values())
         self._supply_voltage = self.battery_v
         self._slope = 0.0
+        self._trail: deque[tuple[float, float, float, float]] | None = None
         self._last_step = LONGEST_STEP
         self._place(robot, true, axes)
         self._feel()
@@ -226,6 +238,25 @@ class World:
         vehicle.x += x * cos - y * sin
         vehicle.y += x * sin + y * cos
         vehicle.heading += heading
+        if self._trail is not None:
+            self._trail.clear()
+            self._trail.append((self.time, vehicle.x, vehicle.y, vehicle.heading))
+
+    def keep_trail(self) -> None:
+        """Remember past poses from now on, for `poses_at`."""
+        if self._trail is None:
+            self._trail = deque([(self.time, self._vehicle.x, self._vehicle.y, self._vehicle.heading)], maxlen=TRAIL)
+
+    def poses_at(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """True x, y [m] and heading [rad] at times [s] of the last moments; the world may lag behind a little."""
+        import numpy as np
+
+        assert self._trail is not None
+        rows = np.array(self._trail)
+        if len(rows) > 1:  # it goes on as it last did
+            last, before = rows[-1], rows[max(0, np.searchsorted(rows[:, 0], rows[-1, 0] - LONGEST_STEP) - 1)]
+            rows = np.vstack([rows, last + (last - before) * (0.1 / (last[0] - before[0]))])
+        return tuple(np.interp(times, rows[:, 0], rows[:, column]) for column in (1, 2, 3))
 
     def advance(self, now: float) -> None:
         """Let time pass until `now` [s]; an earlier time changes nothing."""
@@ -245,6 +276,8 @@ class World:
             )
         self.time = now
         self._last_step = dt
+        if self._trail is not None:
+            self._trail.append((now, self._vehicle.x, self._vehicle.y, self._vehicle.heading))
         self._feed(elapsed)
         self._feel()
 

@@ -8,7 +8,8 @@ from artemis.drive_states import Goal
 from artemis.plugins.acting import Answered, answered, state_from
 from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.progress import DONE, Acted
-from artemis.states.follow import lost_fault, stand
+from artemis.states.follow import lost_fault
+from artemis.states.mode import stand
 from artemis.states.plan import BehaviourStep, Shared
 from artemis.supervision import catalogue
 from artemis.values import Event, Fault, Snapshot, Wish

@@ -12,12 +12,13 @@ from artemis.errors import ConfigError
 from artemis.motion.route import Route
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Following
+from artemis.states.blocked import is_blocked
 from artemis.states.gains import OscillationDetector
-from artemis.states.mode import ON
+from artemis.states.mode import stand
 from artemis.states.parts import PartByPart
 from artemis.states.plan import FollowStep, Shared
 from artemis.supervision import catalogue
-from artemis.values import DriveCommand, Event, Fault, Pose, Severity, Snapshot, Tracking, Wish
+from artemis.values import Event, Fault, Pose, Severity, Snapshot, Tracking, Wish
 
 START_DISTANCE, START_ANGLE = 1.0, math.radians(60)
 """A path is not begun from further away or more askew than this [m, rad] (PTH-05)."""
@@ -96,7 +97,7 @@ class FollowMode:
             return replace(stand(snapshot, event=Event.DONE), over=True) if snapshot.standing else stand(snapshot)
         if self._shaking and (fault := self._shaking.look(snapshot)):
             return stand(snapshot, fault=fault)
-        self._spent += snapshot.dt
+        self._spent += 0.0 if is_blocked(snapshot) else snapshot.dt
         if fault := self._overrun(following.tracking, drive.end, snapshot.odometry.distance):
             return stand(snapshot, fault=fault)
         return Wish(command=following.command, traction=_ENABLED, steering=_ENABLED, phase="following")
@@ -143,14 +144,6 @@ class FollowMode:
         self._over = distance if self._over is None else self._over
         beyond = abs(distance - self._over)
         return catalogue.fault("PTH-08", "", f"{beyond:.2f} m beyond the end") if beyond > OVERRUN else None
-
-
-def stand(
-    snapshot: Snapshot, *, event: Event | None = None, fault: Fault | None = None, tracking: Tracking | None = None
-) -> Wish:
-    """Stand with the wheels where they are."""
-    command = DriveCommand(steering=snapshot.set_points.steering)
-    return replace(ON, command=command, event=event, fault=fault, tracking=tracking, phase="standing")
 
 
 def lost_fault(snapshot: Snapshot, *, localized: bool) -> Fault:

@@ -22,6 +22,7 @@ from artemis.values import (
     JobResult,
     OperatorInput,
     Snapshot,
+    Tracking,
     Wish,
 )
 
@@ -231,3 +232,11 @@ STEERING_ON = Wish(traction=Goal.DISABLED, steering=Goal.ENABLED)
 def at_rest(plan: Plan) -> Wish:
     """All drives enabled; only steering where nobody knows how the wheels stand."""
     return STEERING_ON if plan.blind else ON
+
+
+def stand(
+    snapshot: Snapshot, *, event: Event | None = None, fault: Fault | None = None, tracking: Tracking | None = None
+) -> Wish:
+    """Stand with the wheels where they are."""
+    command = DriveCommand(steering=snapshot.set_points.steering)
+    return replace(ON, command=command, event=event, fault=fault, tracking=tracking, phase="standing")

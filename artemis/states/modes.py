@@ -7,8 +7,10 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from artemis.drive_states import Goal
+from artemis.motion.limits import is_sane
 from artemis.progress import MissionEvent
 from artemis.states.act import ActMode, Observing
+from artemis.states.blocked import held_up, is_blocked
 from artemis.states.calibrate import CalibrateMode
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
@@ -20,6 +22,7 @@ from artemis.states.plan import Shared
 from artemis.states.quickstop import QuickstopMode
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
+from artemis.supervision import catalogue
 from artemis.values import Action, Cause, Event, Mode, Request, Severity, Snapshot, Verdict, Wish
 
 _STOPS = (Event.STOP, Event.FAULT)
@@ -109,9 +112,13 @@ class Modes:
 
     def step(self, snapshot: Snapshot) -> Wish:
         """What the present mode wants of this tick, unless nothing but power off is left."""
-        wish, verdict = self._logic[self.mode].step(snapshot), snapshot.verdict
+        shared, verdict, self.events = self._shared, snapshot.verdict, ()
+        wish = self._logic[self.mode].step(snapshot)
         self.failed = self.failed or wish.failed
-        shared, self.events = self._shared, ()
+        if not is_sane(wish.command):
+            wish = replace(wish, fault=catalogue.fault("RUN-11", self.mode.value, repr(wish.command)))
+        if is_blocked(snapshot) and self.mode in STEP_MODES:
+            wish = held_up(shared.rules, self.mode, wish, snapshot)
         if self.mode in RUNNING:
             wish = self._beside.ask(snapshot, wish)
             entry, ready = shared.entry, self.mode is Mode.READY

@@ -15,6 +15,7 @@ from artemis.motion.steering_fit import SteeringFit
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Behaviour, Declared, Follower
 from artemis.progress import DONE, MissionEvent, Position
+from artemis.scan import ObstacleRules
 from artemis.states.advance import MissionFacts, Passive, advance
 from artemis.states.condition import Condition
 from artemis.states.tree import Tree, list_of
@@ -55,6 +56,8 @@ class FollowStep(Struct, frozen=True, kw_only=True):
     max_cross_track: float = 0.6
     speed: float | None = None
     """Of the virtual front wheel [m/s], where the follower says: it drives no faster, and not for ever (PTH-08)."""
+    obstacles: ObstacleRules | None = None
+    """None: as in the mission."""
 
 
 class TeleopStep(Struct, frozen=True, kw_only=True):
@@ -70,6 +73,8 @@ class TeleopStep(Struct, frozen=True, kw_only=True):
     """Name of the path that is recorded; none: nothing is."""
     enabled_by: str = "the enable button"
     """What a person holds to drive, as messages name it."""
+    obstacles: ObstacleRules | None = None
+    """None: as in the mission."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -161,6 +166,8 @@ class Plan(Struct, frozen=True, kw_only=True):
     """Where the odometry begins, likewise; None: where the wheels are aligned first."""
     localized: bool = False
     """A localizer tells where the robot is."""
+    obstacles: ObstacleRules = ObstacleRules()
+    """In steps that have no rules of their own."""
     tracks: Mapping[str, Track] = {}
     """What the earlier run has recorded, by name."""
 
@@ -173,6 +180,11 @@ class Plan(Struct, frozen=True, kw_only=True):
     def blind(self) -> bool:
         """Nobody knows what the potentiometers say: traction stays off."""
         return self.found is not None
+
+    @property
+    def needs_scanners(self) -> bool:
+        """The robot stops where a scanner of its fails."""
+        return self.obstacles.mode != "off"
 
     @property
     def spare(self) -> frozenset[str]:
@@ -270,6 +282,13 @@ class Shared:
         step = self.current
         told = step.speed if isinstance(step, FollowStep | TeleopStep | BehaviourStep) else None
         return self.plan.robot.limits.speed_m_s if told is None else told
+
+    @property
+    def rules(self) -> ObstacleRules:
+        """What holds for obstacles now."""
+        step = self.current
+        own = step.obstacles if isinstance(step, FollowStep | TeleopStep) else None
+        return self.plan.obstacles if own is None else own
 
     def note_fault(self, fault: str) -> None:
         """A fault, by its id, stopped the mission: it is told once the robot may go on."""

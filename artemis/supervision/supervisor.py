@@ -13,6 +13,7 @@ from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import Kind, Row
 from artemis.supervision.measures import FAULT_STATES, DriveMeasures, HostMeasures, Reading
 from artemis.supervision.policy import Policies, stricter
+from artemis.supervision.scanners import ScannerMeasures
 from artemis.supervision.wheels import Wheels
 from artemis.values import Action, Fault, Mode, Request, Sensed, SetPoints, Severity, Verdict, Wish
 from artemis.vehicle import RobotFile
@@ -51,8 +52,23 @@ class _Latched:
 class Supervisor:
     """Runs the measures at each tick, latches what they find, and gives the worst reaction."""
 
-    def __init__(self, robot: RobotFile, tick: float, policies: Policies | None = None, blind: bool = False) -> None:
-        """`tick` is the tick's period [s]; `policies` make rows stricter; `blind`: the potentiometers are new."""
+    def __init__(
+        self,
+        robot: RobotFile,
+        tick: float,
+        policies: Policies | None = None,
+        blind: bool = False,
+        needs_scanners: bool = False,
+    ) -> None:
+        """Begin.
+
+        Args:
+            robot: What is watched.
+            tick: The tick's period [s].
+            policies: Make rows stricter.
+            blind: The potentiometers are new.
+            needs_scanners: The run cannot do without them; else what is wrong with one is a warning.
+        """
         policies = policies or {}
         self._rows: Mapping[str, Row] = stricter(policies)
         self._resumes = {id for id, policy in policies.items() if policy.resume == "continue"}
@@ -61,6 +77,8 @@ class Supervisor:
             HostMeasures(robot.host_node_id),
             Wheels(robot, tick, blind),
         )
+        self._scanners = ScannerMeasures(robot.scanners) if robot.scanners else None
+        self._unneeded = frozenset(() if needs_scanners else robot.scanners)
         self._above: dict[tuple[str, str, int], float] = {}
         self._latched: dict[tuple[str, str], _Latched] = {}
         self._occurred: dict[tuple[str, str], list[float]] = {}
@@ -82,6 +100,8 @@ class Supervisor:
         found = [*faults, *self._emergencies(sensed, last), *self._measured(sensed, last, points)]
         if last.fault is not None:
             found.append(last.fault)
+        if self._unneeded:
+            found = [_milder(fault, self._unneeded, ("LAS", "PLG")) for fault in found]
         if found or self._latched:
             self._latch(found, sensed.time)
             self._forget(sensed, mode)
@@ -113,6 +133,8 @@ class Supervisor:
 
     def _readings(self, sensed: Sensed, last: Wish, points: SetPoints) -> list[Reading]:
         readings = self._host.read(sensed, last)
+        if self._scanners is not None:
+            readings += self._scanners.read(sensed)
         for fault in sensed.faults:
             if fault.id == _ADAPTER_LOST:
                 return readings  # of the drives nothing can be known
@@ -239,6 +261,6 @@ class Supervisor:
         )
 
 
-def _milder(fault: Fault, spare: Collection[str]) -> Fault:
-    """The fault, a warning where it is of such an input."""
-    return replace(fault, severity=Severity.WARN) if fault.device in spare and fault.id.startswith("INP") else fault
+def _milder(fault: Fault, spare: Collection[str], rows: tuple[str, ...] = ("INP",)) -> Fault:
+    """The fault, a warning where it is of such an input, or another device and one of these rows."""
+    return replace(fault, severity=Severity.WARN) if fault.device in spare and fault.id.startswith(rows) else fault

@@ -9,6 +9,7 @@ from operator import itemgetter
 from artemis.drive_states import POWERED, DriveState, Goal
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.perception import stale_age
+from artemis.scan import Clearance
 from artemis.supervision.measures import Reading
 from artemis.supervision.steered import SteeredWheelMonitor
 from artemis.values import Action, DriveFeedback, Sensed, SetPoints, Wish
@@ -101,7 +102,7 @@ class Wheels:
             if not stale[3]:
                 readings += right.read(drives[3], points.steering_right, turns)
             readings += self._pair(drives, last)
-            readings += self._wished(last)
+            readings += self._wished(last, points.clearance)
         return readings
 
     # ------------------------------------------------------------------------------------------ driven wheels
@@ -203,7 +204,7 @@ class Wheels:
 
     # ------------------------------------------------------------------------------------------ the wish itself
 
-    def _wished(self, last: Wish) -> list[Reading]:
+    def _wished(self, last: Wish, clearance: Clearance | None) -> list[Reading]:
         readings: list[Reading] = []
         command, tracking = last.command, last.tracking
         if command.action is _RUN:
@@ -218,7 +219,7 @@ class Wheels:
             self._arrived = True
         elif self._arrived:  # a path may begin beside the robot (PTH-05 says how far)
             readings.append(("PTH-06", "", abs(tracking.cross_track), f"{tracking.cross_track:+.2f} m"))
-        if tracking is None or abs(command.speed) < MOVING:
+        if tracking is None or abs(command.speed) < MOVING or (clearance and clearance.blocked):
             self._mark = None
         elif self._mark is None or abs(tracking.arc_length - self._mark) > PROGRESS:
             self._mark = tracking.arc_length

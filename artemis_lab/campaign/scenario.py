@@ -23,6 +23,7 @@ from artemis_lab.injections.table import INJECTIONS
 
 NOT_DRAWN = {
     "SYS-05": "a signal ends the whole process; an operator's `end` is the same path",
+    **{f"LAS-0{number}": "needs a robot with a laser scanner" for number in range(1, 8)},
     "PLG-05": "a leak would outlive the run in the process that does many",
 }
 """Injections that no scenario draws, each with the reason."""

@@ -45,6 +45,7 @@ def problems(
         yield "inject", f"no such fault: {id}{nearest(id, INJECTIONS, 'faults')}"
     else:
         yield from _check_node(fault, INJECTIONS[id], robot)
+        yield from _check_scanner(fault, INJECTIONS[id], robot)
         yield from _check_plugin(fault, INJECTIONS[id], inputs, follows)
 
 
@@ -63,6 +64,16 @@ def _check_node(fault: InjectedFault, injection: Injection, robot: RobotFile | N
             yield "node", f"no such drive: {node}{nearest(node, fitting, 'drives')}"
         elif node not in fitting:
             yield "node", f"{id} happens to {needs.value}: {', '.join(fitting)}"
+
+
+def _check_scanner(fault: InjectedFault, injection: Injection, robot: RobotFile | None) -> Iterator[Problem]:
+    if "scanner" not in injection.parameters.model_fields or robot is None:
+        return
+    name = fault.options.get("scanner")
+    if not robot.scanners:
+        yield "inject", f"{fault.inject} needs a scanner: the robot has none"
+    elif isinstance(name, str) and name not in robot.scanners:
+        yield "scanner", f"no such scanner: {name}{nearest(name, robot.scanners, 'scanners')}"
 
 
 def _check_plugin(

@@ -8,17 +8,25 @@ from artemis_lab.injections.bus import BUS_INJECTIONS
 from artemis_lab.injections.drives import DRIVE_INJECTIONS
 from artemis_lab.injections.host import HOST_INJECTIONS
 from artemis_lab.injections.motion import MOTION_INJECTIONS
+from artemis_lab.injections.scanners import SCANNER_INJECTIONS
 from artemis_lab.injections.stage import Injection, Stage, Undo
 
 INJECTIONS: dict[str, Injection] = dict(
-    sorted({**DRIVE_INJECTIONS, **BUS_INJECTIONS, **MOTION_INJECTIONS, **HOST_INJECTIONS}.items())
+    sorted(
+        {
+            **DRIVE_INJECTIONS,
+            **BUS_INJECTIONS,
+            **MOTION_INJECTIONS,
+            **HOST_INJECTIONS,
+            **SCANNER_INJECTIONS,
+        }.items()
+    )
 )
 """By row of the fault table."""
 
 _EPOS4 = "only an EPOS4 knows it"
 _FILE = "is found in a file, before a run"
 _NETWORK = "needs an input over the network"
-_LASER = "needs a laser scanner"
 _LOCALISATION = "`simulation.localizer` has its own drop-outs and jumps"
 _PROCESS = "would end the simulated drives with it: they share the process"
 _DEVICE = "needs a device: `artemis.testing.fake_hid`"
@@ -33,7 +41,7 @@ NOT_INJECTED: dict[str, str] = {
     "INP-15": _DEVICE,
     "INP-16": _DEVICE,
     **{f"NET-{number:02}": _NETWORK for number in range(1, 13)},
-    **{f"LAS-{number:02}": _LASER for number in range(1, 9)},
+    "LAS-08": "needs something in the robot's way",
     **{f"LOC-{number:02}": _LOCALISATION for number in range(1, 6)},
     **{f"PTH-{number:02}": _FILE for number in range(1, 5)},
     "PTH-05": "a path begins where the robot stands",

@@ -58,7 +58,7 @@ def test_every_built_in_plugin_is_tried() -> None:
     text = "\n".join(path.read_text() for path in Path(__file__).parents[1].rglob("test_*.py"))
     tried = set(
         re.findall(
-            r"^class \w+\((?:Input|Follower|Localizer|Observer|Behaviour)Contract\):\n    plugin = (\w+)$",
+            r"^class \w+\((?:Input|Follower|Localizer|Scanner|Observer|Behaviour)Contract\):\n    plugin = (\w+)$",
             text,
             re.MULTILINE,
         )

@@ -72,7 +72,8 @@ def test_a_new_package_works_at_once(kind: str, environment: Environment, tmp_pa
         else:
             shown[shlex.join([program, *arguments])] = environment.run(folder, program, *arguments)
     assert re.search(
-        {"localizer": r"\b5 passed", "observer": r"\b5 passed"}.get(kind, r"\b1[0-9] passed"), shown["pytest"]
+        {"localizer": r"\b5 passed", "observer": r"\b5 passed", "scanner": r"\b8 passed"}.get(kind, r"\b1[0-9] passed"),
+        shown["pytest"],
     )
     listed = (
         rf"^{GROUPS[kind]} +curves-{kind} +artemis-curves-{kind} 0\.1\.0 +artemis_curves_{kind}:Curves{kind.title()}"
@@ -83,6 +84,8 @@ def test_a_new_package_works_at_once(kind: str, environment: Environment, tmp_pa
     assert_left_at_rest(run)
     located = {tick.snapshot.pose.source for tick in Recording(run).ticks()}
     assert located == {"curves-localizer" if kind == "localizer" else "odometry"}
+    scans = [scan for tick in Recording(run).ticks() for scan in tick.snapshot.sensed.scans]
+    assert (len(scans) > 50) is (kind == "scanner")
     assert kind != "observer" or len((run / "seen.txt").read_text().splitlines()) == 9
     distance = re.search(r"^distance +(\d+\.\d+) m", shown["artemis run mission.yaml"], re.MULTILINE)
     assert distance

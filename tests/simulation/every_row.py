@@ -30,6 +30,8 @@ WATCH = 0.201
 TOLERANCE = 1e-6
 READINGS = 10
 """Of each potentiometer in an alignment, instead of 100: two seconds less for each run."""
+CORRIDOR = [[-3, -1.5], [9, -1.5], [9, 1.5], [-3, 1.5], [-3, -1.5]]
+"""Walls around a robot with a scanner [m]."""
 RPM = 60.0 / (72 * 2.1276596e-4)
 """Motor rpm per m/s of a driven wheel."""
 _POWERED = (DriveState.OPERATION_ENABLE, DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ENABLED)
@@ -110,6 +112,8 @@ class Scene:
     alone: bool = False
     """Our frames do not reach the drives: their watchdogs stop them."""
     longest: float = 20.0
+    scanner: bool = False
+    """The robot has a laser scanner, which the mission needs."""
 
 
 def scenes(of: Mapping[str, Scene | Sequence[Scene]]) -> list[tuple[str, Scene]]:
@@ -166,7 +170,11 @@ def play(
     if scene.operator:
         simulation["operator"] = [{"at_s": time, "do": what} for time, what in scene.operator]
     files = {"stick.csv": table(*setting.stick), "line.csv": straight(setting.distance)}
-    mission = write_mission(folder, setting.steps, files, inputs=inputs, simulation=simulation)
+    keys: dict[str, Any] = {"inputs": inputs, "simulation": simulation}
+    if scene.scanner:
+        keys |= {"robot": "artemis_lms100.yaml"}
+        simulation["world"] = {"walls": [{"points": CORRIDOR}]}
+    mission = write_mission(folder, setting.steps, files, **keys)
     rig = Rig(mission, longest=scene.longest)
     prepare(rig)
     with short_alignment():

@@ -84,10 +84,16 @@ def stick(*rows: tuple[float, float, float, int]) -> str:
     return "time_s,x,y,enable\n" + "".join(f"{time},{x},{y},{enable}\n" for time, x, y, enable in rows)
 
 
-def write_mission(folder: FilePath, steps: Steps, files: Mapping[str, str] | None = None, **keys: object) -> FilePath:
+def write_mission(
+    folder: FilePath,
+    steps: Steps,
+    files: Mapping[str, str] | None = None,
+    robot: str = "artemis.yaml",
+    **keys: object,
+) -> FilePath:
     """A mission with its robot and tables in `folder`; its path. A follow step's `line.csv` is 1.2 m straight."""
     folder.mkdir(parents=True, exist_ok=True)
-    shutil.copy(MISSIONS / "robots" / "artemis.yaml", folder / "artemis.yaml")
+    shutil.copy(MISSIONS / "robots" / robot, folder / "artemis.yaml")
     for name, text in {"line.csv": straight(1.2), **(files or {})}.items():
         (folder / name).write_text(text)
     mission = {"mission": "rig", "robot": "artemis.yaml", "bus": "simulation", "steps": list(steps), **keys}

@@ -66,6 +66,13 @@ def errors_gone_says_nothing(folder: Path) -> None:
     assert stopped.fault_ids == ["DRV-25"]
 
 
+@shows("LAS-04")
+def telegrams_in_pieces_are_put_together(folder: Path) -> None:
+    done = assert_changes_nothing(folder, "LAS-04", Scene(of="standing", scanner=True, options={"bytes": 100}))
+    scans = [seen.tick.snapshot.sensed.scans for seen in done.seen if seen.time > SETTINGS["standing"].at]
+    assert all(scans[1:-10])
+
+
 @shows("COM-13")
 def what_comes_twice_changes_nothing(folder: Path) -> None:
     done = assert_changes_nothing(folder, "COM-13", Scene(of="swinging"))

@@ -10,6 +10,7 @@ from every_row import scenes
 from scenes_by_design import BY_DESIGN
 from scenes_of_drives import DRIVE_SCENES, UNHEARD
 from scenes_of_motion import MOTION_SCENES
+from scenes_of_scanners import SCANNER_SCENES
 from scenes_of_the_bus import BUS_SCENES
 from scenes_of_the_host import HOST_SCENES
 
@@ -19,7 +20,7 @@ from artemis.values import Severity
 from artemis_lab.injections.table import INJECTIONS, NOT_INJECTED
 
 TESTS = Path(__file__).parents[1]
-SCENES = {**DRIVE_SCENES, **BUS_SCENES, **MOTION_SCENES, **HOST_SCENES}
+SCENES = {**DRIVE_SCENES, **BUS_SCENES, **MOTION_SCENES, **HOST_SCENES, **SCANNER_SCENES}
 COVERED = {
     "RUN-08": "simulation/test_lost_place.py::test_a_path_is_not_gone_on_with_from_an_unknown_place",
     "INP-02": "unit/test_gamepad.py::test_unplugged_device_is_lost_in_the_next_tick_and_returns_disabled",
@@ -68,7 +69,7 @@ def test_every_injection_is_played() -> None:
 
 
 def test_numbers_of_rows() -> None:
-    assert (len(ROWS), len(SCENES), len(BY_DESIGN), len(COVERED), len(ABSENT)) == (178, 102, 17, 28, 31)
+    assert (len(ROWS), len(SCENES), len(BY_DESIGN), len(COVERED), len(ABSENT)) == (178, 108, 18, 28, 24)
 
 
 @pytest.mark.parametrize("id", COVERED)

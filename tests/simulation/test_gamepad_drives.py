@@ -40,7 +40,7 @@ def report(x: float = 0.0, y: float = 0.0, buttons: int = 0) -> bytes:
 class Desk:
     """A joystick on a desk, the plugin that reads it, and the run."""
 
-    def __init__(self, folder: Path, **keys: object) -> None:
+    def __init__(self, folder: Path, **keys: Any) -> None:  # noqa: ANN401 (of a mission)
         device: Any = load(FILE).data
         self.raw = bytes.fromhex(device["report_descriptor"])
         self.hid = FakeHid()

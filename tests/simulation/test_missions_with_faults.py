@@ -113,9 +113,9 @@ def test_mission_may_name_every_injection(tmp_path: Path) -> None:
         for id, injection in INJECTIONS.items()
     ]
     steps = [CALIBRATE, follow(), TELEOP]
-    mission = write_mission(
-        tmp_path, steps, {"stick.csv": stick((0.0, 0.0, 0.0, 0))}, inputs=STICK, simulation={"faults": faults}
-    )
+    files = {"stick.csv": stick((0.0, 0.0, 0.0, 0))}
+    robot = "artemis_lms100.yaml"
+    mission = write_mission(tmp_path, steps, files, robot, inputs=STICK, simulation={"faults": faults})
     assert [fault.inject for fault in load_mission(mission).mission.simulation.faults] == list(INJECTIONS)
 
 
@@ -127,6 +127,15 @@ def test_fault_of_a_plugin_that_the_mission_does_not_have_is_refused(tmp_path: P
         "INP-03 needs an input: the mission has none",
         "PTH-09 needs a follower or a behaviour: no step has one",
     ]
+
+
+def test_fault_of_a_scanner_that_the_robot_does_not_have_is_refused(tmp_path: Path) -> None:
+    faults: list[dict[str, object]] = [{"at_s": 1.0, "inject": "LAS-01"}]
+    with pytest.raises(ConfigError, match="LAS-01 needs a scanner: the robot has none"):
+        load_mission(write_mission(tmp_path, [CALIBRATE], simulation={"faults": faults}))
+    faults[0]["scanner"] = "frnt"
+    with pytest.raises(ConfigError, match="no such scanner: frnt; did you mean front"):
+        load_mission(write_mission(tmp_path, [CALIBRATE], robot="artemis_lms100.yaml", simulation={"faults": faults}))
 
 
 def test_schema_knows_what_can_be_injected() -> None:

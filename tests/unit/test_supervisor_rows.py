@@ -321,7 +321,8 @@ CASES = [
 
 
 def test_every_measured_row_has_its_case() -> None:
-    measured = {id for id, row in catalogue.ROWS.items() if row.found is Found.MEASURED}
+    """Those of laser scanners: in `test_supervisor_scanners`."""
+    measured = {id for id, row in catalogue.ROWS.items() if row.found is Found.MEASURED and not id.startswith("LAS")}
     assert {case.id for case in CASES} == measured | {"PTH-06"}
     for id in measured:
         limits = {stage.severity for stage in catalogue.ROWS[id].stages}

@@ -2,21 +2,97 @@
 
 from __future__ import annotations
 
-from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S2, Found, K, Row, Threshold, automatic
+from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S2, WARN, Found, K, Row, Threshold, automatic
 
 _TEN = 10 * MINUTE
 _ABSENT, _LOADING = Found.ABSENT, Found.LOADING
-_LASER, _LOCALISATION = "needs a laser scanner", "a localizer's fixes are judged one by one: such a pose is not used"
+_LOCALISATION = "a localizer's fixes are judged one by one: such a pose is not used"
 
 SURROUNDINGS: dict[str, Row] = {
-    "LAS-01": Row("scanner lost", _ABSENT, S2, automatic(5, _TEN), reason=_LASER),
-    "LAS-02": Row("scanner frozen", _ABSENT, S2, automatic(5, _TEN), reason=_LASER),
-    "LAS-03": Row("garbage telegram", _ABSENT, S2, ITSELF, reason=_LASER),
-    "LAS-04": Row("split telegrams", _ABSENT, S2, ITSELF, reason=_LASER),
-    "LAS-05": Row("scanner reports an error", _ABSENT, LIMIT, automatic(2, _TEN), reason=_LASER),
-    "LAS-06": Row("ranges implausible", _ABSENT, S2, ITSELF, reason=_LASER),
-    "LAS-07": Row("scanner clock drifts", _ABSENT, S2, ITSELF, reason=_LASER),
-    "LAS-08": Row("obstacle", _ABSENT, S2, ITSELF, reason=_LASER),
+    "LAS-01": Row(
+        "scanner lost",
+        Found.MEASURED,
+        S2,
+        automatic(5, _TEN),
+        "the scanner is lost",
+        "its cable, power and address",
+        within=0.19,
+        of="seconds since its last scan, and where its connection fails",
+        stages=(Threshold(S2, 0.17),),
+    ),
+    "LAS-02": Row(
+        "scanner frozen",
+        Found.MEASURED,
+        S2,
+        automatic(5, _TEN),
+        "the scanner tells the same again and again",
+        "switch it off and on",
+        within=0.17,
+        of="a scan that came before, or five that are equal",
+        stages=(Threshold(S2),),
+        shows_as=("LAS-01",),
+    ),
+    "LAS-03": Row(
+        "telegrams damaged or lost",
+        Found.MEASURED,
+        S2,
+        ITSELF,
+        "telegrams of the scanner are damaged or lost",
+        "its cable; what else is on this network",
+        within=0.27,
+        of="damaged or lost ones of the last ten",
+        stages=(Threshold(WARN), Threshold(S2, 5.0)),
+        shows_as=("LAS-01",),
+    ),
+    "LAS-04": Row(
+        "split telegrams",
+        Found.DESIGN,
+        recovery=ITSELF,
+        reason="telegrams are put together, however the network splits and joins them",
+    ),
+    "LAS-05": Row(
+        "scanner reports an error",
+        Found.MEASURED,
+        S2,
+        automatic(2, _TEN),
+        "the scanner is not well",
+        "clean its window; then switch it off and on",
+        within=0.2,
+        of="what it says of itself: 1 its window gets dirty, 2 an error; and where it refuses its configuration",
+        stages=(Threshold(LIMIT), Threshold(S2, 1.0)),
+    ),
+    "LAS-06": Row(
+        "scanner sees nothing",
+        Found.MEASURED,
+        S2,
+        ITSELF,
+        "the scanner is covered or blinded",
+        "look at its window",
+        within=1.04,
+        of="more than 80 % of the beams without return, or 20 neighbours that had one nearer than 3 m",
+        stages=(Threshold(LIMIT, 0.0, 0.1), Threshold(S2, 0.0, 1.0)),
+    ),
+    "LAS-07": Row(
+        "scanner late",
+        Found.MEASURED,
+        S2,
+        ITSELF,
+        "scans come late, or with wrong times",
+        "what else is on this network; switch the scanner off and on",
+        within=0.2,
+        of="seconds that a scan came too late",
+        stages=(Threshold(WARN, 0.05, 1.0), Threshold(S2, 0.15, 0.1)),
+        shows_as=("LAS-01",),
+    ),
+    "LAS-08": Row(
+        "obstacle",
+        Found.MODE,
+        LIMIT,
+        ITSELF,
+        "stands for an obstacle",
+        "remove it, or drive around it by hand; it drives on once the path has been free for a second",
+        within=0.06,
+    ),
     "LOC-01": Row(
         "pose stale",
         Found.MODE,

@@ -1,0 +1,62 @@
+"""What a mission may say of obstacles, for all of its steps or for one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from artemis.config import Config
+from artemis.mission.keys import Positive
+from artemis.scan import ObstacleRules
+from artemis.vehicle import RobotFile
+
+Distance = Annotated[float, Field(ge=0.03, le=1.0)]
+
+
+class Obstacles(Config):
+    """What the robot does about what its laser scanners see. One word stands for its `mode`."""
+
+    mode: Literal["stop", "slow", "off"] = "stop"
+    """stop: it drives so that it stands in time; slow: it creeps on instead of standing; off: it does not look."""
+    margin_m: Distance = 0.08
+    """The outline counts as so much larger on every side."""
+    clear_m: Distance = 0.05
+    """It stands so far before it would touch that."""
+    blocked_after_s: Positive = 30.0
+    """A step that stands for an obstacle for longer ends with the outcome `blocked`; it drives on by itself once the
+    path has been free for a second."""
+    unseen_reverse: Literal["refused", "allowed"] = "refused"
+    """Backwards over ground that no scanner has seen, and that it did not drive over, within the last minute."""
+    reason: Annotated[str, Field(min_length=3, max_length=200)] | None = None
+    """Why obstacles are ignored; needed for `off` on a real bus."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _word(cls, data: Any) -> Any:  # noqa: ANN401 (of a file)
+        return {"mode": data} if isinstance(data, str) else data
+
+    def rules(self, *, by_hand: bool = False) -> ObstacleRules:
+        """The same for the decision core; a person who drives does not wait."""
+        return ObstacleRules(
+            mode=self.mode,
+            margin=self.margin_m,
+            clear=self.clear_m,
+            blocked_after=self.blocked_after_s,
+            free_after=0.0 if by_hand else 1.0,
+            unseen_reverse=self.unseen_reverse == "allowed",
+        )
+
+
+def rules_for(obstacles: Obstacles | None, robot: RobotFile, *, by_hand: bool = False) -> ObstacleRules | None:
+    """What holds for a robot: one with a scanner stops for what it sees unless the mission says otherwise."""
+    return (obstacles or Obstacles()).rules(by_hand=by_hand) if robot.scanners else None
+
+
+def check_obstacles(obstacles: Obstacles, robot: RobotFile, *, simulated: bool) -> Iterator[str]:
+    """What is wrong with it for a robot."""
+    if not robot.scanners and obstacles.mode != "off":
+        yield "the robot has no scanner, so it cannot see obstacles: describe one in the robot file (`scanners`)"
+    elif obstacles.mode == "off" and robot.scanners and not simulated and obstacles.reason is None:
+        yield "mode: off lets the robot drive into what it could see; write why: {mode: off, reason: ...}"

@@ -1,0 +1,146 @@
+"""How fast the robot may drive for what its laser scanners see: the ceiling of the gate.
+
+Deterministic: the same scans and odometry give the same ceilings, on every machine (see `sweep`).
+"""
+
+from __future__ import annotations
+
+from math import cos, inf, radians, sin, tan
+
+import numpy as np
+
+from artemis.motion.ground import Ground
+from artemis.motion.sweep import Box, free_distance, stopping_speed
+from artemis.motion.view import View
+from artemis.scan import Clearance, ObstacleRules
+from artemis.values import SetPoints, Snapshot, Wish
+from artemis.vehicle import RobotFile
+
+REACTION = 0.12
+"""Until the wheels slow down for what a scan shows [s]: the tick after it, the drives' cycle, the first ramp; the
+scan's own age comes on top."""
+STALE = 0.17
+"""A scanner whose newest scan is older is blind (LAS-01) [s]."""
+CREEP = 0.1
+"""Below this speed every return nearby counts [m/s]."""
+UNKNOWN_SPEED, UNKNOWN_DISTANCE = 0.15, 0.5
+"""What stood within the least range when the run began was never seen: so slow [m/s], for so far [m]."""
+REVERSE_SPEED = 0.2
+"""Backwards where no scanner looks [m/s]."""
+UNSEEING_SPEED = 0.3
+"""With `obstacles: off` [m/s]."""
+SLOW_SPEED = 0.1
+"""With `obstacles: slow` the robot is so slow where it would stop else [m/s]."""
+BLOCKED_SPEED, BLOCKED_TIME, FREE_TIME = 0.05, 0.06, 1.0
+"""The path is blocked once the ceiling was below this [m/s] for so long [s], and free again once it was above it for
+the last of these [s]."""
+MEASURED = 0.3
+"""What moves is looked for so much longer than the robot needs to stop [s]."""
+ARCS = 3
+"""Of the steering during the reaction time: from where it is to where it may be then."""
+
+
+class ObstacleStop:
+    """Keeps what the scanners saw from tick to tick, and gives the speed from which the robot still stops in time."""
+
+    def __init__(self, robot: RobotFile) -> None:
+        """The robot has an outline and scanners."""
+        assert robot.outline is not None
+        outline, limits = robot.outline, robot.limits
+        self._box = Box(-outline.rear_m, outline.front_m, outline.half_width_m)
+        self._wheelbase, self._deceleration = robot.geometry.wheelbase_m, limits.deceleration_m_s2
+        self._rate, self._steering = radians(limits.steering_rate_wheel_deg_s), radians(limits.steering_deg)
+        self._top = top = limits.speed_m_s
+        self._horizon = top * (REACTION + STALE) + top * top / (2.0 * self._deceleration) + 0.2
+        lookahead = REACTION + top / self._deceleration + MEASURED
+        self._reach = reach = self._horizon + max(self._box.front, -self._box.rear) + self._box.half_width
+        self._views = {name: View(scanner, self._box, reach, lookahead) for name, scanner in robot.scanners.items()}
+        self._ground = Ground(self._box)
+        self._low_since = self._free_since = self._blocked_since = inf
+        self._at = 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: the odometry begins anew, or means nothing."""
+        for view in self._views.values():
+            view.forget()
+        self._ground.forget()
+        self._driven = 0.0
+
+    def look(self, wish: Wish, last: SetPoints, snapshot: Snapshot, rules: ObstacleRules) -> Clearance | None:
+        """What is free for the robot as it is commanded, or rolls still; None: nothing limits it.
+
+        Args:
+            wish: of this tick's mode.
+            last: what left the gate in the tick before.
+            snapshot: of this tick.
+            rules: of the mission's present step.
+        """
+        self._see(snapshot)
+        if wish.reset_pose:
+            self.reset()
+        towards = last.speed if last.speed != 0.0 else wish.command.speed
+        if rules.mode == "off":
+            return Clearance(speed=UNSEEING_SPEED)
+        if towards == 0.0:
+            return self._judged(None, snapshot.time, rules)
+        found = self._free(wish.command.steering, last.steering, snapshot.time, rules, forward=towards > 0.0)
+        return self._judged(found, snapshot.time, rules)
+
+    def _see(self, snapshot: Snapshot) -> None:
+        """Take what is new in a tick."""
+        odometry = snapshot.odometry
+        self._driven, self._at = self._driven + abs(odometry.distance - self._at), odometry.distance
+        if odometry.lost:
+            self.reset()
+        speed = odometry.speed * cos(odometry.steering)
+        turn = odometry.speed * sin(odometry.steering) / self._wheelbase
+        for view in self._views.values():
+            view.move(odometry.pose)
+        for scan in snapshot.sensed.scans:
+            view = self._views[scan.source]
+            view.take(scan, snapshot.time, speed, turn, creeping=abs(odometry.speed) < CREEP)
+        self._ground.mark(odometry.pose, snapshot.time, self._views.values())
+
+    def _judged(self, found: Clearance | None, now: float, rules: ObstacleRules) -> Clearance | None:
+        """What was found, or nothing that may move, with how long the path has been blocked."""
+        if found is None or rules.mode == "slow":
+            self._low_since = self._blocked_since = inf
+            return found and Clearance(speed=max(found.speed, SLOW_SPEED), distance=found.distance)
+        if found.speed >= BLOCKED_SPEED:
+            self._low_since, self._free_since = inf, min(self._free_since, now)
+            if now - self._free_since >= rules.free_after:
+                self._blocked_since = inf
+        else:
+            self._low_since, self._free_since = min(self._low_since, now), inf
+            if now - self._low_since >= BLOCKED_TIME:
+                self._blocked_since = min(self._blocked_since, self._low_since)
+        if self._blocked_since < inf:
+            return Clearance(speed=0.0, distance=found.distance, blocked=now - self._blocked_since)
+        return found if found.speed < self._top else None
+
+    def _free(self, wanted: float, steering: float, now: float, rules: ObstacleRules, *, forward: bool) -> Clearance:
+        """On the arcs from where the wheels are to where they may be when the robot slows down."""
+        age = now - min(view.time for view in self._views.values())
+        if age > STALE:
+            return Clearance(speed=0.0, distance=0.0)
+        reaction = REACTION + max(age, 0.0)
+        points = np.concatenate([view.around() for view in self._views.values()], axis=1)
+        points = points[:, points[0] * points[0] + points[1] * points[1] < self._reach * self._reach]
+        box = self._box.grown(rules.margin)
+        seen = forward or any(view.looks_back for view in self._views.values())
+        turned = min(max(wanted - steering, -self._rate * reaction), self._rate * reaction)
+        distance, speed = inf, inf
+        for arc in range(ARCS):
+            angle = min(max(steering + turned * arc / (ARCS - 1), -self._steering), self._steering)
+            curvature = tan(angle) / self._wheelbase
+            free = min(self._horizon, free_distance(points, curvature, box, forward=forward))
+            if not (seen or rules.unseen_reverse):
+                free = min(free, self._ground.known(curvature, now))
+            free = (free - rules.clear) / cos(angle)
+            distance, speed = min(distance, free), min(speed, stopping_speed(free, reaction, self._deceleration))
+        if not seen:
+            speed = min(speed, REVERSE_SPEED)
+        if self._driven < UNKNOWN_DISTANCE:
+            speed = min(speed, UNKNOWN_SPEED)
+        return Clearance(speed=speed, distance=distance)

@@ -1,0 +1,144 @@
+"""What the supervisor measures of laser scanners at every tick: whether they are heard, move, see, and keep time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from math import degrees
+
+import numpy as np
+from numpy.typing import NDArray
+
+from artemis.mounting import Mounting
+from artemis.scan import Condition, Scan
+from artemis.supervision.measures import Reading
+from artemis.values import Request, Sensed
+
+BEGIN_TIME = 20.0
+"""A scanner has so long from the begin of the run to its first scan [s]: a motor that changes its speed takes ten."""
+AGAIN = 0.17
+"""After so long without a scan what comes is a new beginning [s]."""
+IDENTICAL = 5
+"""So many scans that are equal bit for bit come of no scanner that measures: its noise is many millimetres."""
+TELEGRAMS = 10
+"""So many of the last ones are looked at for damage and loss."""
+NO_RETURN = 0.8
+"""Share of the beams; where more come back with nothing the scanner is covered, or blinded."""
+COVERED, NEAR = 20, 3000
+"""As many neighbouring beams that had a return nearer than this [mm] do not lose it at once but by a cover."""
+APPROACH = 150
+"""What was seen this little beyond the least range may have come too near to be seen [mm]."""
+
+
+class ScannerMeasures:
+    """All scanners of a robot."""
+
+    def __init__(self, scanners: Mapping[str, Mounting]) -> None:
+        self._scanners = {name: _Watched(mounting) for name, mounting in scanners.items()}
+
+    def read(self, sensed: Sensed) -> list[Reading]:
+        """Readings of all of them; of others, which no robot file knows, nothing is expected."""
+        for scan in sensed.scans:
+            if (watched := self._scanners.get(scan.source)) is not None:
+                watched.take(scan, sensed.time)
+        readings: list[Reading] = []
+        for name, watched in self._scanners.items():
+            if Request.ACKNOWLEDGE in sensed.requests:
+                watched.acknowledge()
+            for id, value, words in watched.readings(sensed.time):
+                readings.append((id, name, value, words))
+        return readings
+
+
+class _Watched:
+    def __init__(self, mounting: Mounting) -> None:
+        self._mask, self._nearest = mounting.mask, round(1000.0 * mounting.least_range_m) + APPROACH
+        self._view: tuple[int, float, float] = (0, 0.0, 0.0)
+        self._seeing: NDArray[np.bool_] = np.zeros(0, bool)
+        self._heard: float | None = None
+        self._before = 0.0
+        self._last: Scan | None = None
+        self._same = 0
+        self._bad: deque[bool] = deque(maxlen=TELEGRAMS)
+        self._frozen = ""
+        self._late = 0.0
+        self._blind = ""
+        self._uncovered: NDArray[np.uint16] | None = None
+
+    def acknowledge(self) -> None:
+        """A person has looked: what is seen now is right."""
+        self._uncovered = None
+
+    def take(self, scan: Scan, now: float) -> None:
+        """One more scan, sensed at run time `now` [s]."""
+        if self._heard is not None and now - self._heard > AGAIN:
+            self._last, self._same = None, 0
+            self._bad.clear()
+        last, self._last, self._heard = self._last, scan, now
+        self._bad.extend([True] * min(scan.garbled, TELEGRAMS))
+        self._frozen = ""
+        if last is not None:
+            lost = scan.counter - last.counter - 1
+            self._bad.extend([True] * max(0, min(lost, TELEGRAMS)))
+            self._same = self._same + 1 if scan.ranges == last.ranges and any(scan.ranges) else 0
+            if scan.counter == last.counter:
+                self._frozen = f"scan {scan.counter} came again"
+            elif self._same >= IDENTICAL - 1:
+                self._frozen = f"{self._same + 1} equal scans"
+        self._bad.append(False)
+        self._look(scan)
+        self._late = self._before - scan.time - len(scan.ranges) // 2 * scan.beam_time
+
+    def _look(self, scan: Scan) -> None:
+        """Whether it sees."""
+        ranges = scan.millimetres
+        view = len(ranges), scan.start_angle, scan.increment
+        if view != self._view:
+            self._view, self._seeing, self._uncovered = view, _seeing(view, self._mask), None
+        none = (ranges == 0) & self._seeing
+        share = int(np.count_nonzero(none)) / max(1, int(np.count_nonzero(self._seeing)))
+        self._blind = f"{100 * share:.0f} % of the beams do not return" if share > NO_RETURN else ""
+        before = self._uncovered
+        if before is not None and not self._blind:
+            gone = _longest(none & (before > self._nearest) & (before < NEAR))
+            self._blind = f"{gone} neighbouring beams do not return any more" if gone > COVERED else ""
+        if not self._blind:
+            self._uncovered = ranges
+
+    def readings(self, now: float) -> list[tuple[str, float, str]]:
+        """Rows, values and words at run time `now` [s]."""
+        found: list[tuple[str, float, str]] = []
+        age = now - BEGIN_TIME if self._heard is None else now - self._heard
+        if age > 0.0:
+            found.append(("LAS-01", age, "no scan yet" if self._heard is None else f"no scan for {1000 * age:.0f} ms"))
+        if self._frozen:
+            found.append(("LAS-02", 1.0, self._frozen))
+        if bad := self._bad.count(True):
+            found.append(("LAS-03", float(bad), f"{bad} of {len(self._bad)} telegrams"))
+        if self._last is not None and self._last.condition is not Condition.WELL:
+            words = "its window is dirty" if self._last.condition is Condition.DIRTY else "it says so itself"
+            found.append(("LAS-05", float(self._last.condition), f"{words}, status {self._last.status:#06x}"))
+        if self._blind:
+            found.append(("LAS-06", 1.0, self._blind))
+        if self._late > 0.0:
+            found.append(("LAS-07", self._late, f"scans come {1000 * self._late:.0f} ms late"))
+        self._before = now
+        return found
+
+
+def _seeing(view: tuple[int, float, float], mask: tuple[tuple[float, float], ...]) -> NDArray[np.bool_]:
+    """The beams that no part of the robot is in the way of."""
+    beams, start, increment = view
+    angles = (np.arange(beams) * degrees(increment) + degrees(start) + 180.0) % 360.0 - 180.0
+    seeing = np.ones(beams, bool)
+    for first, last in mask:
+        seeing &= ~((angles >= first) & (angles <= last))
+    return seeing
+
+
+def _longest(beams: NDArray[np.bool_]) -> int:
+    """Of the runs of neighbours the longest."""
+    if not beams.any():
+        return 0
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], beams, [False]))))
+    return int((edges[1::2] - edges[::2]).max())

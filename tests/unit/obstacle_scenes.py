@@ -1,0 +1,287 @@
+"""Random scenes of things that stand around a robot, its scanner, and how it drives among them, as badly as it may.
+
+Run with `.venv/bin/python tests/unit/obstacle_scenes.py [SCENES [FIRST [SECONDS]]]`: prints how near the robot came to
+anything. What judges is no part of artemis: rays, outline and motion are computed here, in steps of 10 ms.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from artemis.mission.loading import load_model
+from artemis.motion.limits import Gate
+from artemis.motion.obstacles import ObstacleStop
+from artemis.mounting import Mounting, Outline
+from artemis.scan import ObstacleRules, Scan
+from artemis.values import DriveCommand, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict, Wish
+from artemis.values import LocatedPose as Located
+from artemis.vehicle import RobotFile
+
+Array = NDArray[np.float64]
+
+ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
+OUTLINE = Outline(front_m=0.73, rear_m=0.15, half_width_m=0.27)
+BEAMS, FIELD, LEAST, FARTHEST = 541, math.radians(135.0), 0.5, 20.0
+SCANNER = Mounting(
+    plugin="lms1xx", x_m=0.6, y_m=0.0, heading_deg=0.0, height_m=0.3, least_range_m=LEAST, host="scanner"
+)  # type: ignore[call-arg]
+ANGLES = np.linspace(-FIELD, FIELD, BEAMS)
+PERIOD, PARTS = 0.02, 2
+DELAY = 2
+"""Ticks until the wheels do what left the gate."""
+
+
+def robot_with_scanner() -> RobotFile:
+    """ARTEMIS with a scanner at its front."""
+    return load_model(ROBOT, RobotFile).model_copy(update={"outline": OUTLINE, "scanners": {"front": SCANNER}})
+
+
+@dataclass(slots=True)
+class Scene:
+    """Segments, shape (n, 4), and circles, shape (m, 3) [m]; how fast each circle moves, shape (m, 2) [m/s]."""
+
+    segments: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    circles: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    moves: Array = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def __post_init__(self) -> None:
+        if not len(self.moves):
+            self.moves = np.zeros((len(self.circles), 2))
+
+    @property
+    def fastest(self) -> float:
+        """Of what moves [m/s]."""
+        return float(np.hypot(*self.moves.T).max(initial=0.0))
+
+    def move(self, time: float) -> None:
+        """What moves goes on [s]."""
+        self.circles[:, :2] += self.moves * time
+
+    def ranges(self, x: float, y: float, heading: float) -> Array:
+        """Of all beams from a place [m], the farthest where nothing is."""
+        c, s = np.cos(heading + ANGLES), np.sin(heading + ANGLES)
+        best = np.full(BEAMS, FARTHEST)
+        for ax, ay, bx, by in self.segments.tolist():
+            ex, ey, qx, qy = bx - ax, by - ay, ax - x, ay - y
+            across = c * ey - s * ex
+            across = np.where(np.abs(across) < 1e-12, 1e-12, across)
+            far, along = (qx * ey - qy * ex) / across, (qx * s - qy * c) / across
+            best = np.where((far > 0) & (along >= 0) & (along <= 1) & (far < best), far, best)
+        for px, py, radius in self.circles.tolist():
+            qx, qy = px - x, py - y
+            near = qx * c + qy * s
+            rest = radius * radius - (qx * qx + qy * qy - near * near)
+            far = near - np.sqrt(np.maximum(rest, 0.0))
+            best = np.where((rest > 0) & (far > 0) & (far < best), far, best)
+        return np.asarray(best)
+
+    def distance(self, x: float, y: float, heading: float) -> float:
+        """Of the outline to the nearest thing [m]; negative: it is touched. Segments by points 5 mm apart."""
+        found = [math.inf]
+        c, s = math.cos(heading), math.sin(heading)
+        for ax, ay, bx, by in self.segments.tolist():
+            share = np.linspace(0.0, 1.0, max(int(math.hypot(bx - ax, by - ay) / 0.005), 1) + 1)
+            found.append(float(_outside(ax + share * (bx - ax) - x, ay + share * (by - ay) - y, c, s).min()))
+        if len(self.circles):
+            px, py, radius = self.circles.T
+            found.append(float((_outside(px - x, py - y, c, s) - radius).min()))
+        return min(found)
+
+
+def _outside(dx: Array, dy: Array, c: float, s: float) -> Array:
+    x, y = c * dx + s * dy, c * dy - s * dx
+    ahead, beside = np.maximum(-OUTLINE.rear_m - x, x - OUTLINE.front_m), np.abs(y) - OUTLINE.half_width_m
+    outside = np.hypot(np.maximum(ahead, 0.0), np.maximum(beside, 0.0))
+    return np.where((ahead > 0) | (beside > 0), outside, np.maximum(ahead, beside))
+
+
+def random_scene(dice: np.random.Generator) -> Scene:
+    """A wall at any angle, poles of 2 cm, boxes, a corridor with a door, or some of each."""
+    kind, segments, circles = dice.integers(5), [], []
+    if kind in (0, 4):
+        ahead, turn = OUTLINE.front_m + dice.uniform(1.2, 3.0), dice.uniform(-1.3, 1.3)
+        dx, dy = -3.0 * math.sin(turn), 3.0 * math.cos(turn)
+        segments.append([ahead + dx, dy, ahead - dx, -dy])
+    if kind in (1, 4):
+        circles += [[dice.uniform(1.3, 3.5), dice.uniform(-1.5, 1.5), 0.01] for _ in range(5)]
+    if kind == 2:
+        for _ in range(3):
+            x, y, turn = dice.uniform(1.4, 3.5), dice.uniform(-1.6, 1.6), dice.uniform(0, math.tau)
+            length, width = dice.uniform(0.1, 0.5, 2)
+            corners = [(x + u * length * math.cos(turn) - v * width * math.sin(turn),
+                        y + u * length * math.sin(turn) + v * width * math.cos(turn))
+                       for u, v in ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))]  # fmt: skip
+            segments += [[*corners[corner], *corners[(corner + 1) % 4]] for corner in range(4)]
+    if kind == 3:
+        wide, end = dice.uniform(0.45, 0.9), dice.uniform(1.5, 4.0)
+        segments += [[-2.0, wide, 6.0, wide], [-2.0, -wide, 6.0, -wide], [end, -wide, end, dice.uniform(-wide, 0.3)]]
+        circles.append([dice.uniform(1.3, 4.0), dice.uniform(-wide, wide), 0.01])
+    return Scene(np.array(segments).reshape(-1, 4), np.array(circles).reshape(-1, 3))
+
+
+@dataclass(slots=True, kw_only=True)
+class Outcome:
+    """Of a drive."""
+
+    nearest: float = math.inf
+    """Least distance between the outline and anything [m]."""
+    speed: float = 0.0
+    """Of the robot then [m/s]."""
+    driven: float = 0.0
+    """[m]."""
+    slowed: int = 0
+    """How often its speed fell below 90 % of the wished one for what it saw."""
+    fastest: float = 0.0
+
+
+class Driver:
+    """Wishes of somebody who does not look: another speed and angle every now and then."""
+
+    def __init__(self, dice: np.random.Generator, top: float, largest: float, reverse: float = 0.0) -> None:
+        self._dice, self._top, self._largest, self._reverse = dice, top, largest, reverse
+        self._until, self._command = 0.0, DriveCommand()
+
+    def command(self, time: float) -> DriveCommand:
+        """At a time [s]."""
+        if time >= self._until:
+            dice = self._dice
+            self._until = time + dice.uniform(0.2, 1.6)
+            speed = dice.uniform(0.3, self._top) * (-1.0 if dice.random() < self._reverse else 1.0)
+            turned = dice.random() < 0.7
+            self._command = DriveCommand(
+                speed=float(speed), steering=float(dice.uniform(-self._largest, self._largest)) if turned else 0.0
+            )
+        return self._command
+
+
+@dataclass(slots=True, kw_only=True)
+class Errors:
+    """What is wrong with the scanner and the odometry."""
+
+    noise: float = 0.012
+    bias: float = 0.03
+    dust: float = 5e-4
+    slip: float = 0.02
+    late: float = 0.03
+    """Some scans come one tick late."""
+
+
+def drive(
+    scene: Scene,
+    driver: Driver,
+    seed: int,
+    *,
+    seconds: float = 8.0,
+    rules: ObstacleRules | None = None,
+    errors: Errors | None = None,
+    start: Pose | None = None,
+) -> Outcome:
+    """What comes of it. The robot begins at the origin, or at `start`."""
+    robot, dice = robot_with_scanner(), np.random.default_rng(seed)
+    rules, errors = rules or ObstacleRules(mode="stop", free_after=0.0), errors or Errors()
+    watch, gate = ObstacleStop(robot), Gate(robot, PERIOD)
+    watch._driven = 1.0
+    wheelbase, top = robot.geometry.wheelbase_m, robot.limits.speed_m_s
+    x, y, heading = (start.x, start.y, start.heading) if start else (0.0, 0.0, 0.0)
+    odometry, last, outcome = Odometry(), SetPoints(), Outcome()
+    waiting = [last] * DELAY
+    bias, slip = dice.uniform(-errors.bias, errors.bias), dice.uniform(-errors.slip, errors.slip)
+    held: list[Scan] = []
+    slow, near = False, 0.0
+    for tick in range(round(seconds / PERIOD)):
+        now = tick * PERIOD
+        away = SCANNER.x_m * math.cos(heading), SCANNER.x_m * math.sin(heading)
+        held.append(_scan(scene.ranges(x + away[0], y + away[1], heading), now, bias, errors, dice))
+        scans = () if dice.random() < errors.late else tuple(held)
+        held = held if not scans else []
+        wish = Wish(command=driver.command(now))
+        snapshot = Snapshot(
+            sensed=Sensed(index=tick, time=now, scans=scans),
+            dt=PERIOD,
+            pose=Located(pose=odometry.pose),
+            odometry=odometry,
+            standing=False,
+            set_points=last,
+            verdict=Verdict(),
+        )
+        clearance = watch.look(wish, last, snapshot, rules)
+        ceiling = math.inf if clearance is None else clearance.speed
+        last = gate.limit(wish.command, last, PERIOD, ceiling, stop=abs(last.speed) > ceiling)
+        waiting.append(last)
+        points = waiting.pop(0)
+        for _ in range(PARTS):
+            time = PERIOD / PARTS
+            x, y, heading = _rolled(x, y, heading, points.speed * time, points.steering, wheelbase)
+            scene.move(time)
+            near -= time * (scene.fastest + 3.0 * abs(points.speed))
+            if near < outcome.nearest:  # it may have come nearer since it was looked
+                near = scene.distance(x, y, heading)
+                if near < outcome.nearest:
+                    outcome.nearest, outcome.speed = near, abs(points.speed)
+        outcome.driven += abs(points.speed) * PERIOD
+        outcome.fastest = max(outcome.fastest, abs(points.speed))
+        was_slow, slow = slow, clearance is not None and clearance.speed < 0.9 * min(abs(wish.command.speed), top)
+        outcome.slowed += slow and not was_slow
+        pose = odometry.pose
+        counted = points.speed * PERIOD * (1.0 + slip)
+        there = _rolled(pose.x, pose.y, pose.heading, counted, points.steering, wheelbase)
+        odometry = Odometry(
+            pose=Pose(x=there[0], y=there[1], heading=there[2]),
+            speed=points.speed,
+            steering=points.steering,
+            distance=odometry.distance + counted * math.cos(points.steering),
+        )
+    return outcome
+
+
+def _rolled(x: float, y: float, heading: float, way: float, steering: float, wheelbase: float) -> tuple[float, ...]:
+    """Where the rear axle is after the virtual front wheel rolled so far."""
+    turn = way * math.sin(steering) / wheelbase
+    middle = heading + turn / 2.0
+    ahead = way * math.cos(steering)
+    return x + ahead * math.cos(middle), y + ahead * math.sin(middle), heading + turn
+
+
+def _scan(ranges: Array, now: float, bias: float, errors: Errors, dice: np.random.Generator) -> Scan:
+    seen = ranges < FARTHEST
+    measured = ranges + np.where(seen, bias + dice.normal(0.0, errors.noise, BEAMS), 0.0)
+    dusty = dice.random(BEAMS) < errors.dust
+    measured = np.where(dusty, dice.uniform(0.2, 3.0, BEAMS), measured)
+    there = (seen | dusty) & (measured >= LEAST)
+    packed = np.where(there, np.round(1000.0 * measured), 0.0).astype("<u2").tobytes()
+    return Scan(source="front", time=now, start_angle=-FIELD, increment=2 * FIELD / (BEAMS - 1), ranges=packed)
+
+
+def random_drive(seed: int, seconds: float = 8.0, reverse: float = 0.0) -> Outcome | None:
+    """In a random scene; None: the robot would stand in it."""
+    dice = np.random.default_rng(seed)
+    scene = random_scene(dice)
+    if scene.distance(0.0, 0.0, 0.0) < 0.10:
+        return None
+    return drive(scene, Driver(dice, 0.7, math.radians(60.0), reverse), seed, seconds=seconds)
+
+
+def main(scenes: int, first: int, seconds: float) -> None:
+    """Print what came of random scenes."""
+    found = [outcome for seed in range(first, first + scenes) if (outcome := random_drive(seed, seconds, 0.15))]
+    nearest = np.array([outcome.nearest for outcome in found])
+    moving = sum(outcome.nearest < 0 and outcome.speed > 0.02 for outcome in found)
+    print(
+        f"{len(found)} scenes, {sum(outcome.driven for outcome in found) / 1000:.2f} km: {np.sum(nearest < 0)} "
+        f"contacts ({moving} moving), nearest {100 * nearest.min():.1f} cm, median {100 * np.median(nearest):.1f} cm"
+    )
+    for seed, outcome in enumerate(found, first):
+        if outcome.nearest < 0.01:
+            print(f"  near: number {seed}, {100 * outcome.nearest:.1f} cm at {outcome.speed:.2f} m/s")
+
+
+if __name__ == "__main__":
+    numbers = [float(word) for word in sys.argv[1:]]
+    scenes, first, seconds = numbers + [200.0, 0.0, 8.0][len(numbers) :]
+    main(int(scenes), int(first), seconds)

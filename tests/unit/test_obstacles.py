@@ -1,0 +1,282 @@
+"""The speed that obstacles leave: a robot that drives as it is told, and a scanner that sees what it can."""
+
+import math
+from math import inf, radians
+
+import numpy as np
+import pytest
+from obstacle_scenes import (
+    ANGLES,
+    BEAMS,
+    FIELD,
+    OUTLINE,
+    PERIOD,
+    Driver,
+    Errors,
+    Scene,
+    drive,
+    random_drive,
+    random_scene,
+    robot_with_scanner,
+)
+
+from artemis.motion.obstacles import BLOCKED_TIME, REVERSE_SPEED, STALE, UNKNOWN_SPEED, UNSEEING_SPEED, ObstacleStop
+from artemis.scan import Clearance, ObstacleRules, Scan
+from artemis.values import DriveCommand, LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict, Wish
+
+STOP = ObstacleRules(mode="stop")
+FRONT = OUTLINE.front_m
+
+
+class Steady(Driver):
+    """Wishes one speed and angle."""
+
+    def __init__(self, speed: float, steering: float = 0.0) -> None:
+        self._until, self._command = inf, DriveCommand(speed=speed, steering=steering)
+
+
+def wall(ahead: float, turned: float = 0.0) -> Scene:
+    """So far ahead of the front edge [m], turned by [rad]."""
+    dx, dy = -3.0 * math.sin(turned), 3.0 * math.cos(turned)
+    return Scene(np.array([[FRONT + ahead + dx, dy, FRONT + ahead - dx, -dy]]))
+
+
+class Watch:
+    """An obstacle stop that is asked tick by tick."""
+
+    def __init__(self, rules: ObstacleRules = STOP, least: float = 0.5) -> None:
+        robot = robot_with_scanner()
+        mounted = robot.scanners["front"].model_copy(update={"least_range_m": least})
+        self.stop = ObstacleStop(robot.model_copy(update={"scanners": {"front": mounted}}))
+        self.rules, self.tick = rules, 0
+        self.odometry = Odometry(distance=0.0)
+
+    def drive(self, distance: float, heading: float = 0.0) -> None:
+        pose = self.odometry.pose
+        there = Pose(x=pose.x + distance * math.cos(heading), y=pose.y + distance * math.sin(heading), heading=heading)
+        self.odometry = Odometry(pose=there, distance=self.odometry.distance + distance)
+
+    def look(
+        self, ranges: np.ndarray | None = None, command: float = 0.5, speed: float = 0.0, steering: float = 0.0
+    ) -> Clearance | None:
+        """One tick, with a scan [m] if there is one."""
+        now = self.tick * PERIOD
+        scans: tuple[Scan, ...] = ()
+        if ranges is not None:
+            packed = np.round(1000.0 * ranges).astype("<u2").tobytes()
+            scans = (
+                Scan(source="front", time=now, start_angle=-FIELD, increment=2 * FIELD / (BEAMS - 1), ranges=packed),
+            )
+        snapshot = Snapshot(
+            sensed=Sensed(index=self.tick, time=now, scans=scans),
+            dt=PERIOD,
+            pose=LocatedPose(pose=self.odometry.pose),
+            odometry=self.odometry,
+            standing=False,
+            set_points=SetPoints(speed=speed),
+            verdict=Verdict(),
+        )
+        self.tick += 1
+        wish = Wish(command=DriveCommand(speed=command, steering=steering))
+        return self.stop.look(wish, SetPoints(speed=speed), snapshot, self.rules)
+
+    def known(self) -> "Watch":
+        """After it has driven for long enough to know what is near."""
+        for _ in range(30):
+            self.look(np.zeros(BEAMS))
+            self.drive(0.02)
+        return self
+
+
+def ahead(distance: float) -> np.ndarray:
+    """A wall so far ahead of the scanner, and nothing else."""
+    return np.where(np.abs(ANGLES) < 0.9, distance / np.cos(ANGLES), 0.0)
+
+
+@pytest.mark.parametrize("turned", [-75, -40, 0, 30, 60, 75])
+@pytest.mark.parametrize("speed", [0.1, 0.7])
+def test_stands_before_a_wall(turned: int, speed: float) -> None:
+    outcome = drive(wall(1.5, radians(turned)), Steady(speed), 100 + turned, seconds=3.0 + 1.8 / speed)
+
+    assert 0.05 <= outcome.nearest <= 0.30
+
+
+@pytest.mark.parametrize("aside", [-0.3, -0.15, 0.0, 0.3])
+def test_stands_before_a_pole_of_2_cm(aside: float) -> None:
+    scene = Scene(circles=np.array([[FRONT + 1.0, aside, 0.01]]))
+
+    assert 0.05 <= drive(scene, Steady(0.7), 3, seconds=3.0).nearest <= 0.25
+
+
+def test_a_narrow_corridor_is_driven_without_slowing_down() -> None:
+    scene = Scene(np.array([[-2.0, 0.45, 40.0, 0.45], [-2.0, -0.45, 40.0, -0.45]]))
+
+    outcome = drive(scene, Steady(0.7), 5, seconds=12.0, errors=Errors(dust=0.0))
+
+    assert outcome.slowed == 0
+    assert outcome.fastest == pytest.approx(0.7)
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("seed", range(2000, 2040))
+def test_touches_nothing_that_stands(seed: int) -> None:
+    outcome = random_drive(seed, seconds=6.0, reverse=0.15)
+
+    assert outcome is None or outcome.nearest >= 0.01
+
+
+def test_scenes_would_be_touched_without_it() -> None:
+    seed, touched = 2000, 0
+    for number in range(seed, seed + 12):
+        dice = np.random.default_rng(number)
+        scene = random_scene(dice)
+        rules = ObstacleRules(mode="stop", margin=-0.3, clear=-5.0)
+        touched += drive(scene, Driver(dice, 0.7, radians(60.0)), number, seconds=6.0, rules=rules).nearest < 0.0
+
+    assert touched >= 4
+
+
+def crossing(seed: int) -> tuple[Scene, float]:
+    """A person who walks at 1.5 m/s to where the robot would be, and never yields; how long that takes [s]."""
+    dice = np.random.default_rng(seed)
+    meet = dice.uniform(1.5, 3.5)
+    angle = radians(dice.uniform(45.0, 135.0)) * (1.0 if dice.random() < 0.5 else -1.0)
+    x, y = 0.7 * (meet - 0.7) + dice.uniform(-0.3, 0.9), dice.uniform(-0.2, 0.2)
+    walk = 1.5 * math.cos(angle), 1.5 * math.sin(angle)
+    return Scene(circles=np.array([[x - walk[0] * meet, y - walk[1] * meet, 0.2]]), moves=np.array([walk])), meet
+
+
+@pytest.mark.sampled(5)
+@pytest.mark.parametrize("seed", range(30))
+def test_a_person_who_crosses_meets_a_robot_that_stands(seed: int) -> None:
+    scene, meet = crossing(seed)
+
+    outcome = drive(scene, Steady(0.7), seed, seconds=meet + 1.0)
+
+    assert outcome.nearest > 0.0 or outcome.speed <= 0.1
+
+
+def test_no_scan_no_motion() -> None:
+    assert Watch().look() == Clearance(speed=0.0, distance=0.0)
+
+
+def test_an_old_scan_slows_down_and_then_stops() -> None:
+    watch = Watch().known()
+    speeds = []
+    watch.look(ahead(1.2))
+    watch.look(ahead(1.2))
+    for _ in range(round(STALE / PERIOD) + 2):
+        found = watch.look()
+        speeds.append(found.speed if found else inf)
+
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[0] > 0.3
+    assert speeds[-1] == 0.0
+
+
+def test_one_beam_once_is_dust_but_not_while_creeping() -> None:
+    dust = np.zeros(BEAMS)
+    dust[BEAMS // 2] = 0.4
+    found = []
+    for speed in (0.5, 0.05):
+        watch = Watch(least=0.1).known()
+        pose = watch.odometry.pose
+        watch.odometry = Odometry(pose=pose, distance=watch.odometry.distance, speed=speed)
+        watch.look(np.zeros(BEAMS), speed=speed)
+        found += [watch.look(dust, speed=speed), watch.look(dust, speed=speed)]
+
+    moving, moving_again, creeping, _ = found
+    assert moving is None
+    assert moving_again is not None
+    assert creeping is not None
+
+
+def test_starts_slowly_for_what_stood_too_near_to_be_seen() -> None:
+    watch = Watch()
+    watch.look(np.zeros(BEAMS))
+
+    found = watch.look(np.zeros(BEAMS))
+
+    assert found is not None
+    assert found.speed == UNKNOWN_SPEED
+
+
+def test_is_blocked_after_a_moment_and_free_after_a_second() -> None:
+    watch = Watch(least=0.1).known()
+    blocked = [watch.look(ahead(0.2)) for _ in range(10)]
+    assert [bool(it and it.blocked) for it in blocked] == [tick * PERIOD >= BLOCKED_TIME for tick in range(10)]
+
+    free = [watch.look(np.zeros(BEAMS)) for _ in range(60)]
+
+    still = [bool(it and it.blocked) for it in free]
+    assert 48 <= sum(still) <= 52
+    assert still == sorted(still, reverse=True)
+
+
+def test_by_hand_nobody_waits() -> None:
+    watch = Watch(ObstacleRules(mode="stop", free_after=0.0), least=0.1).known()
+    blocked = [watch.look(ahead(0.2)) for _ in range(10)]
+
+    free = watch.look(np.zeros(BEAMS))
+
+    assert blocked[-1] is not None
+    assert blocked[-1].blocked > 0.0
+    assert free is None
+
+
+def test_slow_creeps_on_and_off_does_not_look() -> None:
+    slow, off = Watch(ObstacleRules(mode="slow"), least=0.1).known(), Watch(ObstacleRules(mode="off"))
+    slow.look(ahead(0.2))
+
+    found = slow.look(ahead(0.2))
+
+    assert found is not None
+    assert found.speed == 0.1
+    assert off.look(ahead(0.55)) == Clearance(speed=UNSEEING_SPEED)
+
+
+def test_what_leaves_the_view_is_remembered_until_it_is_seen_to_be_gone() -> None:
+    watch = Watch().known()
+    for far in np.arange(0.60, 0.30, -0.02):
+        near = ahead(far)
+        found = watch.look(np.where(near < 0.5, 0.0, near))
+        watch.drive(0.02)
+    assert found is not None
+    assert found.speed < 0.3
+
+    behind = np.full(BEAMS, 3.0)
+    for _ in range(70):
+        found = watch.look(behind)
+
+    assert found is None
+
+
+def test_backwards_only_over_known_ground() -> None:
+    watch = Watch().known()  # 0.6 m
+
+    back = watch.look(np.zeros(BEAMS), command=-0.5)
+    unknown = Watch()
+    unknown.look(np.zeros(BEAMS), command=-0.5)
+
+    assert back is not None
+    assert 0.05 < back.speed <= REVERSE_SPEED
+    found = unknown.look(np.zeros(BEAMS), command=-0.5)
+    assert found is not None
+    assert found.speed == 0.0
+    allowed = Watch(ObstacleRules(mode="stop", unseen_reverse=True)).known().look(np.zeros(BEAMS), command=-0.5)
+    assert allowed is not None
+    assert allowed.speed == REVERSE_SPEED
+
+
+def test_odometry_that_is_lost_forgets_what_was_seen() -> None:
+    watch = Watch().known()
+    for _ in range(5):
+        watch.look(ahead(0.55))
+
+    watch.odometry = Odometry(lost=True)
+    watch.look(np.zeros(BEAMS))
+    watch.odometry = Odometry()
+    found = watch.look(np.zeros(BEAMS))
+
+    assert found is not None
+    assert found.speed in (0.0, UNKNOWN_SPEED)
