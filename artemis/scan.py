@@ -21,7 +21,7 @@ class Condition(IntEnum):
     FAULTY = 2  # what it measures cannot be trusted
 
 
-class Scan(Struct, frozen=True, kw_only=True, gc=False):
+class Scan(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """One scan, seen from the scanner: angles count counter-clockwise from its x axis, seen from above."""
 
     source: str

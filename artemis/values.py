@@ -212,7 +212,7 @@ class DriveCommand(Struct, frozen=True, kw_only=True, gc=False):
     action: Action = Action.RUN
 
 
-class SetPoints(Struct, frozen=True, kw_only=True, gc=False):
+class SetPoints(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """What leaves the gate: the virtual wheel, and each wheel's own set-point (rolling speed m/s, angle rad)."""
 
     speed: float = 0.0

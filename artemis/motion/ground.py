@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from artemis.motion.poses import placed
 from artemis.motion.spline import Array
-from artemis.motion.sweep import Box
+from artemis.motion.sweep import Rectangle
 from artemis.motion.view import View
 from artemis.values import Pose
 
@@ -35,7 +35,7 @@ AHEAD = 0.3
 class Ground:
     """A grid in the frame of the odometry, with the time at which each of its cells was known to be free."""
 
-    def __init__(self, box: Box) -> None:
+    def __init__(self, box: Rectangle) -> None:
         """`box`: the outline."""
         self._box = box
         wide = box.grown(AROUND)
@@ -100,14 +100,14 @@ class Ground:
         return inf
 
 
-def _cells(box: Box, apart: float) -> Array:
+def _cells(box: Rectangle, apart: float) -> Array:
     """Places in a rectangle in the robot's frame, so far apart [m]; shape (2, n)."""
     x = np.arange(box.rear, box.front + apart, apart)
     y = np.arange(-box.half_width, box.half_width + apart, apart)
     return np.array(np.meshgrid(x, y)).reshape(2, -1)
 
 
-def _border(box: Box) -> Array:
+def _border(box: Rectangle) -> Array:
     """Points on the border of a rectangle, half a cell apart, shape (2, n)."""
     x = np.append(np.arange(box.rear, box.front, CELL / 2), box.front)
     y = np.append(np.arange(-box.half_width, box.half_width, CELL / 2), box.half_width)

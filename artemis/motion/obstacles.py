@@ -10,7 +10,7 @@ from math import cos, inf, radians, sin, tan
 import numpy as np
 
 from artemis.motion.ground import Ground
-from artemis.motion.sweep import Box, free_distance, stopping_speed
+from artemis.motion.sweep import Rectangle, free_distance, stopping_speed
 from artemis.motion.view import View
 from artemis.scan import Clearance, ObstacleRules
 from artemis.values import SetPoints, Snapshot, Wish
@@ -47,7 +47,7 @@ class ObstacleStop:
         """The robot has an outline and scanners."""
         assert robot.outline is not None
         outline, limits = robot.outline, robot.limits
-        self._box = Box(-outline.rear_m, outline.front_m, outline.half_width_m)
+        self._box = Rectangle(-outline.rear_m, outline.front_m, outline.half_width_m)
         self._wheelbase, self._deceleration = robot.geometry.wheelbase_m, limits.deceleration_m_s2
         self._rate, self._steering = radians(limits.steering_rate_wheel_deg_s), radians(limits.steering_deg)
         self._top = top = limits.speed_m_s

@@ -22,19 +22,19 @@ STRAIGHT = 1000.0
 """Radius [m] that stands for straight ahead: 0.5 mm off after 1 m."""
 
 
-class Box(Struct, frozen=True):
+class Rectangle(Struct, frozen=True):
     """A rectangle around the rear axle's centre [m]: `rear` is negative where it reaches behind the axle."""
 
     rear: float
     front: float
     half_width: float
 
-    def grown(self, margin: float) -> Box:
+    def grown(self, margin: float) -> Rectangle:
         """By a margin on every side [m]."""
-        return Box(self.rear - margin, self.front + margin, self.half_width + margin)
+        return Rectangle(self.rear - margin, self.front + margin, self.half_width + margin)
 
 
-def free_distance(points: Array, curvature: float, box: Box, *, forward: bool = True) -> float:
+def free_distance(points: Array, curvature: float, box: Rectangle, *, forward: bool = True) -> float:
     """Distance that the rear axle may roll until the first of the points is touched [m]; infinite: none is.
 
     Args:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from artemis.motion.angles import wrap
 from artemis.motion.movers import Movers
 from artemis.motion.spline import Array
-from artemis.motion.sweep import Box
+from artemis.motion.sweep import Rectangle
 from artemis.mounting import Mounting
 from artemis.scan import Scan
 from artemis.values import Pose
@@ -41,7 +41,7 @@ Numbers = NDArray[np.int32]
 class View:
     """Keeps points from scan to scan. In the frame of the rear axle, x ahead and y left [m], shape (2, n)."""
 
-    def __init__(self, scanner: Mounting, box: Box, reach: float, lookahead: float) -> None:
+    def __init__(self, scanner: Mounting, box: Rectangle, reach: float, lookahead: float) -> None:
         """Begin.
 
         Args:

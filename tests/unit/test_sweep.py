@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from artemis.motion.sweep import Box, free_distance, stopping_speed
+from artemis.motion.sweep import Rectangle, free_distance, stopping_speed
 
-BOX = Box(-0.20, 0.78, 0.32)
+BOX = Rectangle(-0.20, 0.78, 0.32)
 STEP, FARTHEST = 5e-4, 2.0
 WHEELBASE = 0.56
 
 
-def rolled_until_contact(points: np.ndarray, curvature: float, box: Box, forward: bool) -> float:
+def rolled_until_contact(points: np.ndarray, curvature: float, box: Rectangle, forward: bool) -> float:
     way = np.arange(0.0, FARTHEST, STEP) * (1.0 if forward else -1.0)
     turn = curvature * way
     x, y = (np.sin(turn) / curvature, (1.0 - np.cos(turn)) / curvature) if curvature else (way, 0.0 * way)
@@ -28,7 +28,7 @@ def rolled_until_contact(points: np.ndarray, curvature: float, box: Box, forward
 def test_contact_is_where_a_robot_rolled_in_small_steps_touches() -> None:
     dice, touched = np.random.default_rng(1), 0
     for number in range(1500):
-        box = Box(dice.uniform(-0.6, 0.2), dice.uniform(0.5, 1.0), dice.uniform(0.1, 0.6)) if number % 2 else BOX
+        box = Rectangle(dice.uniform(-0.6, 0.2), dice.uniform(0.5, 1.0), dice.uniform(0.1, 0.6)) if number % 2 else BOX
         points = dice.uniform(-2.0, 2.0, (2, 3))
         curvature = 0.0 if number % 10 == 0 else tan(dice.uniform(-1.0, 1.0) * radians(60.0)) / WHEELBASE
         forward = bool(dice.integers(2))
