@@ -53,6 +53,16 @@ def surface_points(ranges: Array, angles: Array, nearest: float, farthest: float
 
 
 @_compiled
+def place(points: Array, first: int, scan: Array, pose: Array) -> None:
+    """See `kernels_numpy`."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    for i in range(len(scan)):
+        x, y, nx, ny = scan[i, 0], scan[i, 1], scan[i, 2], scan[i, 3]
+        points[first + i, 0], points[first + i, 1] = pose[0] + c * x - s * y, pose[1] + s * x + c * y
+        points[first + i, 2], points[first + i, 3] = c * nx - s * ny, s * nx + c * ny
+
+
+@_compiled
 def stamp(field: Any, owner: Any, points: Array, first: int, last: int, blot: Any, per_metre: float) -> None:
     """See `kernels_numpy`."""
     mask, radius = field.shape[0] - 1, blot.shape[2] // 2

@@ -70,6 +70,15 @@ def surface_points(ranges: Array, angles: Array, nearest: float, farthest: float
     return np.stack([x[centre], y[centre], np.where(line, -np.sin(along), 0), np.where(line, np.cos(along), 0)], 1)
 
 
+def place(points: Array, first: int, scan: Array, pose: Array) -> None:
+    """Write a scan, seen from `pose`, to map points `first` and on: both are x, y [m] and normal, shape (n, 4)."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    part = points[first : first + len(scan)]
+    x, y, nx, ny = scan.T
+    part[:, 0], part[:, 1] = pose[0] + c * x - s * y, pose[1] + s * x + c * y
+    part[:, 2], part[:, 3] = c * nx - s * ny, s * nx + c * ny
+
+
 def stamp(field: Any, owner: Any, points: Array, first: int, last: int, blot: Any, per_metre: float) -> None:
     """Add map points `first` to `last` (excluded): each cell keeps the highest value, and the point that gave it.
 
@@ -103,7 +112,7 @@ def wipe(field: Any, fine: Any, coarse: Any, points: Array, count: int, radius: 
     if count == 0:
         return
     u, v = (np.floor(points[:count, k] * per_metre + 0.5).astype(np.int64) for k in (0, 1))
-    field.reshape(-1)[np.unique(_footprints(u, v, radius, field.shape[0]))] = 0
+    field.reshape(-1)[_footprints(u, v, radius, field.shape[0])] = 0
     for level, block in ((fine, FINE), (coarse, COARSE)):
         level.reshape(-1)[_blocks(u, v, radius, block, level.shape[0])] = 0
 
@@ -308,9 +317,9 @@ def _blocks(u: Any, v: Any, radius: int, block: int, size: int) -> Any:
     """Flat numbers of the blocks whose bounds the cells around (u, v) may raise, each once."""
     low_x, low_y = (u - radius) // block - 1, (v - radius) // block - 1
     high_x, high_y = (u + radius) // block, (v + radius) // block
-    found = []
+    raised = np.zeros(size * size, bool)
     for dy in range(int((high_y - low_y).max()) + 1):
         for dx in range(int((high_x - low_x).max()) + 1):
             row, column = np.minimum(low_y + dy, high_y), np.minimum(low_x + dx, high_x)
-            found.append((row & (size - 1)) * size + (column & (size - 1)))
-    return np.unique(np.concatenate(found))
+            raised[(row & (size - 1)) * size + (column & (size - 1))] = True
+    return np.flatnonzero(raised)

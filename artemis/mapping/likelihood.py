@@ -56,22 +56,27 @@ class LikelihoodGrid:
         KERNELS.wipe(
             self._field, self._fine, self._coarse, self._points, self._count, radius, self._per_metre
         )
-        self._count = 0
-        placed = [_placed(scan, pose) for scan, pose in zip(scans, poses, strict=True)]
-        self.add_points(np.concatenate(placed) if placed else np.empty((0, 4)))
+        self._count, self._raised = 0, False
+        for scan, pose in zip(scans, poses, strict=True):
+            self._place(scan, pose)
+        self._stamp(0)
 
     def add(self, scan: Array, pose: Array) -> None:
         """Add one scan: points and normals seen from `pose`, shape (n, 4)."""
-        self.add_points(_placed(scan, pose))
+        first = self._count
+        self._place(scan, pose)
+        self._stamp(first)
 
-    def add_points(self, points: Array) -> None:
-        """Add points and normals in the frame of the grid, shape (n, 4)."""
-        first, last = self._count, self._count + len(points)
+    def _place(self, scan: Array, pose: Array) -> None:
+        first, last = self._count, self._count + len(scan)
         if last > len(self._points):
             self._points = np.concatenate([self._points, np.zeros((last, 4))])
-        self._points[first:last] = points
-        self._count, self._raised = last, False
-        KERNELS.stamp(self._field, self._owner, self._points, first, last, self._blot, self._per_metre)
+        KERNELS.place(self._points, first, scan, pose)
+        self._count = last
+
+    def _stamp(self, first: int) -> None:
+        self._raised = False
+        KERNELS.stamp(self._field, self._owner, self._points, first, self._count, self._blot, self._per_metre)
 
     def search(
         self, scan: Array, middle: Array, distance: float, turn: float, *, prior: float = 0.0, floor: float = 0.0
@@ -131,12 +136,6 @@ def turn_step(scan: Array, cell: float) -> float:
     """A turn [rad] that moves the far points of a scan by about one cell [m]."""
     far = np.sort(np.hypot(scan[:, 0], scan[:, 1]))[int(0.8 * len(scan))] if len(scan) else 1.0
     return float(min(max(cell / far, 0.005), 0.03))
-
-
-def _placed(scan: Array, pose: Array) -> Array:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    x, y, nx, ny = scan.T
-    return np.stack([pose[0] + c * x - s * y, pose[1] + s * x + c * y, c * nx - s * ny, s * nx + c * ny], 1)
 
 
 def _blot(settings: MapSettings) -> Any:

@@ -47,7 +47,7 @@ class Mapper:
         self._grid, self._place = LikelihoodGrid(self.settings), LikelihoodGrid(self.settings)
         self._loops = LoopFinder(self.settings, self.keys, self.graph, self._place)
         self._stations = Stations()
-        self._unsolved = 0
+        self._unsolved, self._loop_count, self._last_step = 0, 0, _ORIGIN
 
     @property
     def pose(self) -> Array:
@@ -70,8 +70,9 @@ class Mapper:
             self._add_key(reading.points, _ORIGIN, None)
             return
         step = self._stations.step_to(reading.odometry)
-        predicted = self.pose if step is None else compose(self.pose, step)
+        predicted = compose(self.pose, self._last_step if step is None else step)
         found = match(self._grid, self.settings, reading.points, predicted, step)
+        self._last_step = between(self.pose, found.pose) if found.score >= 0 else _ORIGIN
         if found.score < 0:
             self.counts.unmatched += 1
         settings, last = self.settings, len(self.keys) - 1
@@ -121,7 +122,8 @@ class Mapper:
         for loop in found:
             self.graph.add(loop)
         self._unsolved += len(found)
-        if much or self._unsolved >= self.settings.solve_every:
+        self._loop_count += len(found)
+        if much or self._unsolved >= max(self.settings.solve_every, self.settings.solve_share * self._loop_count):
             self.solve(_ROUNDS)
         first = max(0, len(self.keys) - self.settings.local)
         self._grid.build(self.keys.points[first:], self.keys.poses[first:])

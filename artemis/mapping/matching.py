@@ -37,7 +37,7 @@ def match(grid: LikelihoodGrid, settings: MapSettings, scan: Array, predicted: A
     found = grid.refine(scan, predicted)
     for enough, wide in ((settings.sure, 1), (settings.poor, _WIDE)):
         strayed = not within(found.pose - predicted, wide * distance, wide * turn)
-        if found.score >= enough and not strayed:
+        if found.score >= enough and not strayed and not (step is None and wide == 1):
             continue
         searched = grid.search(scan, predicted, wide * distance, wide * turn, prior=settings.prior)
         other = grid.refine(scan, searched.pose)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -21,6 +22,10 @@ def wrapped(angle: ArrayLike) -> Array:
 def compose(first: ArrayLike, second: ArrayLike) -> Array:
     """Motion `second`, begun at pose `first`: the pose that it leads to. Both broadcast."""
     a, b = np.asarray(first, float), np.asarray(second, float)
+    if a.ndim == b.ndim == 1:
+        (ax, ay, at), (bx, by, bt) = a.tolist(), b.tolist()
+        c, s = math.cos(at), math.sin(at)
+        return np.array([ax + c * bx - s * by, ay + s * bx + c * by, (at + bt + math.pi) % math.tau - math.pi])
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     x = a[..., 0] + c * b[..., 0] - s * b[..., 1]
     y = a[..., 1] + s * b[..., 0] + c * b[..., 1]
@@ -30,6 +35,10 @@ def compose(first: ArrayLike, second: ArrayLike) -> Array:
 def between(first: ArrayLike, second: ArrayLike) -> Array:
     """The motion that leads from pose `first` to pose `second`, seen from `first`. Both broadcast."""
     a, b = np.asarray(first, float), np.asarray(second, float)
+    if a.ndim == b.ndim == 1:
+        (ax, ay, at), (bx, by, bt) = a.tolist(), b.tolist()
+        c, s, x, y = math.cos(at), math.sin(at), bx - ax, by - ay
+        return np.array([c * x + s * y, c * y - s * x, (bt - at + math.pi) % math.tau - math.pi])
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     return np.stack([c * dx + s * dy, c * dy - s * dx, wrapped(b[..., 2] - a[..., 2])], -1)
@@ -37,7 +46,8 @@ def between(first: ArrayLike, second: ArrayLike) -> Array:
 
 def within(motion: Array, distance: float, turn: float) -> bool:
     """Whether one motion, shape (3,), is shorter than `distance` [m] and turns by less than `turn` [rad]."""
-    return bool(np.hypot(motion[0], motion[1]) < distance and abs(wrapped(motion[2])) < turn)
+    x, y, turned = motion.tolist()
+    return math.hypot(x, y) < distance and abs((turned + math.pi) % math.tau - math.pi) < turn
 
 
 def effort(motions: Array) -> Array:

@@ -78,7 +78,9 @@ class MapSettings:
     agree: float = 0.25
     agree_turn: float = 0.06
     solve_every: int = 30
-    """Loops between two solutions on the way, at least; a growing share of all of them."""
+    """New loops after which the graph is solved on the way, at least,"""
+    solve_share: float = 0.05
+    """and as a share of all: a graph of any size is solved a bounded number of times for each doubling."""
 
     # the graph
     beam: float = 0.03
