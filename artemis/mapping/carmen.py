@@ -15,14 +15,14 @@ from artemis.mapping.se2 import Array
 from artemis.mapping.settings import MapSettings
 
 _AFTER_RANGES = 9
-"""Fields of `FLASER` behind its ranges: x, y, theta, odometry x, y, theta, time, host, time since the logger's start."""
+"""Fields of `FLASER` behind its ranges: x, y, theta, odometry x, y, theta, time, host, logger's time."""
 
 
 def read_carmen(path: Path, settings: MapSettings) -> Iterator[Reading]:
     """Readings in the order of the file; other lines are passed over.
 
-    `FLASER n r_1 ... r_n x y theta odom_x odom_y odom_theta time host logger_time`: n beams over half a turn, from the right
-    to the left; `ODOM x y theta tv rv accel time host logger_time`.
+    `FLASER n r_1 ... r_n x y theta odom_x odom_y odom_theta time host logger_time`: n beams over half a turn, from the
+    right to the left; `ODOM x y theta tv rv accel time host logger_time`.
 
     Args:
         path: `.clf` or `.log`, also as `.gz`.
@@ -51,7 +51,9 @@ def read_carmen(path: Path, settings: MapSettings) -> Iterator[Reading]:
 
 def _scan(fields: list[str], settings: MapSettings) -> Reading:
     count = int(fields[1])
-    if count < 2 or len(fields) < 2 + count + _AFTER_RANGES:
+    if count < 2:
+        raise ValueError(f"a scan of {count} beams; expected 2 at least")
+    if len(fields) < 2 + count + _AFTER_RANGES:
         raise ValueError(f"{len(fields)} fields; {count} beams need {2 + count + _AFTER_RANGES}")
     ranges, rest = np.array(fields[2 : 2 + count], float), fields[2 + count :]
     step = np.pi / (count - count % 2)  # 180 beams: 1 degree; 181: also, both ends measured

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from artemis.mapping import kernels_numpy
+from importlib import import_module
+from types import ModuleType
 
 try:
-    from artemis.mapping import kernels_numba
-except ImportError:  # the extra `slam` is not installed
-    COMPILED = False
-    KERNELS = kernels_numpy
-else:
+    KERNELS: ModuleType = import_module("artemis.mapping.kernels_numba")
     COMPILED = True
-    KERNELS = kernels_numba  # type: ignore[assignment]  # the same functions
+except ImportError:  # the extra `slam` is not installed
+    KERNELS = import_module("artemis.mapping.kernels_numpy")
+    COMPILED = False
 
 NOTICE = "numba is not installed: mapping takes several times as long; pip install 'artemis-robot[slam]'"
 """For people, where `COMPILED` is false."""

@@ -8,6 +8,7 @@ from typing import Any, TypeVar, cast
 import numba
 import numpy as np
 
+from artemis.mapping.kernels_numpy import Cells, Numbers
 from artemis.mapping.se2 import Array
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -63,7 +64,7 @@ def place(points: Array, first: int, scan: Array, pose: Array) -> None:
 
 
 @_compiled
-def stamp(field: Any, owner: Any, points: Array, first: int, last: int, blot: Any, per_metre: float) -> None:
+def stamp(field: Cells, owner: Numbers, points: Array, first: int, last: int, blot: Cells, per_metre: float) -> None:
     """See `kernels_numpy`."""
     mask, radius = field.shape[0] - 1, blot.shape[2] // 2
     for i in range(first, last):
@@ -79,7 +80,7 @@ def stamp(field: Any, owner: Any, points: Array, first: int, last: int, blot: An
 
 
 @_compiled
-def wipe(field: Any, fine: Any, coarse: Any, points: Array, count: int, radius: int, per_metre: float) -> None:
+def wipe(field: Cells, fine: Cells, coarse: Cells, points: Array, count: int, radius: int, per_metre: float) -> None:
     """See `kernels_numpy`."""
     mask, fine_mask, coarse_mask = field.shape[0] - 1, fine.shape[0] - 1, coarse.shape[0] - 1
     for i in range(count):
@@ -90,13 +91,15 @@ def wipe(field: Any, fine: Any, coarse: Any, points: Array, count: int, radius: 
         for b in range((v - radius) // FINE - 1, (v + radius) // FINE + 1):
             for a in range((u - radius) // FINE - 1, (u + radius) // FINE + 1):
                 fine[b & fine_mask, a & fine_mask] = 0
-        for b in range((v - radius) // COARSE - 1, (v + radius) // COARSE + 1):
-            for a in range((u - radius) // COARSE - 1, (u + radius) // COARSE + 1):
+        for b in range((v - radius) // COARSE - 2, (v + radius) // COARSE + 1):
+            for a in range((u - radius) // COARSE - 2, (u + radius) // COARSE + 1):
                 coarse[b & coarse_mask, a & coarse_mask] = 0
 
 
 @_compiled
-def raise_levels(field: Any, fine: Any, coarse: Any, points: Array, count: int, radius: int, per_metre: float) -> None:
+def raise_levels(
+    field: Cells, fine: Cells, coarse: Cells, points: Array, count: int, radius: int, per_metre: float
+) -> None:
     """See `kernels_numpy`."""
     mask, fine_mask, coarse_mask = field.shape[0] - 1, fine.shape[0] - 1, coarse.shape[0] - 1
     ratio = COARSE // FINE
@@ -118,23 +121,11 @@ def raise_levels(field: Any, fine: Any, coarse: Any, points: Array, count: int, 
 
 
 @_compiled
-def search(
-    field: Any,
-    fine: Any,
-    coarse: Any,
-    scan: Array,
-    pose: Array,
-    half: int,
-    turns: int,
-    turn: float,
-    per_metre: float,
-    prior: float,
-    floor: float,
-) -> Any:
-    """See `kernels_numpy`."""
-    n, size = len(scan), field.shape[0]
-    mask, fine_mask, coarse_mask = size - 1, fine.shape[0] - 1, coarse.shape[0] - 1
-    top, ratio = 2 * half // COARSE + 1, COARSE // FINE
+def _window(
+    coarse: Cells, scan: Array, pose: Array, half: int, turns: int, turn: float, per_metre: float
+) -> tuple[Numbers, Numbers, Cells]:
+    """Column and row of each point in the first corner of the window, for each turn; and bounds of all blocks there."""
+    n, mask, top = len(scan), coarse.shape[0] - 1, 2 * half // COARSE + 1
     across, along = np.empty((2 * turns + 1, n), np.int32), np.empty((2 * turns + 1, n), np.int32)
     bound = np.zeros((2 * turns + 1) * top * top, np.float32)
     for t in range(2 * turns + 1):
@@ -147,42 +138,77 @@ def search(
             u, v = u // COARSE, v // COARSE
             for by in range(top):
                 for bx in range(top):
-                    bound[(t * top + by) * top + bx] += coarse[(v + by) & coarse_mask, (u + bx) & coarse_mask]
+                    bound[(t * top + by) * top + bx] += coarse[(v + by) & mask, (u + bx) & mask]
+    return across, along, bound
+
+
+@_compiled
+def _total(level: Cells, block: int, along: Numbers, across: Numbers, up: int, right: int) -> np.float32:
+    """Sum of a level's values for all points, shifted by so many blocks."""
+    mask, total = level.shape[0] - 1, np.float32(0)
+    for i in range(len(along)):
+        total += level[(along[i] // block + up) & mask, (across[i] // block + right) & mask]
+    return total
+
+
+@_compiled
+def _free(dx: int, dy: int, per_metre: float, left_out: Array) -> bool:
+    x, y = dx / per_metre - left_out[0], dy / per_metre - left_out[1]
+    return bool(x * x + y * y >= left_out[2] * left_out[2])
+
+
+@_compiled
+def search(
+    field: Cells,
+    fine: Cells,
+    coarse: Cells,
+    scan: Array,
+    pose: Array,
+    half: int,
+    turns: int,
+    turn: float,
+    per_metre: float,
+    prior: float,
+    floor: float,
+    left_out: Array,
+) -> tuple[float, float, float, float]:
+    """See `kernels_numpy`."""
+    n, top, ratio = len(scan), 2 * half // COARSE + 1, COARSE // FINE
+    across, along, bound = _window(coarse, scan, pose, half, turns, turn, per_metre)
     best, found, found_x, found_y = np.float32(floor * n), -1, 0, 0
     under = np.empty(ratio * ratio, np.float32)
     for k in np.argsort(-bound, kind="mergesort"):
         if bound[k] <= best:
             break
-        t, by, bx = k // (top * top), (k // top) % top, k % top
+        t, by, bx = k // (top * top), ratio * ((k // top) % top), ratio * (k % top)
         turned = ((t - turns) / max(1, turns)) ** 2
         for q in range(ratio * ratio):
-            cy, cx = ratio * by + q // ratio, ratio * bx + q % ratio
-            total = np.float32(0)
-            if cy * FINE <= 2 * half and cx * FINE <= 2 * half:
-                for i in range(n):
-                    total += fine[(along[t, i] // FINE + cy) & fine_mask, (across[t, i] // FINE + cx) & fine_mask]
-            under[q] = total
+            up, right = by + q // ratio, bx + q % ratio
+            inside = max(up, right) * FINE <= 2 * half
+            under[q] = _total(fine, FINE, along[t], across[t], up, right) if inside else 0
         for q in np.argsort(-under, kind="mergesort"):
             if under[q] <= best:
                 break
-            cy, cx = FINE * (ratio * by + q // ratio), FINE * (ratio * bx + q % ratio)
-            for dy in range(cy, min(cy + FINE, 2 * half + 1)):
-                for dx in range(cx, min(cx + FINE, 2 * half + 1)):
-                    away = ((dx - half) ** 2 + (dy - half) ** 2) / max(1, half) ** 2
-                    total = np.float32(-prior * n * (turned + away))
-                    for i in range(n):
-                        total += field[(along[t, i] + dy) & mask, (across[t, i] + dx) & mask]
-                    if total > best:
-                        best, found, found_x, found_y = total, t, dx - half, dy - half
+            up, right = FINE * (by + q // ratio), FINE * (bx + q % ratio)
+            for leaf in range(FINE * FINE):
+                dy, dx = up + leaf // FINE - half, right + leaf % FINE - half
+                if max(dx, dy) > half or not _free(dx, dy, per_metre, left_out):
+                    continue
+                away = (dx**2 + dy**2) / max(1, half) ** 2
+                total = _total(field, 1, along[t], across[t], dy + half, dx + half)
+                total = np.float32(total - np.float32(prior * n * (turned + away)))
+                if total > best:
+                    best, found, found_x, found_y = total, t, dx, dy
     if found < 0:
         return -1.0, pose[0], pose[1], pose[2]
-    return best / n, pose[0] + found_x / per_metre, pose[1] + found_y / per_metre, pose[2] + (found - turns) * turn
+    score = float(best / n)
+    return score, pose[0] + found_x / per_metre, pose[1] + found_y / per_metre, pose[2] + (found - turns) * turn
 
 
 @_compiled
 def refine(
-    field: Any,
-    owner: Any,
+    field: Cells,
+    owner: Numbers,
     points: Array,
     scan: Array,
     pose: Array,
@@ -191,7 +217,7 @@ def refine(
     width: float,
     expected: Array,
     trust: Array,
-) -> Any:
+) -> tuple[float, float, float, float, Array]:
     """See `kernels_numpy`."""
     x, y, t = pose[0], pose[1], pose[2]
     mask, score = field.shape[0] - 1, 0.0
@@ -236,7 +262,7 @@ def refine(
 
 @_compiled
 def count_rays(
-    ends: Any, passes: Any, scan: Array, pose: Array, per_metre: float, origin_x: float, origin_y: float
+    ends: Numbers, passes: Numbers, scan: Array, pose: Array, per_metre: float, origin_x: float, origin_y: float
 ) -> None:
     """See `kernels_numpy`."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -244,7 +270,7 @@ def count_rays(
     for i in range(len(scan)):
         ex = (pose[0] + c * scan[i, 0] - s * scan[i, 1] - origin_x) * per_metre
         ey = (pose[1] + s * scan[i, 0] + c * scan[i, 1] - origin_y) * per_metre
-        n = int(max(abs(ex - bx), abs(ey - by))) + 1
+        n = max(1, int(np.ceil(max(abs(ex - bx), abs(ey - by)) - 1e-6)))
         for k in range(n):
             passes[int(by + (ey - by) * k / n), int(bx + (ex - bx) * k / n)] += 1
         ends[int(ey), int(ex)] += 1

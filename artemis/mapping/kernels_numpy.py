@@ -1,20 +1,26 @@
 """The inner loops of mapping, for where numba is not installed: the same functions, the same results, slower.
 
-Grids wrap around: a world cell (column, row) is kept at its remainder by the number of cells per side, a power of two, so
-a grid needs no origin, and what is in it may be as wide as the grid. Two upper levels hold for every block of `FINE`
+Grids wrap around: a world cell (column, row) is kept at its remainder by the number of cells per side, a power of two.
+So a grid needs no origin, and what is in it may be as wide as the grid. Two upper levels hold for every block of `FINE`
 and of `COARSE` cells the highest value of the 2 x 2 blocks from there: bounds for every shift that begins in the block.
 
-Correlative matching with bounds: E. Olson, Real-time correlative scan matching, ICRA 2009, and W. Hess et al., Real-time
-loop closure in 2D LIDAR SLAM, ICRA 2016. Points to lines: A. Censi, An ICP variant using a point-to-line metric, ICRA 2008.
+Correlative matching with bounds: E. Olson, Real-time correlative scan matching, ICRA 2009; W. Hess et al., Real-time
+loop closure in 2D LIDAR SLAM, ICRA 2016. Points to lines: A. Censi, An ICP variant using a point-to-line metric, 2008.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from artemis.mapping.se2 import Array
+
+Cells: TypeAlias = NDArray[np.float32]
+Numbers: TypeAlias = NDArray[np.int32]
+Indices: TypeAlias = NDArray[np.int64]
 
 FINE, COARSE = 4, 16
 """Cells per side of a block of the two upper levels."""
@@ -37,8 +43,8 @@ def surface_points(ranges: Array, angles: Array, nearest: float, farthest: float
         spacing: a point closer to the last one that was kept is left out [m].
 
     Returns:
-        x, y [m] and the unit normal of the line through up to 7 neighbouring points, shape (m, 4), seen from the scanner.
-        The normal is 0, 0 where they form no line.
+        x, y [m] and the unit normal of the line through up to 7 neighbouring points, seen from the scanner, shape
+        (m, 4). The normal is 0, 0 where they form no line.
     """
     n = len(ranges)
     step = abs(angles[-1] - angles[0]) / max(1, n - 1)
@@ -79,7 +85,7 @@ def place(points: Array, first: int, scan: Array, pose: Array) -> None:
     part[:, 2], part[:, 3] = c * nx - s * ny, s * nx + c * ny
 
 
-def stamp(field: Any, owner: Any, points: Array, first: int, last: int, blot: Any, per_metre: float) -> None:
+def stamp(field: Cells, owner: Numbers, points: Array, first: int, last: int, blot: Cells, per_metre: float) -> None:
     """Add map points `first` to `last` (excluded): each cell keeps the highest value, and the point that gave it.
 
     Args:
@@ -107,17 +113,19 @@ def stamp(field: Any, owner: Any, points: Array, first: int, last: int, blot: An
     flat_owner[cell[won][::-1]] = number[won][::-1]  # of equal ones the first: a repeated index keeps what comes last
 
 
-def wipe(field: Any, fine: Any, coarse: Any, points: Array, count: int, radius: int, per_metre: float) -> None:
+def wipe(field: Cells, fine: Cells, coarse: Cells, points: Array, count: int, radius: int, per_metre: float) -> None:
     """Take the first `count` map points out again; `radius` of their blots [cells]. All three levels are changed."""
     if count == 0:
         return
     u, v = (np.floor(points[:count, k] * per_metre + 0.5).astype(np.int64) for k in (0, 1))
     field.reshape(-1)[_footprints(u, v, radius, field.shape[0])] = 0
-    for level, block in ((fine, FINE), (coarse, COARSE)):
-        level.reshape(-1)[_blocks(u, v, radius, block, level.shape[0])] = 0
+    fine.reshape(-1)[_blocks(u, v, radius, FINE, fine.shape[0])] = 0
+    coarse.reshape(-1)[_blocks(u, v, radius + FINE, COARSE, coarse.shape[0])] = 0  # a block of `fine` begins before it
 
 
-def raise_levels(field: Any, fine: Any, coarse: Any, points: Array, count: int, radius: int, per_metre: float) -> None:
+def raise_levels(
+    field: Cells, fine: Cells, coarse: Cells, points: Array, count: int, radius: int, per_metre: float
+) -> None:
     """Fill the two upper levels from the field around the first `count` map points."""
     if count == 0:
         return
@@ -137,9 +145,9 @@ def raise_levels(field: Any, fine: Any, coarse: Any, points: Array, count: int, 
 
 
 def search(
-    field: Any,
-    fine: Any,
-    coarse: Any,
+    field: Cells,
+    fine: Cells,
+    coarse: Cells,
     scan: Array,
     pose: Array,
     half: int,
@@ -148,7 +156,8 @@ def search(
     per_metre: float,
     prior: float,
     floor: float,
-) -> Any:
+    left_out: Array,
+) -> tuple[float, float, float, float]:
     """The best pose of a scan in a window of shifts by whole cells and turns by whole steps. Exact: nothing is missed.
 
     Args:
@@ -163,68 +172,91 @@ def search(
         per_metre: cells per metre.
         prior: what a pose at the edge of the window has to be better by, in mean value.
         floor: only poses with a mean value above.
+        left_out: a circle around x, y with a radius [m], seen from the middle of the window, in which no pose counts.
 
     Returns:
         Mean value of the cells in which the points lie, less the prior; and the pose. -1 and the middle: none is above.
     """
-    n, span = len(scan), 2 * half
-    mask = np.array([field.shape[0] - 1, fine.shape[0] - 1, coarse.shape[0] - 1])
-    heading = pose[2] + (np.arange(2 * turns + 1) - turns) * turn
-    c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    across = np.floor((pose[0] + c * scan[:, 0] - s * scan[:, 1]) * per_metre + 0.5).astype(np.int64) - half
-    along = np.floor((pose[1] + s * scan[:, 0] + c * scan[:, 1]) * per_metre + 0.5).astype(np.int64) - half
-
-    def totals(level: Any, block: int, which: int, t: Any, by: Any, bx: Any) -> Any:
-        rows = (along[t] // block + by[:, None]) & mask[which]
-        return level[rows, (across[t] // block + bx[:, None]) & mask[which]].sum(1, dtype=np.float32)
-
-    top, ratio = span // COARSE + 1, COARSE // FINE
-    shift = np.arange(top * top)
-    bound = np.concatenate(
-        [
-            totals(coarse, COARSE, 2, np.full(top * top, t), shift // top, shift % top)
-            for t in range(2 * turns + 1)
-        ]
-    )
-    best, found = np.float32(floor * n), (-1, 0, 0)
-    inner, leaf = np.arange(ratio * ratio), np.arange(FINE * FINE)
-    order = np.argsort(-bound, kind="stable")
-    for start in range(0, len(order), _AT_ONCE):
-        block = order[start : start + _AT_ONCE]
+    n, span, ratio = len(scan), 2 * half, COARSE // FINE
+    window = _Window(scan, pose, half, turns, turn, per_metre)
+    bound, top = window.bounds(coarse), span // COARSE + 1
+    best, found = float(np.float32(floor * n)), (-1, 0, 0)
+    inner = np.arange(ratio * ratio)
+    for block in _chunks(bound):
         block = block[bound[block] > best]
         if len(block) == 0:
             break
         t = np.repeat(block // (top * top), ratio * ratio)
-        by = (ratio * ((block // top) % top)[:, None] + inner // ratio).reshape(-1)
-        bx = (ratio * (block % top)[:, None] + inner % ratio).reshape(-1)
-        inside = (by * FINE <= span) & (bx * FINE <= span)
-        t, by, bx = t[inside], by[inside], bx[inside]
-        under = totals(fine, FINE, 1, t, by, bx)
-        ranked = np.argsort(-under, kind="stable")
-        for begin in range(0, len(ranked), _AT_ONCE):
-            chosen = ranked[begin : begin + _AT_ONCE]
+        up = (ratio * ((block // top) % top)[:, None] + inner // ratio).reshape(-1)
+        right = (ratio * (block % top)[:, None] + inner % ratio).reshape(-1)
+        inside = np.maximum(up, right) * FINE <= span
+        t, up, right = t[inside], up[inside], right[inside]
+        under = window.totals(fine, FINE, t, up, right)
+        for chosen in _chunks(under):
             chosen = chosen[under[chosen] > best]
             if len(chosen) == 0:
                 break
-            tt = np.repeat(t[chosen], FINE * FINE)
-            dy = (FINE * by[chosen][:, None] + leaf // FINE).reshape(-1)
-            dx = (FINE * bx[chosen][:, None] + leaf % FINE).reshape(-1)
-            turned = ((tt - turns) / max(1, turns)) ** 2
-            away = ((dx - half) ** 2 + (dy - half) ** 2) / max(1, half) ** 2
-            total = totals(field, 1, 0, tt, dy, dx) - (prior * n * (turned + away)).astype(np.float32)
-            total[(dx > span) | (dy > span)] = -np.inf
+            total, *place = window.leaves(field, t[chosen], up[chosen], right[chosen], prior, left_out)
             k = int(total.argmax())
             if total[k] > best:
-                best, found = total[k], (int(tt[k]), int(dx[k]) - half, int(dy[k]) - half)
+                best, found = float(total[k]), (int(place[0][k]), int(place[1][k]), int(place[2][k]))
     if found[0] < 0:
         return -1.0, pose[0], pose[1], pose[2]
-    t, x, y = found
-    return best / n, pose[0] + x / per_metre, pose[1] + y / per_metre, pose[2] + (t - turns) * turn
+    turned, x, y = found
+    return best / n, pose[0] + x / per_metre, pose[1] + y / per_metre, pose[2] + (turned - turns) * turn
+
+
+class _Window:
+    """Column and row of each point of a scan in the first corner of a search window, for each turn."""
+
+    def __init__(self, scan: Array, pose: Array, half: int, turns: int, turn: float, per_metre: float) -> None:
+        self._n, self._half, self._turns, self._per_metre = len(scan), half, turns, per_metre
+        heading = pose[2] + (np.arange(2 * turns + 1) - turns) * turn
+        c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+        x, y = pose[0] + c * scan[:, 0] - s * scan[:, 1], pose[1] + s * scan[:, 0] + c * scan[:, 1]
+        self._across, self._along = (np.floor(each * per_metre + 0.5).astype(np.int64) - half for each in (x, y))
+
+    def totals(self, level: Cells, block: int, t: Indices, up: Indices, right: Indices) -> Cells:
+        """Sums of a level's values for turns `t` and shifts by so many blocks, shape (k,)."""
+        mask = level.shape[0] - 1
+        rows = (self._along[t] // block + up[:, None]) & mask
+        columns = (self._across[t] // block + right[:, None]) & mask
+        return np.asarray(level[rows, columns].sum(1, dtype=np.float32))
+
+    def bounds(self, coarse: Cells) -> Cells:
+        """Of all blocks for all turns."""
+        top = 2 * self._half // COARSE + 1
+        block = np.arange(top * top)
+        every = [
+            self.totals(coarse, COARSE, np.full(top * top, t), block // top, block % top)
+            for t in range(2 * self._turns + 1)
+        ]
+        return np.concatenate(every)
+
+    def leaves(
+        self, field: Cells, t: Indices, up: Indices, right: Indices, prior: float, left_out: Array
+    ) -> tuple[Cells, Indices, Indices, Indices]:
+        """Values of all cells in blocks of the level `fine`, less the prior: and their turns, dx, dy."""
+        half, inner = self._half, np.arange(FINE * FINE)
+        t = np.repeat(t, FINE * FINE)
+        dy = (FINE * up[:, None] + inner // FINE).reshape(-1) - half
+        dx = (FINE * right[:, None] + inner % FINE).reshape(-1) - half
+        cost = ((t - self._turns) / max(1, self._turns)) ** 2 + (dx**2 + dy**2) / max(1, half) ** 2
+        total = self.totals(field, 1, t, dy + half, dx + half) - (prior * self._n * cost).astype(np.float32)
+        x, y = dx / self._per_metre - left_out[0], dy / self._per_metre - left_out[1]
+        total[(np.maximum(dx, dy) > half) | (x * x + y * y < left_out[2] ** 2)] = -np.inf
+        return total, t, dx, dy
+
+
+def _chunks(bound: Cells) -> Iterator[Indices]:
+    """Numbers of the blocks, the best first, some at a time."""
+    order = np.argsort(-bound, kind="stable")
+    return (order[start : start + _AT_ONCE] for start in range(0, len(order), _AT_ONCE))
 
 
 def refine(
-    field: Any,
-    owner: Any,
+    field: Cells,
+    owner: Numbers,
     points: Array,
     scan: Array,
     pose: Array,
@@ -233,7 +265,7 @@ def refine(
     width: float,
     expected: Array,
     trust: Array,
-) -> Any:
+) -> tuple[float, float, float, float, Array]:
     """Gauss-Newton on the distances of a scan's points from the lines through the nearest map points.
 
     Args:
@@ -249,8 +281,8 @@ def refine(
         trust: its information, in units of a beam's, shape (3, 3).
 
     Returns:
-        Mean value of the cells in which the points lie, x, y, heading, and the information that the beams gave, for beams
-        with a standard deviation of 1 m, in the frame of the map: shape (3, 3).
+        Mean value of the cells in which the points lie, x, y, heading, and the information that the beams gave, for
+        beams with a standard deviation of 1 m, in the frame of the map: shape (3, 3).
     """
     x, y, t = float(pose[0]), float(pose[1]), float(pose[2])
     mask, score, told = field.shape[0] - 1, 0.0, np.zeros((3, 3))
@@ -280,7 +312,7 @@ def refine(
 
 
 def count_rays(
-    ends: Any, passes: Any, scan: Array, pose: Array, per_metre: float, origin_x: float, origin_y: float
+    ends: Numbers, passes: Numbers, scan: Array, pose: Array, per_metre: float, origin_x: float, origin_y: float
 ) -> None:
     """Count for every cell the beams that end in it, and those that pass through it. Both are changed.
 
@@ -297,7 +329,7 @@ def count_rays(
     ex = (pose[0] + c * scan[:, 0] - s * scan[:, 1] - origin_x) * per_metre
     ey = (pose[1] + s * scan[:, 0] + c * scan[:, 1] - origin_y) * per_metre
     bx, by = (pose[0] - origin_x) * per_metre, (pose[1] - origin_y) * per_metre
-    n = np.maximum(np.abs(ex - bx), np.abs(ey - by)).astype(np.int64) + 1
+    n = np.maximum(1, np.ceil(np.maximum(np.abs(ex - bx), np.abs(ey - by)) - 1e-6)).astype(np.int64)
     ray = np.repeat(np.arange(len(scan)), n)
     k = np.arange(len(ray)) - np.repeat(np.cumsum(n) - n, n)
     row = (by + (ey - by)[ray] * k / n[ray]).astype(np.int64)
@@ -306,14 +338,14 @@ def count_rays(
     np.add.at(ends, (ey.astype(np.int64), ex.astype(np.int64)), 1)
 
 
-def _footprints(u: Any, v: Any, radius: int, size: int) -> Any:
+def _footprints(u: Indices, v: Indices, radius: int, size: int) -> Indices:
     """Flat numbers of the cells around each cell, shape (n, (2 radius + 1)²)."""
     reach = np.arange(-radius, radius + 1)
     rows, columns = (v[:, None] + reach) & (size - 1), (u[:, None] + reach) & (size - 1)
     return (rows[:, :, None] * size + columns[:, None, :]).reshape(len(u), -1)
 
 
-def _blocks(u: Any, v: Any, radius: int, block: int, size: int) -> Any:
+def _blocks(u: Indices, v: Indices, radius: int, block: int, size: int) -> Indices:
     """Flat numbers of the blocks whose bounds the cells around (u, v) may raise, each once."""
     low_x, low_y = (u - radius) // block - 1, (v - radius) // block - 1
     high_x, high_y = (u + radius) // block, (v + radius) // block

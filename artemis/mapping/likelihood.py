@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from artemis.mapping.kernels import KERNELS
-from artemis.mapping.kernels_numpy import COARSE, FINE, STEPS
+from artemis.mapping.kernels_numpy import COARSE, FINE, STEPS, Cells
 from artemis.mapping.se2 import Array, wrapped
 from artemis.mapping.settings import MapSettings
 
@@ -29,6 +29,7 @@ class Match(NamedTuple):
 NOWHERE = -1.0
 _NOTHING = np.zeros((3, 3))
 _LITTLE = 0.5 * np.eye(3)
+_NOWHERE_LEFT_OUT = np.zeros(3)
 
 
 class LikelihoodGrid:
@@ -53,9 +54,7 @@ class LikelihoodGrid:
     def build(self, scans: Iterable[Array], poses: Iterable[Array]) -> None:
         """Forget what is there, and add scans."""
         radius = self._blot.shape[2] // 2
-        KERNELS.wipe(
-            self._field, self._fine, self._coarse, self._points, self._count, radius, self._per_metre
-        )
+        KERNELS.wipe(self._field, self._fine, self._coarse, self._points, self._count, radius, self._per_metre)
         self._count, self._raised = 0, False
         for scan, pose in zip(scans, poses, strict=True):
             self._place(scan, pose)
@@ -79,7 +78,15 @@ class LikelihoodGrid:
         KERNELS.stamp(self._field, self._owner, self._points, first, self._count, self._blot, self._per_metre)
 
     def search(
-        self, scan: Array, middle: Array, distance: float, turn: float, *, prior: float = 0.0, floor: float = 0.0
+        self,
+        scan: Array,
+        middle: Array,
+        distance: float,
+        turn: float,
+        *,
+        prior: float = 0.0,
+        floor: float = 0.0,
+        left_out: Array = _NOWHERE_LEFT_OUT,
     ) -> Match:
         """The best pose within `distance` [m] and `turn` [rad] of `middle`, exact to a cell; information: none.
 
@@ -90,6 +97,7 @@ class LikelihoodGrid:
             turn: to both sides.
             prior: what a pose at the edge has to be better by.
             floor: a score that it has to exceed.
+            left_out: x, y seen from the middle, and radius [m]: of a circle in which no pose counts, shape (3,).
         """
         if not self._raised:
             radius = self._blot.shape[2] // 2
@@ -100,7 +108,18 @@ class LikelihoodGrid:
         step = turn_step(scan, self._settings.cell)
         turns, half = int(np.ceil(turn / step)), int(np.ceil(distance * self._per_metre))
         score, x, y, heading = KERNELS.search(
-            self._field, self._fine, self._coarse, scan, middle, half, turns, step, self._per_metre, prior, floor
+            self._field,
+            self._fine,
+            self._coarse,
+            scan,
+            middle,
+            half,
+            turns,
+            step,
+            self._per_metre,
+            prior,
+            floor,
+            left_out,
         )
         return Match(float(score), np.array([x, y, wrapped(heading)]), _NOTHING)
 
@@ -138,7 +157,7 @@ def turn_step(scan: Array, cell: float) -> float:
     return float(min(max(cell / far, 0.005), 0.03))
 
 
-def _blot(settings: MapSettings) -> Any:
+def _blot(settings: MapSettings) -> Cells:
     """Values around a point, by where in its cell it is."""
     reach = np.ceil(2 * settings.width / settings.cell)
     apart = np.arange(-reach, reach + 1)[None, :] - ((np.arange(STEPS) + 0.5) / STEPS - 0.5)[:, None]

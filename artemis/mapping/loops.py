@@ -69,13 +69,18 @@ class LoopFinder:
         first, last = max(0, place - settings.half), min(place + settings.half + 1, key - settings.gap)
         self._grid.build(keys.points[first:last], keys.poses[first:last])
         distance, turn = min(0.3 + 2.5 * drift, settings.loop_window), min(0.1 + 2.5 * drift_turn, 0.7)
-        floor = settings.loop_score - _SEARCH_BELOW
-        found = self._grid.search(keys.points[key], keys.poses[key], distance, turn, prior=settings.prior, floor=floor)
-        if found.score < 0:
+        floor, scan, middle = settings.loop_score - _SEARCH_BELOW, keys.points[key], keys.poses[key]
+        searched = self._grid.search(scan, middle, distance, turn, prior=settings.prior, floor=floor)
+        if searched.score < 0:
             return None
-        found = self._grid.refine(keys.points[key], found.pose)
+        found = self._grid.refine(scan, searched.pose)
         if found.score < settings.loop_score or np.linalg.eigvalsh(found.information)[0] < settings.loop_least:
             return None
+        if distance > settings.unique:
+            beside = np.append((searched.pose - middle)[:2], settings.unique)
+            floor = searched.score - settings.unique_margin
+            if self._grid.search(scan, middle, distance, turn, floor=floor, left_out=beside).score > 0:
+                return None  # it might as well be there
         origin = keys.poses[place]
         information = match_information(found.information, origin[2], settings.beam)
         return Link(place, key, between(origin, found.pose), information, True)

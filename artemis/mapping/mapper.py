@@ -47,6 +47,7 @@ class Mapper:
         self._grid, self._place = LikelihoodGrid(self.settings), LikelihoodGrid(self.settings)
         self._loops = LoopFinder(self.settings, self.keys, self.graph, self._place)
         self._stations = Stations()
+        self._moved_unseen = False
         self._unsolved, self._loop_count, self._last_step = 0, 0, _ORIGIN
 
     @property
@@ -69,7 +70,8 @@ class Mapper:
             self._stations.stop(reading, 0, _ORIGIN)
             self._add_key(reading.points, _ORIGIN, None)
             return
-        step = self._stations.step_to(reading.odometry)
+        step = None if self._moved_unseen else self._stations.step_to(reading.odometry)
+        self._moved_unseen = False
         predicted = compose(self.pose, self._last_step if step is None else step)
         found = match(self._grid, self.settings, reading.points, predicted, step)
         self._last_step = between(self.pose, found.pose) if found.score >= 0 else _ORIGIN
@@ -77,7 +79,9 @@ class Mapper:
             self.counts.unmatched += 1
         settings, last = self.settings, len(self.keys) - 1
         if step is not None and within(step, settings.still, settings.still_turn):
-            if found.score < 0 or within(between(predicted, found.pose), settings.key_distance / 10, settings.key_turn / 10):
+            if found.score < 0 or within(
+                between(predicted, found.pose), settings.key_distance / 10, settings.key_turn / 10
+            ):
                 self._stations.pass_by(reading.time, reading.odometry)
                 return
         motion = between(self.keys.poses[last], found.pose)
@@ -87,6 +91,15 @@ class Mapper:
             self._add_key(reading.points, found.pose, link)
         else:
             self._stations.stop(reading, last, motion)
+
+    def begin_run(self) -> None:
+        """The next reading is of another run, whose odometry begins anew: about where the robot was last."""
+        self._moved_unseen, self._last_step = True, _ORIGIN
+
+    def undo(self, loop: int) -> None:
+        """Take a loop back, by its number in the graph, and solve without it."""
+        self.graph.remove(loop)
+        self.solve()
 
     def solve(self, rounds: int = _LAST_ROUNDS) -> None:
         """Move all poses to where they fit the links best."""

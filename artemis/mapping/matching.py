@@ -18,7 +18,8 @@ def match(grid: LikelihoodGrid, settings: MapSettings, scan: Array, predicted: A
     """Where a scan was taken.
 
     From the predicted pose first: a search prefers poses that see more of the known map, so that a robot that drives
-    backwards would be drawn back. It is searched only where that fits badly, and what is found has to fit clearly better.
+    backwards would be drawn back. It is searched only where that fits badly, and what is found has to fit clearly
+    better.
 
     Args:
         grid: of the last key scans.

@@ -1,7 +1,7 @@
 """A graph of poses and measured motions between them, and its robust least squares solution.
 
 Levenberg-Marquardt on sparse normal equations: G. Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent
-Transportation Systems Magazine 2(4), 2010. Cauchy's loss: a motion off by d standard deviations weighs 1/(1 + d²/scale²).
+Transportation Systems Magazine 2(4), 2010. Cauchy's loss: a motion off by d standard deviations weighs 1/(1 + d²/s²).
 """
 
 from __future__ import annotations

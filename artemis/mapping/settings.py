@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapSettings:
-    """Lengths [m], angles [rad]; a score is the mean value of the likelihood cells in which a scan's points lie, 0 to 1."""
+    """Lengths [m], angles [rad]; a score is the mean value of the cells in which a scan's points lie, 0 to 1."""
 
     # the scan
     nearest: float = 0.1
@@ -51,7 +51,7 @@ class MapSettings:
     odometry_noise: float = 0.01
     odometry_share: float = 0.1
     odometry_beam: float = 0.1
-    """Standard deviation of a beam where it is weighed against odometry: errors of neighbouring beams are not independent."""
+    """Standard deviation of a beam where it is weighed against odometry: the errors of beams are not independent."""
     still: float = 0.002
     still_turn: float = 0.001
     """Odometry that moved less since the last scan that was kept: this one tells nothing new."""
@@ -67,6 +67,9 @@ class MapSettings:
     loop_score: float = 0.60
     loop_least: float = 2.0
     """Beams that speak for the weakest direction."""
+    unique: float = 0.5
+    unique_margin: float = 0.1
+    """A loop has to score so much better than every other pose in its window that is further away than `unique`."""
     half: int = 4
     """Key scans to each side that make up a place."""
     drift: float = 0.02

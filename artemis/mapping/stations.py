@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from array import array
 
 import numpy as np
@@ -67,7 +68,7 @@ class Stations:
         found = np.empty((len(times), 3))
         at = self.readings
         found[at] = poses
-        for number, (begin, end) in enumerate(zip(at[:-1], at[1:], strict=True)):
+        for number, (begin, end) in enumerate(itertools.pairwise(at)):
             if end - begin > 1:
                 way = _counted(odometry[begin : end + 1])
                 gap = between(compose(poses[number], between(way[0], way[-1])), poses[number + 1])
