@@ -12,5 +12,12 @@ except ImportError:  # the extra `slam` is not installed
     KERNELS = import_module("artemis.mapping.kernels_numpy")
     COMPILED = False
 
+
+def use_numpy() -> None:
+    """Take the loops in numpy from now on, though numba is installed: to compare."""
+    for module in ("laser", "likelihood", "occupancy"):
+        import_module(f"artemis.mapping.{module}").KERNELS = import_module("artemis.mapping.kernels_numpy")
+
+
 NOTICE = "numba is not installed: mapping takes several times as long; pip install 'artemis-robot[slam]'"
 """For people, where `COMPILED` is false."""

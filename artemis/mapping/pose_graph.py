@@ -71,6 +71,12 @@ class PoseGraph:
         self._note(link)
         return self._next
 
+    def restore(self, number: int, link: Link) -> None:
+        """Add a link under the number that it had."""
+        self._next = max(self._next, number)
+        self.links[number] = link
+        self._note(link)
+
     def remove(self, number: int) -> None:
         """Take a link out again."""
         del self.links[number]
