@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from artemis.mapping.kernels import KERNELS
+from artemis.mapping import kernels
 from artemis.mapping.se2 import Array
 from artemis.mapping.settings import MapSettings
 from artemis.scan import Scan
@@ -56,7 +56,7 @@ def surface_points(
     """
     bearing = -np.asarray(angles, float) if mounting.upside_down else np.asarray(angles, float)
     distance = np.nan_to_num(np.asarray(ranges, float), nan=0.0)
-    seen = KERNELS.surface_points(
+    seen = kernels.LOOPS.surface_points(
         distance, bearing + mounting.heading, settings.nearest, settings.farthest, settings.spacing
     )
     seen[:, :2] += mounting.x, mounting.y

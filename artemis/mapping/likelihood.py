@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from artemis.mapping.kernels import KERNELS
+from artemis.mapping import kernels
 from artemis.mapping.kernels_numpy import COARSE, FINE, STEPS, Cells
 from artemis.mapping.se2 import Array, wrapped
 from artemis.mapping.settings import MapSettings
@@ -54,7 +54,7 @@ class LikelihoodGrid:
     def build(self, scans: Iterable[Array], poses: Iterable[Array]) -> None:
         """Forget what is there, and add scans."""
         radius = self._blot.shape[2] // 2
-        KERNELS.wipe(self._field, self._fine, self._coarse, self._points, self._count, radius, self._per_metre)
+        kernels.LOOPS.wipe(self._field, self._fine, self._coarse, self._points, self._count, radius, self._per_metre)
         self._count, self._raised = 0, False
         for scan, pose in zip(scans, poses, strict=True):
             self._place(scan, pose)
@@ -70,12 +70,12 @@ class LikelihoodGrid:
         first, last = self._count, self._count + len(scan)
         if last > len(self._points):
             self._points = np.concatenate([self._points, np.zeros((last, 4))])
-        KERNELS.place(self._points, first, scan, pose)
+        kernels.LOOPS.place(self._points, first, scan, pose)
         self._count = last
 
     def _stamp(self, first: int) -> None:
         self._raised = False
-        KERNELS.stamp(self._field, self._owner, self._points, first, self._count, self._blot, self._per_metre)
+        kernels.LOOPS.stamp(self._field, self._owner, self._points, first, self._count, self._blot, self._per_metre)
 
     def search(
         self,
@@ -101,13 +101,13 @@ class LikelihoodGrid:
         """
         if not self._raised:
             radius = self._blot.shape[2] // 2
-            KERNELS.raise_levels(
+            kernels.LOOPS.raise_levels(
                 self._field, self._fine, self._coarse, self._points, self._count, radius, self._per_metre
             )
             self._raised = True
         step = turn_step(scan, self._settings.cell)
         turns, half = int(np.ceil(turn / step)), int(np.ceil(distance * self._per_metre))
-        score, x, y, heading = KERNELS.search(
+        score, x, y, heading = kernels.LOOPS.search(
             self._field,
             self._fine,
             self._coarse,
@@ -136,7 +136,7 @@ class LikelihoodGrid:
             rounds: at most.
         """
         expected = pose if expected is None else expected
-        score, x, y, heading, information = KERNELS.refine(
+        score, x, y, heading, information = kernels.LOOPS.refine(
             self._field,
             self._owner,
             self._points,

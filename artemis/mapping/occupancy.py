@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from artemis.mapping.kernels import KERNELS
+from artemis.mapping import kernels
 from artemis.mapping.se2 import Array, compose
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
@@ -114,7 +114,7 @@ def occupancy(scans: Sequence[Array], poses: Array, resolution: float = 0.05) ->
         raise ValueError(f"{rows} x {columns} cells of {resolution:g} m; choose larger ones")
     hits, passes = np.zeros((rows, columns), np.int32), np.zeros((rows, columns), np.int32)
     for scan, pose in zip(scans, poses, strict=True):
-        KERNELS.count_rays(hits, passes, scan, pose, 1 / resolution, low[0], low[1])
+        kernels.LOOPS.count_rays(hits, passes, scan, pose, 1 / resolution, low[0], low[1])
     met = hits + passes
     share = hits / np.maximum(1, met)
     cells = np.full(share.shape, UNKNOWN, np.int8)

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from artemis.errors import ConfigError
+from artemis.mapping import kernels
 from artemis.mapping.carmen import read_carmen
-from artemis.mapping.kernels import COMPILED, use_numpy
 from artemis.mapping.laser import Reading
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.se2 import Array, between, compose
@@ -54,7 +54,7 @@ def measure(log: Path, relations: Path, drive: Drive) -> None:
     """
     verified = read_relations(relations)
     if not drive.numba:
-        use_numpy()
+        kernels.use_numpy()
     readings = list(_driven(list(read_carmen(log, MapSettings())), drive))
     if not readings:
         raise ConfigError(f"{log}: no scans")
@@ -70,7 +70,7 @@ def measure(log: Path, relations: Path, drive: Drive) -> None:
     words = [
         f"{log.name}: {mapper.counts.scans} scans, {len(mapper.keys)} key scans, {len(mapper.graph.loops)} loops, "
         f"{mapper.counts.unmatched} scans matched nowhere",
-        f"{seconds:.1f} s {'with' if COMPILED and drive.numba else 'without'} numba; reading and compiling not counted",
+        f"{seconds:.1f} s {'with' if kernels.COMPILED else 'without'} numba; reading and compiling not counted",
         f"relations: {len(metres)} of {len(verified.first)}",
         "",
         *_table("translation [m]", ErrorSize.of(metres)),

@@ -88,7 +88,7 @@ def test_a_grid_that_was_built_again_has_forgotten() -> None:
 def test_what_is_out_of_range_is_no_point_and_lines_have_normals() -> None:
     ranges = np.array(seen(OFFICE, START), float)
     ranges[:40], ranges[50] = 0.0, 99.0
-    points = kernels_numpy.surface_points(ranges, ANGLES, 0.1, 40.0, 0.03)
+    points = kernels_numpy.surface_points(ranges, np.array(ANGLES, np.float64), 0.1, 40.0, 0.03)
     assert 60 < len(points) <= len(ranges) - 41
     length = np.hypot(points[:, 2], points[:, 3])
     assert np.all((np.abs(length - 1) < 1e-9) | (length == 0))
