@@ -14,6 +14,11 @@ from artemis.mapping.pose_graph import match_information
 from artemis.mapping.se2 import Array, between, compose, within
 from artemis.mapping.settings import MapSettings
 
+_NEAR, _NEAR_TURN = 0.25, 0.08
+"""Window around what the rough search found [m, rad]."""
+_REFINING = 0.05
+"""By so much a score may rise when a searched pose is refined."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalizerSettings:
@@ -22,32 +27,36 @@ class LocalizerSettings:
     matching: MapSettings = field(default_factory=MapSettings)
     local: int = 8
     """Key scans that tell how the robot moved."""
-    noise: float = 0.02
-    noise_share: float = 0.05
+    noise: float = 0.01
+    noise_share: float = 0.03
     noise_turn: float = 0.01
     """Standard deviations of a step by these, one by one and as a share of the distance."""
     beam: float = 0.1
     """Of a beam where it is weighed against the step."""
-    good: float = 0.45
+    good: float = 0.6
     """A scan that fits the map so well is matched,"""
-    well: float = 0.6
+    well: float = 0.7
     """and so well that nothing else is searched."""
     margin: float = 0.12
     search: float = 0.4
     search_turn: float = 0.15
-    lost_after: float = 3.0
-    """Driven without a match."""
-    lost_scans: int = 40
-    """Scans that fit nowhere, one after the other, standing or not."""
+    again: float = 0.1
+    """Driven between two searches where the scans do not fit well."""
+    lost_after: float = 10.0
+    """Driven without a match on the map, by the last scans and the odometry alone,"""
+    lost_broken: float = 1.0
+    """and after a scan that did not fit those before."""
+    lost_scans: int = 5
+    """Scans, one after the other, that do not fit those before: the robot was carried away, or sees nothing."""
     gathered: float = 1.5
     """Driven before a robot is looked for: one scan fits many places."""
     gather_scans: int = 12
     """Scans after which it is looked for, though it stands."""
-    found: float = 0.55
-    unique: float = 0.08
+    found: float = 0.65
+    unique: float = 0.06
     """What is found on the whole map has to fit so well, and better than any other place by so much."""
     apart: float = 1.0
-    points: int = 250
+    points: int = 120
     """Of what was gathered, for the search."""
 
 
@@ -73,8 +82,8 @@ class ScanPose:
 class ScanLocalizer:
     """Follows by matching each scan on the map, from where the last scans and the odometry say that the robot is.
 
-    Where nothing of the map is seen, those carry the pose on. A robot that is lost, or was never found, is looked for on
-    the whole map once it has driven a little, and found only where nothing else fits nearly as well.
+    Where nothing of the map is seen, those carry the pose on. A robot that is lost, or was never found, is looked for
+    on the whole map once it has driven a little, and found only where nothing else fits nearly as well.
     """
 
     def __init__(self, on: ScanMap, settings: LocalizerSettings | None = None, start: Array | None = None) -> None:
@@ -89,7 +98,10 @@ class ScanLocalizer:
         self._pose = np.zeros(3) if start is None else np.array(start, float)
         self._doubt = 1.0 if start is None else 0.0
         self._covariance = np.diag([0.04, 0.04, 0.01])
-        self._gathered, self._scans = 0.0, 0
+        self._gathered, self._scans, self._astray, self._searched = 0.0, 0, 0, np.inf
+        self._broken = False
+        """Driven and seen since the last search of the whole map; scans that fitted nowhere; driven since the last one
+        near by."""
 
     def update(self, points: Array, odometry: Array | None) -> ScanPose:
         """Take the next scan.
@@ -120,21 +132,23 @@ class ScanLocalizer:
 
     def search(self) -> Match | None:
         """Look for the robot on the whole map by what was seen of late; None: nowhere, or in several places."""
-        settings, grid = self.settings, self._map.grid
+        settings, rough, reach = self.settings, self._map.rough, self._map.reach
         seen = self._seen()
         if len(seen) < settings.matching.least_points:
             return None
         thin = seen[:: max(1, len(seen) // settings.points)]
-        reach = self._map.reach
-        first = grid.search(thin, self._map.middle, reach, np.pi, floor=settings.found - 0.15)
+        first = rough.search(thin, self._map.middle, reach, np.pi, floor=settings.found)
         if first.score < 0:
+            return None
+        near = self._map.grid.search(thin, first.pose, _NEAR, _NEAR_TURN, floor=settings.found - _REFINING)
+        refined = self._map.grid.refine(seen, near.pose)
+        if near.score < 0 or refined.score < settings.found:
             return None
         beside = np.append((first.pose - self._map.middle)[:2], settings.apart)
         floor = first.score - settings.unique
-        if grid.search(thin, self._map.middle, reach, np.pi, floor=floor, left_out=beside).score > 0:
+        if rough.search(thin, self._map.middle, reach, np.pi, floor=floor, left_out=beside).score > 0:
             return None
-        refined = grid.refine(seen, first.pose)
-        return refined if refined.score >= settings.found else None
+        return refined
 
     def _follow(self, points: Array, odometry: Array | None) -> Array:
         """How the robot moved since the last scan, by the scans before and the odometry, shape (3,)."""
@@ -148,6 +162,8 @@ class ScanLocalizer:
         self._odometry = odometry
         predicted = compose(self._at, self._step if counted is None else counted)
         found = match(self._local, settings, points, predicted, counted)
+        self._astray = self._astray + 1 if found.score < 0 else 0
+        self._broken = self._broken or found.score < 0
         self._step = between(self._at, found.pose)
         self._at = found.pose
         away = between(self._keys[-1][1], self._at)
@@ -169,6 +185,11 @@ class ScanLocalizer:
             parts.append(np.stack([x + c * px - s * py, y + s * px + c * py, c * nx - s * ny, s * nx + c * ny], 1))
         return np.concatenate(parts)
 
+    def _forget(self) -> None:
+        """What was seen of late may be of another place."""
+        self._gathered, self._scans, self._astray = 0.0, 0, 0
+        self._keys.clear()
+
     def _matched(self, points: Array, predicted: Array, length: float, turn: float) -> Match:
         """The scan on the map, near where the robot should be."""
         settings = self.settings
@@ -179,7 +200,9 @@ class ScanLocalizer:
         trust = settings.beam**2 / np.array([std, std, std_turn]) ** 2
         grid = self._map.grid
         found = grid.refine(points, predicted, trust=np.diag(trust))
-        if found.score < settings.well:
+        self._searched += length
+        if found.score < settings.well and self._searched >= settings.again:
+            self._searched = 0.0
             wide = 1.0 + 2.0 * min(1.0, self._doubt)
             searched = grid.search(
                 points, predicted, wide * settings.search, wide * settings.search_turn, prior=0.05, floor=found.score
@@ -196,11 +219,12 @@ class ScanLocalizer:
         self._covariance = self._covariance + np.diag([step**2 + 1e-6, step**2 + 1e-6, (0.5 * step) ** 2 + 1e-7])
         if found.score < settings.good:
             self._pose = predicted
-            self._doubt += length / settings.lost_after + 1 / settings.lost_scans
+            after = settings.lost_broken if self._broken else settings.lost_after
+            self._doubt = max(self._doubt + length / after, self._astray / settings.lost_scans)
             if self._doubt >= 1:
-                self._gathered, self._scans = 0.0, 0
+                self._forget()
             return
-        self._pose = found.pose
+        self._pose, self._broken = found.pose, False
         self._doubt = max(0.0, self._doubt - 0.25)
         told = match_information(found.information, 0.0, settings.matching.beam)
         self._covariance = np.linalg.inv(np.linalg.inv(self._covariance) + told)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -12,9 +13,11 @@ from artemis.mapping.occupancy import OccupancyMap
 from artemis.mapping.se2 import Array, compose
 from artemis.mapping.settings import MapSettings
 
-_AROUND, _LEAST = 9, 4
-"""Occupied cells that a line is laid through, at most and at least."""
-_THIN = 0.25
+_ROUGH = 2
+"""Cells of the rough grid are so many times as wide."""
+_AROUND, _LEAST, _RADIUS = 21, 4, 4.2
+"""Occupied cells that a line is laid through, at most and at least, and how far away they are [cells]."""
+_THIN = 0.45
 """Of a line: its width is at most so much of its length."""
 _DIRECTIONS = 4
 """Points of one cell are one surface if their normals lie in one of so many sectors."""
@@ -25,6 +28,7 @@ class ScanMap:
 
     Attributes:
         grid: to match scans on.
+        rough: with larger cells, to look for a robot on all of it.
         middle: of the map, x, y [m], heading 0.
         reach: from the middle to the farthest point along x or y [m].
     """
@@ -43,6 +47,9 @@ class ScanMap:
         wanted = 2 * (self.reach + settings.farthest) / settings.cell  # points of a scan may lie outside of the map
         self.grid = LikelihoodGrid(settings, 1 << int(np.ceil(np.log2(wanted))))
         self.grid.add(points, np.zeros(3))
+        wide = replace(settings, cell=_ROUGH * settings.cell, width=_ROUGH * settings.width)
+        self.rough = LikelihoodGrid(wide, 1 << int(np.ceil(np.log2(wanted / _ROUGH))))
+        self.rough.add(points, np.zeros(3))
 
     @classmethod
     def of_scans(cls, scans: Sequence[Array], poses: Array, settings: MapSettings) -> ScanMap:
@@ -75,22 +82,22 @@ def surface_of_scans(scans: Sequence[Array], poses: Array, cell: float) -> Array
     mean = sums[:, :2] / count[:, None]
     normal = 0.5 * np.arctan2(sums[:, 3], sums[:, 2])
     has = ((sums[:, 2:] != 0).any(1))[:, None]
-    return np.c_[mean, np.where(has, np.stack([np.cos(normal), np.sin(normal)], 1), 0.0)]
+    return np.asarray(np.c_[mean, np.where(has, np.stack([np.cos(normal), np.sin(normal)], 1), 0.0)])
 
 
 def surface_of_cells(content: OccupancyMap) -> Array:
     """Occupied cells, each moved onto the line through those around it: x, y and normal, shape (n, 4)."""
     points = content.points()
     if len(points) < _LEAST:
-        return np.c_[points, np.zeros((len(points), 2))]
+        return np.asarray(np.c_[points, np.zeros((len(points), 2))])
     tree = cKDTree(points)
-    _, around = tree.query(points, k=_AROUND, distance_upper_bound=2.9 * content.resolution)
+    _, around = tree.query(points, k=_AROUND, distance_upper_bound=_RADIUS * content.resolution)
     there = around < len(points)
     beside = np.where(there[:, :, None], points[np.minimum(around, len(points) - 1)], 0.0)
     count = there.sum(1)
     centre = beside.sum(1) / count[:, None]
     off = np.where(there[:, :, None], beside - centre[:, None], 0.0)
     spread, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", off, off))
-    line = (count >= _LEAST) & (np.sqrt(spread[:, 0]) < _THIN * np.sqrt(np.maximum(spread[:, 1], 1e-12)))
+    line = (count >= _LEAST) & (spread[:, 0] < _THIN**2 * spread[:, 1])
     normal = np.where(line[:, None], axes[:, :, 0], 0.0)
-    return np.c_[points - normal * ((points - centre) * normal).sum(1, keepdims=True), normal]
+    return np.asarray(np.c_[points - normal * ((points - centre) * normal).sum(1, keepdims=True), normal])

@@ -8,6 +8,8 @@ from artemis.mapping.likelihood import NOWHERE, LikelihoodGrid, Match
 from artemis.mapping.se2 import Array, within
 from artemis.mapping.settings import MapSettings
 
+_LITTLE = np.diag([1e-3, 1e-3, 0.5])
+"""Information of the odometry in the other directions: where the beams tell nothing at all, the pose stays."""
 _FAR_OFF = 4
 """A match further from the odometry than so many windows is none."""
 _WIDE = 3
@@ -69,6 +71,6 @@ def _with_odometry(
         return found
     weakest = np.append(directions[:, 0], 0.0)
     noise = settings.odometry_noise + settings.odometry_share * np.hypot(step[0], step[1])
-    trust = np.outer(weakest, weakest) * (settings.odometry_beam / noise) ** 2 + np.diag([0.0, 0.0, 0.5])
+    trust = np.outer(weakest, weakest) * (settings.odometry_beam / noise) ** 2 + _LITTLE
     held = grid.refine(scan, found.pose, expected=predicted, trust=trust)
     return Match(found.score, held.pose, held.information)

@@ -12,7 +12,7 @@ from laser_worlds import ANGLES, OFFICE, SETTINGS, scan, seen
 
 from artemis.mapping import kernels, kernels_numpy
 from artemis.mapping.likelihood import LikelihoodGrid, turn_step
-from artemis.mapping.se2 import between, compose
+from artemis.mapping.se2 import Array, between, compose
 
 SMALL = 512
 START = np.array([0.0, 0.0, 0.3])
@@ -86,14 +86,14 @@ def test_a_grid_that_was_built_again_has_forgotten() -> None:
 
 
 def test_what_is_out_of_range_is_no_point_and_lines_have_normals() -> None:
-    ranges = np.array(seen(OFFICE, START), float)
+    ranges: Array = np.array(seen(OFFICE, START), np.float64)
     ranges[:40], ranges[50] = 0.0, 99.0
     points = kernels_numpy.surface_points(ranges, np.array(ANGLES, np.float64), 0.1, 40.0, 0.03)
     assert 60 < len(points) <= len(ranges) - 41
     length = np.hypot(points[:, 2], points[:, 3])
     assert np.all((np.abs(length - 1) < 1e-9) | (length == 0))
     assert (length > 0).mean() > 0.8
-    assert len(kernels_numpy.surface_points(np.zeros(50), np.arange(50) * 0.1, 0.1, 40.0, 0.03)) == 0
+    assert len(kernels_numpy.surface_points(np.zeros(50), np.linspace(0.0, 5.0, 50), 0.1, 40.0, 0.03)) == 0
 
 
 def test_rays_pass_and_end() -> None:
