@@ -68,6 +68,19 @@ def bench_slam(
     measure(log, relations, drive)
 
 
+@bench.command("localisation")
+def bench_localisation(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="CARMEN log (.clf, .log, also .gz).")],
+    relations: Annotated[Path, typer.Option(metavar="FILE", help="Verified relations of it (also .gz).")],
+    split: Annotated[float, typer.Option(metavar="S", help="The map is made of what was seen after it.")] = 1085.0,
+    cells: Annotated[bool, typer.Option("--cells", help="The map is an image, not the scans themselves.")] = False,
+) -> None:
+    """Localise a robot on the first part of a log on the map of the rest, and compare with verified relations."""
+    from artemis_lab.commands.bench_localisation import measure
+
+    measure(log, relations, split, cells=cells)
+
+
 def campaign(
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (YAML).")],
     seed: Annotated[int | None, typer.Option(help="Run only this seed, in sight, and keep its folder.")] = None,

@@ -342,7 +342,7 @@ def _footprints(u: Indices, v: Indices, radius: int, size: int) -> Indices:
     """Flat numbers of the cells around each cell, shape (n, (2 radius + 1)²)."""
     reach = np.arange(-radius, radius + 1)
     rows, columns = (v[:, None] + reach) & (size - 1), (u[:, None] + reach) & (size - 1)
-    return (rows[:, :, None] * size + columns[:, None, :]).reshape(len(u), -1)
+    return (rows[:, :, None] * size + columns[:, None, :]).reshape(len(u), len(reach) ** 2)
 
 
 def _blocks(u: Indices, v: Indices, radius: int, block: int, size: int) -> Indices:

@@ -56,6 +56,12 @@ class Mapper:
         return self._stations.newest(self.keys.poses)
 
     @property
+    def key_readings(self) -> list[int]:
+        """Number of the reading of each key scan."""
+        first = np.searchsorted(self._stations.keys, np.arange(len(self.keys)))
+        return [self._stations.readings[station] for station in first.tolist()]
+
+    @property
     def searched(self) -> int:
         """Places so far at which a loop was looked for."""
         return self._loops.searched

@@ -92,7 +92,7 @@ def test_what_cannot_be_is_refused(log: Path, tmp_path: Path) -> None:
 
 
 def test_a_scan_is_turned_back_by_what_the_robot_turned_while_it_lasted() -> None:
-    """A robot on the spot turns by 1 rad/s while its scanner needs 40 ms: bearings err by 2.3 degrees if it is ignored."""
+    """A robot on the spot turns by 1 rad/s while its scanner needs 40 ms: ignored, bearings err by 2.3 degrees."""
     lasting, rate = 0.04, 1.0
     share = np.arange(len(ANGLES)) / (len(ANGLES) - 1)
     ranges = np.array(

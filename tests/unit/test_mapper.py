@@ -115,7 +115,7 @@ def test_a_loop_in_a_corridor_is_found_or_left_open_but_never_wrong(first: float
     true = driven([(1, 1), (39, 1), (39, 13), (1, 13), (1, 1), (20, 1)], step=0.3)
     scales = np.where(np.arange(len(true) - 1) < 0.43 * len(true), first, second)
     mapper = mapped(readings(ring(40, 14, 2, 4), true, odometry(true, scales)))
-    of = {key: mapper._stations.readings[mapper._stations.keys.index(key)] for key in range(len(mapper.keys))}
+    of = mapper.key_readings
     for link in mapper.graph.loops.values():
         off = between(between(true[of[link.first]], true[of[link.second]]), link.motion)
         assert np.hypot(off[0], off[1]) < 0.3
