@@ -60,9 +60,9 @@ def bench_slam(
     numba: Annotated[bool, typer.Option("--numba/--no-numba", help="Use the compiled loops, if there are any.")] = True,
 ) -> None:
     """Make a map of a log, and compare it with verified relations and with published figures."""
-    from artemis_lab.commands.bench_slam import Drive, measure
+    from artemis_lab.commands.bench_slam import LogDrive, measure
 
-    drive = Drive(
+    drive = LogDrive(
         backwards=backwards, odometry=not without_odometry, scale=odometry_scale, turn_deg_m=odometry_turn, numba=numba
     )
     measure(log, relations, drive)

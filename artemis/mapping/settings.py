@@ -68,7 +68,7 @@ class MapSettings:
     loop_least: float = 2.0
     """Beams that speak for the weakest direction."""
     unique: float = 0.5
-    unique_margin: float = 0.15
+    unique_margin: float = 0.1
     """A loop has to score so much better than every other pose in its window that is further away than `unique`."""
     half: int = 4
     """Key scans to each side that make up a place."""

@@ -36,7 +36,7 @@ _WARM_UP = 300
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
+class LogDrive:
     """How the log is driven."""
 
     backwards: bool = False
@@ -46,7 +46,7 @@ class Drive:
     numba: bool = True
 
 
-def measure(log: Path, relations: Path, drive: Drive) -> None:
+def measure(log: Path, relations: Path, drive: LogDrive) -> None:
     """Make the map, and print the table.
 
     Raises:
@@ -96,7 +96,7 @@ def _mapped(readings: Iterable[Reading]) -> tuple[Mapper, Array, Array]:
     return mapper, *mapper.trajectory()
 
 
-def _driven(readings: list[Reading], drive: Drive) -> Iterator[Reading]:
+def _driven(readings: list[Reading], drive: LogDrive) -> Iterator[Reading]:
     """The readings as the robot would have given them on another drive."""
     if drive.backwards:
         readings = readings[::-1]

@@ -12,7 +12,7 @@ import pytest
 from artemis.errors import ConfigError
 from artemis.mapping.se2 import Array, between, compose
 from artemis_lab.bench.relations import ErrorSize, Relations, errors, read_relations
-from artemis_lab.commands.bench_slam import Drive, measure
+from artemis_lab.commands.bench_slam import LogDrive, measure
 
 TIMES: Array = np.linspace(0.0, 14.5, 30)
 POSES: Array = np.cumsum(np.tile([0.1, 0.02, 0.05], (30, 1)), axis=0)
@@ -75,11 +75,11 @@ def test_a_log_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     line = "FLASER 5 2.0 2.0 2.0 2.0 2.0 0 0 0 0 0 0 {time} host 0\n"
     (tmp_path / "a.clf").write_text("".join(line.format(time=float(k)) for k in range(30)))
     (tmp_path / "a.relations").write_text("1 2 0 0 0 0 0 0\n")
-    measure(tmp_path / "a.clf", tmp_path / "a.relations", Drive(backwards=True, scale=0.8, turn_deg_m=10))
+    measure(tmp_path / "a.clf", tmp_path / "a.relations", LogDrive(backwards=True, scale=0.8, turn_deg_m=10))
     assert "relations: 1 of 1" in capsys.readouterr().out
     (tmp_path / "a.relations").write_text("1001 1002 0 0 0 0 0 0\n")
     with pytest.raises(ConfigError, match="no relation of this log"):
-        measure(tmp_path / "a.clf", tmp_path / "a.relations", Drive(odometry=False))
+        measure(tmp_path / "a.clf", tmp_path / "a.relations", LogDrive(odometry=False))
 
 
 FOLDER = os.environ.get("ARTEMIS_SLAM_DATA", "")
@@ -87,7 +87,7 @@ FOLDER = os.environ.get("ARTEMIS_SLAM_DATA", "")
 
 @pytest.mark.skipif(not FOLDER, reason="ARTEMIS_SLAM_DATA names no folder with intel.clf.gz and intel.relations.gz")
 def test_the_intel_map_is_better_than_published_ones(capsys: pytest.CaptureFixture[str]) -> None:
-    measure(Path(FOLDER) / "intel.clf.gz", Path(FOLDER) / "intel.relations.gz", Drive())
+    measure(Path(FOLDER) / "intel.clf.gz", Path(FOLDER) / "intel.relations.gz", LogDrive())
     found = [line.split() for line in capsys.readouterr().out.splitlines() if "median" in line]
     metres, degrees = float(found[0][2]), float(found[1][2])
     assert metres <= 0.0157
