@@ -113,11 +113,9 @@ def ring(width: float, height: float, corridor: float, door: float) -> Array:
 BEYOND = pytest.param(
     0.75,
     1.1,
-    marks=pytest.mark.xfail(
-        reason="drift beyond every window, equal niches: loops one niche off", raises=AssertionError
-    ),
+    marks=pytest.mark.xfail(reason="drift beyond every window: loops one niche off", raises=AssertionError),
 )
-"""Not solved: the true place lies outside of what is searched, and two loops that are wrong alike confirm each other."""
+"""Not solved: the true place lies outside of what is searched, and two equally wrong loops confirm each other."""
 
 
 @pytest.mark.parametrize(("first", "second"), [(0.95, 0.95), (0.85, 1.05), BEYOND])
