@@ -180,8 +180,7 @@ def search(
     n, span, ratio = len(scan), 2 * half, COARSE // FINE
     window = _Window(scan, pose, half, turns, turn, per_metre)
     bound, top = window.bounds(coarse), span // COARSE + 1
-    best, found = float(np.float32(floor * n)), (-1, 0, 0)
-    inner = np.arange(ratio * ratio)
+    best, found, inner = float(np.float32(floor * n)), (-1, 0, 0), np.arange(ratio * ratio)
     for block in _chunks(bound):
         block = block[bound[block] > best]
         if len(block) == 0:
