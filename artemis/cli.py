@@ -15,6 +15,7 @@ from typing import Annotated
 import typer
 
 from artemis.commands.calibrate import MissionFile, calibrate
+from artemis.commands.map import maps
 from artemis.commands.path import paths
 from artemis.commands.plugin import plugins
 from artemis.errors import ArtemisError, ConfigError, RecordingError
@@ -33,6 +34,7 @@ app = typer.Typer(
 )
 
 app.add_typer(plugins, name="plugins")
+app.add_typer(maps, name="map")
 app.add_typer(paths, name="path")
 app.add_typer(calibrate, name="calibrate")
 

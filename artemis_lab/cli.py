@@ -17,11 +17,6 @@ def add_commands(app: typer.Typer) -> None:
 bench = typer.Typer(rich_markup_mode=None, no_args_is_help=True, help="Measure what is installed, side by side.")
 
 
-@bench.callback()
-def _group() -> None:
-    """Keeps `followers` a command of its own name while it is the only one."""
-
-
 @bench.command("followers")
 def bench_followers(
     follower: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this one; repeat for more.")] = None,
@@ -50,6 +45,40 @@ def bench_followers(
         checkout=python_robotics,
     )
     measure(choice, output)
+
+
+@bench.command("slam")
+def bench_slam(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="CARMEN log (.clf, .log, also .gz).")],
+    relations: Annotated[Path, typer.Option(metavar="FILE", help="Verified relations of it (also .gz).")],
+    backwards: Annotated[bool, typer.Option("--backwards", help="Drive the log backwards.")] = False,
+    without_odometry: Annotated[bool, typer.Option("--without-odometry", help="Scans alone.")] = False,
+    odometry_scale: Annotated[
+        float, typer.Option(metavar="X", help="Wheels that count so much of the distance,")
+    ] = 1.0,
+    odometry_turn: Annotated[float, typer.Option(metavar="DEG/M", help="and turn with it.")] = 0.0,
+    numba: Annotated[bool, typer.Option("--numba/--no-numba", help="Use the compiled loops, if there are any.")] = True,
+) -> None:
+    """Make a map of a log, and compare it with verified relations and with published figures."""
+    from artemis_lab.commands.bench_slam import LogDrive, measure
+
+    drive = LogDrive(
+        backwards=backwards, odometry=not without_odometry, scale=odometry_scale, turn_deg_m=odometry_turn, numba=numba
+    )
+    measure(log, relations, drive)
+
+
+@bench.command("localisation")
+def bench_localisation(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="CARMEN log (.clf, .log, also .gz).")],
+    relations: Annotated[Path, typer.Option(metavar="FILE", help="Verified relations of it (also .gz).")],
+    split: Annotated[float, typer.Option(metavar="S", help="The map is made of what was seen after it.")] = 1085.0,
+    cells: Annotated[bool, typer.Option("--cells", help="The map is an image, not the scans themselves.")] = False,
+) -> None:
+    """Localise a robot on the first part of a log on the map of the rest, and compare with verified relations."""
+    from artemis_lab.commands.bench_localisation import measure
+
+    measure(log, relations, split, cells=cells)
 
 
 def campaign(

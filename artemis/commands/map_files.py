@@ -1,0 +1,54 @@
+"""A map's files are written whole or not at all; numbers that are given on the command line."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+from artemis.commands.path_files import refuse_taken
+from artemis.errors import ConfigError
+from artemis.mapping.graph_file import SUFFIX, MapGraph
+from artemis.mapping.map_file import map_files, write_bytes
+from artemis.mapping.occupancy import OccupancyMap
+
+
+def refuse_output(path: Path, force: bool) -> None:
+    """Refuse a name that cannot be written.
+
+    Raises:
+        ConfigError: it is no name of a map, or is taken.
+    """
+    if path.suffix not in (".yaml", ".yml"):
+        raise ConfigError(f"{path}: name the map .yaml; its image and its graph are written beside it")
+    refuse_taken([path, path.with_suffix(".pgm"), path.with_suffix(SUFFIX)], force)
+
+
+def write_map(path: Path, content: OccupancyMap, graph: MapGraph | None) -> None:
+    """Write image and graph, then the YAML file, and say so.
+
+    Raises:
+        ConfigError: they cannot be written.
+    """
+    files = map_files(path, content)
+    if graph is not None:
+        files = {path.with_suffix(SUFFIX): graph.packed()} | files
+    write_bytes(files)
+    rows, columns = content.cells.shape
+    size = f"{columns * content.resolution:.1f} x {rows * content.resolution:.1f} m"
+    sys.stdout.write(f"map         {path}: {size}, cells of {content.resolution:g} m\n")
+
+
+def numbers(text: str, option: str, least: int, step: int = 1) -> list[float]:
+    """Numbers out of an option, `least` of them or so many `step` more.
+
+    Raises:
+        ConfigError: it has others.
+    """
+    try:
+        found = [float(each) for each in text.split(",")]
+    except ValueError:
+        found = []
+    if len(found) < least or (len(found) - least) % step or not all(math.isfinite(each) for each in found):
+        raise ConfigError(f"{option} {text}: expected {least} numbers{' or more' if step > 1 else ''}, with commas")
+    return found

@@ -1,0 +1,1 @@
+"""Where a robot with a laser scanner is on a map."""

@@ -1,0 +1,230 @@
+"""Finds and follows a robot on a map by the scans of its laser scanner."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from artemis.localisation.scan_map import ScanMap
+from artemis.mapping.likelihood import LikelihoodGrid, Match
+from artemis.mapping.matching import match
+from artemis.mapping.pose_graph import match_information
+from artemis.mapping.se2 import Array, between, compose, within
+from artemis.mapping.settings import MapSettings
+
+_NEAR, _NEAR_TURN = 0.25, 0.08
+"""Window around what the rough search found [m, rad]."""
+_REFINING = 0.05
+"""By so much a score may rise when a searched pose is refined."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalizerSettings:
+    """Lengths [m], angles [rad]; scores as in `MapSettings`."""
+
+    matching: MapSettings = field(default_factory=MapSettings)
+    local: int = 8
+    """Key scans that tell how the robot moved."""
+    noise: float = 0.01
+    noise_share: float = 0.03
+    noise_turn: float = 0.01
+    """Standard deviations of a step by these, one by one and as a share of the distance."""
+    beam: float = 0.1
+    """Of a beam where it is weighed against the step."""
+    good: float = 0.6
+    """A scan that fits the map so well is matched,"""
+    well: float = 0.7
+    """and so well that nothing else is searched."""
+    margin: float = 0.12
+    search: float = 0.4
+    search_turn: float = 0.15
+    again: float = 0.1
+    """Driven between two searches where the scans do not fit well."""
+    lost_after: float = 10.0
+    """Driven without a match on the map, by the last scans and the odometry alone,"""
+    lost_broken: float = 1.0
+    """and after a scan that did not fit those before."""
+    lost_scans: int = 5
+    """Scans, one after the other, that do not fit those before: the robot was carried away, or sees nothing."""
+    gathered: float = 1.5
+    """Driven before a robot is looked for: one scan fits many places."""
+    gather_scans: int = 12
+    """Scans after which it is looked for, though it stands."""
+    found: float = 0.65
+    unique: float = 0.06
+    """What is found on the whole map has to fit so well, and better than any other place by so much."""
+    apart: float = 1.0
+    points: int = 120
+    """Of what was gathered, for the search."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ScanPose:
+    """Where the robot is, by one scan."""
+
+    pose: Array
+    """In the frame of the map, shape (3,); where it is lost: the last one, carried on."""
+    covariance: Array
+    """Of x, y, heading in the frame of the map, shape (3, 3)."""
+    quality: float
+    """How well the scan fits the map there, 0 to 1."""
+    doubt: float
+    """0: the scan was matched; 1 and above: lost. Between: part of what may be driven without a match."""
+
+    @property
+    def lost(self) -> bool:
+        """The pose means nothing."""
+        return self.doubt >= 1
+
+
+class ScanLocalizer:
+    """Follows by matching each scan on the map, from where the last scans and the odometry say that the robot is.
+
+    Where nothing of the map is seen, those carry the pose on. A robot that is lost, or was never found, is looked for
+    on the whole map once it has driven a little, and found only where nothing else fits nearly as well.
+    """
+
+    def __init__(self, on: ScanMap, settings: LocalizerSettings | None = None, start: Array | None = None) -> None:
+        """Take a map; `start`, shape (3,), is about where the robot is; None: anywhere."""
+        self.settings, self._map = settings or LocalizerSettings(), on
+        self._local = LikelihoodGrid(self.settings.matching)
+        self._keys: deque[tuple[Array, Array]] = deque(maxlen=self.settings.local)
+        self._odometry: Array | None = None
+        self._at = np.zeros(3)
+        """By the last scans and the odometry, in a frame that begins where the first scan was."""
+        self._step = np.zeros(3)
+        self._pose = np.zeros(3) if start is None else np.array(start, float)
+        self._doubt = 1.0 if start is None else 0.0
+        self._covariance = np.diag([0.04, 0.04, 0.01])
+        self._gathered, self._scans, self._astray, self._searched = 0.0, 0, 0, np.inf
+        self._broken = False
+        """Driven and seen since the last search of the whole map; scans that fitted nowhere; driven since the last one
+        near by."""
+
+    def update(self, points: Array, odometry: Array | None) -> ScanPose:
+        """Take the next scan.
+
+        Args:
+            points: as of `surface_points`, seen from the robot, shape (n, 4).
+            odometry: pose by the wheels, in any frame, shape (3,); None: nobody counted.
+        """
+        step = self._follow(points, odometry)
+        predicted = compose(self._pose, step)
+        length = float(np.hypot(step[0], step[1]))
+        self._gathered += length
+        self._scans += 1
+        if self._doubt < 1:
+            found = self._matched(points, predicted, length, float(abs(step[2])))
+            self._take(found, predicted, length)
+            return ScanPose(
+                pose=self._pose, covariance=self._covariance, quality=max(0.0, found.score), doubt=self._doubt
+            )
+        self._pose = predicted
+        settings, quality = self.settings, 0.0
+        if self._gathered >= settings.gathered or self._scans >= settings.gather_scans:
+            self._gathered, self._scans = 0.0, 0
+            found_anywhere = self.search()
+            if found_anywhere is not None:
+                self._pose, self._doubt, quality = found_anywhere.pose, 0.0, found_anywhere.score
+        return ScanPose(pose=self._pose, covariance=self._covariance, quality=quality, doubt=self._doubt)
+
+    def search(self) -> Match | None:
+        """Look for the robot on the whole map by what was seen of late; None: nowhere, or in several places."""
+        settings, rough, reach = self.settings, self._map.rough, self._map.reach
+        seen = self._seen()
+        if len(seen) < settings.matching.least_points:
+            return None
+        thin = seen[:: max(1, len(seen) // settings.points)]
+        first = rough.search(thin, self._map.middle, reach, np.pi, floor=settings.found)
+        if first.score < 0:
+            return None
+        near = self._map.grid.search(thin, first.pose, _NEAR, _NEAR_TURN, floor=settings.found - _REFINING)
+        refined = self._map.grid.refine(seen, near.pose)
+        if near.score < 0 or refined.score < settings.found:
+            return None
+        beside = np.append((first.pose - self._map.middle)[:2], settings.apart)
+        floor = first.score - settings.unique
+        if rough.search(thin, self._map.middle, reach, np.pi, floor=floor, left_out=beside).score > 0:
+            return None
+        return refined
+
+    def _follow(self, points: Array, odometry: Array | None) -> Array:
+        """How the robot moved since the last scan, by the scans before and the odometry, shape (3,)."""
+        settings = self.settings.matching
+        if not self._keys:
+            self._odometry = odometry
+            self._add_key(points)
+            return np.zeros(3)
+        known = odometry is not None and self._odometry is not None
+        counted = between(self._odometry, odometry) if known else None  # type: ignore[arg-type]  # both are known
+        self._odometry = odometry
+        predicted = compose(self._at, self._step if counted is None else counted)
+        found = match(self._local, settings, points, predicted, counted)
+        self._astray = self._astray + 1 if found.score < 0 else 0
+        self._broken = self._broken or found.score < 0
+        self._step = between(self._at, found.pose)
+        self._at = found.pose
+        away = between(self._keys[-1][1], self._at)
+        if not within(away, settings.key_distance, settings.key_turn):
+            self._add_key(points)
+        return self._step
+
+    def _add_key(self, points: Array) -> None:
+        self._keys.append((points, self._at))
+        self._local.build([key for key, _ in self._keys], [pose for _, pose in self._keys])
+
+    def _seen(self) -> Array:
+        """Points of the last key scans, seen from where the robot is now, shape (n, 4)."""
+        parts = []
+        for points, pose in self._keys:
+            x, y, turn = between(self._at, pose)
+            c, s = np.cos(turn), np.sin(turn)
+            px, py, nx, ny = points.T
+            parts.append(np.stack([x + c * px - s * py, y + s * px + c * py, c * nx - s * ny, s * nx + c * ny], 1))
+        return np.concatenate(parts)
+
+    def _forget(self) -> None:
+        """What was seen of late may be of another place."""
+        self._gathered, self._scans, self._astray = 0.0, 0, 0
+        self._keys.clear()
+
+    def _matched(self, points: Array, predicted: Array, length: float, turn: float) -> Match:
+        """The scan on the map, near where the robot should be."""
+        settings = self.settings
+        if len(points) < settings.matching.least_points:
+            return Match(-1.0, predicted, np.zeros((3, 3)))
+        std = settings.noise + settings.noise_share * length
+        std_turn = settings.noise_turn + settings.noise_share * turn
+        trust = settings.beam**2 / np.array([std, std, std_turn]) ** 2
+        grid = self._map.grid
+        found = grid.refine(points, predicted, trust=np.diag(trust))
+        self._searched += length
+        if found.score < settings.well and self._searched >= settings.again:
+            self._searched = 0.0
+            wide = 1.0 + 2.0 * min(1.0, self._doubt)
+            searched = grid.search(
+                points, predicted, wide * settings.search, wide * settings.search_turn, prior=0.05, floor=found.score
+            )
+            if searched.score > 0:
+                other = grid.refine(points, searched.pose)
+                if other.score > found.score + settings.margin:
+                    return other
+        return found
+
+    def _take(self, found: Match, predicted: Array, length: float) -> None:
+        settings = self.settings
+        step = settings.noise_share * length
+        self._covariance = self._covariance + np.diag([step**2 + 1e-6, step**2 + 1e-6, (0.5 * step) ** 2 + 1e-7])
+        if found.score < settings.good:
+            self._pose = predicted
+            after = settings.lost_broken if self._broken else settings.lost_after
+            self._doubt = max(self._doubt + length / after, self._astray / settings.lost_scans)
+            if self._doubt >= 1:
+                self._forget()
+            return
+        self._pose, self._broken = found.pose, False
+        self._doubt = max(0.0, self._doubt - 0.25)
+        told = match_information(found.information, 0.0, settings.matching.beam)
+        self._covariance = np.linalg.inv(np.linalg.inv(self._covariance) + told)

@@ -1,0 +1,100 @@
+"""The pose graph of a map as a file, to correct the map later: key scans, their poses, the links, the trajectory.
+
+One message of MessagePack; arrays are bytes, numbers little-endian.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from artemis.errors import ConfigError
+from artemis.mapping.key_scans import KeyScans
+from artemis.mapping.pose_graph import Link, PoseGraph
+from artemis.mapping.se2 import Array, compose
+from artemis.yaml_file import read
+
+SUFFIX = ".graph"
+VERSION = 1
+_MOST_BYTES = 1 << 31
+
+
+class SavedLink(msgspec.Struct, frozen=True, array_like=True):
+    """A `Link` and its number."""
+
+    number: int
+    first: int
+    second: int
+    loop: bool
+    motion: bytes
+    information: bytes
+
+
+class SavedGraph(msgspec.Struct, frozen=True, kw_only=True):
+    """What the file holds."""
+
+    artemis_map: int
+    """Version of this format."""
+    poses: bytes
+    """Of the key scans: x, y [m], heading [rad], float64."""
+    scans: tuple[bytes, ...]
+    """Of the key scans: x, y [m] and normal of each point, float32."""
+    links: tuple[SavedLink, ...]
+    trajectory: bytes
+    """Time [s], x, y, heading of every reading, float64."""
+
+
+class MapGraph:
+    """A pose graph with its scans, out of a file or on the way into one."""
+
+    def __init__(self, keys: KeyScans, graph: PoseGraph, trajectory: Array) -> None:
+        """Take what a mapper made; `trajectory` has time, x, y, heading, shape (n, 4)."""
+        self.keys, self.graph, self.trajectory = keys, graph, trajectory
+
+    def packed(self) -> bytes:
+        """As the file holds it."""
+        links = tuple(
+            SavedLink(n, each.first, each.second, each.loop, each.motion.tobytes(), each.information.tobytes())
+            for n, each in self.graph.links.items()
+        )
+        saved = SavedGraph(
+            artemis_map=VERSION,
+            poses=self.keys.poses.astype("<f8").tobytes(),
+            scans=tuple(points.astype("<f4").tobytes() for points in self.keys.points),
+            links=links,
+            trajectory=self.trajectory.astype("<f8").tobytes(),
+        )
+        return msgspec.msgpack.encode(saved)
+
+    def turned(self, angle: float) -> None:
+        """Turn everything around the origin by `angle` [rad]."""
+        self.keys.poses = compose([0.0, 0.0, angle], self.keys.poses)
+        self.trajectory[:, 1:] = compose([0.0, 0.0, angle], self.trajectory[:, 1:])
+
+
+def read_graph(path: Path) -> MapGraph:
+    """A graph out of its file.
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
+    try:
+        saved = msgspec.msgpack.decode(read(path, _MOST_BYTES), type=SavedGraph)
+        if saved.artemis_map != VERSION:
+            raise ConfigError(f"{path}: version {saved.artemis_map}; this artemis reads {VERSION}")
+        keys, graph = KeyScans(), PoseGraph()
+        poses = np.frombuffer(saved.poses, "<f8").reshape(-1, 3)
+        for scan, pose in zip(saved.scans, poses, strict=True):
+            keys.append(np.frombuffer(scan, "<f4").reshape(-1, 4).astype(float), pose)
+        for link in saved.links:
+            if not 0 <= link.first < len(keys) or not 0 <= link.second < len(keys):
+                raise ValueError(f"link {link.number} leads to no scan")
+            motion, information = np.frombuffer(link.motion, "<f8"), np.frombuffer(link.information, "<f8")
+            graph.restore(
+                link.number, Link(link.first, link.second, motion.reshape(3), information.reshape(3, 3), link.loop)
+            )
+        return MapGraph(keys, graph, np.frombuffer(saved.trajectory, "<f8").reshape(-1, 4).copy())
+    except (msgspec.DecodeError, ValueError) as error:
+        raise ConfigError(f"{path}: is no pose graph of artemis: {error}") from None

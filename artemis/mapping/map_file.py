@@ -1,0 +1,192 @@
+"""Maps as map_server and Nav2 keep them: a YAML file beside an image (PGM).
+
+Keys and meaning: documentation of ROS' map_server and of Nav2's map_io. Image rows run from the top, row 0 is the
+largest y. Of values on a bound of a threshold the two readers disagree, so none is written.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from artemis.errors import ConfigError, shown
+from artemis.mapping.occupancy import FREE, MOST_CELLS, OCCUPIED, UNKNOWN, OccupancyMap
+from artemis.yaml_file import Data, Document, load, read
+
+GREY_FREE, GREY_OCCUPIED, GREY_UNKNOWN = 254, 0, 205
+FREE_UP_TO, OCCUPIED_FROM = 25, 65
+"""Percent, as the savers of ROS write."""
+MODES = ("trinary", "scale", "raw")
+KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh", "mode")
+_TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*([^\s#]+)")
+_MOST_BYTES = 4 * MOST_CELLS
+
+
+def map_files(path: Path, content: OccupancyMap) -> dict[Path, bytes]:
+    """The YAML file `path` and the image beside it, to be written."""
+    image = path.with_suffix(".pgm")
+    cells = content.cells
+    grey = np.full(cells.shape, GREY_UNKNOWN, np.uint8)
+    grey[(cells >= 0) & (cells <= FREE_UP_TO)] = GREY_FREE
+    grey[cells >= OCCUPIED_FROM] = GREY_OCCUPIED
+    rows, columns = cells.shape
+    head = f"P5\n# artemis {content.resolution:.3f} m/pix\n{columns} {rows}\n255\n".encode()
+    x, y, heading = (float(f"{each:.9g}") for each in content.origin)
+    text = (
+        f"image: {image.name}\nmode: trinary\nresolution: {content.resolution:.9g}\n"
+        f"origin: [{x!r}, {y!r}, {heading!r}]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    return {image: head + grey[::-1].tobytes(), path: text.encode()}
+
+
+def write_bytes(files: dict[Path, bytes]) -> None:
+    """Write all of them or none: each is there whole, or as it was.
+
+    Raises:
+        ConfigError: one cannot be written.
+    """
+    file = Path()
+    parts = {file: file.with_name(file.name + ".part") for file in files}
+    try:
+        for file, content in files.items():
+            parts[file].write_bytes(content)
+        for file, part in parts.items():
+            part.replace(file)
+    except OSError as error:
+        for part in parts.values():
+            part.unlink(missing_ok=True)
+        raise ConfigError(f"{file}: cannot be written: {error.strerror}") from error
+
+
+def read_map(path: Path) -> OccupancyMap:
+    """The map of a YAML file and its image.
+
+    Raises:
+        ConfigError: everything that is wrong, each with file, line and column.
+    """
+    keys = _Keys(load(path))
+    if keys.problems:
+        raise ConfigError(keys.problems)
+    image = path.parent / keys.image
+    grey = read_pgm(read(image, _MOST_BYTES), str(image))[::-1]
+    return OccupancyMap(cells=keys.cells(grey), resolution=keys.resolution, origin=keys.origin)
+
+
+@dataclass(frozen=True, slots=True)
+class _Thresholds:
+    free: float
+    occupied: float
+
+
+class _Keys:
+    """What a map's YAML file says."""
+
+    def __init__(self, document: Document) -> None:
+        self._document, self.problems = document, list[str]()
+        data = document.data if isinstance(document.data, dict) else {}
+        if not isinstance(document.data, dict):
+            self._complain((), "expected keys and values: is it the YAML file of a map?")
+        for key in data:
+            if key not in KEYS:
+                self._complain((key,), f"unknown key; a map has {', '.join(KEYS)}")
+        self._data = data
+        image = data.get("image")
+        self.image = image if isinstance(image, str) else ""
+        if not self.image:
+            self._complain(("image",), "expected the name of a PGM file")
+        self.resolution = self._number("resolution", 1e-4, 100.0)
+        self.origin = self._origin()
+        self._limits = _Thresholds(self._number("free_thresh", 0, 1), self._number("occupied_thresh", 0, 1))
+        if not self.problems and self._limits.free > self._limits.occupied:
+            self._complain(("free_thresh",), "is above occupied_thresh")
+        negate = data.get("negate", 0)
+        if negate not in (0, 1):
+            self._complain(("negate",), f"expected 0 or 1, not {shown(negate)}")
+        self._negate = bool(negate)
+        self._mode = data.get("mode", MODES[0])
+        if self._mode not in MODES:
+            self._complain(("mode",), f"expected {', '.join(MODES)}, not {shown(self._mode)}")
+
+    def cells(self, grey: NDArray[np.uint8]) -> NDArray[np.int8]:
+        """Probabilities [%] of an image whose row 0 is the lowest."""
+        value = grey.astype(np.int64)
+        if self._mode == "raw":
+            raw = 255 - value if self._negate else value
+            return np.where(raw > OCCUPIED, UNKNOWN, raw).astype(np.int8)
+        probability = (value if self._negate else 255 - value) / 255
+        free, occupied = self._limits.free, self._limits.occupied
+        cells = np.full(grey.shape, UNKNOWN, np.int8)
+        if self._mode == "scale":
+            between = (probability - free) / max(occupied - free, 1e-9)
+            cells = np.rint(100 * between.clip(0, 1)).astype(np.int8)
+        cells[probability <= free] = FREE
+        cells[probability >= occupied] = OCCUPIED
+        return cells
+
+    def _complain(self, path: tuple[str | int, ...], text: str) -> None:
+        self.problems.append(self._document.problem(path, text))
+
+    def _number(self, key: str, least: float, most: float) -> float:
+        return self._checked(self._data.get(key), (key,), least, most)
+
+    def _checked(self, value: Data, path: tuple[str | int, ...], least: float, most: float) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+            self._complain(path, f"expected a number from {least:g} to {most:g}, not {shown(value)}")
+            return least
+        return float(value)
+
+    def _origin(self) -> tuple[float, float, float]:
+        value = self._data.get("origin")
+        if not isinstance(value, list) or len(value) != 3:
+            self._complain(("origin",), f"expected [x, y, yaw], not {shown(value)}")
+            return 0.0, 0.0, 0.0
+        x, y, yaw = (self._checked(each, ("origin", number), -1e6, 1e6) for number, each in enumerate(value))
+        return x, y, math.remainder(yaw, math.tau)
+
+
+def read_pgm(raw: bytes, source: str) -> NDArray[np.uint8]:
+    """The grey values of an image, 0 to 255, its top row first: PGM, as text (P2) or bytes (P5), with comments.
+
+    Raises:
+        ConfigError: it is no such image, or is cut off.
+    """
+    position, words = 0, list[bytes]()
+    for _ in range(4):
+        found = _TOKEN.match(raw, position)
+        if found is None:
+            raise ConfigError(f"{source}:{_line(raw, len(raw))}: ends in its header")
+        words.append(found[1])
+        position = found.end()
+        if words[0] not in (b"P2", b"P5"):
+            raise ConfigError(f"{source}:1: begins with {shown(words[0][:8])}; expected a PGM image (P2 or P5)")
+    try:
+        columns, rows, most = (int(word) for word in words[1:])
+    except ValueError:
+        raise ConfigError(f"{source}:{_line(raw, position)}: expected width, height and the highest value") from None
+    if not (0 < columns * rows <= MOST_CELLS and columns > 0 and 0 < most <= 255):
+        place = f"{source}:{_line(raw, position)}"
+        raise ConfigError(f"{place}: {columns} x {rows} pixels up to {most}; expected up to {MOST_CELLS} and 255")
+    if words[0] == b"P5":
+        values = np.frombuffer(raw, np.uint8, offset=min(position + 1, len(raw)))[: rows * columns]
+    else:
+        try:
+            numbers = re.sub(rb"#[^\n]*", b"", raw[position:]).split()[: rows * columns]
+            values = np.array(numbers, np.int64)
+        except ValueError:
+            raise ConfigError(f"{source}:{_line(raw, position)}: pixels that are no numbers follow") from None
+    if len(values) < rows * columns:
+        raise ConfigError(f"{source}: cut off: {len(values)} of {rows * columns} pixels")
+    if int(values.max()) > most or int(values.min()) < 0:
+        raise ConfigError(f"{source}: a pixel of {int(values.max())}; the header says up to {most}")
+    scaled = values.astype(np.int64) * 255 // most if most < 255 else values
+    return scaled.astype(np.uint8).reshape(rows, columns)
+
+
+def _line(raw: bytes, position: int) -> int:
+    return raw.count(b"\n", 0, position) + 1

@@ -1,0 +1,123 @@
+"""A grid of what is free and what is occupied, made of scans and their poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from artemis.mapping import kernels
+from artemis.mapping.se2 import Array, compose
+
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+FREE_BELOW, OCCUPIED_FROM = 0.2, 0.3
+"""Share of the beams that met a cell and ended there: what is thin, or seen at a flat angle, lets most by."""
+MARGIN = 1.0
+"""Around the farthest points [m]."""
+MOST_CELLS = 100_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OccupancyMap:
+    """Cells, and where they are."""
+
+    cells: NDArray[np.int8]
+    """Probability of being occupied [%], -1: unknown; row 0 has the lowest y, column 0 the lowest x."""
+    resolution: float
+    """Side of a cell [m]."""
+    origin: tuple[float, float, float]
+    """x, y [m], heading [rad] of the outer corner of cell 0, 0 in the frame of the map."""
+
+    def points(self, least: int = 65) -> Array:
+        """Centres of the cells that are occupied with at least `least` percent, shape (n, 2)."""
+        rows, columns = np.nonzero(self.cells >= least)
+        local = np.stack([columns + 0.5, rows + 0.5, np.zeros(len(rows))], 1) * self.resolution
+        return compose(np.array(self.origin), local)[:, :2]
+
+    def cell_of(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns of points, shape (n, 2), which may lie outside."""
+        x, y, heading = self.origin
+        c, s = np.cos(heading), np.sin(heading)
+        dx, dy = points[:, 0] - x, points[:, 1] - y
+        local = np.stack([c * dx + s * dy, c * dy - s * dx]) / self.resolution
+        columns, rows = np.floor(local).astype(np.int64)
+        return rows, columns
+
+    def rotated(self, angle: float) -> OccupancyMap:
+        """Turned around the frame's origin by `angle` [rad], on cells along x and y again."""
+        x, y, heading = self.origin
+        height, width = self.cells.shape
+        corners = np.array([(0, 0), (width, 0), (width, height), (0, height)]) * self.resolution
+        turned = compose(compose([0.0, 0.0, angle], [x, y, heading]), np.c_[corners, np.zeros(4)])[:, :2]
+        low, high = turned.min(0), turned.max(0)
+        columns, rows = np.ceil((high - low) / self.resolution - 1e-9).astype(int)
+        row, column = np.mgrid[0:rows, 0:columns].reshape(2, -1)
+        centres = np.stack([low[0] + (column + 0.5) * self.resolution, low[1] + (row + 0.5) * self.resolution], 1)
+        back = compose([0.0, 0.0, -angle], np.c_[centres, np.zeros(len(centres))])[:, :2]
+        old_row, old_column = self.cell_of(back)
+        inside = (old_row >= 0) & (old_row < height) & (old_column >= 0) & (old_column < width)
+        cells = np.full(len(row), UNKNOWN, np.int8)
+        cells[inside] = self.cells[old_row[inside], old_column[inside]]
+        return replace(self, cells=cells.reshape(rows, columns), origin=(float(low[0]), float(low[1]), 0.0))
+
+    def cropped(self, low: tuple[float, float], high: tuple[float, float]) -> OccupancyMap:
+        """The part between two corners [m].
+
+        Raises:
+            ValueError: nothing is left.
+        """
+        rows, columns = self.cell_of(np.array([low, high]))
+        first_row, last_row = max(0, int(rows.min())), min(self.cells.shape[0], int(rows.max()) + 1)
+        first_column, last_column = max(0, int(columns.min())), min(self.cells.shape[1], int(columns.max()) + 1)
+        if first_row >= last_row or first_column >= last_column:
+            raise ValueError("nothing of the map lies there")
+        x, y, _ = compose(np.array(self.origin), [first_column * self.resolution, first_row * self.resolution, 0.0])
+        cells = self.cells[first_row:last_row, first_column:last_column].copy()
+        return replace(self, cells=cells, origin=(float(x), float(y), self.origin[2]))
+
+    def closed(self, corners: Sequence[tuple[float, float]]) -> OccupancyMap:
+        """With the inside of a polygon occupied: a zone in which no robot may be."""
+        row, column = (each.reshape(-1) for each in np.indices(self.cells.shape))
+        local = np.stack([column + 0.5, row + 0.5, np.zeros(len(row))], 1) * self.resolution
+        x, y = compose(np.array(self.origin), local)[:, :2].T
+        inside = np.zeros(len(x), bool)
+        for (ax, ay), (bx, by) in zip(corners, [*corners[1:], corners[0]], strict=True):
+            if ay != by:
+                inside ^= ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
+        cells = self.cells.copy()
+        cells.reshape(-1)[inside] = OCCUPIED
+        return replace(self, cells=cells)
+
+
+def occupancy(scans: Sequence[Array], poses: Array, resolution: float = 0.05) -> OccupancyMap:
+    """The map that scans make, each with its points seen from its pose.
+
+    Args:
+        scans: shape (m, >= 2) each.
+        poses: shape (n, 3).
+        resolution: side of a cell [m].
+
+    Raises:
+        ValueError: there is no point, or they are too far apart.
+    """
+    ends = [
+        compose(pose, np.c_[scan[:, :2], np.zeros(len(scan))])[:, :2] for scan, pose in zip(scans, poses, strict=True)
+    ]
+    if not any(len(each) for each in ends):
+        raise ValueError("no scan has a point")
+    every = np.concatenate([*ends, poses[:, :2]])
+    low, high = np.floor(every.min(0) - MARGIN), np.ceil(every.max(0) + MARGIN)
+    columns, rows = ((high - low) / resolution).astype(int) + 1
+    if rows * columns > MOST_CELLS:
+        raise ValueError(f"{rows} x {columns} cells of {resolution:g} m; choose larger ones")
+    hits, passes = np.zeros((rows, columns), np.int32), np.zeros((rows, columns), np.int32)
+    for scan, pose in zip(scans, poses, strict=True):
+        kernels.LOOPS.count_rays(hits, passes, scan, pose, 1 / resolution, low[0], low[1])
+    met = hits + passes
+    share = hits / np.maximum(1, met)
+    cells = np.full(share.shape, UNKNOWN, np.int8)
+    cells[(met > 0) & (share < FREE_BELOW)] = FREE
+    cells[share >= OCCUPIED_FROM] = OCCUPIED
+    return OccupancyMap(cells=cells, resolution=resolution, origin=(float(low[0]), float(low[1]), 0.0))

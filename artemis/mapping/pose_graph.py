@@ -1,0 +1,191 @@
+"""A graph of poses and measured motions between them, and its robust least squares solution.
+
+Levenberg-Marquardt on sparse normal equations: G. Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent
+Transportation Systems Magazine 2(4), 2010. Cauchy's loss: a motion off by d standard deviations weighs 1/(1 + d²/s²).
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.linalg import splu
+
+from artemis.mapping.se2 import Array, between, wrapped
+
+LOOP_LENGTH = 0.5
+"""A loop counts as so many metres where drift is guessed by the distance [m]."""
+_LEAST_CHANGE = 1e-4
+"""Of the cost, as a share: less is no progress."""
+_UNTOLD = np.diag([1.0, 1.0, 10.0])
+"""Information that is added to a match: what no beam tells of stays finite."""
+_FLOOR = np.diag([1e-4, 1e-4, 9e-6])
+"""Covariance that is added to a match [m², m², rad²]: 1 cm and 0.17 degrees that no beam tells of."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """A measured motion between two poses."""
+
+    first: int
+    second: int
+    motion: Array
+    """From the first pose to the second, seen from the first, shape (3,)."""
+    information: Array
+    """Inverse covariance of x, y, heading of the motion, shape (3, 3)."""
+    loop: bool
+    """Between two visits of a place; else from one key scan to the next."""
+
+
+def match_information(information: Array, heading: float, beam: float) -> Array:
+    """Information of a motion from that of a match.
+
+    Args:
+        information: of the match, in the frame of the map, for beams with a standard deviation of 1 m.
+        heading: of the pose from which the motion is seen, in the frame of the map [rad].
+        beam: standard deviation of a beam [m].
+    """
+    c, s = np.cos(heading), np.sin(heading)
+    turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    covariance = np.linalg.inv(turned.T @ information @ turned / beam**2 + _UNTOLD) + _FLOOR
+    return np.asarray(np.linalg.inv(covariance))
+
+
+class PoseGraph:
+    """Links by their numbers. Any can be removed: the graph is as if it had never been added."""
+
+    def __init__(self) -> None:
+        self.links: dict[int, Link] = {}
+        self._next = 0
+        self._ends, self._lengths = array("q"), array("d")
+
+    def add(self, link: Link) -> int:
+        """Add a link; its number."""
+        self._next += 1
+        self.links[self._next] = link
+        self._note(link)
+        return self._next
+
+    def restore(self, number: int, link: Link) -> None:
+        """Add a link under the number that it had."""
+        self._next = max(self._next, number)
+        self.links[number] = link
+        self._note(link)
+
+    def remove(self, number: int) -> None:
+        """Take a link out again."""
+        del self.links[number]
+        self._ends, self._lengths = array("q"), array("d")
+        for link in self.links.values():
+            self._note(link)
+
+    def _note(self, link: Link) -> None:
+        x, y, turn = link.motion
+        self._ends.extend((link.first, link.second))
+        self._lengths.append(LOOP_LENGTH if link.loop else math.hypot(x, y) + 0.3 * abs(turn) + 0.02)
+
+    @property
+    def loops(self) -> dict[int, Link]:
+        """Those between two visits of a place."""
+        return {number: link for number, link in self.links.items() if link.loop}
+
+    def deviations(self, poses: Array) -> dict[int, float]:
+        """By how many standard deviations each link is off at these poses, shape (n, 3)."""
+        if not self.links:
+            return {}
+        system = _System(self.links.values(), 1.0, 1.0)
+        return dict(zip(self.links, np.sqrt(system.errors(poses)[1]).tolist(), strict=True))
+
+    def solve(self, poses: Array, rounds: int, cauchy_loop: float, cauchy_step: float) -> Array:
+        """The poses that fit the links best; the first stays where it is.
+
+        Args:
+            poses: to begin with, shape (n, 3).
+            rounds: at most.
+            cauchy_loop: scale of the loss of a loop, in standard deviations.
+            cauchy_step: likewise of the other links.
+        """
+        if len(poses) < 2 or not self.links:
+            return poses
+        system, damping = _System(self.links.values(), cauchy_loop, cauchy_step), 0.0
+        errors, weights, cost = system.weighted(poses)
+        for _ in range(rounds):
+            moved = poses.copy()
+            moved[1:] -= system.step(poses, errors, weights, damping)
+            moved[:, 2] = wrapped(moved[:, 2])
+            new_errors, new_weights, new_cost = system.weighted(moved)
+            if new_cost > cost * (1 + _LEAST_CHANGE):
+                damping = max(1e-4, 10 * damping)
+                continue
+            done = cost - new_cost < _LEAST_CHANGE * cost
+            poses, errors, weights, cost = moved, new_errors, new_weights, new_cost
+            damping = damping / 10 if damping > 1e-6 else 0.0
+            if done:
+                break
+        return poses
+
+    def distances_from(self, key: int, count: int, limit: float) -> Array:
+        """Distance driven between pose `key` and each of `count` poses along the shortest way through the graph.
+
+        Beyond `limit` [m] infinite; shape (count,).
+        """
+        ends, lengths = np.array(self._ends).reshape(-1, 2), np.array(self._lengths)
+        graph = sparse.coo_matrix((lengths, (ends[:, 0], ends[:, 1])), shape=(count, count)).tocsr()
+        return np.asarray(dijkstra(graph, directed=False, indices=key, limit=limit))
+
+
+class _System:
+    """The equations of a graph as arrays."""
+
+    def __init__(self, links: Iterable[Link], cauchy_loop: float, cauchy_step: float) -> None:
+        rows = list(links)
+        self.first = np.array([link.first for link in rows])
+        self.second = np.array([link.second for link in rows])
+        self.motion = np.array([link.motion for link in rows])
+        self.information = np.array([link.information for link in rows])
+        self.scale = np.where([link.loop for link in rows], cauchy_loop, cauchy_step) ** 2
+
+    def errors(self, poses: Array) -> tuple[Array, Array]:
+        """Measured minus at these poses, shape (m, 3), and its square in standard deviations, shape (m,)."""
+        off = between(poses[self.first], poses[self.second]) - self.motion
+        off[:, 2] = wrapped(off[:, 2])
+        return off, np.einsum("ma,mab,mb->m", off, self.information, off)
+
+    def weighted(self, poses: Array) -> tuple[Array, Array, float]:
+        """Errors, Cauchy weights, and the cost of it all."""
+        off, square = self.errors(poses)
+        return off, 1 / (1 + square / self.scale), float((self.scale * np.log1p(square / self.scale)).sum())
+
+    def step(self, poses: Array, off: Array, weights: Array, damping: float) -> Array:
+        """By how much the poses but the first are too far, shape (n - 1, 3)."""
+        n, m = len(poses), len(self.first)
+        c, s = np.cos(poses[self.first, 2]), np.sin(poses[self.first, 2])
+        dx, dy = (poses[self.second, :2] - poses[self.first, :2]).T
+        zero, one = np.zeros(m), np.ones(m)
+        by_first = np.array([[-c, -s, c * dy - s * dx], [s, -c, -c * dx - s * dy], [zero, zero, -one]])
+        by_second = np.array([[c, s, zero], [-s, c, zero], [zero, zero, one]])
+        by_first, by_second = by_first.transpose(2, 0, 1), by_second.transpose(2, 0, 1)
+        weighted = self.information * weights[:, None, None]
+        left_first, left_second = by_first.transpose(0, 2, 1) @ weighted, by_second.transpose(0, 2, 1) @ weighted
+        blocks = np.concatenate(
+            [left_first @ by_first, left_first @ by_second, left_second @ by_first, left_second @ by_second]
+        )
+        rows = np.concatenate([self.first, self.first, self.second, self.second])
+        columns = np.concatenate([self.first, self.second, self.first, self.second])
+        inner = np.arange(3)
+        row = (3 * rows[:, None, None] + inner[:, None] + 0 * inner).reshape(-1) - 3
+        column = (3 * columns[:, None, None] + inner + 0 * inner[:, None]).reshape(-1) - 3
+        kept = (row >= 0) & (column >= 0)
+        shape = (3 * n - 3, 3 * n - 3)
+        normal = sparse.coo_matrix((blocks.reshape(-1)[kept], (row[kept], column[kept])), shape=shape).tocsc()
+        right = np.zeros((n, 3))
+        np.add.at(right, self.first, (left_first @ off[:, :, None])[:, :, 0])
+        np.add.at(right, self.second, (left_second @ off[:, :, None])[:, :, 0])
+        damped = (normal + sparse.diags(damping * normal.diagonal())).tocsc() if damping else normal
+        factors = splu(damped, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        return np.asarray(factors.solve(right[1:].reshape(-1)).reshape(-1, 3))

@@ -1,0 +1,162 @@
+"""Maps as files: what is written is read again, what others write is read, what is damaged is refused where it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from laser_worlds import OFFICE, SETTINGS, driven, readings
+
+from artemis.errors import ConfigError
+from artemis.mapping.graph_file import MapGraph, read_graph
+from artemis.mapping.map_file import map_files, read_map, read_pgm, write_bytes
+from artemis.mapping.mapper import Mapper
+from artemis.mapping.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap, occupancy
+
+YAML = "image: m.pgm\nresolution: 0.1\norigin: [-1, -2, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+CELLS = np.array([[-1, 0, 100], [0, 0, -1]], np.int8)
+
+
+def placed(folder: Path, yaml: str, pgm: bytes) -> Path:
+    (folder / "m.yaml").write_text(yaml)
+    (folder / "m.pgm").write_bytes(pgm)
+    return folder / "m.yaml"
+
+
+@given(rows=st.integers(1, 20), columns=st.integers(1, 20), seed=st.integers(0, 1000), x=st.floats(-1e3, 1e3))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_written_map_is_read_again(tmp_path: Path, rows: int, columns: int, seed: int, x: float) -> None:
+    cells = np.random.default_rng(seed).choice(np.array([UNKNOWN, FREE, OCCUPIED], np.int8), (rows, columns))
+    path = tmp_path / "map.yaml"
+    write_bytes(map_files(path, OccupancyMap(cells=cells, resolution=0.05, origin=(x, -2.25, 0.5))))
+    again = read_map(path)
+    assert np.array_equal(again.cells, cells)
+    assert again.resolution == 0.05
+    assert again.origin == pytest.approx((x, -2.25, 0.5))
+
+
+def test_the_written_files_are_those_of_the_savers(tmp_path: Path) -> None:
+    files = map_files(tmp_path / "hall.yaml", OccupancyMap(cells=CELLS, resolution=0.05, origin=(-1.5, 2.0, 0.0)))
+    assert files[tmp_path / "hall.pgm"] == b"P5\n# artemis 0.050 m/pix\n3 2\n255\n\xfe\xfe\xcd\xcd\xfe\x00"
+    assert files[tmp_path / "hall.yaml"].decode() == (
+        "image: hall.pgm\nmode: trinary\nresolution: 0.05\norigin: [-1.5, 2.0, 0.0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+
+
+@pytest.mark.parametrize(
+    "pgm", [b"P5 # c\n3 #d\n2\n# e\n255\n\xfe\xfe\xcd\xcd\xfe\x00", b"P2\n3 2 255\n254 254 205\n# x\n205 254 0\n"]
+)
+def test_text_bytes_and_comments_are_read(tmp_path: Path, pgm: bytes) -> None:
+    assert np.array_equal(read_map(placed(tmp_path, YAML, pgm)).cells, CELLS)
+
+
+@pytest.mark.parametrize(
+    ("extra", "expected"),
+    [
+        ("", [0, -1, -1, 100]),
+        ("mode: trinary\n", [0, -1, -1, 100]),
+        ("mode: scale\n", [0, 2, 91, 100]),
+        ("mode: raw\n", [-1, -1, 100, 0]),
+    ],
+)
+def test_every_mode_is_read(tmp_path: Path, extra: str, expected: list[int]) -> None:
+    pgm = b"P2 4 1 255 254 203 100 0"
+    assert read_map(placed(tmp_path, YAML + extra, pgm)).cells[0].tolist() == expected
+    negated = YAML.replace("negate: 0", "negate: 1") + extra
+    turned = b"P2 4 1 255 1 52 155 255"
+    assert read_map(placed(tmp_path, negated, turned)).cells[0].tolist() == expected
+
+
+def test_a_map_with_fewer_greys_is_read() -> None:
+    assert read_pgm(b"P2 3 1 15 0 7 15", "x").tolist() == [[0, 119, 255]]
+
+
+@pytest.mark.parametrize(
+    ("yaml", "pgm", "problem"),
+    [
+        (YAML + "colour: 1\n", b"", "m.yaml:7:1: colour: unknown key"),
+        (
+            YAML.replace("resolution: 0.1", "resolution: -1"),
+            b"",
+            "m.yaml:2:1: resolution: expected a number from 0.0001 to 100, not -1",
+        ),
+        (YAML.replace("-2, 0", "-2"), b"", "m.yaml:3:1: origin: expected [x, y, yaw], not [-1, -2]"),
+        (YAML + "mode: grey\n", b"", "m.yaml:7:1: mode: expected trinary, scale, raw, not 'grey'"),
+        (YAML.replace("negate: 0", "negate: 2"), b"", "m.yaml:4:1: negate: expected 0 or 1, not 2"),
+        (YAML.replace("0.196", "0.9"), b"", "free_thresh: is above occupied_thresh"),
+        ("- 1\n", b"", "expected keys and values"),
+        (YAML, b"\x89PNG\r\n", "m.pgm:1: begins with b'\\x89PNG'; expected a PGM image"),
+        (YAML, b"P5\n3 ", "m.pgm:2: ends in its header"),
+        (YAML, b"P5\n3 x 255\n", "m.pgm:2: expected width, height and the highest value"),
+        (YAML, b"P5\n3 2 65535\n", "m.pgm:2: 3 x 2 pixels up to 65535; expected"),
+        (YAML, b"P5\n3 2 255\n\x00\x00", "m.pgm: cut off: 2 of 6 pixels"),
+        (YAML, b"P2\n3 2 15\n1 2 3 4 5 77\n", "m.pgm: a pixel of 77; the header says up to 15"),
+        (YAML, b"P2\n3 2 15\n1 2 3 x 5 7\n", "m.pgm:2: pixels that are no numbers follow"),
+    ],
+)
+def test_a_damaged_map_is_refused_where_it_is(tmp_path: Path, yaml: str, pgm: bytes, problem: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        read_map(placed(tmp_path, yaml, pgm))
+    assert problem in str(caught.value)
+
+
+def test_files_are_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    (tmp_path / "b.yaml").mkdir()
+    with pytest.raises(ConfigError, match="cannot be written"):
+        write_bytes({tmp_path / "none" / "a.pgm": b"1", tmp_path / "c.yaml": b"2"})
+    assert [file.name for file in tmp_path.iterdir()] == ["b.yaml"]
+
+
+def test_a_map_is_rotated_cropped_and_closed() -> None:
+    cells = np.zeros((20, 40), np.int8)
+    cells[5, 30] = OCCUPIED
+    old = OccupancyMap(cells=cells, resolution=0.1, origin=(1.0, 2.0, 0.0))
+    (point,) = old.points()
+    assert point == pytest.approx([4.05, 2.55])
+    turned = old.rotated(np.pi / 2)
+    assert turned.cells.shape == (40, 20)
+    assert turned.points()[0] == pytest.approx([-2.55, 4.05], abs=0.051)
+    cut = old.cropped((3.5, 2.0), (4.5, 3.0))
+    assert cut.points()[0] == pytest.approx(point)
+    assert cut.cells.shape == (11, 11)
+    with pytest.raises(ValueError, match="nothing"):
+        old.cropped((50, 50), (60, 60))
+    zone = old.closed([(1.0, 2.0), (2.0, 2.0), (2.0, 3.0), (1.0, 3.0)])
+    assert (zone.cells == OCCUPIED).sum() == 101
+    assert (zone.cells[:10, :10] == OCCUPIED).all()
+
+
+def test_a_graph_is_kept_with_its_map(tmp_path: Path) -> None:
+    mapper = Mapper(SETTINGS)
+    for reading in readings(OFFICE, driven([(-2, -3), (0, -3), (0, 1)]), None):
+        mapper.add(reading)
+    mapper.finish()
+    times, poses = mapper.trajectory()
+    kept = MapGraph(mapper.keys, mapper.graph, np.c_[times, poses])
+    path = tmp_path / "m.graph"
+    path.write_bytes(kept.packed())
+    again = read_graph(path)
+    assert np.array_equal(again.keys.poses, mapper.keys.poses)
+    assert again.graph.links.keys() == mapper.graph.links.keys()
+    assert np.array_equal(again.trajectory, kept.trajectory)
+    assert again.packed() == path.read_bytes()
+    made, remade = (occupancy(each.points, each.poses) for each in (mapper.keys, again.keys))
+    assert (made.cells != remade.cells).mean() < 1e-3
+    assert OCCUPIED in made.cells
+    again.turned(0.5)
+    assert again.keys.poses[:, 2] == pytest.approx((mapper.keys.poses[:, 2] + 0.5 + np.pi) % (2 * np.pi) - np.pi)
+    for damaged in (b"", b"\x93\x01", path.read_bytes()[:-9], b"P5"):
+        path.write_bytes(damaged)
+        with pytest.raises(ConfigError, match=r"m\.graph: "):
+            read_graph(path)
+
+
+def test_a_map_of_nothing_is_refused() -> None:
+    with pytest.raises(ValueError, match="no scan has a point"):
+        occupancy([np.empty((0, 4))], np.zeros((1, 3)))
+    with pytest.raises(ValueError, match="choose larger"):
+        occupancy([np.array([[1e5, 1e5]])], np.zeros((1, 3)))

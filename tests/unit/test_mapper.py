@@ -1,0 +1,198 @@
+"""Whole maps of small worlds whose truth is known: accuracy, loops that close or stay open, the same map again."""
+
+from __future__ import annotations
+
+import gzip
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from laser_worlds import ANGLES, OFFICE, SETTINGS, box, driven, odometry, readings, scan, seen, walls
+
+from artemis.errors import ConfigError
+from artemis.mapping.carmen import read_carmen
+from artemis.mapping.laser import Mounting, Reading, points_of, surface_points
+from artemis.mapping.mapper import Mapper
+from artemis.mapping.se2 import Array, between, compose
+from artemis.scan import Scan
+
+ROUND = driven([(-2, -3), (0, -3), (0, 1), (-5, 1), (-5, -1), (-2, 1.0), (0, 1), (0, -3), (-2, -3)], step=0.25)
+
+
+def mapped(given: list[Reading]) -> Mapper:
+    mapper = Mapper(replace(SETTINGS, cells=1024))
+    for reading in given:
+        mapper.add(reading)
+    mapper.finish()
+    return mapper
+
+
+def errors(mapper: Mapper, true: Array) -> Array:
+    """Distances of all poses from the true ones [m], after the first is made equal."""
+    off = between(between(true[0], true), mapper.trajectory()[1])
+    return np.asarray(np.hypot(off[:, 0], off[:, 1]))
+
+
+@pytest.fixture(scope="module")
+def drifting() -> list[Reading]:
+    """Wheels that count 10 % too little and turn by 5 degrees per metre."""
+    return readings(OFFICE, ROUND, odometry(ROUND, [0.9] * (len(ROUND) - 1), np.radians(5)))
+
+
+@pytest.fixture(scope="module")
+def made(drifting: list[Reading]) -> Mapper:
+    return mapped(drifting)
+
+
+def test_a_map_is_right_to_centimetres_though_the_odometry_is_metres_off(made: Mapper, drifting: list[Reading]) -> None:
+    last = drifting[-1].odometry
+    assert last is not None
+    assert np.hypot(*between(between(ROUND[0], ROUND[-1]), last)[:2]) > 1.0
+    off = errors(made, ROUND)
+    assert off.mean() < 0.02
+    assert off.max() < 0.06
+    assert made.counts.unmatched == 0
+    assert len(made.graph.loops) > 3
+
+
+def test_the_same_readings_give_the_same_map(made: Mapper, drifting: list[Reading]) -> None:
+    again = mapped(drifting)
+    assert np.array_equal(again.keys.poses, made.keys.poses)
+    assert np.array_equal(again.trajectory()[1], made.trajectory()[1])
+
+
+def test_a_map_needs_no_odometry() -> None:
+    off = errors(mapped(readings(OFFICE, ROUND, None)), ROUND)
+    assert off.mean() < 0.02
+    assert off.max() < 0.08
+
+
+def test_readings_without_a_scan_get_poses_too(drifting: list[Reading]) -> None:
+    given = [reading if number % 3 == 0 else replace(reading, points=None) for number, reading in enumerate(drifting)]
+    mapper = mapped(given)
+    times, poses = mapper.trajectory()
+    assert times.tolist() == [reading.time for reading in given]
+    assert np.isfinite(poses).all()
+    assert errors(mapper, ROUND).mean() < 0.03
+    assert errors(mapper, ROUND).max() < 0.12
+
+
+def test_standing_still_costs_no_memory() -> None:
+    poses = np.repeat(ROUND[:1], 300, axis=0)
+    mapper = mapped(readings(OFFICE, poses, np.zeros((300, 3))))
+    assert len(mapper.keys) == 1
+    assert len(mapper._stations.points) == 1
+    assert len(mapper.trajectory()[0]) == 300
+
+
+def test_a_scan_that_sees_nothing_leaves_it_to_the_odometry(drifting: list[Reading]) -> None:
+    blind = [replace(r, points=np.empty((0, 4))) if 20 <= n < 24 else r for n, r in enumerate(drifting)]
+    mapper = mapped(blind)
+    assert mapper.counts.unmatched == 4
+    assert errors(mapper, ROUND).max() < 0.25
+
+
+def test_a_loop_that_is_undone_leaves_the_map_usable(drifting: list[Reading]) -> None:
+    mapper = mapped(drifting)
+    for number in list(mapper.graph.loops):
+        mapper.undo(number)
+    assert mapper.graph.loops == {}
+    assert errors(mapper, ROUND).max() < 0.3
+
+
+def ring(width: float, height: float, corridor: float, door: float) -> Array:
+    """A corridor around a block, with equal niches at equal distances: everything looks alike, but its corners."""
+    parts = [box(0, 0, width, height), box(corridor, corridor, width - 2 * corridor, height - 2 * corridor)]
+    for x in np.arange(4, width - 4, door):
+        parts.append(walls([(x, 0), (x, 0.35), (x + 0.9, 0.35), (x + 0.9, 0)]))
+        parts.append(walls([(x, height), (x, height - 0.35), (x + 0.9, height - 0.35), (x + 0.9, height)]))
+    return np.concatenate(parts)
+
+
+BEYOND = pytest.param(
+    0.75,
+    1.1,
+    marks=pytest.mark.xfail(reason="drift beyond every window: loops one niche off", raises=AssertionError),
+)
+"""Not solved: the true place lies outside of what is searched, and two equally wrong loops confirm each other."""
+
+
+@pytest.mark.parametrize(("first", "second"), [(0.95, 0.95), (0.85, 1.05), BEYOND])
+def test_a_loop_in_a_corridor_is_found_or_left_open_but_never_wrong(first: float, second: float) -> None:
+    true = driven([(1, 1), (39, 1), (39, 13), (1, 13), (1, 1), (20, 1)], step=0.3)
+    scales = np.where(np.arange(len(true) - 1) < 0.43 * len(true), first, second)
+    mapper = mapped(readings(ring(40, 14, 2, 4), true, odometry(true, scales)))
+    of = mapper.key_readings
+    for link in mapper.graph.loops.values():
+        off = between(between(true[of[link.first]], true[of[link.second]]), link.motion)
+        assert np.hypot(off[0], off[1]) < 0.3
+
+
+def test_a_scanner_may_be_mounted_anywhere() -> None:
+    mounting = Mounting(x=0.4, y=-0.1, heading=0.5)
+    robot = np.array([0.5, 0.3, 0.2])
+    ranges = seen(OFFICE, compose(robot, [0.4, -0.1, 0.5]))
+    level = surface_points(ranges, ANGLES, SETTINGS, mounting)
+    turned = surface_points(ranges[::-1], ANGLES, SETTINGS, replace(mounting, upside_down=True))
+    assert np.allclose(np.sort(level, axis=0), np.sort(turned, axis=0), atol=0.05)
+    world = compose(robot, np.c_[level[:, :2], np.zeros(len(level))])[:, :2]
+    assert np.abs(seen_from_walls(world)).max() < 1e-6
+
+
+def seen_from_walls(points: Array) -> Array:
+    """Distance of each point from the nearest wall of the office [m]."""
+    a, b = OFFICE[:, :2], OFFICE[:, 2:]
+    share = (((points[:, None] - a) * (b - a)).sum(2) / ((b - a) ** 2).sum(1)).clip(0, 1)
+    return np.asarray(np.linalg.norm(points[:, None] - (a + share[..., None] * (b - a)), axis=2).min(1))
+
+
+def test_a_scan_of_artemis_is_read() -> None:
+    millimetres = (1000 * seen(OFFICE, ROUND[0])).astype("<u2")
+    value = Scan(
+        source="front", time=0.0, start_angle=ANGLES[0], increment=ANGLES[1] - ANGLES[0], ranges=millimetres.tobytes()
+    )
+    assert points_of(value, SETTINGS)[:, :2] == pytest.approx(scan(OFFICE, ROUND[0])[:, :2], abs=0.002)
+
+
+LASER = "FLASER 4 1.0 2.0 81.83 2.5 9 9 9 0.5 0.25 0.1 12.5 host 0.5\n"
+
+
+def test_a_carmen_log_is_read(tmp_path: Path) -> None:
+    log = tmp_path / "log.clf.gz"
+    with gzip.open(log, "wt") as file:
+        file.write("# a comment\nPARAM x 1\nODOM 1 2 0.5 0 0 0 11.5 host 0.1\n" + LASER)
+    first, second = read_carmen(log, SETTINGS)
+    assert (first.time, first.points) == (11.5, None)
+    assert first.odometry == pytest.approx([1, 2, 0.5])
+    assert second.time == 12.5
+    assert second.odometry == pytest.approx([0.5, 0.25, 0.1])
+    assert second.points is not None
+    assert second.points[:, :2] == pytest.approx(np.array([[0, -1], [2**0.5, -(2**0.5)], [2.5 / 2**0.5, 2.5 / 2**0.5]]))
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("ODOM 1 2 x 0 0 0 11.5 host 0.1\n", "log.clf:1: ODOM: could not convert string to float"),
+        ("# fine\nODOM 1 2\n", "log.clf:2: ODOM: list index out of range"),
+        ("# fine\n" + LASER.replace("FLASER 4", "FLASER 5"), "log.clf:2: FLASER: 15 fields; 5 beams need 16"),
+        ("FLASER 1 1.0 0 0 0 0 0 0 1 h 0\n", "log.clf:1: FLASER: a scan of 1 beams; expected 2 at least"),
+        (LASER.replace("0.25", "nan"), "log.clf:1: FLASER: 0.5 nan 0.1 is no pose"),
+    ],
+)
+def test_a_damaged_carmen_log_is_refused_at_its_line(tmp_path: Path, text: str, problem: str) -> None:
+    log = tmp_path / "log.clf"
+    log.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        list(read_carmen(log, SETTINGS))
+    assert problem in str(caught.value)
+
+
+def test_a_log_that_is_no_log_is_refused(tmp_path: Path) -> None:
+    for name, content in (("a.clf.gz", b"no gzip"), ("b.clf", b"\xff\xfe\x00")):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(ConfigError, match=name):
+            list(read_carmen(tmp_path / name, SETTINGS))
+    with pytest.raises(ConfigError, match="No such file"):
+        list(read_carmen(tmp_path / "none.clf", SETTINGS))

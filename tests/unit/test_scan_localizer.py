@@ -1,0 +1,112 @@
+"""Localisation on the map of a small world: followed, found anywhere, found again, and doubted where nothing fits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from laser_worlds import OFFICE, SETTINGS, box, driven, odometry, scan
+
+from artemis.localisation.scan_localizer import LocalizerSettings, ScanLocalizer, ScanPose
+from artemis.localisation.scan_map import ScanMap, surface_of_cells
+from artemis.mapping.occupancy import OCCUPIED, OccupancyMap, occupancy
+from artemis.mapping.se2 import Array, between, compose
+
+TUNED = LocalizerSettings(matching=replace(SETTINGS, cells=1024, farthest=20.0))
+STANDS = driven([(-2, -3), (1, -3), (1, 1), (3.5, 1), (3.5, 0), (6, 0), (6, 1.2), (1, 1), (-5, 1), (-5, -3)], 0.5)
+WAY = driven([(-2.2, -3.1), (0.9, -3.0), (0.8, 1.2), (3.4, 0.9), (0.9, 1.1), (-5.1, 1.1), (-5.2, -2.9)], 0.2)
+SOLD = np.concatenate([OFFICE, box(0.0, 3.0, 0.8, 0.8), box(4.0, -3.0, 0.5, 0.5)])
+"""The office with two things more than on the map."""
+
+
+@pytest.fixture(scope="module")
+def known() -> ScanMap:
+    return ScanMap.of_scans([scan(OFFICE, pose) for pose in STANDS], STANDS, TUNED.matching)
+
+
+def followed(localizer: ScanLocalizer, world: Array, poses: Array, counted: Array | None) -> list[ScanPose]:
+    dice = np.random.default_rng(1)
+    return [
+        localizer.update(scan(world, pose, 0.01, dice), None if counted is None else counted[number])
+        for number, pose in enumerate(poses)
+    ]
+
+
+def errors(found: list[ScanPose], true: Array) -> Array:
+    off = between(true, np.array([each.pose for each in found]))
+    return np.asarray(np.hypot(off[:, 0], off[:, 1]))
+
+
+def test_a_robot_is_followed_past_things_that_are_not_on_the_map(known: ScanMap) -> None:
+    counted = odometry(WAY, [0.9] * (len(WAY) - 1), np.radians(5))
+    found = followed(ScanLocalizer(known, TUNED, WAY[0]), SOLD, WAY, counted)
+    off = errors(found, WAY)
+    assert off.mean() < 0.02
+    assert off.max() < 0.08
+    assert not any(each.lost for each in found)
+    assert all(0 < np.linalg.eigvalsh(each.covariance)[0] for each in found)
+    assert max(np.sqrt(each.covariance[0, 0]) for each in found[5:]) < 0.05
+
+
+def test_a_robot_is_followed_without_odometry(known: ScanMap) -> None:
+    assert errors(followed(ScanLocalizer(known, TUNED, WAY[0]), OFFICE, WAY, None), WAY).max() < 0.08
+
+
+@pytest.mark.parametrize("begin", [0, 30, 60])
+def test_a_robot_is_found_anywhere(known: ScanMap, begin: int) -> None:
+    way = WAY[begin:]
+    found = followed(ScanLocalizer(known, TUNED), OFFICE, way, odometry(way, [1.0] * (len(way) - 1)))
+    first = next(number for number, each in enumerate(found) if not each.lost)
+    assert first < 25
+    assert found[0].lost
+    assert errors(found, way)[first:].max() < 0.08
+
+
+def test_a_kidnapped_robot_says_so_and_is_found_again(known: ScanMap) -> None:
+    way = np.concatenate([WAY[:15], WAY[55:90]])
+    counted = odometry(WAY, [1.0] * (len(WAY) - 1))
+    wheels = np.concatenate([counted[:15], compose(counted[14], between(counted[55], counted[55:90]))])
+    found = followed(ScanLocalizer(known, TUNED, way[0]), OFFICE, way, wheels)
+    assert not any(each.lost for each in found[:15])
+    lost = [number for number, each in enumerate(found) if each.lost]
+    assert lost
+    assert 15 <= lost[0] < 25
+    assert not found[-1].lost
+    assert errors(found, way)[-1] < 0.08
+
+
+def test_another_building_is_not_taken_for_the_map(known: ScanMap) -> None:
+    hall = np.concatenate([box(-9, -7, 17, 13), box(-6, -4, 3, 1), box(1, 2, 2, 2)])
+    way = driven([(-7, -6), (6, -6), (6, 4)], 0.4)
+    found = followed(ScanLocalizer(known, TUNED), hall, way, odometry(way, [1.0] * (len(way) - 1)))
+    assert all(each.lost for each in found)
+    assert {each.doubt for each in found} == {1.0}
+
+
+def test_a_robot_that_sees_nothing_grows_doubtful(known: ScanMap) -> None:
+    localizer = ScanLocalizer(known, TUNED, WAY[0])
+    followed(localizer, OFFICE, WAY[:5], None)
+    nothing = np.empty((0, 4))
+    doubts = [localizer.update(nothing, None).doubt for _ in range(6)]
+    assert doubts == sorted(doubts)
+    assert doubts[0] < 1 <= doubts[-1]
+
+
+def test_cells_of_an_image_are_lines_again() -> None:
+    grid = occupancy([scan(OFFICE, pose) for pose in STANDS], STANDS, 0.05)
+    surface = surface_of_cells(grid)
+    normals = surface[(surface[:, 2:] != 0).any(1)]
+    assert len(normals) > 0.6 * len(surface)
+    assert (np.abs(normals[:, 2:]).max(1) > 0.98).mean() > 0.8, "all walls are along x or y"
+    localizer = ScanLocalizer(ScanMap.of_cells(grid, TUNED.matching), TUNED, WAY[0])
+    assert errors(followed(localizer, OFFICE, WAY[:40], odometry(WAY[:40], [1.0] * 39)), WAY[:40]).max() < 0.1
+
+
+def test_an_empty_map_is_refused() -> None:
+    with pytest.raises(ValueError, match="nothing is occupied"):
+        ScanMap(np.empty((0, 4)), TUNED.matching)
+    cells = np.full((5, 5), -1, np.int8)
+    cells[2, 2] = OCCUPIED
+    lonely = OccupancyMap(cells=cells, resolution=0.05, origin=(0.0, 0.0, 0.0))
+    assert surface_of_cells(lonely)[0] == pytest.approx([0.125, 0.125, 0, 0])
