@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import stdtrit  # scipy has no types
 
 from artemis.calibration import increments
-from artemis.calibration.fitted_run import BLUR, SHARP, STEP, FittedRun, Run, case_of
+from artemis.calibration.fitted_run import STEP, FittedRun, Run, case_of
 from artemis.calibration.increments import Indices, motions
 from artemis.calibration.kinematics import Kinematics, Parameter, altered, dead_reckoned
 from artemis.calibration.knowledge import QUANTILE, Estimates, Mask, condition_of, covariance_of, estimates_of, hold
@@ -30,8 +30,8 @@ CHANCE = {2: 9.2, 3: 11.3}
 """may be on the axle with a squared distance below this (chi square with so many degrees of freedom, 99 %) is there,"""
 ON_THE_AXLE = 1e-5
 """to this [m, rad]."""
-ROUNDS = (SHARP, BLUR)
-"""Of fitting the parameters and then the noise: before the noise is known, a filter would explain all of it."""
+ROUNDS = 2
+"""Of fitting the parameters and then the noise."""
 STEPS = 8
 """Of the least squares, at most."""
 PIECE = 12
@@ -40,9 +40,9 @@ ROBUST = 10.0
 """Whitened differences beyond count less (soft L1),"""
 OUTLIER = 30.0
 """and beyond this not at all."""
-FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.005, 0.005, 0.002, 0.003, 1.5)
-"""As `increments.NOISES` and `increments.SLIPS`, how far slip is correlated [m],"""
-NOISE_BOUNDS = (*[(1e-5, 1.0)] * 5, *[(1e-5, 0.02)] * 3, increments.REACHES)
+FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.005, 0.01, 0.002, 0.002, 0.005)
+"""As `increments.NOISES` and `increments.SLOW`,"""
+NOISE_BOUNDS = (1e-5, 1.0)
 """each."""
 
 
@@ -89,9 +89,7 @@ def fit(runs: Sequence[Run], base: Kinematics, parameters: Sequence[Parameter], 
     sensor = slice(len(parameters), len(bands))
     free[-1] = any(run.truth.knows_heading for run in runs)
     x, noise = np.zeros(len(bands)), np.array(FIRST_NOISE)
-    for band in ROUNDS:
-        for case in problem.cases:
-            case.blur = band
+    for _ in range(ROUNDS):
         problem.weigh(x, noise)
         x = problem.solved(x, free)
         problem.leave_out(x)
@@ -135,7 +133,7 @@ class Problem:
     """Differences of all runs as a function of what is unknown.
 
     Common to all runs are the machine's parameters and the sensor's place (`x`). Each run's own unknowns, its clock and
-    its truth's filter (`FittedRun.own`), are eliminated from the normal equations run by run.
+    its slow errors (`FittedRun.own`), are eliminated from the normal equations run by run.
     """
 
     def __init__(self, cases: list[FittedRun], base: Kinematics, names: Sequence[Parameter]) -> None:
@@ -178,20 +176,9 @@ class Problem:
     def weigh(self, x: Array, noise: Array) -> None:
         """Make each run's weights of the noise."""
         for case in self.cases:
-            sensor = self.sensor(x)
-            means = case.averaged(self._reckoned(case, x), sensor)
-            case.true = motions(case.moments.beside(means))
-            case.weigh(self._wheels(case, x, motions(means)), sensor)
-            case.root, case.prior = increments.factor(case.covariance(noise)), case.precision()
-
-    def _wheels(self, case: FittedRun, x: Array, here: Array) -> list[Array]:
-        """Derivatives of a run's motions by the share that each wheel rolls more."""
-        machine, slopes = altered(self.base, self.values(x)), []
-        for side in ("distance_left", "distance_right"):
-            more = replace(machine, **{side: getattr(machine, side) * (1.0 + STEP)})
-            means = case.averaged(dead_reckoned(case.run.log, more), self.sensor(x))
-            slopes.append((motions(means) - here) / STEP)
-        return slopes
+            case.true = motions(case.moments.beside(case.averaged(self._reckoned(case, x), self.sensor(x))))
+            case.parts = increments.covariances(case.true, case.rolled(), self.sensor(x)[:2])
+            case.root, case.prior = increments.factor(case.covariance(noise)), case.precision(noise)
 
     def leave_out(self, x: Array) -> None:
         """Find the motions that fit nothing."""
@@ -253,10 +240,10 @@ class Problem:
         return total
 
     def excess(self, x: Array, bands: Array, free: Mask) -> Array:
-        """Factors of the standard deviations by which pieces of the runs scatter more than the noise explains, or 1.
+        """Factors of the standard deviations: pieces of the runs may scatter more than the noise explains.
 
         The cluster-robust covariance of Liang and Zeger (1986, Biometrika 73:13) of pieces that are longer than noise
-        is correlated, with Student's quantile for as few.
+        is correlated, where it is the larger one; and Student's quantile for as few pieces.
         """
         normal, scores = np.diag(bands[free] ** -2.0), []
         for case in self.cases:
@@ -267,9 +254,21 @@ class Problem:
             scores.append(np.add.reduceat(rest * white[:, :1], np.arange(0, len(white), 3 * PIECE)))
         pieces, inverse = np.concatenate(scores), np.linalg.inv(normal)
         freedom = max(len(pieces) - len(inverse), 1.0)
-        small = len(pieces) / freedom * (stdtrit(freedom, 0.975) / QUANTILE) ** 2
-        scatter = small * inverse @ pieces.T @ pieces @ inverse
-        return np.asarray(np.sqrt(np.maximum(1.0, np.diag(scatter) / np.diag(inverse))))
+        scatter = len(pieces) / freedom * inverse @ pieces.T @ pieces @ inverse
+        larger = np.sqrt(np.maximum(1.0, np.diag(scatter) / np.diag(inverse)))
+        return np.asarray(larger * stdtrit(freedom, 0.975) / QUANTILE)
+
+    def blurred(self, x: Array, bands: Array, free: Mask) -> Array:
+        """What is fitted errs where truths were filtered, which nobody says: its covariance, shape (free, free)."""
+        inner = np.linalg.inv(self.information(x)[np.ix_(free, free)] + np.diag(bands[free] ** -2.0))
+        total = np.zeros_like(inner)
+        for filtered in self.cases:
+            columns = [self.columns(case, x) for case in self.cases]
+            for case, each in zip(self.cases, columns, strict=True):
+                each[:, 0] = case.filtered(self._reckoned(case, x), self.sensor(x)) if case is filtered else 0.0
+            shift = inner @ self._gram(columns)[1:, 0][free]
+            total += np.outer(shift, shift)
+        return total
 
     def noise_of(self, x: Array, first: Array) -> Array:
         """The noise by restricted maximum likelihood of the differences, linear at `x` (Harville 1977)."""
@@ -281,17 +280,18 @@ class Problem:
         def unlikeliness(logs: Array) -> float:
             noise, total, normal = np.exp(logs), 0.0, np.zeros((count, count))
             for case, each in zip(self.cases, columns, strict=True):
-                root = increments.factor(case.covariance(noise))
+                root, precision = increments.factor(case.covariance(noise)), case.precision(noise)
                 white = increments.whitened(root, each)
-                part, _, log_own = eliminated(white[:, :count], white[:, count:], case.prior)
+                part, _, log_own = eliminated(white[:, :count], white[:, count:], precision)
                 normal += part
-                total += float(np.sum(np.log(root[0]))) + log_own / 2.0
+                total += float(np.sum(np.log(root[0]))) + (log_own - np.linalg.slogdet(precision)[1]) / 2.0
             inner = normal[1:, 1:] + prior
             fitted = normal[0, 1:] @ np.linalg.solve(inner, normal[1:, 0])
             return float(total + (np.linalg.slogdet(inner)[1] + normal[0, 0] - fitted) / 2.0)
 
-        options = {"maxiter": 20, "ftol": 1e-6}
-        found = minimize(unlikeliness, np.log(first), method="L-BFGS-B", bounds=np.log(NOISE_BOUNDS), options=options)
+        options = {"maxiter": 25, "ftol": 1e-7}
+        bounds = [np.log(NOISE_BOUNDS)] * len(first)
+        found = minimize(unlikeliness, np.log(first), method="L-BFGS-B", bounds=bounds, options=options)
         return np.asarray(np.exp(found.x))
 
 
@@ -318,7 +318,7 @@ def _result(problem: Problem, x: Array, bands: Array, free: Mask, reasons: Seque
     information = problem.information(x)
     covariance = covariance_of(information, bands, free)
     covariance[np.ix_(free, free)] *= np.multiply.outer(*[problem.excess(x, bands, free)] * 2)
-    covariance[np.ix_(free, free)] += problem.bends(x, bands, free)
+    covariance[np.ix_(free, free)] += problem.bends(x, bands, free) + problem.blurred(x, bands, free)
     mounted = "" if free[len(reasons)] else "the truth is of the rear axle's centre"
     said = [*reasons, mounted, mounted, "" if free[len(reasons) + 2] else mounted or "needs a truth with headings"]
     return Fit(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import block_diag  # scipy has no types
 
 from artemis.calibration import increments
-from artemis.calibration.increments import Moments, Slips, motions
+from artemis.calibration.increments import Knots, Moments, motions
 from artemis.calibration.kinematics import Kinematics, dead_reckoned
 from artemis.calibration.knowledge import Mask
 from artemis.calibration.wheel_log import WheelLog
@@ -20,17 +20,15 @@ from artemis.motion.trajectory import Trajectory
 CLOCK, ONE_CLOCK = (0.5, 1e-4), (0.02, 1e-6)
 """Bands of offset [s] and drift [s/s] of the truth's clock in each run, beyond the first estimate; and where both were
 written with one clock: the time that values take to the tick."""
-BLUR, SHARP = 0.05, 1e-4
-"""Band of the variance of the time over which the truth is filtered [s²], and of one that is not."""
+FILTERED = 0.04
+"""Standard deviation of what nobody says of a truth: the variance of the time over which it was filtered [s²]."""
 LEAST_MOMENTS = 10
 LOST = 1.0
 """Variance of a motion that says nothing [m², rad²]."""
 UNKNOWN = 0.3
 """So far off are headings that the truth does not know, at each moment alone [rad]: much farther than they may be."""
 STEP = 1e-3
-"""Of a parameter's band, and of a second, for derivatives;"""
-TINY = 1e-6
-"""and of what changes poses."""
+"""Of a parameter's band, for derivatives."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -50,18 +48,17 @@ class FittedRun:
     run: Run
     first_clock: Clock
     moments: Moments
-    blur: float = BLUR
-    """Band of the last of `own`."""
     own: Array = field(init=False)
-    """Unknowns of this run: offset [s] and drift of the clock beyond the first estimate, variance of the time over
-    which the truth is filtered [s²]."""
+    """Unknowns of this run: offset [s] and drift of the clock beyond the first estimate, then the slow errors at their
+    knots: of the clock, along, across, in turn."""
     true: Array = field(init=False)
     """Motions between the moments, shape (n, 3)."""
     parts: Array = field(init=False)
-    slips: Slips = field(init=False)
     root: Array = field(init=False)
     prior: Array = field(init=False)
     lost: Mask = field(init=False)
+    times: Knots = field(init=False)
+    distances: Knots = field(init=False)
     driven: Array = field(init=False)
     """Distance rolled until each row of the log [m]."""
 
@@ -69,69 +66,78 @@ class FittedRun:
         log = self.run.log
         steps = np.abs(np.diff(log.distance_left)) + np.abs(np.diff(log.distance_right))
         self.driven = np.append(0.0, np.cumsum(steps)) / 2.0
-        self.own = np.zeros(3)
+        self.times = Knots.over(float(log.time[-1] - log.time[0]), increments.LENGTHS[0])
+        self.distances = Knots.over(float(self.driven[-1]), increments.LENGTHS[1])
+        self.own = np.zeros(2 + len(self.times.places) + 3 * len(self.distances.places))
         self.lost = np.zeros(len(self.moments.poses) - 1, dtype=bool)
 
     @property
     def clock(self) -> Clock:
-        """Of the truth."""
+        """Of the truth, without its slow error."""
         first = self.first_clock
         return Clock(offset=first.offset + self.own[0], drift=first.drift + self.own[1], middle=first.middle)
 
     def _time(self) -> Array:
         """Of each row of the log, by the truth's clock [s]."""
-        return self.clock.shown(self.run.log.time)
+        log, count = self.run.log, len(self.times.places)
+        late = np.interp(log.time - log.time[0], self.times.places, self.own[2 : 2 + count])
+        return np.asarray(self.clock.shown(log.time) + late)
 
     def averaged(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
         """Mean poses of the sensor by the odometry, shape (n, 3)."""
-        poses, time = at_sensor(reckoned, sensor), self._time()
-        return np.asarray(self.moments.averaged(time, poses) + self.own[2] * self.moments.bent(time, poses))
+        return self.moments.averaged(self._time(), at_sensor(reckoned, sensor))
 
     def _distance(self) -> Array:
         return self.moments.averaged(self._time(), self.driven[:, np.newaxis])[:, 0]
 
-    def weigh(self, wheels: Sequence[Array], sensor: tuple[float, float, float]) -> None:
-        """Make the parts of the covariance.
+    def rolled(self) -> Array:
+        """By the driven wheels between the moments [m], shape (n,)."""
+        return np.abs(np.diff(self._distance()))
 
-        Args:
-            wheels: derivatives of the odometry's motions by the share that each wheel rolls more, shape (n, 3) each.
-            sensor: of the truth.
-        """
-        distance, time = self._distance(), self.moments.time[self.moments.starts]
-        rolled = np.diff(distance)[:, np.newaxis]
-        _, across, turn = increments.levers(sensor[:2])
-        self.parts = increments.covariances(self.true, np.abs(rolled[:, 0]), sensor[:2])
-        levers = (wheels, (rolled * across,), (rolled * turn,))
-        self.slips = Slips.of(levers, (distance[1:] + distance[:-1]) / 2.0, time[1:])
+    def _slips(self, sensor: tuple[float, float, float]) -> Array:
+        """Derivatives of the differences by the slips at the knots, shape (3 n, 3 knots)."""
+        distance = self._distance()
+        weights = self.distances.weights((distance[1:] + distance[:-1]) / 2.0) * np.diff(distance)[:, np.newaxis]
+        parts = [np.multiply.outer(weights, lever).swapaxes(1, 2) for lever in increments.levers(sensor[:2])]
+        return -np.concatenate(parts, axis=2).reshape(3 * len(weights), -1)
 
     def differences(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
         """Of the motions by truth and odometry, shape (n, 3)."""
-        return self.true - motions(self.averaged(reckoned, sensor))
+        slips = self._slips(sensor) @ self.own[2 + len(self.times.places) :]
+        return self.true - motions(self.averaged(reckoned, sensor)) + slips.reshape(-1, 3)
 
     def own_slopes(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
         """Derivatives of the differences by this run's unknowns, shape (3 n, unknowns)."""
-        poses, time, moments = at_sensor(reckoned, sensor), self._time(), self.moments
-        later, sooner = (moments.averaged(time + step, poses) for step in (STEP, -STEP))
-        change, means = (later - sooner) / (2.0 * STEP), self.averaged(reckoned, sensor)
-        since = moments.time[moments.starts] - self.clock.offset - self.clock.middle
-        changes = (change, change * since[:, np.newaxis], moments.bent(time, poses))
-        here = motions(means)
-        return np.column_stack([(here - motions(means + TINY * each)).ravel() / TINY for each in changes])
+        here, columns, slips = motions(self.averaged(reckoned, sensor)), [], self._slips(sensor)
+        for place in range(2 + len(self.times.places)):
+            step = STEP * (1e-3 if place == 1 else 1.0)
+            self.own[place] += step
+            columns.append((here - motions(self.averaged(reckoned, sensor))).ravel() / step)
+            self.own[place] -= step
+        return np.column_stack([*columns, slips])
+
+    def filtered(self, reckoned: Array, sensor: tuple[float, float, float]) -> Array:
+        """By how much the motions change where the truth is filtered over a usual time, shape (3 n,)."""
+        poses, time = at_sensor(reckoned, sensor), self._time()
+        means = self.moments.averaged(time, poses)
+        return (motions(means + FILTERED * self.moments.bent(time, poses)) - motions(means)).ravel()
 
     def covariance(self, noise: Array) -> Array:
-        """Of the differences, lower banded."""
+        """Of the differences by fast noise, lower banded."""
         variances = noise[: len(increments.NOISES)] ** 2
         if not self.run.truth.knows_heading:
             variances[1] = UNKNOWN**2
         total = np.tensordot(variances, self.parts, axes=1)
         total[0] += LOST * np.repeat(self.lost, 3)
-        slow = self.slips.covariance(noise[len(increments.NOISES) : -1] ** 2, noise[-1])
-        slow[: len(total)] += total
-        return slow
+        return np.asarray(total)
 
-    def precision(self) -> Array:
+    def precision(self, noise: Array) -> Array:
         """Inverse of the prior covariance of `own`."""
-        return np.diag(np.array([*(ONE_CLOCK if self.run.one_clock else CLOCK), self.blur]) ** -2.0)
+        clock, *slips = noise[len(increments.NOISES) :] ** 2
+        bands = ONE_CLOCK if self.run.one_clock else CLOCK
+        parts = [np.diag(np.square(bands)), self.times.covariance(clock)]
+        parts += [self.distances.covariance(slip) for slip in slips]
+        return np.asarray(block_diag(*(np.linalg.inv(part) for part in parts)))
 
 
 def case_of(run: Run, base: Kinematics, clock: Clock | None = None) -> FittedRun:

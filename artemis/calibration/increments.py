@@ -5,21 +5,19 @@ So what the two say of the motion between neighbouring moments differs by noise 
 linear in five variances. Multiplied by the inverse of its Cholesky factor the differences are independent, and least
 squares on them is the generalised least squares of whole trajectories with unknown start poses.
 
-What is correlated for longer is slip: a share of what each wheel rolls, and of the distance across and in turn. Its
-covariance decays linearly with the distance driven and with time, and ends, so that that of the motions stays banded.
-How large and how long it is, the runs say (restricted maximum likelihood: Harville 1977, J. Am. Stat. Assoc. 72:320).
+What is correlated for longer (slip, floors, the truth's filter, clocks that are read late) is modelled by slow errors:
+processes of Ornstein and Uhlenbeck, interpolated between knots, whose values are unknowns of each run with a normal
+prior: random effects of a mixed linear model (Harville 1977, J. Am. Stat. Assoc. 72:320).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky_banded  # scipy has no types
-from scipy.linalg.lapack import dtbtrs
+from scipy.linalg import cholesky_banded, solve_banded  # scipy has no types
 
 from artemis.motion.spline import Array
 from artemis.motion.trajectory import Trajectory
@@ -36,12 +34,13 @@ NEAR = 0.5
 """Where the truth has no headings, the odometry is laid on its places this far around each [m]."""
 NOISES = ("position", "heading", "along", "across", "turn")
 """Of the truth [m, rad]; of the odometry [m/sqrt(m), m/sqrt(m), rad/sqrt(m)]."""
-SLIPS = ("slip of each wheel", "slip across", "slip turn")
-"""Of the odometry, correlated [m/m, m/m, rad/m]."""
-REACHES = (0.3, 3.0)
-"""Slip is not correlated beyond this distance [m], which is fitted between these two: less is as fast as noise,"""
-REACH = 30.0
-"""nor beyond this time [s]."""
+SLOW = ("clock", "slip along", "slip across", "slip turn")
+"""Slow errors: of the truth's clock [s]; of the odometry [m/m, m/m, rad/m]."""
+LENGTHS = (30.0, 0.3)
+"""Over which the slow errors of the clock [s] and of the odometry [m] are correlated: much longer than a bin, much
+shorter than a run."""
+KNOTS = 24
+"""Of each slow error in a run, at most; two in each length are enough."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -80,14 +79,14 @@ class Moments:
         turn = np.unwrap(np.angle(of_both - of_own.conj() * of_true / (last - first)))
         return np.column_stack([self.poses[:, :2], reckoned[:, 2] + turn])
 
-    def averaged(self, time: Array, poses: Array) -> Array:
-        """Means in the bins of other poses of the sensor, known at `time` [s by the truth's clock]; shape (n, 3)."""
-        return _means(np.column_stack([np.interp(self.time, time, column) for column in poses.T]), self.starts)
-
     def bent(self, time: Array, poses: Array) -> Array:
         """Half the second derivative of such means by time [1/s²]: what a filter changes; shape (n, 3)."""
         sooner, here, later = (self.averaged(time + step, poses) for step in (-BEND, 0.0, BEND))
         return (sooner - 2.0 * here + later) / (2.0 * BEND**2)
+
+    def averaged(self, time: Array, poses: Array) -> Array:
+        """Means in the bins of other poses of the sensor, known at `time` [s by the truth's clock]; shape (n, 3)."""
+        return _means(np.column_stack([np.interp(self.time, time, column) for column in poses.T]), self.starts)
 
 
 def _means(poses: Array, starts: Indices) -> Array:
@@ -108,6 +107,30 @@ def levers(arm: tuple[float, float]) -> Array:
     return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-left, ahead, 1.0]])
 
 
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Knots:
+    """Evenly spaced points between which a slow error is interpolated."""
+
+    places: Array
+    """Times [s] or distances [m]."""
+    length: float
+    """Over which the error is correlated, by a factor of e."""
+
+    @classmethod
+    def over(cls, end: float, length: float) -> Knots:
+        """From 0 to `end`."""
+        end = max(end, length)
+        return cls(places=np.linspace(0.0, end, int(min(2.0 * end / length, KNOTS - 1)) + 1), length=length)
+
+    def weights(self, at: Array) -> Array:
+        """Of each knot at some places, shape (n, knots)."""
+        return np.column_stack([np.interp(at, self.places, row) for row in np.eye(len(self.places))])
+
+    def covariance(self, variance: float) -> Array:
+        """Of the values at the knots of a process of Ornstein and Uhlenbeck."""
+        return np.asarray(variance * np.exp(-np.abs(np.subtract.outer(self.places, self.places)) / self.length))
+
+
 def covariances(motion: Array, rolled: Array, arm: tuple[float, float]) -> Array:
     """Covariance of `motions` for each of `NOISES` at unit variance, lower banded; shape (5, BAND, 3 n).
 
@@ -117,8 +140,8 @@ def covariances(motion: Array, rolled: Array, arm: tuple[float, float]) -> Array
         arm: where the sensor is, seen from the centre of the rear axle: ahead, left [m].
     """
     count = len(motion)
-    both = np.zeros((5, 2, count, 3, 3))
-    blocks, beside = both[:, 0], both[:, 1, : max(count - 1, 0)]  # of a motion with itself and with the next
+    blocks = np.zeros((5, count, 3, 3))
+    beside = np.zeros((5, max(count - 1, 0), 3, 3))  # rows of a motion, columns of the one before
     swing = np.column_stack([motion[:, 1], -motion[:, 0], -np.ones(count)])  # by an error of the heading at its begin
     blocks[0, :, 0, 0] = blocks[0, :, 1, 1] = 2.0
     c, s = np.cos(motion[:-1, 2]), np.sin(motion[:-1, 2])
@@ -129,49 +152,18 @@ def covariances(motion: Array, rolled: Array, arm: tuple[float, float]) -> Array
     beside[1, :, :, 2] = swing[1:]
     for place, lever in enumerate(levers(arm), 2):
         blocks[place] = rolled[:, np.newaxis, np.newaxis] * np.outer(lever, lever)
-    return np.array([_banded(each) for each in both])
+    return np.array([_banded(block, other) for block, other in zip(blocks, beside, strict=True)])
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Slips:
-    """What is needed for the covariance of correlated slip; each lower banded, shape (band, 3 n)."""
-
-    parts: Array
-    """For each of `SLIPS`, at unit variance, if all slip in the run were one; shape (3, band, 3 n)."""
-    apart: Array
-    """Distance driven between two motions [m]."""
-
-    @classmethod
-    def of(cls, levers: Sequence[Sequence[Array]], distance: Array, time: Array) -> Slips:
-        """From what each slip of 1 does to each motion, shape (n, 3), of those that have one variance together."""
-        count, far = len(time), (distance + REACHES[1], time + REACH)
-        ends = np.minimum(np.searchsorted(distance, far[0]), np.searchsorted(time, far[1]))
-        lags = max(2, int((ends - np.arange(count)).max()))
-        blocks, apart = np.zeros((len(levers), lags, count, 3, 3)), np.zeros((lags, count, 3, 3))
-        for lag in range(min(lags, count)):
-            here, there = slice(count - lag), slice(lag, count)
-            apart[lag, here] = (distance[there] - distance[here])[:, np.newaxis, np.newaxis]
-            share = np.maximum(0.0, 1.0 - (time[there] - time[here]) / REACH)
-            for place, group in enumerate(levers):
-                for lever in group:
-                    blocks[place, lag, here] += np.einsum("i,ij,ik->ijk", share, lever[there], lever[here])
-        return cls(parts=np.array([_banded(each) for each in blocks]), apart=_banded(apart))
-
-    def covariance(self, variances: Array, reach: float) -> Array:
-        """Of the motions."""
-        return np.asarray(np.tensordot(variances, self.parts, axes=1) * np.maximum(0.0, 1.0 - self.apart / reach))
-
-
-def _banded(blocks: Array) -> Array:
-    """From blocks of rows of each motion and columns of the one so many before, shape (lags, n, 3, 3)."""
-    lags, count = blocks.shape[:2]
-    band = np.zeros((3 * lags, 3 * count))
-    for lag in range(min(lags, count)):
-        for row in range(3):
-            for column in range(3):
-                if 3 * lag + row >= column:
-                    entries = blocks[lag, : count - lag, row, column]
-                    band[3 * lag + row - column, column : 3 * (count - lag) : 3] = entries
+def _banded(blocks: Array, beside: Array) -> Array:
+    count = len(blocks)
+    band = np.zeros((BAND, 3 * count))
+    for row in range(3):
+        for column in range(3):
+            if row >= column:
+                band[row - column, column::3] = blocks[:, row, column]
+            if count > 1:
+                band[3 + row - column, column : 3 * (count - 1) : 3] = beside[:, row, column]
     return band
 
 
@@ -182,4 +174,4 @@ def factor(covariance: Array) -> Array:
 
 def whitened(root: Array, columns: Array) -> Array:
     """`columns` (3 n, k) times the inverse of the factor `root`."""
-    return np.asarray(dtbtrs(root, columns, uplo="L")[0])
+    return np.asarray(solve_banded((BAND - 1, 0), root, columns))

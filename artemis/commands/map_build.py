@@ -17,7 +17,7 @@ from artemis.errors import ConfigError
 from artemis.mapping.carmen import read_carmen
 from artemis.mapping.graph_file import MapGraph
 from artemis.mapping.kernels import COMPILED, NOTICE
-from artemis.mapping.laser import Mounting, Reading
+from artemis.mapping.laser import Reading, ScannerPlace
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import occupancy
 
@@ -51,7 +51,7 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
     if not 0.005 <= resolution <= 1:
         raise ConfigError(f"--resolution {resolution:g}: expected 0.005 to 1 m")
     x, y, degrees = numbers(sources.mounting, "--mounting", 3, 3)[:3]
-    mounting = Mounting(x=x, y=y, heading=math.radians(degrees), upside_down=sources.upside_down)
+    mounting = ScannerPlace(x=x, y=y, heading=math.radians(degrees), upside_down=sources.upside_down)
     if not COMPILED:
         sys.stderr.write(f"{NOTICE}\n")
     mapper = Mapper()
@@ -79,7 +79,7 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
     write_map(output, content, MapGraph(mapper.keys, mapper.graph, np.c_[times, poses]))
 
 
-def _readings(run: Path, mapper: Mapper, sources: Sources, mounting: Mounting) -> Iterator[Reading]:
+def _readings(run: Path, mapper: Mapper, sources: Sources, mounting: ScannerPlace) -> Iterator[Reading]:
     is_log = run.with_suffix("").suffix in LOGS if run.suffix == ".gz" else run.suffix in LOGS
     if is_log:
         given = read_carmen(run, mapper.settings)

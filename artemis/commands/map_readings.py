@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from artemis.errors import ConfigError
-from artemis.mapping.laser import Mounting, Reading, surface_points
+from artemis.mapping.laser import Reading, ScannerPlace, surface_points
 from artemis.mapping.se2 import Array, between, compose
 from artemis.mapping.settings import MapSettings
 from artemis.recording.mcap_reader import Recording
@@ -19,7 +19,7 @@ _KEPT = 150
 """Ticks whose odometry is kept: a scan comes later than it was measured, by less."""
 
 
-def readings_of(run: Path, settings: MapSettings, scanner: str | None, mounting: Mounting) -> Iterator[Reading]:
+def readings_of(run: Path, settings: MapSettings, scanner: str | None, mounting: ScannerPlace) -> Iterator[Reading]:
     """Scans of one scanner, each with the odometry at its middle, in the order in which they came.
 
     The bearings of a scan are corrected for the turn of the robot while it was measured.
@@ -52,7 +52,7 @@ def readings_of(run: Path, settings: MapSettings, scanner: str | None, mounting:
         raise ConfigError(f"{run}: no scans{f' of {scanner!r}' if scanner else ''} were recorded{there}")
 
 
-def _reading(scan: Scan, way: deque[tuple[float, Array]], settings: MapSettings, mounting: Mounting) -> Reading:
+def _reading(scan: Scan, way: deque[tuple[float, Array]], settings: MapSettings, mounting: ScannerPlace) -> Reading:
     ranges = scan.millimetres * 1e-3
     lasting = scan.beam_time * max(0, len(ranges) - 1)
     begin, middle, end = (_at(way, scan.time + share * lasting) for share in (0.0, 0.5, 1.0))

@@ -181,7 +181,7 @@ class SdoClient:
         try:
             await self._begin(Upload(index=_FENCE_INDEX, subindex=self._fence), _UPLOADED)
         except SdoAbort:
-            pass  # as good an answer as any
+            self._in_step = False  # as good an answer as any; cancelled in the quiet time, it would be forgotten else
         except TimeoutError:
             return False
         await until(self._quiet_until)

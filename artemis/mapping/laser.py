@@ -26,7 +26,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mounting:
+class ScannerPlace:
     """Where a scanner is on its robot: seen from the robot's reference point, x ahead, y left."""
 
     x: float = 0.0
@@ -37,11 +37,11 @@ class Mounting:
     """The scanner's angles then count clockwise, seen from above."""
 
 
-AT_CENTRE = Mounting()
+AT_CENTRE = ScannerPlace()
 
 
 def surface_points(
-    ranges: ArrayLike, angles: ArrayLike, settings: MapSettings, mounting: Mounting = AT_CENTRE
+    ranges: ArrayLike, angles: ArrayLike, settings: MapSettings, mounting: ScannerPlace = AT_CENTRE
 ) -> Array:
     """The points of one scan, seen from the robot.
 
@@ -63,7 +63,7 @@ def surface_points(
     return np.asarray(seen)
 
 
-def points_of(scan: Scan, settings: MapSettings, mounting: Mounting = AT_CENTRE) -> Array:
+def points_of(scan: Scan, settings: MapSettings, mounting: ScannerPlace = AT_CENTRE) -> Array:
     """The points of a scan of artemis, seen from the robot, shape (m, 4)."""
     ranges = scan.millimetres * 1e-3
     return surface_points(ranges, scan.start_angle + scan.increment * np.arange(len(ranges)), settings, mounting)

@@ -198,6 +198,10 @@ def test_no_transfer_takes_an_answer_that_is_not_its_own(
     [Fate(delay=0.0625), Fate(), Fate(), Fate(delay=0.0625)],
     [("read", EXPEDITED, 0.0), ("read", EXPEDITED, None)],
 )
+@example(  # cancelled while it waits for the end of the quiet time, after a fence that was refused
+    [Fate(delay=0.0625), Fate(), Fate(), Fate(answer_lost=True)],
+    [("read", REFUSED, 0.06), ("read", REFUSED, None)],
+)
 def test_nor_when_answers_overtake_each_other_within_two_timeouts(
     line_fates: list[Fate], plan: list[tuple[str, int, float | None]]
 ) -> None:

@@ -79,7 +79,13 @@ ELSEWHERE = (
 test_calibration_missions.py and test_thesis_missions.py run them, or say of which other they are twins."""
 TWIN, OTHER_TWIN = "figure_eight_socketcan.yaml", "figure_eight_udp.yaml"
 """The bus is all in which they differ, and in simulation neither has it: one of them is run."""
-FAULTS = {"fault_recovery.yaml": ["DRV-25"], "retry_after_fault.yaml": ["DRV-25"], "can_overrun.yaml": ["DRV-18"]}
+FAULTS = {
+    "fault_recovery.yaml": ["DRV-25"],
+    "retry_after_fault.yaml": ["DRV-25"],
+    "can_overrun.yaml": ["DRV-18"],
+    "person_crosses.yaml": ["LAS-08"],
+    "blocked_path.yaml": ["LAS-08"],
+}
 """What is made to go wrong in a mission, and what it recovers from."""
 
 

@@ -1,4 +1,4 @@
-"""Real runs of a tricycle: at most a fifth worse than the plain fit, and intervals that hold for other runs."""
+"""Real runs of a tricycle: never much worse than the plain fit, and intervals that hold for other runs."""
 
 from itertools import combinations
 
@@ -11,7 +11,8 @@ from artemis.calibration.kinematics import ONE_WHEEL
 
 CIRCLES = tuple(f"1401202114{number}_run-0{run}" for number in (15, 40, 54) for run in (1, 2))
 FREE = ("free/140120211525_run-01", "free/140120211611_run-01")
-SPLITS = [fitted for count in range(2, 6) for fitted in combinations(CIRCLES, count)]
+SPLITS = [fitted for count in range(2, 6) for fitted in combinations(CIRCLES, count)][::3]
+"""Every third of all."""
 
 
 def apart(one: Fit, other: Fit) -> list[float]:
@@ -20,15 +21,15 @@ def apart(one: Fit, other: Fit) -> list[float]:
     return [float(abs(a.value - b.value) / np.hypot(a.half_width, b.half_width)) for a, b in pairs]
 
 
-@pytest.mark.sampled(14)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("fitted", SPLITS, ids=lambda names: "+".join(name[8:10] + name[-1] for name in names))
 def test_circles_are_hardly_worse_than_by_the_plain_fit(fitted: tuple[str, ...]) -> None:
-    """Up to 15 % worse was seen (better on average); presumably hard starts and stops pass for slip."""
+    """Of all 56 splits 47 are better, on average by 43 % (6.5 cm, not 11.4); the others are worse by up to 6.0 %."""
     runs, others = real_runs(*fitted), real_runs(*(name for name in CIRCLES if name not in fitted))
 
     found = fit(runs, BASE, ONE_WHEEL)
 
-    assert mean_error(others, found.machine, found.sensor) < 1.2 * mean_error(others, plain_fit(runs))
+    assert mean_error(others, found.machine, found.sensor) < 1.07 * mean_error(others, plain_fit(runs))
 
 
 @pytest.mark.exhaustive

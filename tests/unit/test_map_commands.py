@@ -14,7 +14,7 @@ from artemis.cli import app
 from artemis.commands.map_readings import _reading
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import read_graph
-from artemis.mapping.laser import Mounting
+from artemis.mapping.laser import ScannerPlace
 from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import OCCUPIED
 from artemis.scan import Scan
@@ -110,7 +110,7 @@ def test_a_scan_is_turned_back_by_what_the_robot_turned_while_it_lasted() -> Non
         ranges=(1000 * ranges).round().astype("<u2").tobytes(),
     )
     way = deque((0.02 * k, np.array([0.0, 0.0, rate * (0.02 * k - 1.02)])) for k in range(60))
-    reading = _reading(value, way, SETTINGS, Mounting())
+    reading = _reading(value, way, SETTINGS, ScannerPlace())
     assert reading.odometry == pytest.approx([0, 0, 0], abs=1e-9)
     assert reading.time == pytest.approx(1.02)
     assert reading.points is not None

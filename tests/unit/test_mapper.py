@@ -12,7 +12,7 @@ from laser_worlds import ANGLES, OFFICE, SETTINGS, box, driven, odometry, readin
 
 from artemis.errors import ConfigError
 from artemis.mapping.carmen import read_carmen
-from artemis.mapping.laser import Mounting, Reading, points_of, surface_points
+from artemis.mapping.laser import Reading, ScannerPlace, points_of, surface_points
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.se2 import Array, between, compose
 from artemis.scan import Scan
@@ -130,7 +130,7 @@ def test_a_loop_in_a_corridor_is_found_or_left_open_but_never_wrong(first: float
 
 
 def test_a_scanner_may_be_mounted_anywhere() -> None:
-    mounting = Mounting(x=0.4, y=-0.1, heading=0.5)
+    mounting = ScannerPlace(x=0.4, y=-0.1, heading=0.5)
     robot = np.array([0.5, 0.3, 0.2])
     ranges = seen(OFFICE, compose(robot, [0.4, -0.1, 0.5]))
     level = surface_points(ranges, ANGLES, SETTINGS, mounting)

@@ -204,11 +204,11 @@ def test_a_run_without_inputs_is_refused() -> None:
     [
         (lambda text: text[:-30], "s.yaml:3:1: no tick of a recorded run"),
         (lambda text: text.replace(b"0.4", b'"x"', 1), "s.yaml:2:1: no tick of a recorded run: Expected `float`"),
-        (lambda text: text.replace(b'"inputs"', b'"outputs"', 1), "s.yaml:1:1: no tick of a recorded run"),
+        (lambda text: text.replace(b'"time":3.02', b'"tide":3.02'), "s.yaml:2:1: no tick of a recorded run"),
         (lambda text: text.replace(b"3.04", b"2.04"), "s.yaml:3:1: time 2.04 after 3.02: not in order"),
         (lambda text: text.replace(b"pad", b"p\xff", 1), "s.yaml:1:1: no tick of a recorded run"),
-        (lambda text: text.replace(b'"requests":[]', b'"requests":["fly"]', 1), "s.yaml:1:1: no tick"),
-        (lambda text: text.replace(b"[]", b"[" * 9000, 1), "s.yaml:1:1: no tick of a recorded run"),
+        (lambda text: text.replace(b'"age"', b'"requests":["fly"],"age"', 1), "s.yaml:1:1: no tick"),
+        (lambda text: text.replace(b'"age":', b'"axes":' + b"[" * 9000, 1), "s.yaml:1:1: no tick of a recorded run"),
     ],
 )
 def test_a_damaged_file_of_samples_is_refused_with_its_line(damage: object, expected: str) -> None:
