@@ -11,7 +11,8 @@
      │  ├ NotKept                        reads back another value than was written
      │  ├ DeviceRestarted                began anew in the middle of what was done with it
      │  └ ProtocolError                  a malformed or unexpected frame; also ValueError
-     │     └ SdoAbort(index, subindex, code)
+     │     ├ SdoAbort(index, subindex, code)
+     │     └ TelegramError               of a laser scanner
      ├ HidError                          a report descriptor or a report that cannot be read
      ├ Unteachable                       an input device that a profile cannot describe
      ├ CalibrationError

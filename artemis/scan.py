@@ -62,7 +62,7 @@ class ObstacleRules(Struct, frozen=True, kw_only=True, gc=False):
     unseen_reverse: bool = False  # it may drive backwards over ground that it has not seen
 
 
-class Clearance(Struct, frozen=True, kw_only=True, gc=False):
+class Clearance(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """What the scanners leave to the robot on the arcs that it may drive now."""
 
     speed: float = inf  # of the virtual wheel, from which it still stops in time [m/s]

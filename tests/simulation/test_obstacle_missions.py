@@ -77,6 +77,7 @@ def test_each_step_may_have_its_own_rules(tmp_path: Path) -> None:
     assert seen.status == 0
     assert min(post_to_robot(each.pose) for each in seen.seen) < 0.0
     assert max(abs(tick.set_points.speed) for tick in seen.ticks) == pytest.approx(0.3)
+    assert seen.recompute().difference is None
 
 
 def test_backwards_over_unknown_ground_is_blocked_unless_the_mission_allows_it(tmp_path: Path) -> None:

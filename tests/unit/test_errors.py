@@ -24,8 +24,8 @@ def test_an_error_that_stands_where_its_text_belongs_is_told() -> None:
     assert DeviceLost("stick", OSError("gone")).problem == "gone"  # type: ignore[arg-type]
 
 
-PRIVATE = {"AccessRefused"}
-"""Never leaves its room: what a simulated drive answers."""
+PRIVATE = {"AccessRefused", "_Refused"}
+"""Never leave their rooms: what a simulated drive answers, and what a scanner does."""
 
 
 def kinds_of(kind: type) -> Iterator[type]:
