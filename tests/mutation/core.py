@@ -14,13 +14,23 @@ _TABLE = ("unit/test_faults_page.py", "unit/test_catalogue.py", *_ROWS)
 CORE: Mapping[str, tuple[str, ...]] = {
     "motion/limits.py": ("unit/test_limits.py", "properties/test_limits_properties.py"),
     "states/machine.py": ("unit/test_machine.py", "properties/test_machine_properties.py"),
-    "states/modes.py": ("unit/test_modes.py", "unit/test_core.py", "unit/test_hand_over.py", *_MODES),
+    "motion/sweep.py": ("unit/test_sweep.py",),
+    "motion/obstacles.py": ("unit/test_core_obstacles.py", "unit/test_obstacles.py"),
+    "states/blocked.py": ("unit/test_core_obstacles.py",),
+    "states/modes.py": (
+        "unit/test_modes.py",
+        "unit/test_core.py",
+        "unit/test_core_obstacles.py",
+        "unit/test_hand_over.py",
+        *_MODES,
+    ),
     "states/mode.py": (*_STOPS, "unit/test_bring_up_details.py", "unit/test_modes.py", "unit/test_mode_init.py"),
     "states/plan.py": (
         "unit/test_modes.py",
         "unit/test_mode_timed.py",
         *_STOPS,
         "unit/test_core.py",
+        "unit/test_core_obstacles.py",
         "unit/test_hand_over.py",
         "unit/test_mode_act.py",
         *_MISSION,
@@ -41,7 +51,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "states/quickstop.py": _STOPS,
     "states/fault.py": _STOPS,
     "states/end.py": _STOPS,
-    "robot.py": ("unit/test_core_details.py", "unit/test_core.py", "unit/test_robot.py"),
+    "robot.py": ("unit/test_core_details.py", "unit/test_core.py", "unit/test_core_obstacles.py", "unit/test_robot.py"),
     "devices/epos_state.py": ("unit/test_epos_state.py", "properties/test_epos_state_properties.py"),
     "devices/canopen.py": ("unit/test_canopen.py", "properties/test_canopen_properties.py"),
     "supervision/measures.py": (

@@ -22,8 +22,9 @@ AHEAD = replace(STICK, steering=0.0)
 class Live:
     """A core with obedient drives; every job is done by the next tick."""
 
-    def __init__(self, *steps: Step) -> None:
-        self.core = Core(Plan(robot=ROBOT, steps=steps), PERIOD)
+    def __init__(self, *steps: Step, **plan: Any) -> None:
+        """`plan`: other fields of it."""
+        self.core = Core(Plan(**{"robot": ROBOT, "steps": steps, **plan}), PERIOD)
         self.drives = ObedientDrives()
         self.seen: list[Sensed] = []
         self.ticks: list[Tick] = []
