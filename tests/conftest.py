@@ -21,7 +21,7 @@ for _shared in ("simulation", "e2e"):  # what tests of other folders take from t
     sys.path.append(str(Path(__file__).parent / _shared))
 
 settings.register_profile("short", settings.default, deadline=None, max_examples=40)
-settings.register_profile("exhaustive", settings.default, deadline=None, max_examples=400)
+settings.register_profile("exhaustive", settings.default, deadline=None, max_examples=250)
 
 
 @pytest.hookimpl(wrapper=True)

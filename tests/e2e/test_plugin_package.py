@@ -61,9 +61,11 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Environment:
 
 @pytest.mark.sampled(6)
 @pytest.mark.parametrize("kind", GROUPS)
-def test_a_new_package_works_at_once(kind: str, environment: Environment, tmp_path: Path) -> None:
+def test_a_new_package_works_at_once(
+    kind: str, environment: Environment, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     """The session of the docs, line by line; for a follower with the kind and the name of one."""
-    folder, shown = tmp_path, {}
+    folder, shown = tmp_path_factory.mktemp(kind), {}  # kept: the environment that all kinds share refers to it
     for line in SESSION.splitlines():
         words = line.removeprefix("$ ").replace("input", kind).replace("curves", f"curves-{kind}")
         program, *arguments = shlex.split(words)
