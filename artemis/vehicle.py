@@ -250,6 +250,8 @@ def _body(robot: RobotFile) -> Problems:
         if outline.half_width_m <= geometry.track_m / 2:
             text = f"expected more than half of track_m ({geometry.track_m / 2:g} m), found {outline.half_width_m:g} m"
             yield ("outline", "half_width_m"), text
+    elif robot.scanners:
+        yield ("scanners",), "a robot with a scanner stops for what it sees: describe its `outline` too"
     for name in robot.scanners:
         if name in robot.drives:
             yield ("scanners", name), "a drive has this name: give the scanner another one"

@@ -35,6 +35,8 @@ ADVICE = {
 }
 
 SCANNER = """
+outline: {{front_m: 0.68, rear_m: 0.12, half_width_m: 0.27}}   # around the wheels, turned out
+
 scanners:
   front:
     plugin: {}
