@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from artemis.motion.poses import placed
 from artemis.motion.spline import Array
 from artemis.motion.sweep import Rectangle
-from artemis.motion.view import View
+from artemis.motion.view import View, placed_points
 from artemis.values import Pose
 
 Indices = NDArray[np.int64]
@@ -117,7 +117,5 @@ def _border(box: Rectangle) -> Array:
 
 
 def _indices(places: Array, pose: Pose) -> tuple[Indices, Indices]:
-    c, s = cos(pose.heading), sin(pose.heading)
-    x, y = places
-    column, row = pose.x + c * x - s * y, pose.y + s * x + c * y
-    return np.floor(column / CELL).astype(np.int64), np.floor(row / CELL).astype(np.int64)
+    column, row = np.floor(placed_points(pose, places) / CELL).astype(np.int64)
+    return column, row

@@ -31,9 +31,9 @@ UNSEEING_SPEED = 0.3
 """With `obstacles: off` [m/s]."""
 SLOW_SPEED = 0.1
 """With `obstacles: slow` the robot is so slow where it would stop else [m/s]."""
-BLOCKED_SPEED, BLOCKED_TIME, FREE_TIME = 0.05, 0.06, 1.0
-"""The path is blocked once the ceiling was below this [m/s] for so long [s], and free again once it was above it for
-the last of these [s]."""
+BLOCKED_SPEED, BLOCKED_TIME = 0.05, 0.06
+"""The path is blocked once the ceiling was below this [m/s] for so long [s]; `ObstacleRules.free_after` says when it is
+free again."""
 MEASURED = 0.3
 """What moves is looked for so much longer than the robot needs to stop [s]."""
 ARCS = 3

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from artemis.motion.angles import wrap
 from artemis.motion.movers import Movers
+from artemis.motion.poses import seen_from
 from artemis.motion.spline import Array
 from artemis.motion.sweep import Rectangle
 from artemis.mounting import Mounting
@@ -86,12 +87,9 @@ class View:
         before, self._pose = self._pose, pose
         if pose == before:
             return
-        dx, dy, turn = pose.x - before.x, pose.y - before.y, pose.heading - before.heading
-        c, s = cos(before.heading), sin(before.heading)
-        ahead, left = c * dx + s * dy, c * dy - s * dx
-        c, s = cos(turn), sin(turn)
-        self._points, self._kept = _moved(self._points, ahead, left, c, s), _moved(self._kept, ahead, left, c, s)
-        self._coming = _moved(self._coming, ahead, left, c, s)
+        moved = seen_from(before, pose)
+        self._points, self._kept = _points_from(moved, self._points), _points_from(moved, self._kept)
+        self._coming = _points_from(moved, self._coming)
 
     def take(self, scan: Scan, now: float, speed: float, turn: float, *, creeping: bool) -> None:
         """Take a new scan.
@@ -128,9 +126,8 @@ class View:
         self._remember(self._points, beams)
         if now - self._moved_at >= MOVING_EVERY:
             self._moved_at, pose = now, self._pose
-            coming = self._movers.ahead(_placed(self._points, pose), now, self._lookahead)
-            away = coming - np.array([[pose.x], [pose.y]])
-            self._coming = _moved(away, 0.0, 0.0, cos(pose.heading), sin(pose.heading))
+            coming = self._movers.ahead(placed_points(pose, self._points), now, self._lookahead)
+            self._coming = _points_from(pose, coming)
 
     def _fit(self, start: float, increment: float, count: int) -> None:
         """Work out the beams' directions."""
@@ -200,10 +197,10 @@ class View:
         return hypot(x - self._x, y - self._y)
 
 
-def _placed(points: Array, pose: Pose) -> Array:
-    """Points seen from a pose, in its own frame."""
-    c, s = cos(pose.heading), sin(pose.heading)
-    return np.array([pose.x + c * points[0] - s * points[1], pose.y + s * points[0] + c * points[1]])
+def placed_points(origin: Pose, points: Array) -> Array:
+    """Points that are seen from `origin`, in the frame of `origin` itself; shape (2, n), as of `poses.placed`."""
+    c, s = cos(origin.heading), sin(origin.heading)
+    return np.array([origin.x + c * points[0] - s * points[1], origin.y + s * points[0] + c * points[1]])
 
 
 def _cells(points: Array) -> NDArray[np.int64]:
@@ -212,11 +209,12 @@ def _cells(points: Array) -> NDArray[np.int64]:
     return np.asarray(column * 100_003 + row)
 
 
-def _moved(points: Array, ahead: float, left: float, c: float, s: float) -> Array:
-    """Points seen from a robot that moved, and turned by an angle with cosine `c` and sine `s`."""
+def _points_from(origin: Pose, points: Array) -> Array:
+    """Points as seen from `origin`: the inverse."""
     if not points.size:
         return points
-    x, y = points[0] - ahead, points[1] - left
+    c, s = cos(origin.heading), sin(origin.heading)
+    x, y = points[0] - origin.x, points[1] - origin.y
     return np.array([c * x + s * y, c * y - s * x])
 
 

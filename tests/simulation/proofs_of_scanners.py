@@ -11,18 +11,11 @@ from injection_rig import ROBOT, Host, proves
 from artemis.devices.lms1xx.session import Session
 from artemis.errors import DeviceError, DeviceLost
 from artemis.mounting import Mounting
+from artemis.plugins.scanners.lms1xx import Lms1xxConfig
 from artemis.scan import Condition, Scan
 from artemis.sim.scanners import mount_scanners
 
 PLACE = Mounting(plugin="lms1xx", x_m=0.5, y_m=0.0, heading_deg=0.0, height_m=0.3, least_range_m=0.5)
-
-
-@dataclass
-class Setting:
-    host: str = "scanner"
-    port: int = 2111
-    frequency_hz: int = 50
-    resolution_deg: float = 0.5
 
 
 @dataclass
@@ -37,7 +30,7 @@ class Read:
         host = self.host
         robot = ROBOT.model_copy(update={"scanners": {"front": PLACE}})
         mount_scanners(robot, host.world, None, None, seed=1, start=host.loop.time())
-        session = Session("front", Setting(), host.world.scanners["front"].device.dial)
+        session = Session("front", Lms1xxConfig(host="scanner"), host.world.scanners["front"].device.dial)
 
         async def hold() -> None:
             try:

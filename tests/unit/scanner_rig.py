@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from artemis import clock
 from artemis.devices.lms1xx.session import Session
 from artemis.errors import DeviceError
+from artemis.plugins.scanners.lms1xx import Lms1xxConfig
 from artemis.scan import Scan
 from artemis.sim.lms100 import Lms100
 
@@ -19,14 +20,6 @@ from artemis.sim.lms100 import Lms100
 def spiral(times: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.uint16]:
     """Beam i measures 1000 + 3 i mm."""
     return np.asarray(1000 + 3 * np.arange(len(times)), np.uint16)
-
-
-@dataclass
-class Setting:
-    host: str = "scanner"
-    port: int = 2111
-    frequency_hz: int = 50
-    resolution_deg: float = 0.5
 
 
 @dataclass
@@ -60,12 +53,12 @@ class Held:
         return self.errors[-1]
 
 
-def held(test: Callable[[Held], Awaitable[None]], setting: Setting | None = None) -> None:
+def held(test: Callable[[Held], Awaitable[None]], setting: Lms1xxConfig | None = None) -> None:
     """Run a test with a device and a session on virtual time."""
 
     async def main() -> None:
         device = Lms100(spiral, first_us=(1 << 32) - 2_000_000, drift=50e-6)
-        session = Session("front", setting or Setting(), device.dial)
+        session = Session("front", setting or Lms1xxConfig(host="scanner"), device.dial)
         await test(Held(device, session))
 
     clock.run(main(), simulated=True)

@@ -1,4 +1,3 @@
-import gzip
 import random
 from dataclasses import replace
 from math import degrees, pi, radians
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 from calibrated_drives import COUNT, DESCRIBED, STEP, counted_by_drives, drive, hidden, moved
 from odometry_calibrations import calibrated
+from plain_odometry_fit import DATA, real_runs
 
 from artemis.calibration import increments
 from artemis.calibration.closing import Closed, fit_closing
@@ -27,7 +27,6 @@ from artemis.motion.potentiometers import wheel_angles
 from artemis.motion.trajectory import Trajectory
 from artemis.vehicle import Geometry, Potentiometers, RobotFile
 
-DATA = Path(__file__).parents[1] / "data" / "odometry"
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 BASE = Kinematics.of(DESCRIBED)
 
@@ -274,16 +273,6 @@ class TestFit:
 
 
 class TestRealRuns:
-    def runs(self, *numbers: str) -> list[Run]:
-        machine = load_model(DATA / "tricycle.yaml", Machine)
-        runs = []
-        for number in numbers:
-            file = DATA / f"1401202114{number}.csv.gz"
-            log, truth = log_from_table(gzip.decompress(file.read_bytes()).decode(), file.name, machine)
-            assert truth is not None
-            runs.append(Run(log=log, truth=truth, one_clock=True))
-        return runs
-
     @pytest.mark.parametrize(
         ("headings", "within"),
         [
@@ -295,9 +284,9 @@ class TestRealRuns:
     )
     def test_circular_runs_are_within_6_cm_by_a_fit_of_others(self, headings: bool, within: float) -> None:
         base = load_model(DATA / "tricycle.yaml", Machine).kinematics
-        check = self.runs("40_run-01", "40_run-02", "54_run-01", "54_run-02")
+        check = real_runs("140120211440_run-01", "140120211440_run-02", "140120211454_run-01", "140120211454_run-02")
 
-        known = self.runs("15_run-01", "15_run-02")
+        known = real_runs("140120211415_run-01", "140120211415_run-02")
         if not headings:
             known, check = ([replace(run, truth=run.truth.places()) for run in runs] for runs in (known, check))
 

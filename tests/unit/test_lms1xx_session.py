@@ -7,9 +7,10 @@ from itertools import pairwise
 from math import radians
 
 import pytest
-from scanner_rig import Held, Setting, held
+from scanner_rig import Held, held
 
 from artemis.errors import DeviceLost, DeviceTimeout, ProtocolError, WrongDevice
+from artemis.plugins.scanners.lms1xx import Lms1xxConfig
 from artemis.scan import Condition
 from artemis.sim.lms100 import ClientLine, Lms100
 
@@ -45,7 +46,7 @@ def test_other_frequency_and_resolution_take_their_time_and_are_read_back() -> N
         assert at.scans[0].increment == pytest.approx(radians(0.25))
         assert at.scans[0].beam_time == pytest.approx(0.04 / 1440)
 
-    held(test, Setting(frequency_hz=25, resolution_deg=0.25))
+    held(test, Lms1xxConfig(host="scanner", frequency_hz=25, resolution_deg=0.25))
 
 
 def test_counter_is_given_without_its_turns() -> None:
