@@ -85,7 +85,7 @@ $(READY): pyproject.toml
 	fi; \
 	echo "setting up $(VENV) with $$("$$python" --version) (once, about a minute)"; \
 	"$$python" -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
+	@$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --no-compile --editable '.[$(EXTRAS)]'
 	@touch $@
 
 # The compiled artemis has an environment of its own: what runs in $(VENV) is always the sources as they are. Behind its

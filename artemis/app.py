@@ -27,24 +27,25 @@ from artemis.planning import (
     inputs_used,
     is_fast,
     is_simulated,
-    localizer_used,
+    localizer_of,
     plan_for,
     plugin_made,
     setup_for,
     unresumable,
 )
-from artemis.plugins.contracts import InputDevice, Localizer, Observer, PluginContext, is_live
+from artemis.plugins.contracts import InputDevice, Localizer, Observer, PluginContext
 from artemis.plugins.guard import LOCALIZER, PluginGuard
 from artemis.plugins.process import AskedPlugin
+from artemis.plugins.stated import is_live
 from artemis.recording.disk import Disk
 from artemis.recording.provenance import ResumePoint
-from artemis.recording.resume import DONE, where_it_stopped
+from artemis.recording.resume import DONE, last_place, where_it_stopped
 from artemis.recording.run_folder import RunFolder
 from artemis.robot import Core, Robot
 from artemis.run_record import RunRecord, files_of, provenance_of
 from artemis.states.plan import Plan, Results, with_behaviours, with_followers
 from artemis.supervision import catalogue
-from artemis.values import Fault, Severity, Tick
+from artemis.values import Fault, Pose, Severity, Tick
 
 if TYPE_CHECKING:
     from artemis.sim.world import World
@@ -124,6 +125,7 @@ class _Run:
     record: RunRecord
     attendance: Attendance
     watch: Watch
+    resume_point: ResumePoint | None
     failed: bool = False
     results: Results = field(default_factory=Results)
     asked: AskedPlugin = field(default_factory=AskedPlugin)
@@ -162,6 +164,8 @@ class _Run:
         inputs = self._inputs(wake)
         live = {name for name, device in inputs.items() if is_live(device)}
         localizer = self._localizer(equipment.world, loop.time())
+        if localizer is not None and equipment.world is not None and self.loaded.injector is not None:
+            localizer = self.loaded.injector.failing_localizer(localizer)
         guard = PluginGuard(inputs, loop.time, localizer, self.asked)
         steps = with_behaviours(with_followers(self.plan.steps, guard.watched), guard.watched_behaviour)
         record.recorder.true_pose = equipment.true_pose
@@ -183,7 +187,7 @@ class _Run:
         core = Core(structs.replace(self.plan, steps=steps), period)
         self.results = core.results
         robot = self.parts.robot(core, equipment.devices, guard, period, observe, self.attendance.there)
-        self._begin_faults(equipment, inputs, robot)
+        self._begin_faults(equipment, inputs, localizer, robot)
         stop_listening = self.attendance.begin(loop, robot.request)
         try:
             record.show_paths(self.plan)
@@ -192,7 +196,9 @@ class _Run:
             stop_listening()
             record.note(guard.close())
 
-    def _begin_faults(self, equipment: Equipment, inputs: dict[str, InputDevice], robot: Robot) -> None:
+    def _begin_faults(
+        self, equipment: Equipment, inputs: dict[str, InputDevice], localizer: Localizer | None, robot: Robot
+    ) -> None:
         """Those that the mission wants; only in a simulated world."""
         loaded, world = self.loaded, equipment.world
         if world is not None and (injector := loaded.injector) is not None:
@@ -202,6 +208,7 @@ class _Run:
                 bus=equipment.bus,
                 disk=self.record.disk,
                 inputs=inputs,
+                localizer=localizer,
                 request=robot.request,
             )
             injector.begin(run, loaded.mission.simulation.faults, self.record.recorder.note)
@@ -212,20 +219,30 @@ class _Run:
         devices: dict[str, InputDevice] = {}
         with ExitStack() as made:  # where one cannot be made, those before are closed
             for name, use in inputs_used(self.loaded, self.simulated).items():
-                setup = replace(setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear)
+                setup = replace(
+                    setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear, real_time=self.record.threaded
+                )
                 devices[name] = self._made(name, "artemis.inputs", use, setup)
                 made.callback(devices[name].close)
             made.pop_all()
         return devices
 
     def _localizer(self, world: World | None, begun: float) -> Localizer | None:
-        if (use := localizer_used(self.loaded, self.simulated)) is None:
+        if (use := localizer_of(self.loaded, self.simulated)) is None:
             return None
-        setup = setup_for(self.loaded, use.plugin)
+        setup = replace(setup_for(self.loaded, use.plugin), real_time=self.record.threaded, last_pose=self._last_pose)
+        setup = replace(setup, resumed=self.resume_point is not None)
         if world is not None:
             setup = replace(setup, true_pose=lambda: (world.time - begun, world.pose))
         localizer: Localizer = self._made(LOCALIZER, "artemis.localizers", use, setup)
         return localizer
+
+    def _last_pose(self) -> Pose | None:
+        """Where the run that is gone on with stopped, or the last one of this mission ended, on the map."""
+        if self.resume_point is not None:
+            return self.resume_point.pose
+        root, mission = self.record.folder.path.parent, self.loaded.mission.mission
+        return last_place(root, mission, self.record.folder.path.name, simulated=self.simulated)
 
     def _made(self, name: str, group: str, use: PluginUse, context: PluginContext) -> Any:  # noqa: ANN401 (of any group)
         """The plugin that the mission uses, asked by its name."""
@@ -282,7 +299,8 @@ def run_mission(
     attendance = Attendance(loaded.mission.simulation.operator if simulated else (), operator)
     provenance = provenance_of(loaded, source, start or clock.wall_date(), simulated, resume_point)
     alone = not (virtual or attendance.expected)
-    record = RunRecord(loaded, provenance, disk, observers or {}, threaded=not virtual, alone=alone)
+    use = localizer_of(loaded, simulated)
+    record = RunRecord(loaded, provenance, disk, observers or {}, threaded=not virtual, alone=alone, localizer=use)
 
     def equip() -> Equipment:
         instead = parts.machine, parts.sensors
@@ -297,5 +315,6 @@ def run_mission(
         record=record,
         attendance=attendance,
         watch=watch,
+        resume_point=resume_point,
     )
     return run.go(loop)

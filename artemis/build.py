@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import platform
-from importlib.metadata import version
+from functools import cache
+from importlib import metadata
 from importlib.util import find_spec
+
+
+@cache
+def version(package: str) -> str:
+    """Of an installed package: as long as a process runs it is the same."""
+    return metadata.version(package)
 
 
 def kind_of_build() -> str:

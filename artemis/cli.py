@@ -146,6 +146,32 @@ def sim(
 
 
 @app.command()
+def operator(
+    address: Annotated[
+        str, typer.Argument(metavar="ADDRESS|pair", help="Of the robot: HOST[:PORT]; pair: share a secret.")
+    ],
+    device: Annotated[
+        str, typer.Option("--input", metavar="NAME", help="An input plugin, stick, or an input of --mission.")
+    ] = "stick",
+    mission: Annotated[Path | None, typer.Option(metavar="M", help="A mission whose inputs are meant.")] = None,
+    option: Annotated[list[str] | None, typer.Option(metavar="K=V", help="A key of the input plugin.")] = None,
+    stop: Annotated[bool, typer.Option("--stop", help="Only have the robot stop, whoever drives it.")] = False,
+    name: Annotated[str | None, typer.Option(metavar="WHO", help="What the robot calls you; your user name.")] = None,
+    secret: Annotated[Path | None, typer.Option(metavar="FILE", help="Where the secret is kept.")] = None,
+    tls: Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's certificate: encrypt the link.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="pair: replace the secret that is there.")] = False,
+) -> None:
+    """Drive a robot from this computer by any of its devices; `artemis operator pair` on both sides comes before."""
+    from artemis.commands.operator import PAIR, DeviceChoice, operate, pair, user_name
+
+    if address == PAIR:
+        pair(secret, force=force)
+        return
+    choice = DeviceChoice(name=device, mission=mission, options=option or [])
+    raise typer.Exit(operate(address, choice, secret, tls, name or user_name(), stop=stop))
+
+
+@app.command()
 def report(
     run: RunFolder,
     truth: Annotated[

@@ -92,5 +92,7 @@ def wall_date() -> datetime:
     return datetime.now(UTC)
 
 
+cpu_time = time.process_time
+"""Seconds that the processors have spent on this process, in all its threads (for statistics, likewise)."""
 stopwatch = time.perf_counter
 """Seconds on a clock that only measures durations (for statistics, never for control)."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from artemis.clock import SimulatedLoop
 from artemis.devices.can_bus import CanBus, FrameBus, Traffic
 from artemis.devices.device import Actuators, Device, DeviceGroup
 from artemis.devices.drive import Drives
@@ -85,8 +86,15 @@ def opened(
         from artemis.sim.supply_meter import SupplyMeter
 
         others.append(SupplyMeter(world))
+    actuators: list[Actuators] = [drives]
+    if loaded.destinations:
+        from artemis.route_planning.device import RoutePlanner
+
+        virtual = isinstance(loop, SimulatedLoop)
+        actuators.append(RoutePlanner(loaded.robot, loaded.destinations, virtual=virtual))
+    alone = len(actuators) + len(others) == 1
     return Equipment(
-        devices=DeviceGroup(tuple(loaded.robot.drives), [drives], others) if others else drives,
+        devices=drives if alone else DeviceGroup(tuple(loaded.robot.drives), actuators, others),
         bus=bus,
         traffic=drives.wire.take_traffic,
         world=world,

@@ -14,18 +14,31 @@ from artemis.mission.actions import Ask, Calibrate, Follow, MeasureSteering, Plu
 from artemis.mission.behaviours import behaviour_class
 from artemis.mission.by_hand import Teleop
 from artemis.mission.gains import merged
+from artemis.mission.goto import MOST_OFF, Goto, goto_rules
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.obstacles import rules_for
 from artemis.mission.policies import policies_from
-from artemis.plugins.contracts import PluginContext, declared, follower_speed, input_speed, is_live
+from artemis.plugins.contracts import PluginContext, TakesTimeOnce, declared
 from artemis.plugins.guard import PLUGIN_ERRORS, told
+from artemis.plugins.stated import follower_speed, input_speed, is_live, stale_limit
+from artemis.plugins.used import localizer_used
 from artemis.progress import Position
 from artemis.recording.provenance import ResumePoint
 from artemis.robot import Core
 from artemis.scan import ObstacleRules
 from artemis.states.advance import Passive, states_in
 from artemis.states.gains import GainsStep, TurnStep
-from artemis.states.plan import AskStep, BehaviourStep, CalibrateStep, FollowStep, Plan, Step, TeleopStep, WaitStep
+from artemis.states.plan import (
+    AskStep,
+    BehaviourStep,
+    CalibrateStep,
+    FollowStep,
+    GotoStep,
+    Plan,
+    Step,
+    TeleopStep,
+    WaitStep,
+)
 from artemis.states.steering import SteeringStep
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import dotted
@@ -47,6 +60,8 @@ def plan_from(loaded: LoadedMission) -> Plan:
                 steps.append(_teleop_step(loaded, action))
             case Follow():
                 steps.append(_follow_step(loaded, number, action))
+            case Goto():
+                steps.append(_goto_step(loaded, action))
             case dict():
                 steps.append(_behaviour_step(loaded, step.behaviour, action))
     policies = policies_from(loaded.mission.recovery)
@@ -91,6 +106,7 @@ def _teleop_step(loaded: LoadedMission, action: Teleop) -> TeleopStep:
         record=action.record or "",
         obstacles=rules_for(action.obstacles or loaded.mission.obstacles, loaded.robot, by_hand=True),
         enabled_by=" or ".join(held),
+        stale=tuple(stale_limit(plugin) for plugin, _ in used),
     )
 
 
@@ -106,6 +122,21 @@ def _follow_step(loaded: LoadedMission, number: int, action: Follow) -> FollowSt
         speed=follower_speed(config),
         obstacles=None if action.obstacles is None else rules_for(action.obstacles, loaded.robot),
         **action.wanted,
+    )
+
+
+def _goto_step(loaded: LoadedMission, action: Goto) -> GotoStep:
+    plugin, config = plugin_from(
+        "artemis.followers", PluginUse(plugin=action.follower.plugin, **action.follower_options)
+    )
+    return GotoStep(
+        route="",
+        place=action.place,
+        follower=made(plugin, config, setup_for(loaded, action.follower.plugin)),
+        speed=action.speed_m_s,
+        max_cross_track=MOST_OFF,
+        replans=action.replans,
+        obstacles=goto_rules(action, loaded.mission.obstacles, loaded.robot),
     )
 
 
@@ -127,7 +158,7 @@ def core_from(loaded: LoadedMission, resume_point: ResumePoint | None = None, si
 
 def plan_for(loaded: LoadedMission, simulated: bool, resume_point: ResumePoint | None) -> Plan:
     """The mission's plan, with plugins that fail where it wants that, begun where an earlier run stopped."""
-    plan = replace(plan_from(loaded), localized=localizer_used(loaded, simulated) is not None)
+    plan = replace(plan_from(loaded), localized=localizer_of(loaded, simulated) is not None)
     if simulated and loaded.injector is not None:
         steps = loaded.injector.failing_plugins(plan.steps, loaded.mission.simulation.faults)
         plan = replace(plan, steps=steps)
@@ -177,9 +208,12 @@ def inputs_used(loaded: LoadedMission, simulated: bool) -> dict[str, PluginUse]:
     return {**loaded.mission.inputs, **(loaded.mission.simulation.inputs if simulated else {})}
 
 
-def localizer_used(loaded: LoadedMission, simulated: bool) -> PluginUse | None:
-    """The mission's localizer; in simulation its stand-in, if there is one."""
-    return (loaded.mission.simulation.localizer if simulated else None) or loaded.mission.localizer
+def localizer_of(loaded: LoadedMission, simulated: bool) -> PluginUse | None:
+    """The localizer of a run of the mission; None: it has none."""
+    mission = loaded.mission
+    words = {"localizer": mission.localizer, "simulation": {"localizer": mission.simulation.localizer}}
+    use: PluginUse | None = localizer_used(words, simulated=simulated)
+    return use
 
 
 def scanners_used(loaded: LoadedMission, simulated: bool) -> dict[str, PluginUse]:
@@ -196,13 +230,29 @@ def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
         return loaded.mission.simulation.pace == "fast"
     if asks(loaded) and not any(act.answer is not None for act in loaded.mission.simulation.operator):
         return False
-    from artemis.plugins.registry import INPUTS, LOCALIZERS, SCANNERS, load
+    from artemis.plugins.registry import INPUTS, LOCALIZERS, OBSERVERS, SCANNERS, load
 
     used = [load(INPUTS, use.plugin) for use in inputs_used(loaded, simulated=True).values()]
-    if (localizer := localizer_used(loaded, simulated=True)) is not None:
+    if (localizer := localizer_of(loaded, simulated=True)) is not None:
         used.append(load(LOCALIZERS, localizer.plugin))
     used += [load(SCANNERS, use.plugin) for use in scanners_used(loaded, simulated=True).values()]
+    used += [load(OBSERVERS, use.plugin) for use in loaded.mission.observers.values()]
     return not any(is_live(plugin) for plugin in used)
+
+
+def preparations(loaded: LoadedMission, simulated: bool) -> list[Callable[[], None]]:
+    """What takes long the first time, and is therefore done before the robot is touched."""
+    from artemis.plugins.registry import LOCALIZERS, load
+
+    found: list[Callable[[], None]] = []
+    if loaded.mission.mapping is not None:
+        from artemis.localisation.warming import warm_up
+
+        found.append(warm_up)
+    if (use := localizer_of(loaded, simulated)) is not None:
+        plugin: object = load(LOCALIZERS, use.plugin)
+        found += [plugin.prepare] if isinstance(plugin, TakesTimeOnce) else []
+    return found
 
 
 def asks(loaded: LoadedMission) -> bool:

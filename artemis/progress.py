@@ -10,9 +10,11 @@ TIMELESS = ("say", "end", "stop")
 """Steps in which no time passes: they have no number."""
 BLOCKED = "blocked"
 """The outcome of a step that stood for an obstacle for too long."""
+NO_PATH = "no-path"
+"""The outcome of a `goto` to whose place no route leads."""
 DONE = "done"
 """The outcome of a step that has done what it is for."""
-OWN_STEPS = ("calibrate", "follow", "wait", "teleop", "ask", *TIMELESS, *WORDS)
+OWN_STEPS = ("calibrate", "follow", "goto", "wait", "teleop", "ask", *TIMELESS, *WORDS)
 """Artemis' own steps and words: no behaviour can have such a name."""
 
 
@@ -47,6 +49,8 @@ class Position(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """The fault table's id of what stopped the step: the mission is told when the robot may go on."""
     answer: str = ""
     """The newest one to a question of the mission."""
+    told: tuple[SignalValue, ...] = ()
+    """What behaviours told last, also those that have ended; forgotten where a step with this signal begins."""
     ended: str = ""
     """How the mission ended, if not by doing all of its steps."""
     driven: float = 0.0

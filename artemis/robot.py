@@ -37,7 +37,7 @@ class Core:
         self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind, plan.needs_scanners)
         self._modes = Modes(self._shared)
         self._gate = Gate(plan.robot, period=period)
-        self._obstacles = ObstacleStop(plan.robot) if plan.robot.scanners else None
+        self._obstacles = ObstacleStop(plan.robot, plan.rules) if plan.robot.scanners else None
         self._wish, self._points, self._pace = Wish(supervised=False), SetPoints(), Pace()
 
     def decide(self, sensed: Sensed) -> Tick:

@@ -7,17 +7,22 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
 
 from artemis.devices.can_bus import Traffic
 from artemis.errors import RecordingError
-from artemis.mission.loading import LoadedMission
+from artemis.mission.actions import PluginUse
+from artemis.mission.loading import LoadedMission, plugin_from
+from artemis.motion.planned_route import route_poses
 from artemis.motion.route import Route
 from artemis.mounting import Mounting
-from artemis.planning import plugin_made, setup_for
-from artemis.plugins.contracts import Observer
+from artemis.planning import made, setup_for
+from artemis.plugins.contracts import HasMap, Observer
 from artemis.plugins.guard import GARBAGE, Problem
 from artemis.plugins.observing import Observation
+from artemis.plugins.own_process import ObserverProcess
 from artemis.plugins.process import AskedPlugin, plugins_watched
+from artemis.plugins.stated import has_own_process
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_writer import JOURNAL, Recorder
@@ -26,12 +31,28 @@ from artemis.recording.resume import BROKEN
 from artemis.recording.run_folder import create_run_folder, keep_calibration, keep_paths
 from artemis.states.plan import FollowStep, Plan, Results
 from artemis.supervision import catalogue
-from artemis.values import Fault, Pose, Severity, Tick
+from artemis.values import Fault, JobKind, Pose, Severity, Tick
+
+if TYPE_CHECKING:
+    from artemis.mapping.occupancy import ShownMap
+    from artemis.plugins.live_map import LiveMap
 
 
 def place_of(mounting: Mounting) -> Pose:
     """Where a scanner sits on the robot."""
     return Pose(x=mounting.x_m, y=mounting.y_m, heading=mounting.heading)
+
+
+def known_map(loaded: LoadedMission, use: PluginUse | None) -> ShownMap | None:
+    """The map on which this localizer of a run finds the robot, if it has one."""
+    if use is None:
+        return None
+    kind, config = plugin_from("artemis.localizers", use)
+    if not isinstance(kind, HasMap):
+        return None
+    from artemis.mapping.occupancy import ShownMap
+
+    return ShownMap(content=kind.map_of(config, setup_for(loaded, use.plugin)))
 
 
 class RunRecord:
@@ -46,8 +67,9 @@ class RunRecord:
         *,
         threaded: bool,
         alone: bool,
+        localizer: PluginUse | None,
     ) -> None:
-        """Make the run's folder, with enough room for a run that is left `alone`.
+        """Make the run's folder, with enough room for a run that is left `alone`; its pose is of this `localizer`.
 
         Raises:
             RecordingError: it cannot be made, or has no room.
@@ -61,7 +83,8 @@ class RunRecord:
         """How the run ended, in a few words."""
         self.time = 0.0
         """Run time of the last tick [s]."""
-        self._loaded = loaded
+        self._loaded, self._localizer = loaded, localizer
+        self._on_map: ShownMap | None = None
         self.folder = create_run_folder(root, mission, provenance.start, provenance.files)
         self.recorder = Recorder(
             self.folder.recording,
@@ -89,20 +112,65 @@ class RunRecord:
             for observer in self._observers:
                 ends.callback(observer.close)
             ends.callback(lambda: self.recorder.close(self.outcome))
+            shown: Callable[[], ShownMap | None] = self._shown_map
+            if (live := self._map()) is not None:
+                from artemis.plugins.live_map import NAME
+
+                mapping = Observation(NAME, live, threaded=self.threaded, patience=None)
+                self._observers.append(mapping)
+                ends.callback(self._close, mapping)
+                shown = live.shown if self._localizer is None else shown
             ours = {observer.name for observer in self._observers}
             ends.enter_context(plugins_watched(asked, ours, self._warn, patient))
+            begun: list[ObserverProcess] = []
             for name, use in self._loaded.mission.observers.items():
-                setup = replace(setup_for(self._loaded, name), run=self.folder.path)
-                made = plugin_made("artemis.observers", use, setup)
-                observer = Observation(name, made, threaded=self.threaded, asked=asked)
+                seen_by = self._observer(name, use, shown)
+                observer = Observation(name, seen_by, threaded=self.threaded, asked=asked)
                 self._observers.append(observer)
                 ends.callback(self._close, observer)
+                begun += [seen_by] if isinstance(seen_by, ObserverProcess) else []
+            for process in begun:  # they begin at the same time
+                process.wait()
             yield
+
+    def _observer(self, name: str, use: PluginUse, map: Callable[[], ShownMap | None]) -> Observer:
+        """The observer `name` of the mission; in real time perhaps in a process of its own, which has begun."""
+        setup = replace(setup_for(self._loaded, name), run=self.folder.path, routes=self._loaded.routes, map=map)
+        plugin, config = plugin_from("artemis.observers", use)
+        if self.threaded and has_own_process(plugin):
+            return ObserverProcess(plugin, config, setup)
+        observer: Observer = made(plugin, config, setup)
+        return observer
+
+    def _shown_map(self) -> ShownMap | None:
+        self._on_map = self._on_map or known_map(self._loaded, self._localizer)
+        return self._on_map
+
+    def _map(self) -> LiveMap | None:
+        """Makes the map that the mission wants."""
+        loaded, wanted = self._loaded, self._loaded.mission.mapping
+        if wanted is None:
+            return None
+        from artemis.mapping.readings import ScanReadings
+        from artemis.mapping.settings import MapSettings
+        from artemis.plugins.live_map import LiveMap
+
+        name = wanted.scanner or next(iter(loaded.robot.scanners))
+        files = [self.folder.map, *([loaded.folder / wanted.file] if wanted.file is not None else [])]
+        return LiveMap(
+            ScanReadings(MapSettings(), name, loaded.robot.scanners[name]),
+            dict.fromkeys(files, wanted.resolution_m),
+            lambda text: self.recorder.note(Entry(time=self.time, kind="map", text=text)),
+            threaded=self.threaded,
+        )
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
         """Record one tick with the frames since the last one, at loop time `now` [s]."""
         self.time = tick.snapshot.time
         self.recorder.see(tick, traffic, now)
+        for result in tick.snapshot.sensed.results:
+            if result.kind is JobKind.PLAN and result.values:
+                self.recorder.show_path(self.time, route_poses(result.values), "map")
         for observer in self._observers:
             observer.see(tick, traffic, now)
 

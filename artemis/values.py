@@ -92,13 +92,14 @@ class JobKind(Enum):
     WRITE_GAINS = "write gains"  # likewise
     STORE = "store"  # all parameters of the drive, for ever (0x1010)
     DISARM = "disarm"  # switch the heartbeat consumer off, read it back, enter Pre-Operational
+    PLAN = "plan"  # a route for step `value` of the mission, from here; its `values`: `motion.planned_route.packed`
 
 
 RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}  # `value` of the job SECURE, by the NMT reset that goes before
 
 
 class Job(Struct, frozen=True, kw_only=True, gc=False):
-    """One order to one drive; `id` is unique in a run."""
+    """One order to one drive, or to the planner of routes; `id` is unique in a run."""
 
     id: int
     kind: JobKind
@@ -138,8 +139,7 @@ class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     late: float = 0.0  # how long after its time on the schedule the tick began [s]
     sent: float = 0.0  # when the last scheduled tick's frames had been sent [s of the run]
     urgent: bool = False  # an extra tick, off the schedule: writes stop frames only
-    attended: bool = False
-    """Somebody can acknowledge and arm; otherwise a fault or a quick stop ends the run."""
+    attended: bool = False  # somebody can acknowledge and arm; otherwise a fault or a quick stop ends the run
     drives: tuple[DriveFeedback, ...] = ()
     bus: BusHealth = BusHealth()
     inputs: tuple[OperatorInput, ...] = ()
@@ -161,13 +161,16 @@ class Pose(Struct, frozen=True, kw_only=True, gc=False):
     heading: float = 0.0
 
 
-class PoseFix(Struct, frozen=True, kw_only=True, gc=False):
+class PoseFix(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Where a localizer found the robot, in the frame `map`; told at that time or later."""
 
     time: float  # run time at which the robot was there [s]
     pose: Pose
-    covariance: tuple[float, ...]  # as of `LocatedPose`: six numbers
+    covariance: tuple[float, ...]  # as of `LocatedPose`; (): nothing was measured, only quality and doubt are told
     source: str  # the localizer's name
+    quality: float = 1.0  # how well what was seen fits the map there, 0 to 1
+    doubt: float = 0.0  # 0: sure; 1 and above: lost, the pose means nothing; between: the share of the way there
+    common: tuple[float, ...] = ()  # part of the covariance that all fixes near by share: it does not average away
 
 
 class LocatedPose(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
@@ -181,6 +184,7 @@ class LocatedPose(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fals
     """Of x, y, heading in `frame`: xx, xy, x heading, yy, y heading, heading heading [m², m rad, rad²]; (): unknown."""
     lost: bool = False  # the pose means nothing
     unused: int = 0  # fixes so far that came too late, from the future, or were not believed
+    contradicted: float = 0.0  # how long fixes have said that the robot is somewhere else, by a jump [s]
 
 
 class Odometry(Struct, frozen=True, kw_only=True, gc=False):
@@ -191,8 +195,7 @@ class Odometry(Struct, frozen=True, kw_only=True, gc=False):
     steering: float = 0.0  # of the virtual front wheel [rad]
     distance: float = 0.0  # distance of the rear axle centre [m], forward positive
     driven: float = 0.0  # the same, but backwards counts as forwards
-    slip: float = 0.0
-    """Disagreement of the driven wheels in the last step [m/s]: how far each is from the rigid-body fit."""
+    slip: float = 0.0  # disagreement of the driven wheels in the last step: how far off the rigid-body fit [m/s]
     lost: bool = False  # driven wheels may have rolled while nobody counted: this pose means nothing
 
 
@@ -304,10 +307,8 @@ class Snapshot(Struct, frozen=True, kw_only=True, gc=False):
     """Seconds since the last scheduled tick; 0 in the first, clamped after a pause."""
     pose: LocatedPose  # where the robot is: what paths and distances are measured by
     odometry: Odometry
-    standing: bool
-    """No driven wheel moved noticeably over the last 100 ms."""
-    set_points: SetPoints
-    """What left the gate in the last tick."""
+    standing: bool  # no driven wheel moved noticeably over the last 100 ms
+    set_points: SetPoints  # what left the gate in the last tick
     verdict: Verdict
 
     @property

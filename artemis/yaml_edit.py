@@ -29,7 +29,15 @@ def edit(path: Path, changes: Mapping[Keys, Data]) -> None:
     Raises:
         ConfigError: the file cannot be read or written, or a value cannot be changed in place.
     """
-    content = edited(read(path), str(path), changes)
+    replace_content(path, edited(read(path), str(path), changes))
+
+
+def replace_content(path: Path, content: bytes) -> None:
+    """Write a file that is there anew; either all of it or nothing.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
     try:
         mode = path.stat().st_mode & 0o7777
         if not mode & 0o222:
@@ -70,6 +78,77 @@ def edited(raw: bytes, source: str, changes: Mapping[Keys, Data]) -> bytes:
         for keys in left:
             raw = _with(raw.decode(), keys, wanted).encode()
     raise ConfigError(f"{source}: {dotted(left[0])}: cannot be changed in place; write it by hand")
+
+
+def with_line(raw: bytes, source: str, key: str, entry: str) -> bytes:
+    """The content of a file with another entry below those of a block, on a line of its own; it begins the block.
+
+    Args:
+        raw: A mapping in strict YAML, or nothing.
+        source: Its name, for errors.
+        key: Of a list or mapping at the top.
+        entry: As it is written: `- VALUE`, or `NAME: VALUE`.
+
+    Raises:
+        ConfigError: the file is broken, or the block is not written line by line.
+    """
+    text = raw.decode()
+    found = None if is_blank(raw) or not _read(raw, source) else _block(text, key)
+    if found is None:
+        return f"{text.rstrip()}\n{key}:\n  {entry}\n".lstrip().encode()
+    name, block = found
+    if _is_one_piece(block) and not (isinstance(block, yaml.CollectionNode) and not block.value):
+        raise ConfigError(f"{source}: {key}: is not written line by line; change it by hand")
+    if _is_one_piece(block):  # [] or {}
+        return f"{text[: name.end_mark.index]}:\n  {entry}{text[block.end_mark.index :]}".encode()
+    end = text.find("\n", _end(block))
+    end = len(text) if end < 0 else end
+    first = block.value[0]
+    column = int((first[0] if isinstance(first, tuple) else first).start_mark.column)
+    column -= 0 if isinstance(first, tuple) else 2
+    return f"{text[:end]}\n{' ' * column}{entry}{text[end:]}".encode()
+
+
+def without_line(raw: bytes, source: str, key: str, entry: int | str) -> bytes:
+    """The content of a file without one entry of a block: an item of a list by its number from 0, or a key.
+
+    Args:
+        raw: A mapping in strict YAML that has it.
+        source: Its name, for errors.
+        key: Of the list or mapping at the top.
+        entry: Which one.
+
+    Raises:
+        ConfigError: the file is broken, or the block is not written line by line.
+    """
+    _read(raw, source)
+    text = raw.decode()
+    found = _block(text, key)
+    assert found is not None
+    name, block = found
+    if _is_one_piece(block):
+        raise ConfigError(f"{source}: {key}: is not written line by line; change it by hand")
+    if len(block.value) == 1:
+        end = _end(block)
+        empty = "[]" if isinstance(block, yaml.SequenceNode) else "{}"
+        return f"{text[: name.end_mark.index]}: {empty}{text[end:]}".encode()
+    if isinstance(entry, int):
+        begin, end = block.value[entry].start_mark.index, _end(block.value[entry])
+    else:
+        begin, end = next((each.start_mark.index, _end(value)) for each, value in block.value if each.value == entry)
+    begin, stop = text.rfind("\n", 0, begin) + 1, text.find("\n", end)
+    return f"{text[:begin]}{text[stop + 1 :] if stop >= 0 else ''}".encode()
+
+
+def is_blank(raw: bytes) -> bool:
+    """Whether a file holds nothing but comments."""
+    return not any(line.strip() and not line.lstrip().startswith(b"#") for line in raw.splitlines())
+
+
+def _block(text: str, key: str) -> tuple[yaml.Node, yaml.Node] | None:
+    top = yaml.compose(text, Loader=yaml.SafeLoader)
+    assert isinstance(top, yaml.MappingNode)
+    return _entry(top, key)
 
 
 def _read(raw: bytes, source: str) -> dict[str, Data]:

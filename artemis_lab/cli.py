@@ -57,13 +57,28 @@ def bench_slam(
         float, typer.Option(metavar="X", help="Wheels that count so much of the distance,")
     ] = 1.0,
     odometry_turn: Annotated[float, typer.Option(metavar="DEG/M", help="and turn with it.")] = 0.0,
+    noise: Annotated[float, typer.Option(metavar="M", min=0, help="Noise on each distance.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of the noise.")] = 1,
     numba: Annotated[bool, typer.Option("--numba/--no-numba", help="Use the compiled loops, if there are any.")] = True,
+    bars: Annotated[
+        bool, typer.Option("--bars", help="All figures of mapping and localisation beside their bars.")
+    ] = False,
 ) -> None:
     """Make a map of a log, and compare it with verified relations and with published figures."""
+    if bars:
+        from artemis_lab.commands.bench_bars import measure as measure_all
+
+        raise typer.Exit(measure_all(log, relations))
     from artemis_lab.commands.bench_slam import LogDrive, measure
 
     drive = LogDrive(
-        backwards=backwards, odometry=not without_odometry, scale=odometry_scale, turn_deg_m=odometry_turn, numba=numba
+        backwards=backwards,
+        odometry=not without_odometry,
+        scale=odometry_scale,
+        turn_deg_m=odometry_turn,
+        numba=numba,
+        noise=noise,
+        seed=seed,
     )
     measure(log, relations, drive)
 
@@ -79,6 +94,50 @@ def bench_localisation(
     from artemis_lab.commands.bench_localisation import measure
 
     measure(log, relations, split, cells=cells)
+
+
+@bench.command("obstacles")
+def bench_obstacles(
+    scenes: Annotated[
+        int, typer.Option(min=1, help="Random scenes; a tenth as many with a person who crosses.")
+    ] = 1000,
+    first: Annotated[int, typer.Option(min=0, metavar="SEED", help="Of the first scene.")] = 0,
+    kilometres: Annotated[
+        float, typer.Option(min=0.001, metavar="KM", help="Driven in a corridor, and in dust.")
+    ] = 1.0,
+    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Processes; else one per processor.")] = None,
+) -> None:
+    """Drive among random obstacles as badly as one may: contacts, slow-downs for nothing, and what a look costs."""
+    import os
+
+    from artemis_lab.commands.bench_obstacles import measure
+
+    raise typer.Exit(measure(scenes, first, 1000.0 * kilometres, workers or os.cpu_count() or 1))
+
+
+@bench.command("goto")
+def bench_goto(
+    goals: Annotated[int, typer.Option(metavar="N", min=1, help="So many, in runs of five.")] = 30,
+    seed: Annotated[int, typer.Option(help="Of the first run.")] = 1,
+    workers: Annotated[int, typer.Option(metavar="N", min=1, help="Processes.")] = 2,
+) -> None:
+    """Drive to random goals on three kinds of map in simulation: are they reached, and is nothing touched?"""
+    from artemis_lab.commands.bench_goto import measure
+
+    raise typer.Exit(int(not measure(goals, seed, workers)))
+
+
+@bench.command("operator")
+def bench_operator(
+    robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="Robot file (YAML).")],
+    seconds: Annotated[float, typer.Option(help="Each of two runs drives so long.")] = 40.0,
+    cuts: Annotated[int, typer.Option(metavar="N", help="The link is cut so often.")] = 20,
+    seed: Annotated[int, typer.Option(help="Of the times of the hand's reports.")] = 1,
+) -> None:
+    """Measure an operator's link on this computer: a cut, the latency, and a flood; in real time, about two minutes."""
+    from artemis_lab.commands.bench_operator import measure
+
+    measure(robot, seconds, seed, cuts)
 
 
 def campaign(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from scipy.optimize import minimize
@@ -30,6 +32,10 @@ CHANCE = {2: 9.2, 3: 11.3}
 """may be on the axle with a squared distance below this (chi square with so many degrees of freedom, 99 %) is there,"""
 ON_THE_AXLE = 1e-5
 """to this [m, rad]."""
+FAST = len(increments.NOISES)
+"""Of the noises; the others are `increments.SLOW`."""
+TRIED = 8
+"""Noises that are remembered while they are fitted: as many as a derivative takes, and a few."""
 ROUNDS = 2
 """Of fitting the parameters and then the noise."""
 STEPS = 8
@@ -44,6 +50,8 @@ FIRST_NOISE = (0.003, 0.005, 0.005, 0.005, 0.005, 0.01, 0.002, 0.002, 0.005)
 """As `increments.NOISES` and `increments.SLOW`,"""
 NOISE_BOUNDS = (1e-5, 1.0)
 """each."""
+
+Products: TypeAlias = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -178,7 +186,7 @@ class Problem:
         for case in self.cases:
             case.true = motions(case.moments.beside(case.averaged(self._reckoned(case, x), self.sensor(x))))
             case.parts = increments.covariances(case.true, case.rolled(), self.sensor(x)[:2])
-            case.root, case.prior = increments.factor(case.covariance(noise)), case.precision(noise)
+            case.root, case.prior = increments.factor(case.covariance(noise[:FAST])), case.precision(noise[FAST:])
 
     def leave_out(self, x: Array) -> None:
         """Find the motions that fit nothing."""
@@ -197,7 +205,7 @@ class Problem:
                 white /= (1.0 + (white[:, :1] / ROBUST) ** 2) ** 0.25
                 common, own = white[:, : 1 + len(x)], white[:, 1 + len(x) :]
                 common[:, 0] -= own @ case.own + common[:, 1:][:, free] @ x[free]
-                part, gain, _ = eliminated(common[:, taken], own, case.prior)
+                part, gain, _ = eliminated(products(common[:, taken], own), case.prior)
                 normal += part
                 gains.append(gain)
             inverse = np.linalg.inv(normal[1:, 1:] + prior)
@@ -217,7 +225,8 @@ class Problem:
         parts = []
         for case, each in zip(self.cases, columns, strict=True):
             white = increments.whitened(case.root, each)
-            parts.append(eliminated(white[:, : -len(case.own)], white[:, -len(case.own) :], case.prior)[0])
+            count = white.shape[1] - len(case.own)
+            parts.append(eliminated(products(white[:, :count], white[:, count:]), case.prior)[0])
         return np.asarray(np.sum(parts, axis=0))
 
     def bends(self, x: Array, bands: Array, free: Mask) -> Array:
@@ -227,14 +236,13 @@ class Problem:
         the mean of h⁴ is 3 b⁴.
         """
         inner = np.linalg.inv(self.information(x)[np.ix_(free, free)] + np.diag(bands[free] ** -2.0))
-        total = np.zeros_like(inner)
+        total, unshifted = np.zeros_like(inner), [self.columns(case, x) for case in self.cases]
         for place in np.flatnonzero(~free):
-            step, columns = np.zeros(len(x)), []
+            step, columns = np.zeros(len(x)), [each.copy() for each in unshifted]
             step[place] = bands[place]
-            for case in self.cases:
+            for case, each in zip(self.cases, columns, strict=True):
                 shifted = [self.differences(case, x + sign * step).ravel() for sign in (1.0, -1.0)]
-                columns.append(self.columns(case, x))
-                columns[-1][:, 0] = (shifted[0] + shifted[1]) / 2.0 - columns[-1][:, 0]
+                each[:, 0] = (shifted[0] + shifted[1]) / 2.0 - each[:, 0]
             shift = inner @ self._gram(columns)[1:, 0][free]
             total += 3.0 * np.outer(shift, shift)
         return total
@@ -261,9 +269,8 @@ class Problem:
     def blurred(self, x: Array, bands: Array, free: Mask) -> Array:
         """What is fitted errs where truths were filtered, which nobody says: its covariance, shape (free, free)."""
         inner = np.linalg.inv(self.information(x)[np.ix_(free, free)] + np.diag(bands[free] ** -2.0))
-        total = np.zeros_like(inner)
+        total, columns = np.zeros_like(inner), [self.columns(case, x) for case in self.cases]
         for filtered in self.cases:
-            columns = [self.columns(case, x) for case in self.cases]
             for case, each in zip(self.cases, columns, strict=True):
                 each[:, 0] = case.filtered(self._reckoned(case, x), self.sensor(x)) if case is filtered else 0.0
             shift = inner @ self._gram(columns)[1:, 0][free]
@@ -277,14 +284,27 @@ class Problem:
             each[:, 0] -= each[:, 1:] @ np.append(x, case.own)
         prior, count = np.diag(self.bands() ** -2.0), 1 + len(x)
 
-        def unlikeliness(logs: Array) -> float:
-            noise, total, normal = np.exp(logs), 0.0, np.zeros((count, count))
+        @lru_cache(TRIED)  # derivatives by one kind of noise need the other kind's part again and again
+        def weighed(*fast: float) -> list[tuple[Products, float]]:
+            found = []
             for case, each in zip(self.cases, columns, strict=True):
-                root, precision = increments.factor(case.covariance(noise)), case.precision(noise)
+                root = increments.factor(case.covariance(np.array(fast)))
                 white = increments.whitened(root, each)
-                part, _, log_own = eliminated(white[:, :count], white[:, count:], precision)
+                found.append((products(white[:, :count], white[:, count:]), float(np.sum(np.log(root[0])))))
+            return found
+
+        @lru_cache(TRIED)
+        def priors(*slow: float) -> list[tuple[Array, float]]:
+            precisions = [case.precision(np.array(slow)) for case in self.cases]
+            return [(each, np.linalg.slogdet(each)[1]) for each in precisions]
+
+        def unlikeliness(logs: Array) -> float:
+            noise, total, normal = np.exp(logs).tolist(), 0.0, np.zeros((count, count))
+            pairs = zip(weighed(*noise[:FAST]), priors(*noise[FAST:]), strict=True)
+            for (white, log_root), (precision, log_precision) in pairs:
+                part, _, log_own = eliminated(white, precision)
                 normal += part
-                total += float(np.sum(np.log(root[0]))) + (log_own - np.linalg.slogdet(precision)[1]) / 2.0
+                total += log_root + (log_own - log_precision) / 2.0
             inner = normal[1:, 1:] + prior
             fitted = normal[0, 1:] @ np.linalg.solve(inner, normal[1:, 0])
             return float(total + (np.linalg.slogdet(inner)[1] + normal[0, 0] - fitted) / 2.0)
@@ -295,16 +315,26 @@ class Problem:
         return np.asarray(np.exp(found.x))
 
 
-def eliminated(common: Array, own: Array, prior: Array) -> tuple[Array, Array, float]:
+def products(common: Array, own: Array) -> Products:
+    """Of two sets of white columns: of the first with itself, of the second with the first, of the second."""
+    return common.T @ common, own.T @ common, own.T @ own
+
+
+def eliminated(white: Products, prior: Array) -> tuple[Array, Array, float]:
     """Of least squares with two sets of white columns: normal matrix of the first without the second.
+
+    Args:
+        white: of the columns.
+        prior: precision of the values of the second set.
 
     Returns:
         That matrix; the values of the second set that fit each column of the first; the logarithm of the determinant of
         the second's own normal matrix with its prior.
     """
-    normal, mixed = own.T @ own + prior, own.T @ common
+    common, mixed, own = white
+    normal = own + prior
     gain = np.asarray(np.linalg.solve(normal, mixed), dtype=np.float64)
-    return common.T @ common - mixed.T @ gain, gain, float(np.linalg.slogdet(normal)[1])
+    return common - mixed.T @ gain, gain, float(np.linalg.slogdet(normal)[1])
 
 
 def _is_on_the_axle(information: Array, bands: Array, x: Array, mount: Indices) -> bool:

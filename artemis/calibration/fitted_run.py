@@ -122,18 +122,18 @@ class FittedRun:
         means = self.moments.averaged(time, poses)
         return (motions(means + FILTERED * self.moments.bent(time, poses)) - motions(means)).ravel()
 
-    def covariance(self, noise: Array) -> Array:
-        """Of the differences by fast noise, lower banded."""
-        variances = noise[: len(increments.NOISES)] ** 2
+    def covariance(self, fast: Array) -> Array:
+        """Of the differences, lower banded; `fast`: standard deviations as `increments.NOISES`."""
+        variances = fast**2
         if not self.run.truth.knows_heading:
             variances[1] = UNKNOWN**2
         total = np.tensordot(variances, self.parts, axes=1)
         total[0] += LOST * np.repeat(self.lost, 3)
         return np.asarray(total)
 
-    def precision(self, noise: Array) -> Array:
-        """Inverse of the prior covariance of `own`."""
-        clock, *slips = noise[len(increments.NOISES) :] ** 2
+    def precision(self, slow: Array) -> Array:
+        """Inverse of the prior covariance of `own`; `slow`: standard deviations as `increments.SLOW`."""
+        clock, *slips = slow**2
         bands = ONE_CLOCK if self.run.one_clock else CLOCK
         parts = [np.diag(np.square(bands)), self.times.covariance(clock)]
         parts += [self.distances.covariance(slip) for slip in slips]

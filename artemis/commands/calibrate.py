@@ -65,6 +65,21 @@ def calibrate_odometry(
         calibrate_odometry.calibrate_with_truth(runs, truth or [], machine, check or [], output, write, same_clock)
 
 
+@calibrate.command("scanner")
+def calibrate_scanner(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
+    scanner: Annotated[str | None, typer.Option(metavar="NAME", help="Of several, this one.")] = None,
+    write: Annotated[
+        Path | None, typer.Option(metavar="ROBOT", help="Write the mounting into this robot file.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Write without asking.")] = False,
+) -> None:
+    """Fit how a laser scanner is mounted to a drive; writes only when told."""
+    from artemis.commands.calibrate_scanner import calibrate_scanner as calibrate
+
+    calibrate(run, scanner, write, yes=yes)
+
+
 @calibrate.command("steering")
 def calibrate_steering(
     mission: MissionFile,

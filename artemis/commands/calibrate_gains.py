@@ -15,6 +15,7 @@ from artemis.app import Outcome
 from artemis.commands.devices import open_bus
 from artemis.commands.gains_trial import WAY, Findings, GainsWatch, Trial, findings, table, write_mission
 from artemis.commands.run import run_in_sight
+from artemis.commands.terminal import confirmed
 from artemis.devices.memory import read_gains, store
 from artemis.errors import ConfigError, DeviceError, RecordingError, shown
 from artemis.mission.actions import NewGains
@@ -68,7 +69,7 @@ def calibrate_gains(mission: Path, wanted: Wanted) -> int:
     if not wanted.moves:
         return _show(loaded, wanted, simulated)
     trial = trial_from(loaded, wanted)
-    if not (simulated or wanted.yes) and not _confirmed(f"{_announced(trial)}: go?"):
+    if not (simulated or wanted.yes) and not confirmed("calibrate gains", f"{_announced(trial)}: go?"):
         _say("nothing was moved")
         return FAILED
     watch = GainsWatch()
@@ -266,7 +267,8 @@ def _decide(loaded: LoadedMission, trial: Trial, found: Findings, wanted: Wanted
     if wanted.yes and not found.settled:
         _say("kept        nothing: a drive did not settle with the new gains")
         return FAILED
-    if not wanted.yes and not _confirmed(f"keep the new gains: in {file}, and stored in {', '.join(trial.drives)}?"):
+    question = f"keep the new gains: in {file}, and stored in {', '.join(trial.drives)}?"
+    if not wanted.yes and not confirmed("calibrate gains", question):
         _say("kept        nothing: the robot file is as it was")
         return 0
     return _keep(loaded, file, {name: _merged(loaded, name, trial.new) for name in trial.drives})
@@ -312,24 +314,6 @@ async def _store(
         await store(loaded.robot, bus, JobKind.WRITE_GAINS, numbers, kept.append)
     edit(file, changes)  # here, where an interrupt comes before or after it
     kept.append(str(file))
-
-
-def _confirmed(question: str) -> bool:
-    """Whether a person says yes.
-
-    Raises:
-        ConfigError: nobody can.
-    """
-    if not sys.stdin.isatty():
-        raise ConfigError(f"calibrate gains: a person at a terminal is needed to answer, or --yes: {question}")
-    sys.stdout.write(f"{question} [no/yes] ")
-    sys.stdout.flush()
-    try:
-        answer = sys.stdin.readline().strip().lower()
-    except KeyboardInterrupt:
-        answer = ""
-        _say("")
-    return bool(answer) and "yes".startswith(answer)
 
 
 def _say(text: str) -> None:

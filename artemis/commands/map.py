@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from artemis.errors import ConfigError
+
 maps = typer.Typer(
     rich_markup_mode=None,
     no_args_is_help=True,
@@ -25,13 +27,12 @@ def build_map(
     output: Output,
     resolution: Annotated[float, typer.Option(metavar="M", help="Side of a cell.")] = 0.05,
     scanner: Annotated[str | None, typer.Option(metavar="NAME", help="Of several in a run, this one.")] = None,
-    mounting: Annotated[
-        str, typer.Option(metavar="X,Y,DEG", help="Of a run's scanner, seen from the rear axle; x ahead, y left.")
-    ] = "0,0,0",
-    upside_down: Annotated[bool, typer.Option("--upside-down", help="It is mounted so.")] = False,
     without_odometry: Annotated[
         bool, typer.Option("--without-odometry", help="Do not use what the wheels say.")
     ] = False,
+    begun: Annotated[
+        Path | None, typer.Option("--continue", metavar="MAP", help="Go on with this map (.yaml), from its graph.")
+    ] = None,
     force: Force = False,
 ) -> None:
     """Make a map of what a laser scanner saw; a run begins about where the one before ended."""
@@ -40,9 +41,8 @@ def build_map(
     sources = Sources(
         runs=runs,
         scanner=scanner,
-        mounting=mounting,
-        upside_down=upside_down,
         odometry=not without_odometry,
+        begun=begun,
     )
     build_map(sources, output, resolution, force=force)
 
@@ -53,29 +53,54 @@ def show_map(
     figure: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FIGURE", help="Draw it (.png, .svg, .pdf).")
     ] = None,
+    begin: Annotated[
+        str | None, typer.Option("--from", metavar="PLACE|X,Y,DEG", help="Plan a route from here,")
+    ] = None,
+    end: Annotated[str | None, typer.Option("--to", metavar="PLACE|X,Y,DEG", help="to there,")] = None,
+    robot: Annotated[Path | None, typer.Option(metavar="ROBOT", help="for this robot (its file, YAML).")] = None,
 ) -> None:
-    """Say what is true of a map and its loops, and draw it."""
+    """Say what is true of a map, its loops, zones and places, and draw it, with a route."""
     from artemis.commands.map_show import show_map
 
-    show_map(file, figure)
+    if None in (begin, end, robot) and (begin, end, robot) != (None, None, None):
+        raise ConfigError("a route needs all of --from, --to and --robot")
+    show_map(file, figure, (begin, end, robot) if begin and end and robot else None)
 
 
 @maps.command("edit")
 def edit_map(
-    file: Annotated[Path, typer.Argument(metavar="MAP", help="Map (.yaml); its graph is beside it.")],
-    output: Output,
+    file: Annotated[Path, typer.Argument(metavar="MAP", help="Map (.yaml); graph, zones and places are beside it.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="MAP", help="The map to write (.yaml); for zones and places: in place."),
+    ] = None,
     undo_loop: Annotated[
         list[int] | None, typer.Option(metavar="N", help="Take this loop back (see `show`); repeat for more.")
     ] = None,
     rotate: Annotated[float, typer.Option(metavar="DEG", help="Counter-clockwise, around x 0, y 0.")] = 0.0,
     crop: Annotated[str | None, typer.Option(metavar="X,Y,X,Y", help="Keep what is between two corners.")] = None,
     no_go: Annotated[
-        list[str] | None, typer.Option(metavar="X,Y,X,Y,...", help="A zone to keep out of; repeat for more.")
+        list[str] | None, typer.Option(metavar="X,Y,X,Y,...", help="Close a part of the image; repeat for more.")
     ] = None,
+    zone: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=KIND:X,Y,...", help="Add a zone: keep-out, prefer or slow@M_S; repeat for more."),
+    ] = None,
+    place: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=X,Y,DEG", help="Add a place for the rear axle; repeat for more.")
+    ] = None,
+    remove_zone: Annotated[
+        list[str] | None, typer.Option(metavar="NAME|N", help="By its name or its number (see `show`).")
+    ] = None,
+    remove_place: Annotated[list[str] | None, typer.Option(metavar="NAME", help="By its name.")] = None,
     force: Force = False,
 ) -> None:
-    """Correct a map: loops first, then rotated, cropped, and zones closed."""
+    """Correct a map: loops first, then rotated, cropped, and parts closed; change its zones and places."""
     from artemis.commands.map_edit import Edits, edit_map
+    from artemis.commands.map_zones import ZoneEdits
 
-    edits = Edits(loops=undo_loop or [], rotate=rotate, crop=crop, no_go=no_go or [])
+    zones = ZoneEdits(
+        remove_zones=remove_zone or [], remove_places=remove_place or [], zones=zone or [], places=place or []
+    )
+    edits = Edits(loops=undo_loop or [], rotate=rotate, crop=crop, no_go=no_go or [], zones=zones)
     edit_map(file, output, edits, force=force)

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 from rich.progress import Progress
 
-from artemis.commands.map_files import numbers, refuse_output, write_map
+from artemis.commands.map_files import refuse_output, write_map
 from artemis.commands.map_readings import readings_of
 from artemis.errors import ConfigError
+from artemis.localisation.scan_localizer import LocalizerSettings, ScanLocalizer
+from artemis.localisation.scan_map import ScanMap
 from artemis.mapping.carmen import read_carmen
-from artemis.mapping.graph_file import MapGraph
+from artemis.mapping.graph_file import SUFFIX, read_graph
 from artemis.mapping.kernels import COMPILED, NOTICE
-from artemis.mapping.laser import Reading, ScannerPlace
+from artemis.mapping.laser import Reading
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.occupancy import occupancy
+from artemis.mapping.se2 import between, compose
+from artemis.mapping.settings import MapSettings
+from artemis.mapping.tracking import Tracker
 
 LOGS = (".clf", ".log")
 
@@ -30,16 +35,16 @@ class Sources:
 
     runs: Sequence[Path]
     scanner: str | None
-    mounting: str
-    upside_down: bool
     odometry: bool
+    begun: Path | None = None
+    """A map to go on with."""
 
 
 def build_map(sources: Sources, output: Path, resolution: float, *, force: bool) -> None:
     """Make a map, and write it with its graph beside it.
 
     Args:
-        sources: runs or logs, and how their scanner is mounted.
+        sources: runs or logs.
         output: the YAML file.
         resolution: side of a cell [m].
         force: overwrite.
@@ -50,23 +55,23 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
     refuse_output(output, force)
     if not 0.005 <= resolution <= 1:
         raise ConfigError(f"--resolution {resolution:g}: expected 0.005 to 1 m")
-    x, y, degrees = numbers(sources.mounting, "--mounting", 3, 3)[:3]
-    mounting = ScannerPlace(x=x, y=y, heading=math.radians(degrees), upside_down=sources.upside_down)
     if not COMPILED:
         sys.stderr.write(f"{NOTICE}\n")
-    mapper = Mapper()
+    settings, mapper = MapSettings(), Mapper()
     with Progress(disable=not sys.stdout.isatty()) as progress:
         bar = progress.add_task("scans", total=None)
         for number, run in enumerate(sources.runs):
+            readings = _readings(run, settings, sources)
             if number:
                 mapper.begin_run()
-            for reading in _readings(run, mapper, sources, mounting):
+            elif sources.begun is not None:
+                mapper, readings = _gone_on(sources.begun, run, readings, settings)
+            for reading in readings:
                 mapper.add(reading)
                 progress.advance(bar)
     if not len(mapper.keys):
         raise ConfigError(f"{sources.runs[0]}: no scan has a point")
     mapper.finish()
-    times, poses = mapper.trajectory()
     try:
         content = occupancy(mapper.keys.points, mapper.keys.poses, resolution)
     except ValueError as error:
@@ -76,13 +81,41 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
         f"scans       {counts.scans}, {counts.unmatched} matched nowhere; {len(mapper.keys)} make up the map\n"
         f"loops       {len(mapper.graph.loops)} of {mapper.searched} places searched\n"
     )
-    write_map(output, content, MapGraph(mapper.keys, mapper.graph, np.c_[times, poses]))
+    write_map(output, content, mapper.result())
 
 
-def _readings(run: Path, mapper: Mapper, sources: Sources, mounting: ScannerPlace) -> Iterator[Reading]:
+def _gone_on(
+    file: Path, run: Path, readings: Iterator[Reading], settings: MapSettings
+) -> tuple[Mapper, Iterator[Reading]]:
+    """A mapper that goes on with a map from where a run begins on it, and all readings of the run.
+
+    Raises:
+        ConfigError: the map has no graph, or the run is not found on it.
+    """
+    graph_file = file.with_suffix(SUFFIX)
+    if not graph_file.exists():
+        raise ConfigError(f"{graph_file}: no such file; a map is gone on with from its graph")
+    begun = read_graph(graph_file)
+    known = ScanMap.of_scans(begun.keys.points, begun.keys.poses, settings)
+    localizer, tracker, seen = ScanLocalizer(known, LocalizerSettings(matching=settings)), Tracker(settings), []
+    for reading in readings:
+        seen.append(reading)
+        tracker.add(reading)
+        if reading.points is None:
+            continue
+        found = localizer.update(reading.points, reading.odometry)
+        if (wanted := localizer.wanted()) is not None:
+            localizer.take(wanted, localizer.look(wanted))
+        if not found.lost:
+            start = compose(found.pose, between(tracker.pose, np.zeros(3)))
+            return Mapper(settings, begun=begun, start=start), chain(seen, readings)
+    raise ConfigError(f"{run}: is nowhere found on {file}, or in several places alike; begin it where the map is known")
+
+
+def _readings(run: Path, settings: MapSettings, sources: Sources) -> Iterator[Reading]:
     is_log = run.with_suffix("").suffix in LOGS if run.suffix == ".gz" else run.suffix in LOGS
     if is_log:
-        given = read_carmen(run, mapper.settings)
+        given = read_carmen(run, settings)
     else:
-        given = readings_of(run, mapper.settings, sources.scanner, mounting)
+        given = readings_of(run, settings, sources.scanner)
     return given if sources.odometry else (replace(reading, odometry=None) for reading in given)

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from artemis.commands.map_files import numbers, refuse_output, write_map
+from artemis.commands.map_zones import ZoneEdits, edit_zones, edited_zones, say_zones, turned_zones, zones_of
+from artemis.commands.path_files import refuse_taken
 from artemis.errors import ConfigError
 from artemis.mapping.final_pass import matched_again
 from artemis.mapping.graph_file import SUFFIX, MapGraph, read_graph
 from artemis.mapping.likelihood import LikelihoodGrid
 from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import OccupancyMap, occupancy
-from artemis.mapping.se2 import between, compose
 from artemis.mapping.settings import MapSettings
+from artemis.recording.disk import write_whole
+from artemis.route_planning.zones import zones_file
+from artemis.yaml_file import read
 
 _ROUNDS = 20
 
@@ -29,15 +33,45 @@ class Edits:
     """[deg]."""
     crop: str | None
     no_go: Sequence[str]
+    zones: ZoneEdits = field(default_factory=ZoneEdits)
+
+    def __bool__(self) -> bool:
+        return bool(self.loops or self.rotate or self.crop or self.no_go)
 
 
-def edit_map(file: Path, output: Path, edits: Edits, *, force: bool) -> None:
-    """Write a corrected map.
+def edit_map(file: Path, output: Path | None, edits: Edits, *, force: bool) -> None:
+    """Write a corrected map with its zones and places; without an output only these are changed, beside the map.
 
     Raises:
         ConfigError: it cannot be read or written, or an edit is not possible.
     """
+    if output is None:
+        if edits:
+            raise ConfigError("--output MAP: name the corrected map; only zones and places are changed in place")
+        if not edits.zones:
+            raise ConfigError(f"{file}: nothing to be done; `artemis map edit --help` lists what can be")
+        read_map(file)
+        edit_zones(file, edits.zones)
+        return
     refuse_output(output, force)
+    beside_output = Path(zones_file(str(output)))
+    refuse_taken([beside_output], force)
+    zones = edited_zones(_zones(file, edits.rotate), str(beside_output), edits.zones)
+    _edit_cells(file, output, edits)
+    if zones:
+        write_whole(beside_output, zones.decode())
+        say_zones(output, zones_of(output))
+
+
+def _zones(file: Path, rotate: float) -> bytes:
+    """The file of zones and places as it will be beside the output."""
+    beside = Path(zones_file(str(file)))
+    if not beside.exists():
+        return b""
+    return turned_zones(zones_of(file), math.radians(rotate)) if rotate else read(beside)
+
+
+def _edit_cells(file: Path, output: Path, edits: Edits) -> None:
     content, beside = read_map(file), file.with_suffix(SUFFIX)
     graph = read_graph(beside) if beside.exists() else None
     if edits.loops:
@@ -72,10 +106,7 @@ def _undo(graph: MapGraph, loops: Sequence[int], source: Path) -> None:
         raise ConfigError(f"{source}: no loop {', '.join(map(str, unknown))}; `artemis map show` lists them")
     for number in dict.fromkeys(loops):
         graph.graph.remove(number)
-    settings, old = MapSettings(), graph.keys.poses.copy()
-    graph.keys.poses = graph.graph.solve(old, _ROUNDS, settings.cauchy_loop, settings.cauchy_step)
+    settings, trajectory = MapSettings(), graph.nearest_keys()
+    graph.keys.poses = graph.graph.solve(graph.keys.poses, _ROUNDS, settings.cauchy_loop, settings.cauchy_step)
     graph.keys.poses = matched_again(settings, graph.keys, graph.graph, LikelihoodGrid(settings))
-    for pose in graph.trajectory:
-        off = between(old, pose[1:])
-        nearest = int((off[:, 0] ** 2 + off[:, 1] ** 2 + off[:, 2] ** 2).argmin())
-        pose[1:] = compose(graph.keys.poses[nearest], off[nearest])
+    graph.trajectory[:, 1:] = trajectory.poses(graph.keys.poses)

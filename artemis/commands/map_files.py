@@ -8,8 +8,8 @@ from pathlib import Path
 
 from artemis.commands.path_files import refuse_taken
 from artemis.errors import ConfigError
-from artemis.mapping.graph_file import SUFFIX, MapGraph
-from artemis.mapping.map_file import map_files, write_bytes
+from artemis.mapping.graph_file import SUFFIX, MapGraph, saved_files
+from artemis.mapping.map_file import write_bytes
 from artemis.mapping.occupancy import OccupancyMap
 
 
@@ -30,10 +30,7 @@ def write_map(path: Path, content: OccupancyMap, graph: MapGraph | None) -> None
     Raises:
         ConfigError: they cannot be written.
     """
-    files = map_files(path, content)
-    if graph is not None:
-        files = {path.with_suffix(SUFFIX): graph.packed()} | files
-    write_bytes(files)
+    write_bytes(saved_files(path, content, graph))
     rows, columns = content.cells.shape
     size = f"{columns * content.resolution:.1f} x {rows * content.resolution:.1f} m"
     sys.stdout.write(f"map         {path}: {size}, cells of {content.resolution:g} m\n")

@@ -8,21 +8,36 @@ from pathlib import Path
 
 import numpy as np
 
-from artemis.errors import ConfigError
+from artemis.commands.map_files import numbers
+from artemis.commands.map_zones import say_zones, zones_of
+from artemis.errors import ConfigError, similar
 from artemis.mapping.graph_file import SUFFIX, MapGraph, read_graph
 from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import FREE, OCCUPIED, OccupancyMap
 from artemis.mapping.se2 import between, wrapped
+from artemis.mission.loading import load_model
+from artemis.motion.planned_route import planned_route
+from artemis.motion.route import Route
+from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
+from artemis.route_planning.planner import RouteRequest, plan_route
+from artemis.route_planning.zones import MapZones
+from artemis.values import Pose
+from artemis.vehicle import RobotFile
 
 _SHOWN = 10
 """Loops that fit worst."""
 
 
-def show_map(file: Path, figure: Path | None) -> None:
-    """Print facts of a map and of its graph, and draw them.
+def show_map(file: Path, figure: Path | None, wanted: tuple[str, str, Path] | None = None) -> None:
+    """Print facts of a map, of its graph, zones and places, and draw them.
+
+    Args:
+        file: the map.
+        figure: the drawing; None: none.
+        wanted: of a route its begin and end, places or poses, and the file of the robot; None: none is planned.
 
     Raises:
-        ConfigError: a file cannot be read, the figure cannot be written.
+        ConfigError: a file cannot be read, the figure cannot be written, or there is no route.
     """
     if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ConfigError(f"{figure}: no figure can be drawn as that: name it .png, .svg or .pdf")
@@ -38,8 +53,14 @@ def show_map(file: Path, figure: Path | None) -> None:
         _row("graph", f"none: there is no {beside.name}")
     else:
         _say(graph)
+    zones = zones_of(file)
+    if zones.zones or zones.places:
+        say_zones(file, zones)
+    route = planned(content, zones, *wanted) if wanted is not None else None
+    if route is not None:
+        _row("route", f"{route.length:.1f} m, {len(route.parts) - 1} reversals")
     if figure is not None:
-        _draw(content, graph, figure)
+        _draw(content, graph, zones, route, figure)
 
 
 def _say(graph: MapGraph) -> None:
@@ -62,13 +83,44 @@ def _row(name: str, words: str) -> None:
     sys.stdout.write(f"{name:<12}{words}\n")
 
 
-def _draw(content: OccupancyMap, graph: MapGraph | None, figure: Path) -> None:
+def planned(content: OccupancyMap, zones: MapZones, begin: str, end: str, robot_file: Path) -> Route:
+    """A route as a step `goto` plans it.
+
+    Raises:
+        ConfigError: there is none, or no such place; the robot cannot stand there, or has no outline.
+    """
+    robot = load_model(robot_file, RobotFile)
+    if robot.outline is None:
+        raise ConfigError(f"{robot_file}: routes are planned for the robot's outline: it has none")
+    floor, poses = floor_from(content, zones.zones), list[Pose]()
+    for option, words in (("--from", begin), ("--to", end)):
+        pose = _pose(option, words, zones)
+        if problem := goal_problem(floor, robot, pose, MARGIN):
+            raise ConfigError(f"{option} {words}: {problem}")
+        poses.append(pose)
+    speed = robot.limits.speed_m_s
+    found = plan_route(RouteRequest(floor=floor, robot=robot, start=poses[0], goal=poses[1], speed=speed))
+    if not found.values:
+        raise ConfigError(f"from {begin} to {end}: {found.detail}")
+    return planned_route(found.values, robot, speed)
+
+
+def _pose(option: str, words: str, zones: MapZones) -> Pose:
+    if (place := zones.places.get(words)) is not None:
+        return Pose(x=place.x_m, y=place.y_m, heading=math.radians(place.heading_deg))
+    if "," not in words:
+        raise ConfigError(f"{option} {words}: no such place; {similar(words, zones.places) or 'expected X,Y,DEG'}")
+    x, y, heading = numbers(words, option, 3, 3)[:3]
+    return Pose(x=x, y=y, heading=math.radians(heading))
+
+
+def _draw(content: OccupancyMap, graph: MapGraph | None, zones: MapZones, route: Route | None, figure: Path) -> None:
     from artemis.report.figures import style
     from artemis.report.map_figure import map_figure
 
     try:
         with style():
-            map_figure(content, graph).savefig(figure, facecolor="white", dpi=150)
+            map_figure(content, graph, zones, route).savefig(figure, facecolor="white", dpi=150)
     except OSError as error:
         raise ConfigError(f"{figure}: cannot be written: {error.strerror}") from error
     _row("figure", str(figure))

@@ -34,6 +34,9 @@ def record_path(
     name: Annotated[str | None, typer.Option(metavar="NAME", help="Name under which a step recorded it.")] = None,
     begin: Annotated[float | None, typer.Option("--from", metavar="T", help="Run time [s].")] = None,
     end: Annotated[float | None, typer.Option("--to", metavar="T", help="Run time [s].")] = None,
+    on_map: Annotated[
+        Path | None, typer.Option("--on-map", metavar="MAP", help="As it lies on the map (.yaml) made of this run.")
+    ] = None,
     close_within: Annotated[float, typer.Option(metavar="M", help="Close it if its ends are so near.")] = 0.0,
     smoothing: Smoothing = None,
     spacing: Annotated[float, typer.Option(metavar="M", help="Between the points.")] = SPACING,
@@ -47,7 +50,7 @@ def record_path(
 
     if name is not None and (begin is not None or end is not None):
         raise ConfigError("--name and --from or --to: choose by name or by time, not by both")
-    choice = path_record.RecordedPart(name=name, begin=begin, end=end)
+    choice = path_record.RecordedPart(name=name, begin=begin, end=end, on_map=on_map)
     drawing = path_record.Drawing(
         smoothing=smoothing, spacing=spacing, close_within=close_within, with_speed=with_speed
     )

@@ -60,6 +60,8 @@ class RecordedPart:
     begin: float | None = None
     """Run time [s]."""
     end: float | None = None
+    on_map: Path | None = None
+    """A map that was made of the run: poses by it, instead of the run's own."""
 
     def words(self) -> str:
         """For a file's header."""
@@ -180,22 +182,53 @@ def _parts(recording: Recording, choice: RecordedPart, spacing: float) -> Iterat
 
 def _stretches(recording: Recording, choice: RecordedPart) -> list[DrivenTicks]:
     chosen = _Chosen(recording, choice)
+    by_map = None if choice.on_map is None else MapTrajectory(choice.on_map)
     stretches: list[DrivenTicks] = []
     for tick in recording.ticks():
         placed, located = tick.wish.reset_pose, tick.snapshot.pose
         wanted = chosen.takes(tick)
         if placed or chosen.begins_anew:
             stretches.clear()
-        if not wanted or placed or located.lost:
+        if not wanted or placed or (located.lost and by_map is None):
             continue
-        pose = located.pose
-        last = stretches[-1].poses[-1] if stretches and stretches[-1].frame == located.frame else None
+        pose, frame = located.pose, located.frame
+        if by_map is not None:
+            found, frame = by_map.at(tick.snapshot.time), "map"
+            if found is None:
+                continue
+            pose = found
+        last = stretches[-1].poses[-1] if stretches and stretches[-1].frame == frame else None
         if last is None or math.hypot(pose.x - last.x, pose.y - last.y) > LEAP:
-            stretches.append(DrivenTicks(frame=located.frame))
+            stretches.append(DrivenTicks(frame=frame))
         stretches[-1].poses.append(pose)
         stretches[-1].speeds.append(tick.snapshot.odometry.speed)
         stretches[-1].times.append(tick.snapshot.time)
     return stretches
+
+
+class MapTrajectory:
+    """Where the robot was on the map that was made of its run, by the map's graph."""
+
+    def __init__(self, file: Path) -> None:
+        """Read the graph beside a map's YAML file.
+
+        Raises:
+            ConfigError: there is none, or it is broken.
+        """
+        from artemis.mapping.graph_file import SUFFIX, read_graph  # imports scipy, which few paths need
+
+        graph = file.with_suffix(SUFFIX)
+        if not graph.exists():
+            raise ConfigError(f"{graph}: no such file; the graph of a map knows where the robot was")
+        self._times, *self._rows = read_graph(graph).trajectory.T
+        self._rows[2] = np.unwrap(self._rows[2])
+
+    def at(self, time: float) -> Pose | None:
+        """At a run time [s]; None: the map does not know."""
+        if not self._times[0] <= time <= self._times[-1]:
+            return None
+        x, y, heading = (float(np.interp(time, self._times, row)) for row in self._rows)
+        return Pose(x=x, y=y, heading=math.remainder(heading, math.tau))
 
 
 class _Chosen:

@@ -24,8 +24,8 @@ def replay_run(run: Path) -> int:
     """
     recording = Recording(run)
     with tempfile.TemporaryDirectory() as folder:
-        loaded = load_mission(_unpack(recording, Path(folder)))
         simulated = recording.mission.get("bus") == "simulation"
+        loaded = load_mission(_unpack(recording, Path(folder)), simulated, tried=False)
         result = replay(recording, core_from(loaded, recording.resume_point, simulated))
     if not result.ticks:
         raise RecordingError(f"{recording.path}: holds no tick; {recording.missing or 'nothing to recompute'}")

@@ -19,7 +19,7 @@ from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
-from artemis.planning import asks, inputs_used, is_fast, is_simulated
+from artemis.planning import asks, inputs_used, is_fast, is_simulated, preparations
 from artemis.progress import Position
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
@@ -43,7 +43,7 @@ def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> 
         DeviceLost: the bus cannot be opened; nothing has moved.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
-    loaded = load_mission(source)
+    loaded = load_mission(source, simulate)
     resume_point = _resumption(loaded, source, resume, simulate)
     outcome = run_in_sight(loaded, source, simulate, resume_point)
     if outcome.failed:
@@ -92,6 +92,9 @@ def run_in_sight(
     hint = f"{hint}; {DRIVING}" if driving else hint
     keys_work = hint if operator else ""
     view = LiveView(_title(loaded, simulated), keys_work, terminate, loaded.robot.bitrate, partial(_where, loaded))
+    for prepare in () if fast else preparations(loaded, simulated):
+        _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")
+        prepare()
     outcome = run_mission(
         loaded,
         source,
@@ -167,6 +170,8 @@ def _conclude(outcome: Outcome) -> None:
     speed = outcome.duration / outcome.elapsed
     _print("run time", f"{outcome.duration:.1f} s in {outcome.elapsed:.2f} s: {speed:.1f} x real time")
     _print("run folder", str(outcome.run.path))
+    if outcome.run.map.exists():
+        _print("map", str(outcome.run.map))
     for trouble in outcome.troubles:
         _print("recording", f"not whole: {trouble}")
     try:

@@ -12,9 +12,9 @@ from pathlib import Path
 from artemis import clock
 from artemis.devices.can_bus import CanBus, check_bus_words, place_of
 from artemis.errors import ConfigError, DeviceLost
-from artemis.mission.files import read_table
+from artemis.mapping.map_file import read_map
 from artemis.mission.loading import load_model
-from artemis.sim.grid import MapGrid, MapWords, grid_from, image_from
+from artemis.sim.grid import MapGrid
 from artemis.sim.lms100_server import serve_lms100
 from artemis.sim.scanners import mount_scanners
 from artemis.sim.scenery import Scenery
@@ -104,10 +104,7 @@ def scenery_from(path: Path) -> tuple[Scenery, MapGrid | None]:
     scenery = load_model(path, Scenery)
     if scenery.map_file is None:
         return scenery, None
-    file = path.parent / scenery.map_file
-    words = load_model(file, MapWords)
-    image = file.parent / words.image
-    return scenery, grid_from(words, image_from(read_table(image), str(image)))
+    return scenery, MapGrid(read_map(path.parent / scenery.map_file))
 
 
 def _words(interface: str, channel: str, options: list[str]) -> dict[str, object]:

@@ -10,6 +10,7 @@ import tty
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 
+from artemis.errors import ConfigError
 from artemis.values import Request
 
 KEYS = {b" ": Request.QUICKSTOP, b"a": Request.ACKNOWLEDGE, b"r": Request.ARM, b"q": Request.END}
@@ -50,6 +51,24 @@ def somebody_is_there() -> bool:
         return sys.stdin.isatty() and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
     except (AttributeError, OSError, ValueError):  # no standard input, or not our terminal
         return False
+
+
+def confirmed(command: str, question: str) -> bool:
+    """Whether a person says yes to a question of a command.
+
+    Raises:
+        ConfigError: nobody can.
+    """
+    if not sys.stdin.isatty():
+        raise ConfigError(f"{command}: a person at a terminal is needed to answer, or --yes: {question}")
+    sys.stdout.write(f"{question} [no/yes] ")
+    sys.stdout.flush()
+    try:
+        answer = sys.stdin.readline().strip().lower()
+    except KeyboardInterrupt:
+        answer = ""
+        sys.stdout.write("\n")
+    return bool(answer) and "yes".startswith(answer)
 
 
 def listen_to_keys(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from artemis.localisation.scan_map import ScanMap
-from artemis.mapping.likelihood import LikelihoodGrid, Match
+from artemis.mapping.likelihood import NOWHERE, LikelihoodGrid, Match
 from artemis.mapping.matching import match
 from artemis.mapping.pose_graph import match_information
 from artemis.mapping.se2 import Array, between, compose, within
@@ -38,10 +38,16 @@ class LocalizerSettings:
     well: float = 0.7
     """and so well that nothing else is searched."""
     margin: float = 0.12
+    start: float = 2.0
+    start_turn: float = 0.6
+    start_prior: float = 0.1
+    """The first scan is searched no farther around the start, and has to be better by so much at the edge."""
     search: float = 0.4
     search_turn: float = 0.15
     again: float = 0.1
     """Driven between two searches where the scans do not fit well."""
+    astray: float = 0.55
+    """A scan that fits those before no better may be of another place, unless it fits the map."""
     lost_after: float = 10.0
     """Driven without a match on the map, by the last scans and the odometry alone,"""
     lost_broken: float = 1.0
@@ -52,8 +58,13 @@ class LocalizerSettings:
     """Driven before a robot is looked for: one scan fits many places."""
     gather_scans: int = 12
     """Scans after which it is looked for, though it stands."""
-    found: float = 0.65
-    unique: float = 0.06
+    found: float = 0.58
+    sure: float = 0.65
+    agree: float = 0.3
+    agree_turn: float = 0.1
+    agree_after: float = 1.0
+    """What fits less well than the second is found once another search, so far away, finds the same."""
+    unique: float = 0.035
     """What is found on the whole map has to fit so well, and better than any other place by so much."""
     apart: float = 1.0
     points: int = 120
@@ -66,12 +77,12 @@ class ScanPose:
 
     pose: Array
     """In the frame of the map, shape (3,); where it is lost: the last one, carried on."""
-    covariance: Array
-    """Of x, y, heading in the frame of the map, shape (3, 3)."""
     quality: float
     """How well the scan fits the map there, 0 to 1."""
     doubt: float
     """0: the scan was matched; 1 and above: lost. Between: part of what may be driven without a match."""
+    measured: Array | None = None
+    """Covariance of what the beams of this scan alone tell, as if the map were right, shape (3, 3); None: unmatched."""
 
     @property
     def lost(self) -> bool:
@@ -79,15 +90,42 @@ class ScanPose:
         return self.doubt >= 1
 
 
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PlaceSearch:
+    """What is looked for on the whole map."""
+
+    points: Array
+    """Points of the last key scans, seen from where the robot was, shape (n, 4)."""
+    at: Array
+    """Where that was, in the frame in which the localizer follows the scans, shape (3,)."""
+    since: int
+    """How often the localizer had lost the place before."""
+
+
 class ScanLocalizer:
     """Follows by matching each scan on the map, from where the last scans and the odometry say that the robot is.
 
     Where nothing of the map is seen, those carry the pose on. A robot that is lost, or was never found, is looked for
-    on the whole map once it has driven a little, and found only where nothing else fits nearly as well.
+    on the whole map once it has driven a little, and found only where nothing else fits nearly as well. That takes
+    long, and nothing else waits for it: `wanted` tells what to look for, `look` does it, in another thread if need be,
+    and `take` carries what it found on to where the robot is by then.
     """
 
-    def __init__(self, on: ScanMap, settings: LocalizerSettings | None = None, start: Array | None = None) -> None:
-        """Take a map; `start`, shape (3,), is about where the robot is; None: anywhere."""
+    def __init__(
+        self,
+        on: ScanMap,
+        settings: LocalizerSettings | None = None,
+        start: Array | None = None,
+        start_std: tuple[float, float] | None = None,
+    ) -> None:
+        """Begin.
+
+        Args:
+            on: the map.
+            settings: lengths, windows and scores.
+            start: about where the robot is, shape (3,); None: anywhere.
+            start_std: standard deviations of that [m, rad]: the first scan is searched there; None: it is known well.
+        """
         self.settings, self._map = settings or LocalizerSettings(), on
         self._local = LikelihoodGrid(self.settings.matching)
         self._keys: deque[tuple[Array, Array]] = deque(maxlen=self.settings.local)
@@ -97,11 +135,15 @@ class ScanLocalizer:
         self._step = np.zeros(3)
         self._pose = np.zeros(3) if start is None else np.array(start, float)
         self._doubt = 1.0 if start is None else 0.0
-        self._covariance = np.diag([0.04, 0.04, 0.01])
+        self._start_std = None if start is None else start_std
+        self._measured: Array | None = None
         self._gathered, self._scans, self._astray, self._searched = 0.0, 0, 0, np.inf
-        self._broken = False
         """Driven and seen since the last search of the whole map; scans that fitted nowhere; driven since the last one
         near by."""
+        self._broken = self._looking = False
+        self._forgotten = 0
+        self._before: tuple[PlaceSearch, Match] | None = None
+        """What the last search found that was not sure enough."""
 
     def update(self, points: Array, odometry: Array | None) -> ScanPose:
         """Take the next scan.
@@ -115,28 +157,62 @@ class ScanLocalizer:
         length = float(np.hypot(step[0], step[1]))
         self._gathered += length
         self._scans += 1
+        self._measured, quality = None, 0.0
         if self._doubt < 1:
-            found = self._matched(points, predicted, length, float(abs(step[2])))
-            self._take(found, predicted, length)
-            return ScanPose(
-                pose=self._pose, covariance=self._covariance, quality=max(0.0, found.score), doubt=self._doubt
-            )
-        self._pose = predicted
-        settings, quality = self.settings, 0.0
-        if self._gathered >= settings.gathered or self._scans >= settings.gather_scans:
-            self._gathered, self._scans = 0.0, 0
-            found_anywhere = self.search()
-            if found_anywhere is not None:
-                self._pose, self._doubt, quality = found_anywhere.pose, 0.0, found_anywhere.score
-        return ScanPose(pose=self._pose, covariance=self._covariance, quality=quality, doubt=self._doubt)
+            if self._start_std is not None:
+                found, self._start_std = self._matched_at_start(points, self._start_std), None
+            else:
+                found = self._matched(points, predicted, length, float(abs(step[2])))
+            self._weigh(found, predicted, length)
+            quality = max(0.0, found.score)
+        else:
+            self._pose = predicted
+        return ScanPose(
+            pose=self._pose,
+            quality=quality,
+            doubt=self._doubt,
+            measured=self._measured,
+        )
 
-    def search(self) -> Match | None:
-        """Look for the robot on the whole map by what was seen of late; None: nowhere, or in several places."""
-        settings, rough, reach = self.settings, self._map.rough, self._map.reach
-        seen = self._seen()
+    def wanted(self) -> PlaceSearch | None:
+        """What to look for on the whole map; None: the robot is not lost, it saw too little yet, or is looked for."""
+        settings = self.settings
+        if self._doubt < 1 or self._looking or not self._keys:
+            return None
+        if self._gathered < settings.gathered and self._scans < settings.gather_scans:
+            return None
+        self._gathered, self._scans, self._looking = 0.0, 0, True
+        return PlaceSearch(points=self._seen(), at=self._at, since=self._forgotten)
+
+    def take(self, looked_for: PlaceSearch, found: Match | None) -> None:
+        """Take what `look` found."""
+        self._looking = False
+        if found is None or self._doubt < 1 or looked_for.since != self._forgotten:
+            return
+        if found.score < self.settings.sure and not self._agrees(looked_for, found):
+            return
+        self._pose, self._doubt = compose(found.pose, between(looked_for.at, self._at)), 0.0
+        self._astray, self._broken, self._before = 0, False, None
+
+    def _agrees(self, looked_for: PlaceSearch, found: Match) -> bool:
+        """Whether the search before found the same from somewhere else; from here it is compared with what comes."""
+        settings, before = self.settings, self._before
+        if before is not None and before[0].since == looked_for.since:
+            moved = between(before[0].at, looked_for.at)
+            if within(moved, settings.agree_after, np.pi):
+                return False  # nothing new was seen
+            off = between(compose(before[1].pose, moved), found.pose)
+            if within(off, settings.agree, settings.agree_turn):
+                return True
+        self._before = looked_for, found
+        return False
+
+    def look(self, looked_for: PlaceSearch) -> Match | None:
+        """Look for the robot on the whole map; None: nowhere, or in several places. Changes nothing."""
+        settings, rough, reach, seen = self.settings, self._map.rough, self._map.reach, looked_for.points
         if len(seen) < settings.matching.least_points:
             return None
-        thin = seen[:: max(1, len(seen) // settings.points)]
+        thin = np.ascontiguousarray(seen[:: max(1, len(seen) // settings.points)])  # else it is compiled anew
         first = rough.search(thin, self._map.middle, reach, np.pi, floor=settings.found)
         if first.score < 0:
             return None
@@ -144,11 +220,10 @@ class ScanLocalizer:
         refined = self._map.grid.refine(seen, near.pose)
         if near.score < 0 or refined.score < settings.found:
             return None
-        beside = np.append((first.pose - self._map.middle)[:2], settings.apart)
-        floor = first.score - settings.unique
-        if rough.search(thin, self._map.middle, reach, np.pi, floor=floor, left_out=beside).score > 0:
-            return None
-        return refined
+        beside = np.append((near.pose - self._map.middle)[:2], settings.apart)
+        floor = near.score - settings.unique  # only the fine grid tells places apart that look alike
+        other = self._map.grid.search(thin, self._map.middle, reach, np.pi, floor=floor, left_out=beside)
+        return None if other.score > 0 else refined
 
     def _follow(self, points: Array, odometry: Array | None) -> Array:
         """How the robot moved since the last scan, by the scans before and the odometry, shape (3,)."""
@@ -162,8 +237,9 @@ class ScanLocalizer:
         self._odometry = odometry
         predicted = compose(self._at, self._step if counted is None else counted)
         found = match(self._local, settings, points, predicted, counted)
-        self._astray = self._astray + 1 if found.score < 0 else 0
-        self._broken = self._broken or found.score < 0
+        strays = found.score < self.settings.astray
+        self._astray = self._astray + 1 if strays else 0
+        self._broken = self._broken or strays
         self._step = between(self._at, found.pose)
         self._at = found.pose
         away = between(self._keys[-1][1], self._at)
@@ -188,13 +264,25 @@ class ScanLocalizer:
     def _forget(self) -> None:
         """What was seen of late may be of another place."""
         self._gathered, self._scans, self._astray = 0.0, 0, 0
+        self._forgotten += 1
         self._keys.clear()
+
+    def _matched_at_start(self, points: Array, std: tuple[float, float]) -> Match:
+        """The first scan on the map, searched around where the robot should begin."""
+        settings, grid, nowhere = self.settings, self._map.grid, Match(NOWHERE, self._pose, np.zeros((3, 3)))
+        if len(points) < settings.matching.least_points:
+            return nowhere
+        distance, turn = min(3 * std[0], settings.start), min(3 * std[1], settings.start_turn)
+        found = grid.search(points, self._pose, distance, turn, prior=settings.start_prior)
+        found = grid.refine(points, found.pose) if found.score > 0 else nowhere
+        self._doubt = 0.0 if found.score >= settings.good else 1.0
+        return found
 
     def _matched(self, points: Array, predicted: Array, length: float, turn: float) -> Match:
         """The scan on the map, near where the robot should be."""
         settings = self.settings
         if len(points) < settings.matching.least_points:
-            return Match(-1.0, predicted, np.zeros((3, 3)))
+            return Match(NOWHERE, predicted, np.zeros((3, 3)))
         std = settings.noise + settings.noise_share * length
         std_turn = settings.noise_turn + settings.noise_share * turn
         trust = settings.beam**2 / np.array([std, std, std_turn]) ** 2
@@ -213,10 +301,8 @@ class ScanLocalizer:
                     return other
         return found
 
-    def _take(self, found: Match, predicted: Array, length: float) -> None:
+    def _weigh(self, found: Match, predicted: Array, length: float) -> None:
         settings = self.settings
-        step = settings.noise_share * length
-        self._covariance = self._covariance + np.diag([step**2 + 1e-6, step**2 + 1e-6, (0.5 * step) ** 2 + 1e-7])
         if found.score < settings.good:
             self._pose = predicted
             after = settings.lost_broken if self._broken else settings.lost_after
@@ -227,4 +313,4 @@ class ScanLocalizer:
         self._pose, self._broken = found.pose, False
         self._doubt = max(0.0, self._doubt - 0.25)
         told = match_information(found.information, 0.0, settings.matching.beam)
-        self._covariance = np.linalg.inv(np.linalg.inv(self._covariance) + told)
+        self._measured = np.asarray(np.linalg.inv(told))

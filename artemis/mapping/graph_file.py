@@ -5,15 +5,19 @@ One message of MessagePack; arrays are bytes, numbers little-endian.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from artemis.errors import ConfigError
 from artemis.mapping.key_scans import KeyScans
+from artemis.mapping.map_file import map_files
+from artemis.mapping.occupancy import OccupancyMap
 from artemis.mapping.pose_graph import Link, PoseGraph
-from artemis.mapping.se2 import Array, compose
+from artemis.mapping.se2 import Array, between, compose
 from artemis.yaml_file import read
 
 SUFFIX = ".graph"
@@ -46,6 +50,20 @@ class SavedGraph(msgspec.Struct, frozen=True, kw_only=True):
     """Time [s], x, y, heading of every reading, float64."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenFrom:
+    """Poses, each seen from a key scan: they go with it."""
+
+    keys: NDArray[np.int64]
+    """Numbers of the key scans, shape (n,)."""
+    motions: Array
+    """From there, shape (n, 3)."""
+
+    def poses(self, key_poses: Array) -> Array:
+        """Where they are if the key scans are at `key_poses`, shape (m, 3); shape (n, 3)."""
+        return compose(key_poses[self.keys], self.motions)
+
+
 class MapGraph:
     """A pose graph with its scans, out of a file or on the way into one."""
 
@@ -68,10 +86,24 @@ class MapGraph:
         )
         return msgspec.msgpack.encode(saved)
 
+    def nearest_keys(self) -> SeenFrom:
+        """The trajectory, each pose seen from the nearest key scan."""
+        poses = self.trajectory[:, 1:]
+        nearest = np.empty(len(poses), np.int64)
+        for number, pose in enumerate(poses):
+            off = between(self.keys.poses, pose)
+            nearest[number] = (off**2).sum(1).argmin()
+        return SeenFrom(nearest, between(self.keys.poses[nearest], poses))
+
     def turned(self, angle: float) -> None:
         """Turn everything around the origin by `angle` [rad]."""
         self.keys.poses = compose([0.0, 0.0, angle], self.keys.poses)
         self.trajectory[:, 1:] = compose([0.0, 0.0, angle], self.trajectory[:, 1:])
+
+
+def saved_files(path: Path, content: OccupancyMap, graph: MapGraph | None) -> dict[Path, bytes]:
+    """The graph, the image and the YAML file `path` of a map, to be written."""
+    return ({path.with_suffix(SUFFIX): graph.packed()} if graph is not None else {}) | map_files(path, content)
 
 
 def read_graph(path: Path) -> MapGraph:

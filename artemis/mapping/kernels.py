@@ -1,4 +1,7 @@
-"""Chooses the inner loops of mapping: compiled if numba is installed (extra `slam`), else with numpy."""
+"""Chooses the inner loops of mapping: compiled if numba is installed (extra `slam`), else with numpy.
+
+They are imported when they are first used: numba takes more than a second.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +10,23 @@ from types import ModuleType
 
 _NUMPY = "artemis.mapping.kernels_numpy"
 
-try:
-    LOOPS: ModuleType = import_module("artemis.mapping.kernels_numba")
-    COMPILED = True
-except ImportError:  # the extra `slam` is not installed
-    LOOPS = import_module(_NUMPY)
-    COMPILED = False
+LOOPS: ModuleType
+COMPILED: bool
 
 NOTICE = "numba is not installed: mapping takes several times as long; pip install 'artemis-robot[slam]'"
 """For people, where `COMPILED` is false."""
+
+
+def __getattr__(name: str) -> object:
+    """The first use of `LOOPS` or `COMPILED`."""
+    if name not in ("LOOPS", "COMPILED"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        found = import_module("artemis.mapping.kernels_numba"), True
+    except ImportError:  # the extra `slam` is not installed
+        found = import_module(_NUMPY), False
+    globals()["LOOPS"], globals()["COMPILED"] = found
+    return globals()[name]
 
 
 def use_numpy() -> None:

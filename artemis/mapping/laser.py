@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from artemis.mapping import kernels
 from artemis.mapping.se2 import Array
 from artemis.mapping.settings import MapSettings
-from artemis.scan import Scan
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -25,45 +24,24 @@ class Reading:
     """Of the scan, as `surface_points` gives them, shape (n, 4); None: there was none."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScannerPlace:
-    """Where a scanner is on its robot: seen from the robot's reference point, x ahead, y left."""
-
-    x: float = 0.0
-    y: float = 0.0
-    heading: float = 0.0
-    """[rad], counter-clockwise."""
-    upside_down: bool = False
-    """The scanner's angles then count clockwise, seen from above."""
+AT_CENTRE = (0.0, 0.0, 0.0)
 
 
-AT_CENTRE = ScannerPlace()
-
-
-def surface_points(
-    ranges: ArrayLike, angles: ArrayLike, settings: MapSettings, mounting: ScannerPlace = AT_CENTRE
-) -> Array:
+def surface_points(ranges: ArrayLike, angles: ArrayLike, settings: MapSettings, place: ArrayLike = AT_CENTRE) -> Array:
     """The points of one scan, seen from the robot.
 
     Args:
         ranges: [m], shape (n,); what is out of range, 0 or nan is no return.
-        angles: of the beams [rad], evenly spaced, counter-clockwise seen from the scanner's top, shape (n,).
+        angles: of the beams [rad], evenly spaced, counter-clockwise seen from above, shape (n,).
         settings: which returns count.
-        mounting: of the scanner.
+        place: of the scanner on the robot: x ahead, y left [m], heading [rad], shape (3,).
 
     Returns:
         x, y [m] and the unit normal of the surface (0, 0: unknown), shape (m, 4).
     """
-    bearing = -np.asarray(angles, float) if mounting.upside_down else np.asarray(angles, float)
+    x, y, heading = np.asarray(place, float)
     distance = np.nan_to_num(np.asarray(ranges, float), nan=0.0)
-    seen = kernels.LOOPS.surface_points(
-        distance, bearing + mounting.heading, settings.nearest, settings.farthest, settings.spacing
-    )
-    seen[:, :2] += mounting.x, mounting.y
+    bearings = np.asarray(angles, float) + heading
+    seen = kernels.LOOPS.surface_points(distance, bearings, settings.nearest, settings.farthest, settings.spacing)
+    seen[:, :2] += x, y
     return np.asarray(seen)
-
-
-def points_of(scan: Scan, settings: MapSettings, mounting: ScannerPlace = AT_CENTRE) -> Array:
-    """The points of a scan of artemis, seen from the robot, shape (m, 4)."""
-    ranges = scan.millimetres * 1e-3
-    return surface_points(ranges, scan.start_angle + scan.increment * np.arange(len(ranges)), settings, mounting)

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
+from artemis.mapping.drift import Drift, Drifts
 from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.likelihood import LikelihoodGrid
 from artemis.mapping.pose_graph import Link, PoseGraph, match_information
 from artemis.mapping.se2 import Array, between, compose, within
 from artemis.mapping.settings import MapSettings
+from artemis.mapping.wide_loops import SURE, WideLoops
 
 _KNOWN_FOR = 30
 """Key scans for which a loop waits for a second one that agrees."""
 _APART = 10
 """Key scans between two places that are searched for one key scan."""
+_EVERY, _STRETCH = 3, 3
+"""Key scans from one wide search to the next, and at least between two that confirm each other."""
+_LEAST, _LEAST_TURN, _MOST_TURN = 0.3, 0.1, 0.7
+"""Of a window [m, rad]."""
 _SEARCH_BELOW = 0.1
 """A searched pose may score so much less than a loop must: refining raises it."""
 
@@ -22,8 +28,10 @@ class LoopFinder:
     """Searches old places around the newest key scan; a loop that corrects much has to be confirmed by another."""
 
     def __init__(self, settings: MapSettings, keys: KeyScans, graph: PoseGraph, grid: LikelihoodGrid) -> None:
-        self._settings, self._keys, self._graph, self._grid = settings, keys, graph, grid
+        self._settings, self._keys, self._grid = settings, keys, grid
+        self._wide = WideLoops(settings, keys, grid)
         self._waiting: list[Link] = []
+        self.drift = Drift(settings, keys, graph)
         self.searched = 0
         """Places so far."""
 
@@ -34,19 +42,24 @@ class LoopFinder:
         if key <= settings.gap:
             return [], False
         away = np.hypot(*(poses[: key - settings.gap, :2] - poses[key, :2]).T)
-        if away.min() > settings.loop_radius + settings.loop_window:
+        if away.min() > settings.loop_radius + settings.wide_window:
             return [], False
-        drift, drift_turn = self._drift(key, len(away))
-        away[away > settings.loop_radius + np.minimum(2 * drift, settings.loop_window)] = np.inf
+        drifts = self.drift.seen_from_newest(len(away))
         self._waiting = [link for link in self._waiting if key - link.second < _KNOWN_FOR]
         found: list[Link] = []
-        much = False
+        reach = _LEAST + SURE * drifts.most
+        narrow = reach <= settings.loop_window
+        near = narrow & (away < settings.loop_radius + 2 * drifts.most)
+        if key % _EVERY == 0 and not near.any():
+            found = self._found_wide(away, reach, drifts)
+        much = bool(found)
+        away[~near] = np.inf
         for _ in range(settings.places):
             place = int(away.argmin())
             if not np.isfinite(away[place]):
                 break
             away[max(0, place - _APART) : place + _APART + 1] = np.inf
-            link = self._matched(place, key, float(drift[place]), float(drift_turn[place]))
+            link = self._matched(place, key, float(reach[place]), drifts)
             if link is None:
                 continue
             believed = self._confirmed(link)
@@ -54,21 +67,24 @@ class LoopFinder:
             much = much or len(believed) > 1
         return found, much
 
-    def _drift(self, key: int, count: int) -> tuple[Array, Array]:
-        """Standard deviations [m, rad] of the first `count` poses, seen from `key`."""
+    def _found_wide(self, away: Array, reach: Array, drifts: Drifts) -> list[Link]:
+        """Loops to places that may be farther away than one place is searched for."""
         settings = self._settings
-        far = (settings.loop_window / settings.drift) ** 2  # from here on the widest window is used in any case
-        way = np.minimum(self._graph.distances_from(key, key + 1, far), far)[:count]
-        turn = settings.drift_turn * np.sqrt(way)
-        return settings.drift * np.sqrt(way) + 0.3 * turn * way, turn
+        away = np.where((reach <= settings.wide_window) & (away < settings.loop_radius + reach), away, np.inf)
+        place = int(away.argmin())
+        if not np.isfinite(away[place]):
+            return []
+        self.searched += 1
+        link = self._wide.find(float(reach[place]), _turn(drifts, place), drifts)
+        return [] if link is None else self._confirmed(link, _STRETCH)
 
-    def _matched(self, place: int, key: int, drift: float, drift_turn: float) -> Link | None:
+    def _matched(self, place: int, key: int, distance: float, drifts: Drifts) -> Link | None:
         """The loop between an old place and the newest key scan; None: it is not seen there."""
         settings, keys = self._settings, self._keys
         self.searched += 1
         first, last = max(0, place - settings.half), min(place + settings.half + 1, key - settings.gap)
         self._grid.build(keys.points[first:last], keys.poses[first:last])
-        distance, turn = min(0.3 + 2.5 * drift, settings.loop_window), min(0.1 + 2.5 * drift_turn, 0.7)
+        turn = _turn(drifts, place)
         floor, scan, middle = settings.loop_score - _SEARCH_BELOW, keys.points[key], keys.poses[key]
         searched = self._grid.search(scan, middle, distance, turn, prior=settings.prior, floor=floor)
         if searched.score < 0:
@@ -85,13 +101,14 @@ class LoopFinder:
         information = match_information(found.information, origin[2], settings.beam)
         return Link(place, key, between(origin, found.pose), information, True)
 
-    def _confirmed(self, link: Link) -> list[Link]:
+    def _confirmed(self, link: Link, apart: int = 1) -> list[Link]:
         """The link and those that waited for it; nothing if it has to wait itself."""
         settings, poses = self._settings, self._keys.poses
         correction = between(between(poses[link.first], poses[link.second]), link.motion)
         if within(correction, settings.sure_loop, settings.sure_loop_turn):
             return [link]
-        agreeing = [other for other in self._waiting if other.second < link.second and self._agree(other, link)]
+        before = [other for other in self._waiting if other.second <= link.second - apart]
+        agreeing = [other for other in before if self._agree(other, link)]
         if not agreeing:
             self._waiting.append(link)
             return []
@@ -104,3 +121,8 @@ class LoopFinder:
         driven = between(poses[one.second], poses[other.second])
         seen = between(compose(poses[one.first], one.motion), compose(poses[other.first], other.motion))
         return within(between(driven, seen), self._settings.agree, self._settings.agree_turn)
+
+
+def _turn(drifts: Drifts, place: int) -> float:
+    """To both sides of a search [rad]."""
+    return min(_LEAST_TURN + SURE * float(drifts.turn[place]), _MOST_TURN)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,12 +71,33 @@ def read_map(path: Path) -> OccupancyMap:
     Raises:
         ConfigError: everything that is wrong, each with file, line and column.
     """
-    keys = _Keys(load(path))
+    return map_from(load(path), path.parent, lambda image: read_image(path.parent / image))
+
+
+def map_from(document: Document, folder: Path, content: Callable[[str], bytes]) -> OccupancyMap:
+    """The map that a YAML file describes.
+
+    Args:
+        document: of the file.
+        folder: where it is.
+        content: of the image, by the name that the file gives it.
+
+    Raises:
+        ConfigError: everything that is wrong, each with file, line and column.
+    """
+    keys = MapKeys(document)
     if keys.problems:
         raise ConfigError(keys.problems)
-    image = path.parent / keys.image
-    grey = read_pgm(read(image, _MOST_BYTES), str(image))[::-1]
-    return OccupancyMap(cells=keys.cells(grey), resolution=keys.resolution, origin=keys.origin)
+    return keys.map_of(content(keys.image), str(folder / keys.image))
+
+
+def read_image(path: Path) -> bytes:
+    """The image of a map as it is in its file.
+
+    Raises:
+        ConfigError: it cannot be read, or is too large.
+    """
+    return read(path, _MOST_BYTES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +106,15 @@ class _Thresholds:
     occupied: float
 
 
-class _Keys:
-    """What a map's YAML file says."""
+class MapKeys:
+    """What a map's YAML file says.
+
+    Attributes:
+        problems: what is wrong, each with file, line and column; if there is any, nothing else counts.
+        image: name of the image, from the folder of the file.
+        resolution: side of a cell [m].
+        origin: as that of `OccupancyMap`.
+    """
 
     def __init__(self, document: Document) -> None:
         self._document, self.problems = document, list[str]()
@@ -113,7 +142,16 @@ class _Keys:
         if self._mode not in MODES:
             self._complain(("mode",), f"expected {', '.join(MODES)}, not {shown(self._mode)}")
 
-    def cells(self, grey: NDArray[np.uint8]) -> NDArray[np.int8]:
+    def map_of(self, image: bytes, source: str) -> OccupancyMap:
+        """The map, with the content of its image.
+
+        Raises:
+            ConfigError: it is no image, or is cut off.
+        """
+        cells = self._cells(read_pgm(image, source)[::-1])
+        return OccupancyMap(cells=cells, resolution=self.resolution, origin=self.origin)
+
+    def _cells(self, grey: NDArray[np.uint8]) -> NDArray[np.int8]:
         """Probabilities [%] of an image whose row 0 is the lowest."""
         value = grey.astype(np.int64)
         if self._mode == "raw":

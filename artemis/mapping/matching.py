@@ -52,6 +52,20 @@ def match(grid: LikelihoodGrid, settings: MapSettings, scan: Array, predicted: A
     return found if found.score > settings.least_score and near else nowhere
 
 
+def untold(information: Array, least: float) -> tuple[float, Array] | None:
+    """Where a match tells little: how many beams speak for that direction, and the direction.
+
+    The direction: x, y of a unit vector in the frame of the grid, shape (2,).
+
+    Args:
+        information: of the match, shape (3, 3).
+        least: beams that have to speak for every direction; None is returned where they do.
+    """
+    of_place = information[:2, :2] - np.outer(information[:2, 2], information[2, :2]) / (information[2, 2] + 1e-9)
+    told, directions = np.linalg.eigh(of_place)
+    return None if told[0] >= least else (float(told[0]), np.asarray(directions[:, 0]))
+
+
 def _window(settings: MapSettings, step: Array | None) -> tuple[float, float]:
     if step is None:
         return settings.blind_window, settings.blind_turn
@@ -59,18 +73,20 @@ def _window(settings: MapSettings, step: Array | None) -> tuple[float, float]:
     return settings.window + float(moved), settings.window_turn + settings.window_share * float(abs(step[2]))
 
 
+def odometry_trust(settings: MapSettings, step: Array) -> float:
+    """How many beams a step of the odometry is worth along one direction."""
+    noise = settings.odometry_noise + settings.odometry_share * float(np.hypot(step[0], step[1]))
+    return (settings.odometry_beam / noise) ** 2
+
+
 def _with_odometry(
     grid: LikelihoodGrid, settings: MapSettings, scan: Array, found: Match, predicted: Array, step: Array
 ) -> Match:
     """Where little tells how far along a corridor the robot is, the odometry says it, and only there."""
-    of_place = found.information[:2, :2] - np.outer(found.information[:2, 2], found.information[2, :2]) / (
-        found.information[2, 2] + 1e-9
-    )
-    told, directions = np.linalg.eigh(of_place)
-    if told[0] >= settings.weak * len(scan):
+    weak = untold(found.information, settings.weak * len(scan))
+    if weak is None:
         return found
-    weakest = np.append(directions[:, 0], 0.0)
-    noise = settings.odometry_noise + settings.odometry_share * np.hypot(step[0], step[1])
-    trust = np.outer(weakest, weakest) * (settings.odometry_beam / noise) ** 2 + _LITTLE
+    weakest = np.append(weak[1], 0.0)
+    trust = np.outer(weakest, weakest) * odometry_trust(settings, step) + _LITTLE
     held = grid.refine(scan, found.pose, expected=predicted, trust=trust)
     return Match(found.score, held.pose, held.information)

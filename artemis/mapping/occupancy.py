@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from artemis.mapping import kernels
 from artemis.mapping.se2 import Array, compose
+from artemis.values import Pose
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 FREE_BELOW, OCCUPIED_FROM = 0.2, 0.3
@@ -77,8 +77,8 @@ class OccupancyMap:
         cells = self.cells[first_row:last_row, first_column:last_column].copy()
         return replace(self, cells=cells, origin=(float(x), float(y), self.origin[2]))
 
-    def closed(self, corners: Sequence[tuple[float, float]]) -> OccupancyMap:
-        """With the inside of a polygon occupied: a zone in which no robot may be."""
+    def inside(self, corners: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+        """Of each cell, whether its middle lies inside of a polygon [m, in the frame of the map]."""
         row, column = (each.reshape(-1) for each in np.indices(self.cells.shape))
         local = np.stack([column + 0.5, row + 0.5, np.zeros(len(row))], 1) * self.resolution
         x, y = compose(np.array(self.origin), local)[:, :2].T
@@ -86,9 +86,22 @@ class OccupancyMap:
         for (ax, ay), (bx, by) in zip(corners, [*corners[1:], corners[0]], strict=True):
             if ay != by:
                 inside ^= ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
+        return inside.reshape(self.cells.shape)
+
+    def closed(self, corners: Sequence[tuple[float, float]]) -> OccupancyMap:
+        """With the inside of a polygon occupied: a zone in which no robot may be."""
         cells = self.cells.copy()
-        cells.reshape(-1)[inside] = OCCUPIED
+        cells[self.inside(corners)] = OCCUPIED
         return replace(self, cells=cells)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ShownMap:
+    """The map of a run, for those who watch it."""
+
+    content: OccupancyMap
+    odometry: Pose | None = None
+    """Where the odometry's frame lies on it; None: a localizer tells where the robot is."""
 
 
 def occupancy(scans: Sequence[Array], poses: Array, resolution: float = 0.05) -> OccupancyMap:
@@ -102,6 +115,8 @@ def occupancy(scans: Sequence[Array], poses: Array, resolution: float = 0.05) ->
     Raises:
         ValueError: there is no point, or they are too far apart.
     """
+    from artemis.mapping import kernels  # loads numba: who only reads maps does without
+
     ends = [
         compose(pose, np.c_[scan[:, :2], np.zeros(len(scan))])[:, :2] for scan, pose in zip(scans, poses, strict=True)
     ]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
+from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
@@ -129,14 +130,17 @@ class PoseGraph:
                 break
         return poses
 
-    def distances_from(self, key: int, count: int, limit: float) -> Array:
-        """Distance driven between pose `key` and each of `count` poses along the shortest way through the graph.
+    def ways_from(self, key: int, count: int) -> tuple[Array, NDArray[np.int64]]:
+        """The shortest way through the graph from each of `count` poses to pose `key`.
 
-        Beyond `limit` [m] infinite; shape (count,).
+        Returns:
+            Its length [m], infinite where there is none; and the pose that comes next on it, negative where there is
+            none; shape (count,) each.
         """
         ends, lengths = np.array(self._ends).reshape(-1, 2), np.array(self._lengths)
         graph = sparse.coo_matrix((lengths, (ends[:, 0], ends[:, 1])), shape=(count, count)).tocsr()
-        return np.asarray(dijkstra(graph, directed=False, indices=key, limit=limit))
+        found, following = dijkstra(graph, directed=False, indices=key, return_predecessors=True)
+        return np.asarray(found), np.asarray(following, np.int64)
 
 
 class _System:

@@ -48,6 +48,8 @@ class MapSettings:
     """Below it the odometry stands."""
     weak: float = 0.05
     """Share of the beams that has to speak for every direction; else the odometry is asked about the weakest."""
+    seeming: float = 0.02
+    """Share of the beams that seems to speak for a direction though nothing is there: noise of the normals."""
     odometry_noise: float = 0.01
     odometry_share: float = 0.1
     odometry_beam: float = 0.1
@@ -62,8 +64,10 @@ class MapSettings:
     places: int = 2
     """Searched for each key scan."""
     loop_radius: float = 3.0
-    loop_window: float = 5.0
+    loop_window: float = 3.0
     """The widest."""
+    wide_window: float = 20.0
+    """Likewise where all places around are searched, and one has to be better than all others."""
     loop_score: float = 0.60
     loop_least: float = 2.0
     """Beams that speak for the weakest direction."""
@@ -93,5 +97,5 @@ class MapSettings:
     """Robust scales, in standard deviations."""
 
     # the last pass
-    neighbours: int = 8
+    neighbours: int = 10
     neighbour_radius: float = 4.0

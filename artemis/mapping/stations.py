@@ -49,9 +49,9 @@ class Stations:
             return None
         return between(last, odometry)
 
-    def newest(self, key_poses: Array) -> Array:
-        """Pose of the last station, shape (3,), from the poses of all key scans, shape (n, 3)."""
-        return compose(key_poses[self.keys[-1]], self.motions[-1])
+    def pose_of(self, station: int, key_poses: Array) -> Array:
+        """Pose of a station, shape (3,), by its number, from the poses of all key scans, shape (n, 3)."""
+        return compose(key_poses[self.keys[station]], self.motions[station])
 
     @property
     def odometry(self) -> Array:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from artemis.config import Config
     from artemis.devices.can_bus import FrameBus
     from artemis.mission.schema import InjectedFault
-    from artemis.plugins.contracts import InputDevice
+    from artemis.plugins.contracts import InputDevice, Localizer
     from artemis.recording.disk import Disk
     from artemis.recording.journal import Entry
     from artemis.sim.world import World
@@ -38,6 +38,8 @@ class Simulated:
     disk: Disk
     inputs: dict[str, InputDevice]
     """By their names in the mission; others may be put in their places."""
+    localizer: Localizer | None
+    """As the injector made it."""
     request: Callable[[Request], None]
     """Where an operator's requests go."""
 
@@ -71,6 +73,9 @@ class FaultInjector(Protocol):
 
     def failing_bus(self, bus: FrameBus, seed: int) -> FrameBus:
         """The bus, but it can be told to fail; `seed` of all that is random in that."""
+
+    def failing_localizer(self, localizer: Localizer) -> Localizer:
+        """The localizer, but it can be told to misbehave."""
 
     def begin(self, run: Simulated, faults: Sequence[InjectedFault], note: Callable[[Entry], None]) -> None:
         """Have each fault happen at its time, counted from now, and noted for the journal; those at 0 happen here."""

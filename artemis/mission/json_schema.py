@@ -14,17 +14,18 @@ from pydantic.errors import PydanticInvalidForJsonSchema
 from artemis import mounting, vehicle
 from artemis.config import Config
 from artemis.errors import PluginError
-from artemis.mission import actions, by_hand, obstacles, schema, waypoints, words
+from artemis.mission import actions, by_hand, goto, obstacles, schema, waypoints, words
 from artemis.mission.behaviours import behaviour_class, installed_behaviours
 from artemis.mission.injector import installed_injector
 from artemis.mission.schema import Mission
+from artemis.route_planning import zones
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def mission_schema() -> dict[str, object]:
     """JSON schema of a mission file, for editors."""
-    found: dict[str, Any] = _schema(Mission, actions, by_hand, obstacles, words, schema, waypoints)
+    found: dict[str, Any] = _schema(Mission, actions, by_hand, goto, obstacles, words, schema, waypoints, zones)
     if (injector := installed_injector()) is not None:
         found["$defs"]["InjectedFault"]["properties"]["inject"]["enum"] = list(injector.ids())
     step = found["$defs"]["Step"]

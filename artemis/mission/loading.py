@@ -14,11 +14,13 @@ from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
 from artemis.mission.obstacles import Obstacles
+from artemis.mission.order import FOLLOWING
 from artemis.mission.problems import by_position, nearest, problems_from
 from artemis.mission.reading import Configs, Model
 from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
 from artemis.mission.surroundings import SurroundingsChecks
-from artemis.plugins.contracts import PluginContext, is_pure
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.stated import is_pure
 from artemis.progress import OWN_STEPS
 from artemis.states.outline import steps_in
 from artemis.vehicle import RobotFile
@@ -27,6 +29,7 @@ from artemis.yaml_file import Document, KeyPath, read, survey
 if TYPE_CHECKING:
     from artemis.mission.tree import MissionTree
     from artemis.motion.route import Route
+    from artemis.route_planning.floor import Destination
     from artemis.sim.grid import MapGrid
     from artemis.sim.scenery import Scenery
     from artemis.sim.world import PlantParameters
@@ -56,21 +59,29 @@ class LoadedMission:
     """What was changed in a path so that the robot can drive it."""
     routes: Mapping[int, Route]
     """What is followed by the steps that name a path file, by the step's number."""
+    destinations: Mapping[int, Destination]
+    """Where each `goto` leads, by the step's number."""
     tree: MissionTree
     """How its words compose its steps."""
     injector: FaultInjector | None = None
     """Makes the mission's faults happen in its simulation; None: it has none."""
 
 
-def load_mission(path: FilePath) -> LoadedMission:
+def load_mission(path: FilePath, simulate: bool = False, *, tried: bool = True) -> LoadedMission:
     """Read a mission and all that it names.
 
     A plugin's option `file`, or one that ends in `_file`, names a file; or an earlier run: then what its inputs gave.
 
+    Args:
+        path: its file.
+        simulate: to run it against simulated drives, whatever bus it names.
+        tried: Plugins that open nothing are made, as they may have more to say. For a replay they are not: what they
+            need may not be installed.
+
     Raises:
         ConfigError: everything that is wrong in the mission, robot and path files, in the order of their lines.
     """
-    return _Loading(path).result()
+    return _Loading(path, simulate).result(tried)
 
 
 def load_model(path: FilePath, model: type[Model]) -> Model:
@@ -79,7 +90,16 @@ def load_model(path: FilePath, model: type[Model]) -> Model:
     Raises:
         ConfigError: everything that is wrong in it, in the order of its lines.
     """
-    document, problems = survey(read(path), str(path))
+    return model_of(read(path), str(path), model)
+
+
+def model_of(raw: bytes, source: str, model: type[Model]) -> Model:
+    """The content of such a file, named `source` in errors.
+
+    Raises:
+        ConfigError: everything that is wrong in it, in the order of its lines.
+    """
+    document, problems = survey(raw, source)
     found: Model | None = None
     try:
         found = model.model_validate(document.data)
@@ -105,7 +125,7 @@ def plugin_from(group: str, use: PluginUse) -> tuple[Any, Config]:
 class _Loading(SurroundingsChecks):
     """Goes through the mission part by part."""
 
-    def result(self) -> LoadedMission:
+    def result(self, tried: bool) -> LoadedMission:
         mission = self._validated(Mission, self._document)
         robot = self._robot()
         inputs = self._inputs()
@@ -115,11 +135,13 @@ class _Loading(SurroundingsChecks):
         if "obstacles" in self._data:
             self._check_obstacles((), self._part(Obstacles, "obstacles"), robot)
         self._check_scanners(robot)
+        if "mapping" in self._data:
+            self._check_mapping(robot)
         scenery, grid = self._scenery()
         self._check_steps(robot, inputs)
         self._check_faults(robot, inputs)
         self._check_policies()
-        if robot is not None:
+        if robot is not None and tried:
             self._check_inputs(robot)
         tree = self._tree(mission)
         if self._problems or mission is None or robot is None or true_robot is None or tree is None:
@@ -136,6 +158,7 @@ class _Loading(SurroundingsChecks):
             folder=self._folder,
             remarks=tuple(self._remarks),
             routes=self._routes,
+            destinations=self._destinations,
             tree=tree,
             injector=self._injector,
         )
@@ -206,7 +229,7 @@ class _Loading(SurroundingsChecks):
         if injector is None:
             self._complain(("simulation", "faults"), "the package artemis_lab makes them happen: it is not installed")
             return
-        follows = any(word == "follow" or word not in OWN_STEPS for _, word, _ in steps_in(steps))
+        follows = any(word in FOLLOWING or word not in OWN_STEPS for _, word, _ in steps_in(steps))
         for index in range(len(given)):
             at: KeyPath = ("simulation", "faults", index)
             if (fault := self._part(InjectedFault, *at)) is None:

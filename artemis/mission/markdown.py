@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from artemis.progress import DONE
+from artemis.progress import BLOCKED, DONE, NO_PATH
 from artemis.states.tree import LOST_FAULTS, TIMEOUT
 
 _ENDS = {
     "follow": f"`{DONE}`; where a `try` names it, `lost`: the faults {', '.join(LOST_FAULTS)}",
+    "goto": f"`{DONE}`, `{BLOCKED}`, or `{NO_PATH}` where no route leads; where a `try` names it, `lost`, as `follow`",
     "say": "`done`, at once",
     "repeat": "`done` after the last round; else with what a step within ends with",
     "try": "what its steps end with, if it does not catch that; else with what the branch ends with",

@@ -1,4 +1,4 @@
-"""What is done before each step of a mission, whatever happens in it: on every path through its words to the step.
+"""How each step and word of a mission may end, and what is done before it, on every path through the words to it.
 
 The first of two steps dominates the second one, as compilers say of their graphs (R. T. Prosser, Applications of
 Boolean matrices to the analysis of flow diagrams, 1959). Nothing that is done is ever undone, so one pass suffices: the
@@ -11,23 +11,21 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from artemis.plugins.contracts import Declared
-from artemis.progress import BLOCKED, DONE
+from artemis.progress import BLOCKED, DONE, NO_PATH
 from artemis.states.outline import Path, step_of, steps_in
 from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, TIMEOUT
 from artemis.yaml_file import dotted
 
-CALIBRATED = ""
-"""The wheels are aligned; beside this the names of the paths that are recorded."""
+CALIBRATED, TIME, NEVER = "", "Time", "Never"
+"""The wheels are aligned; at least a tick has passed; this is never reached. Beside these the names of the paths that
+are recorded."""
+GOTO = "goto"
+FOLLOWING = ("follow", GOTO)
+"""Artemis' own steps that drive along a path."""
 Facts = frozenset[str]
 Ends = dict[str, Facts]
-"""By outcome, `done` and `fault` among them: what is done whenever a step, or a word, ends so."""
-
-
-def done_before(steps: Any, behaviours: Mapping[str, Declared]) -> dict[Path, Facts]:  # noqa: ANN401 (of a file)
-    """Of each step that can be reached, by its path, what is done before; of a mission in its file's own form."""
-    order = _Order(behaviours)
-    order.list(steps, ("steps",), Facts())
-    return order.before
+"""By outcome, `done` and `fault` among them: what is done whenever a step, or a word, ends so. The mission's end by
+`end` or `stop` is an outcome that begins with an exclamation mark."""
 
 
 def why_not(steps: Any, fact: str, target: Path) -> str:  # noqa: ANN401 (of a file)
@@ -40,34 +38,58 @@ def why_not(steps: Any, fact: str, target: Path) -> str:  # noqa: ANN401 (of a f
     return ""
 
 
-class _Order:
-    def __init__(self, behaviours: Mapping[str, Declared]) -> None:
+class Order:
+    """Goes through the steps of a mission in its file's own form.
+
+    Attributes:
+        before: Of each step that can be reached, by its path, what is done before.
+        ends: Of each step, word and list of steps, by its path, how it may end.
+        unreached: The first step of each list that is never reached.
+    """
+
+    def __init__(self, steps: Any, behaviours: Mapping[str, Declared]) -> None:  # noqa: ANN401 (of a file)
         self._behaviours = behaviours
         self.before: dict[Path, Facts] = {}
+        self.ends: dict[Path, Ends] = {}
+        self.unreached: list[Path] = []
+        self._list(steps, ("steps",), Facts())
 
-    def list(self, steps: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
+    def _list(self, steps: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
         """One step after the other."""
         ends: Ends = {DONE: before}
+        never: list[Path] = []
         for index, step in enumerate(steps if isinstance(steps, list | tuple) else ()):
-            if isinstance(step, dict) and step and DONE in ends:
-                word, body = step_of(step)
-                found = self._step(word, body, (*path, index, word), ends.pop(DONE))
-                _join(ends, found)
+            if not isinstance(step, dict) or not step:
+                continue
+            word, body = step_of(step)
+            at = (*path, index, word)
+            if DONE in ends:
+                _join(ends, self._step(word, body, at, ends.pop(DONE)))
+            else:
+                never.append(at)
+                self._step(word, body, at, before | {NEVER})
+        self.unreached += never[:1]
+        self.ends[path] = ends
         return ends
 
     def _step(self, word: str, body: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
-        self.before[path] = before
+        if NEVER not in before:
+            self.before[path] = before
+        self.ends[path] = ends = self._ends(word, body, path, before)
+        return ends
+
+    def _ends(self, word: str, body: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
         keys: Mapping[str, Any] = body if isinstance(body, dict) else {}
         match word:
             case "say":
                 return {DONE: before}
             case "end" | "stop":
-                return {}
-            case "repeat" | "call":
-                ends = self.list(keys.get("steps"), (*path, "steps"), before)
-                if word == "repeat" and not (keys.get("times") or keys.get("until")):
-                    ends.pop(DONE, None)
-                return ends
+                return {f"!{keys.get('outcome') or DONE}": before}
+            case "repeat":
+                ends = _and(self._list(keys.get("steps"), (*path, "steps"), before - {TIME}), before)
+                return ends if keys.get("times") or keys.get("until") else _but(ends, DONE)
+            case "call":
+                return dict(self._list(keys.get("steps"), (*path, "steps"), before))
             case "try":
                 return self._try(keys, path, before)
             case "during":
@@ -75,48 +97,52 @@ class _Order:
             case "choose":
                 return self._choose(body, path, before)
             case "together":
-                ends = self.list(keys.get("steps"), (*path, "steps"), before)
+                ends = dict(self._list(keys.get("steps"), (*path, "steps"), before))
                 for index, step in enumerate(_mappings(keys.get("beside"))):
                     word, body = step_of(step)
                     _join(ends, _but(self._step(word, body, (*path, "beside", index, word), before), DONE))
                 return ends
-        facts = self._behaviours.get(word)
-        others = [FAULT, *([TIMEOUT] if keys.get("at_most_s") else []), *(facts.outcomes if facts else ())]
-        if word == "follow" or (facts is not None and facts.moves):
-            others += [LOST, BLOCKED]
-        return {DONE: before | _gained(word, body), **dict.fromkeys(others, before)}
+        facts, begun = self._behaviours.get(word), before | {TIME}
+        others = [FAULT, *(facts.outcomes if facts else [TIMEOUT] if keys.get("at_most_s") else ())]
+        if word in FOLLOWING or (facts is not None and facts.moves):
+            others += [LOST, BLOCKED, *([NO_PATH] if word == GOTO else [])]
+        return {DONE: begun | _gained(word, body), **dict.fromkeys(others, begun)}
 
     def _try(self, keys: Mapping[str, Any], path: Path, before: Facts) -> Ends:
-        body = self.list(keys.get("steps"), (*path, "steps"), before)
-        others = _but(body, DONE)
+        body = self._list(keys.get("steps"), (*path, "steps"), before)
+        others = {name: facts for name, facts in body.items() if name != DONE and not name.startswith("!")}
         given = keys.get("catch")
         catch: Mapping[str, Any] = given if isinstance(given, dict) else {}
         ends = _but(body, *(others if ANY in catch else catch))
         again = keys.get("again_on")
         names = again if isinstance(again, list | tuple) else [name for name in others if name not in (FAULT, LOST)]
-        if retried := _of(others, names):
-            _join(ends, _but(self.list(keys.get("between"), (*path, "between"), _common(retried)), DONE))
+        between = self._branch(keys.get("between"), (*path, "between"), _of(others, names), before)
+        _join(ends, _but(between, DONE))
         for name, steps in catch.items():
-            if caught := _of(others, [name]):
-                _join(ends, self.list(steps, (*path, "catch", name), _common(caught)))
+            _join(ends, self._branch(steps, (*path, "catch", name), _of(others, [name]), before))
         return ends
 
+    def _branch(self, steps: Any, path: Path, after: Ends, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
+        """Steps of a word that run after one of these outcomes."""
+        ends = self._list(steps, path, Facts.intersection(*after.values()) if after else before | {NEVER})
+        return ends if after else {}
+
     def _during(self, keys: Mapping[str, Any], path: Path, before: Facts) -> Ends:
-        ends = self.list(keys.get("steps"), (*path, "steps"), before)
+        ends, begun = dict(self._list(keys.get("steps"), (*path, "steps"), before)), before | {TIME}
         for index, watch in enumerate(_mappings(keys.get("when"))):
-            branch = self.list(watch.get("steps"), (*path, "when", index, "steps"), before)
-            then = watch.get("then", RESUME)
+            branch = self._list(watch.get("steps"), (*path, "when", index, "steps"), begun)
+            then = watch.get("then") or RESUME
             if DONE in branch and then not in (RESUME, RESTART):
                 _join(ends, {str(then): branch[DONE]})
             _join(ends, _but(branch, DONE))
-        _join(ends, {TIMEOUT: before} if keys.get("at_most_s") else {})
+        _join(ends, {TIMEOUT: begun} if keys.get("at_most_s") else {})
         return ends
 
     def _choose(self, body: Any, path: Path, before: Facts) -> Ends:  # noqa: ANN401 (of a file)
         branches = _mappings(body)
         ends: Ends = {} if any(branch.get("if") is None for branch in branches) else {DONE: before}
         for index, branch in enumerate(branches):
-            _join(ends, self.list(branch.get("steps"), (*path, index, "steps"), before))
+            _join(ends, self._list(branch.get("steps"), (*path, index, "steps"), before))
         return ends
 
 
@@ -139,6 +165,10 @@ def _join(ends: Ends, others: Ends) -> None:
         ends[name] = ends[name] & facts if name in ends else facts
 
 
+def _and(ends: Ends, facts: Facts) -> Ends:
+    return {name: done | facts for name, done in ends.items()}
+
+
 def _but(ends: Ends, *names: str) -> Ends:
     return {name: facts for name, facts in ends.items() if name not in names}
 
@@ -147,10 +177,6 @@ def _of(ends: Ends, names: Sequence[str]) -> Ends:
     """Those that a `try` calls by one of these names."""
     kinds = {FAULT if f"{name}".startswith(f"{FAULT}:") else f"{name}" for name in names}
     return {name: facts for name, facts in ends.items() if name in kinds or ANY in kinds}
-
-
-def _common(ends: Ends) -> Facts:
-    return Facts.intersection(*ends.values())
 
 
 def _condition(steps: Any, path: Path, target: Path) -> str:  # noqa: ANN401 (of a file)

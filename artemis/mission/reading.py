@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path as FilePath
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import ValidationError
@@ -22,6 +23,7 @@ from artemis.yaml_file import Data, Document, KeyPath, read, survey
 
 if TYPE_CHECKING:
     from artemis.motion.route import Route
+    from artemis.route_planning.floor import Destination
 
 Model = TypeVar("Model", bound=Config)
 Configs = Mapping[str, Config | None]
@@ -30,13 +32,14 @@ Configs = Mapping[str, Config | None]
 class MissionReading:
     """A mission file, and what is wrong in it; a wrong part does not hide the others."""
 
-    def __init__(self, path: FilePath) -> None:
+    def __init__(self, path: FilePath, simulate: bool = False) -> None:
         self._folder = path.parent
         self._problems: list[str] = []
         self._documents: dict[str, Document] = {}
         self._files: dict[str, bytes] = {}
         self._remarks: list[str] = []
         self._routes: dict[int, Route] = {}
+        self._destinations: dict[int, Destination] = {}
         self._plugins: dict[KeyPath, tuple[Any, Config]] = {}
         self._injector: FaultInjector | None = None
         self._installed = cache(installed_behaviours)
@@ -48,6 +51,7 @@ class MissionReading:
         for place, problem in misfits:
             self._complain(place, problem)
         self._data = self._document.data if isinstance(self._document.data, dict) else {}
+        self._simulated = simulate or self._data.get("bus") == "simulation"
         self._robot_source = str(path)
 
     def _survey(self, raw: bytes, source: str) -> Document:
@@ -145,4 +149,18 @@ class MissionReading:
         for name, value in config or ():
             if isinstance(value, str) and (name == "file" or name.endswith("_file")):
                 self._file((*path, name), value, read_data)
+            elif isinstance(value, str) and name == "map":
+                self._map((*path, name), value)
         return config
+
+    def _map(self, path: KeyPath, name: str) -> None:
+        """The YAML file of a map, and the image that it names; whoever reads the map says what is wrong in it."""
+        if (raw := self._file(path, name, read)) is None:
+            return
+        try:
+            document = self._survey(raw, str(self._folder / name))
+        except ConfigError as error:
+            self._problems += error.problems
+            return
+        if isinstance(document.data, dict) and isinstance(image := document.data.get("image"), str):
+            self._file(path, str(PurePosixPath(name).parent / image))

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
 
-from artemis.config import Config
+from artemis.config import Config, Quantity
 from artemis.mission.actions import A_LIST, FileName, PluginUse
 from artemis.mission.keys import Name
 from artemis.mission.obstacles import Obstacles
@@ -128,6 +128,19 @@ class Simulation(Config):
     """What goes wrong, and when."""
 
 
+class Mapping(Config):
+    """A map is made of what one scanner sees in the run; at its end it is written into the run's folder."""
+
+    scanner: Name | None = None
+    """Its name in the robot file; if left out, the robot has one."""
+    file: Annotated[str, Field(min_length=1)] | None = None
+    """Written there, too: a YAML file in the mission's folder; its image and its graph lie beside it."""
+    replace: bool = False
+    """The file may exist: it is overwritten."""
+    resolution_m: Annotated[float, Quantity(0.005, 1.0, "m")] = 0.05
+    """Side of a cell."""
+
+
 class Mission(Config):
     """A mission: which robot does what, on which bus."""
 
@@ -146,6 +159,7 @@ class Mission(Config):
     """Steps that are written once, by the name with which steps `call` them."""
     obstacles: Obstacles | None = None
     """What the robot does about what its scanners see; if left out, a robot that has any stops in time."""
+    mapping: Mapping | None = None
     supervision: Supervision = Supervision()
     recovery: Annotated[
         dict[str, RecoveryPolicy], Field(json_schema_extra={"propertyNames": {"enum": sorted(ROWS)}})

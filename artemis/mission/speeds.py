@@ -11,17 +11,21 @@ DETECT_AND_REACT = 0.12
 """Longest time [s] from a cause to the drives' braking that the stopping distance allows for."""
 
 
-def check_speed(speed: float, robot: RobotFile, stop_distance: float) -> Iterator[str]:
-    """What is wrong with a speed of the virtual front wheel [m/s], where the robot has `stop_distance` [m] to stop."""
+def check_speed(speed: float, robot: RobotFile, stop_distance: float, later: float = 0.0) -> Iterator[str]:
+    """What is wrong with a speed of the virtual front wheel [m/s], where the robot has `stop_distance` [m] to stop.
+
+    Its loss is noticed so much `later` [s] than that of a device on this computer.
+    """
+    react = DETECT_AND_REACT + later
     limits = robot.limits
     if speed > limits.speed_m_s:
         yield f"{speed:g} m/s is above the robot's limits.speed_m_s of {limits.speed_m_s:g}"
     elif speed > limits.wheel_speed_m_s:
         yield f"{speed:g} m/s is above the robot's limits.wheel_speed_m_s of {limits.wheel_speed_m_s:g}"
-    needed = stopping_distance(speed, DETECT_AND_REACT, limits.quick_stop_deceleration_m_s2)
+    needed = stopping_distance(speed, react, limits.quick_stop_deceleration_m_s2)
     if needed > stop_distance:
         yield (
-            f"{speed:g} m/s cannot be stopped in time: {DETECT_AND_REACT:g} s to react and "
+            f"{speed:g} m/s cannot be stopped in time: {react:g} s to react and "
             f"{limits.quick_stop_deceleration_m_s2:g} m/s² of braking need {math.ceil(needed * 1000) / 1000:g} m, "
             f"supervision.stop_distance_m is {stop_distance:g}"
         )

@@ -9,13 +9,16 @@ from artemis.errors import ConfigError
 from artemis.mission.actions import Calibrate, Follow, MeasureSteering, Recorded
 from artemis.mission.behaviours import behaviour_class, declarations
 from artemis.mission.by_hand import Teleop
+from artemis.mission.goto import Goto
+from artemis.mission.goto_checks import GotoChecks
 from artemis.mission.obstacles import Obstacles, check_obstacles
-from artemis.mission.order import CALIBRATED, Facts, done_before, why_not
+from artemis.mission.order import CALIBRATED, FOLLOWING, TIME, Facts, Order, why_not
 from artemis.mission.problems import nearest
-from artemis.mission.reading import Configs, MissionReading
+from artemis.mission.reading import Configs
 from artemis.mission.schema import Mission, Supervision
 from artemis.mission.words import Step
-from artemis.plugins.contracts import declared, follower_speed, input_speed
+from artemis.plugins.contracts import declared
+from artemis.plugins.stated import STALE, follower_speed, input_speed, stale_limit
 from artemis.states.outline import numbered, steps_in
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import KeyPath
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
 NO_RECORD = "; no step before has `record:`"
 
 
-class StepChecks(MissionReading):
+class StepChecks(GotoChecks):
     """Notes what is wrong in the steps."""
 
     def _tree(self, mission: Mission | None) -> MissionTree | None:
@@ -44,15 +47,15 @@ class StepChecks(MissionReading):
 
     def _check_obstacles(self, at: KeyPath, obstacles: Obstacles | None, robot: RobotFile | None) -> None:
         if obstacles is not None and robot is not None:
-            for problem in check_obstacles(obstacles, robot, simulated=self._data.get("bus") == "simulation"):
+            for problem in check_obstacles(obstacles, robot, simulated=self._simulated):
                 self._complain((*at, "obstacles"), problem)
 
     def _check_steps(self, robot: RobotFile | None, inputs: Configs) -> None:
         steps = self._data.get("steps")
         given = steps if isinstance(steps, list) else []
         behaviours = declarations(given)
-        moving = {"follow", *(name for name, facts in behaviours.items() if facts.moves)}
-        before = done_before(given, behaviours)
+        moving = {*FOLLOWING, *(name for name, facts in behaviours.items() if facts.moves)}
+        before = Order(given, behaviours).before
         for path, word, _ in steps_in(given):
             if word in moving and CALIBRATED not in before.get(path, [CALIBRATED]):
                 why = why_not(given, CALIBRATED, path) or "no step before this one does"
@@ -63,18 +66,30 @@ class StepChecks(MissionReading):
             step = self._part(Step, *path[:-1])
             if step is None:
                 continue
-            if isinstance(step.action, Follow | Teleop):
+            if isinstance(step.action, Follow | Goto | Teleop):
                 self._check_obstacles(path, step.action.obstacles, robot)
-            if isinstance(step.action, Follow):
-                if isinstance(step.action.path, Recorded) and path in before:
-                    self._check_recorded(path, step.action.path.recorded, before[path], given)
-                self._check_follow(number, path, step.action, robot)
-            elif isinstance(step.action, Teleop):
-                self._check_teleop(path, step.action, robot, inputs)
-            elif isinstance(step.action, Calibrate):
-                self._check_calibrate(path, step.action, robot, alone=len(list(steps_in(given))) == 1)
-            elif step.behaviour:
-                self._check_behaviour(path, step, robot)
+            if isinstance(step.action, Follow) and isinstance(step.action.path, Recorded) and path in before:
+                self._check_recorded(path, step.action.path.recorded, before[path], given)
+            alone = len(list(steps_in(given))) == 1
+            self._check_step(number, path, step, robot, inputs, alone=alone)
+
+    def _check_step(
+        self, number: int, at: KeyPath, step: Step, robot: RobotFile | None, inputs: Configs, *, alone: bool
+    ) -> None:
+        """What is wrong in a step that takes time; `alone`: it is the only one."""
+        match step.action:
+            case Follow():
+                self._check_follow(number, at, step.action, robot)
+            case Goto(speed_m_s=speed):
+                self._check_goto(number, at, step.action, robot)
+                if robot is not None:
+                    self._check_speed((*at, "speed_m_s"), speed, robot)
+            case Teleop():
+                self._check_teleop(at, step.action, robot, inputs)
+            case Calibrate():
+                self._check_calibrate(at, step.action, robot, alone=alone)
+            case dict():
+                self._check_behaviour(at, step, robot)
 
     def _check_calibrate(self, at: KeyPath, step: Calibrate, robot: RobotFile | None, *, alone: bool) -> None:
         if isinstance(step.steering, MeasureSteering) and not alone:
@@ -93,7 +108,7 @@ class StepChecks(MissionReading):
     def _check_recorded(self, at: KeyPath, name: str, before: Facts, steps: list[Any]) -> None:
         if name in before:
             return
-        hint, names = why_not(steps, name, at), before - {CALIBRATED}
+        hint, names = why_not(steps, name, at), before - {CALIBRATED, TIME}
         hint = f": {hint}" if hint else nearest(name, names, "recorded before") if names else NO_RECORD
         self._complain((*at, "path", "recorded"), f"no step before this one records {name}{hint}")
 
@@ -139,7 +154,9 @@ class StepChecks(MissionReading):
             elif robot is not None and (config := inputs[name]) is not None:
                 speed = input_speed(config)
                 place = here if speed is None else ("inputs", name, "max_speed_m_s")
-                self._check_speed(place, robot.limits.speed_m_s if speed is None else speed, robot)
+                plugin, _ = self._plugins["inputs", name]
+                top = robot.limits.speed_m_s if speed is None else speed
+                self._check_speed(place, top, robot, stale_limit(plugin) - STALE)
         if teleop.inputs is not None:
             from artemis.mission.trial import shared_devices
 
@@ -160,10 +177,14 @@ class StepChecks(MissionReading):
             place = at if speed is None else (*at, "speed_m_s")
             self._check_speed(place, robot.limits.speed_m_s if speed is None else speed, robot)
 
-    def _check_speed(self, at: KeyPath, speed: float, robot: RobotFile) -> None:
-        """Refuse a speed of the virtual front wheel that the machine cannot drive, or not stop from in time."""
+    def _check_speed(self, at: KeyPath, speed: float, robot: RobotFile, later: float = 0.0) -> None:
+        """Refuse a speed of the virtual front wheel that the machine cannot drive, or not stop from in time.
+
+        A loss is noticed so much `later` [s] than that of a device on this computer.
+        """
         from artemis.mission.speeds import check_speed
 
         supervision = self._part(Supervision, "supervision") if "supervision" in self._data else Supervision()
-        for problem in check_speed(speed, robot, math.inf if supervision is None else supervision.stop_distance_m):
+        distance = math.inf if supervision is None else supervision.stop_distance_m
+        for problem in check_speed(speed, robot, distance, later):
             self._complain(at, problem)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -38,9 +39,39 @@ class SurroundingsChecks(StepChecks):
                 self._validated(plugin.Config, document, at, mounting.options)
         for name in self._names("simulation", "scanners"):
             self._plugin(SCANNERS, "simulation", "scanners", name)
-            if robot is not None and name not in robot.scanners:
-                hint = nearest(name, robot.scanners, "scanners")
-                self._complain(("simulation", "scanners", name), f"the robot has no such scanner{hint}")
+        for part in (("simulation", "scanners"), ("simulation", "true_robot", "scanners")):
+            for name in self._names(*part):
+                if robot is not None and name not in robot.scanners:
+                    hint = nearest(name, robot.scanners, "scanners")
+                    self._complain((*part, name), f"the robot has no such scanner{hint}")
+
+    def _check_mapping(self, robot: RobotFile | None) -> None:
+        """The scanner that makes a map, and the name of its file."""
+        from artemis.mission.schema import Mapping
+
+        mapping = self._part(Mapping, "mapping")
+        if mapping is None or robot is None:
+            return
+        if mapping.scanner is None and len(robot.scanners) != 1:
+            names = ", ".join(robot.scanners)
+            problem = f"choose one with scanner: NAME: {names}" if names else f"{robot.robot} has no scanner"
+            self._complain(("mapping",), problem)
+        elif mapping.scanner is not None and mapping.scanner not in robot.scanners:
+            hint = nearest(mapping.scanner, robot.scanners, "scanners")
+            self._complain(("mapping", "scanner"), f"the robot has no such scanner{hint}")
+        if mapping.file is not None:
+            self._check_map_file(("mapping", "file"), mapping.file, mapping.replace)
+
+    def _check_map_file(self, at: KeyPath, name: str, replace: bool) -> None:
+        file, root = self._folder / name, os.path.realpath(self._folder)
+        if file.suffix != ".yaml":
+            self._complain(at, "name the map .yaml; its image and its graph are written beside it")
+        elif os.path.isabs(name) or os.path.commonpath([root, os.path.realpath(file)]) != root:
+            self._complain(at, f"outside the mission's folder {self._folder}: {name}")
+        elif not file.parent.is_dir():
+            self._complain(at, f"no such folder: {file.parent}")
+        elif file.exists() and not replace:
+            self._complain(at, f"{name} exists already: move it away, name another file, or add replace: true")
 
     def _scenery(self) -> tuple[Scenery | None, MapGrid | None]:
         """The world of simulated scanners, and the map in it."""
@@ -57,7 +88,8 @@ class SurroundingsChecks(StepChecks):
 
     def _grid(self, name: str) -> MapGrid | None:
         """The map in a YAML file, with the image that this names."""
-        from artemis.sim.grid import MapWords, grid_from, image_from
+        from artemis.mapping.map_file import MapKeys, read_image
+        from artemis.sim.grid import MapGrid
 
         at: KeyPath = (*_WORLD, "map_file")
         raw = self._file(at, name, read)
@@ -68,13 +100,14 @@ class SurroundingsChecks(StepChecks):
         except ConfigError as error:
             self._problems += error.problems
             return None
-        words = self._validated(MapWords, document)
-        image = str(PurePosixPath(name).parent / words.image) if words is not None else ""
-        content = self._file(at, image) if image else None
-        if words is None or content is None:
+        keys = MapKeys(document)
+        self._problems += keys.problems
+        image = str(PurePosixPath(name).parent / keys.image)
+        content = None if keys.problems else self._file(at, image, read_image)
+        if content is None:
             return None
         try:
-            return grid_from(words, image_from(content, image))
+            return MapGrid(keys.map_of(content, str(self._folder / image)))
         except ConfigError as error:
-            self._problems += [document.problem(("image",), problem) for problem in error.problems]
+            self._problems += error.problems
             return None

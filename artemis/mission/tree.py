@@ -7,22 +7,22 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from artemis.errors import ConfigError
-from artemis.mission.actions import Follow
 from artemis.mission.behaviours import UNTIL, declarations
+from artemis.mission.order import TIME, Order
 from artemis.mission.problems import nearest
 from artemis.mission.schema import Mission
 from artemis.mission.words import Step
 from artemis.plugins.contracts import Declared
-from artemis.progress import BLOCKED, DONE
+from artemis.progress import DONE
 from artemis.states import tree
 from artemis.states.advance import Passive
 from artemis.states.condition import Condition, SignalKind, comparisons, parse
 from artemis.states.outline import steps_in
-from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, TIMEOUT, Leaf, Node, Steps, Tree
+from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, Leaf, Node, Steps, Tree
 from artemis.supervision.catalogue import ROWS
 from artemis.yaml_file import KeyPath, dotted
 
-MOVING = ("calibrate", "follow", "teleop")
+MOVING = ("calibrate", "follow", "goto", "teleop")
 """Steps that move the robot, or turn its wheels."""
 _NUMBER, _TRUTH = SignalKind(kind=float), SignalKind(kind=bool)
 
@@ -70,53 +70,38 @@ def _written(mission: Mission) -> Any:  # noqa: ANN401 (of a file)
 
 def mission_tree(mission: Mission) -> MissionTree:
     """The tree of a mission, with everything that is wrong in it."""
-    building = _Building(mission)
-    building.check_signals()
-    of = mission.steps[:-1] if mission.steps[-1].stop is not None and len(mission.steps) > 1 else mission.steps
-    root = building.steps(of, ("steps",), building.signals)
-    building.check(root, ("steps",))
+    written = _written(mission)
+    building, count = _Building(mission, written), len(written)
+    if mission.steps[-1].stop is not None and count > 1:
+        count -= 1
+    root = building.steps(mission.steps[:count], ("steps",), building.signals)
+    checks = _Checks(written[:count], building.behaviours)
     return MissionTree(
         tree.tree_of(root),
         building.numbered,
         building.passive,
-        building.outcomes,
+        [frozenset(checks.ends[path].keys() - {FAULT, LOST}) for path, _ in building.numbered],
         building.asked,
-        building.problems,
-        building.remarks,
+        building.problems + checks.problems,
+        checks.remarks,
     )
 
 
 class _Building:
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self, mission: Mission, steps: Any) -> None:  # noqa: ANN401 (of a file)
         self._simulated = mission.bus == "simulation"
-        steps = _written(mission)
-        self._behaviours = declarations(steps)
-        self.signals = _signals(mission, steps, self._behaviours)
-        self._until: set[int] = set()
-        """Nodes made of a behaviour's key `until`, by identity."""
+        self.behaviours = declarations(steps)
+        self.signals = _signals(mission, steps, self.behaviours)
         self.numbered: list[tuple[KeyPath, Step]] = []
         self.passive: list[Passive | None] = []
-        self.outcomes: list[frozenset[str]] = []
         self.asked: list[Condition] = []
         self.problems: list[tuple[KeyPath, str]] = []
-        self.remarks: list[str] = []
-        self._paths: dict[int, KeyPath] = {}
-        """Of nodes, by identity."""
-        self._kept: list[Node] = []
-
-    # ------------------------------------------------------------------------------------------ building
 
     def steps(self, steps: Sequence[Step], path: KeyPath, signals: Mapping[str, SignalKind]) -> Steps:
         """One list of steps."""
         return Steps(tuple(self._node(step, (*path, index, step.word), signals) for index, step in enumerate(steps)))
 
     def _node(self, step: Step, path: KeyPath, signals: Mapping[str, SignalKind]) -> Node:
-        node = self._made(step, path, signals)
-        self._paths[id(node)] = path
-        self._kept.append(node)
-        return node
-
-    def _made(self, step: Step, path: KeyPath, signals: Mapping[str, SignalKind]) -> Node:
         body, name = step.action, dotted(path)
         match step.word:
             case "say":
@@ -155,8 +140,8 @@ class _Building:
                 return tree.Together(path=name, steps=steps, beside=tuple(Steps((one,)) for one in beside.of))
         self.numbered.append((path, step))
         self.passive.append(self._passive(step, path, signals))
-        self.outcomes.append(frozenset(self._outcomes(step)))
-        leaf = Leaf(len(self.numbered) - 1, name)
+        facts = self.behaviours.get(step.behaviour)
+        leaf = Leaf(len(self.numbered) - 1, name, tuple(facts.signals) if facts else ())
         return self._ended(leaf, step, path, signals) if step.behaviour else leaf
 
     def _ended(self, leaf: Leaf, step: Step, path: KeyPath, signals: Mapping[str, SignalKind]) -> Node:
@@ -166,10 +151,7 @@ class _Building:
         if condition is None:
             return leaf
         watch = tree.Watch(text=text, condition=condition, steps=None, then=DONE)
-        during = tree.During(path=dotted(path), steps=Steps((leaf,)), at_most=None, when=(watch,))
-        self._paths[id(leaf)] = path
-        self._until.add(id(during))
-        return during
+        return tree.During(path=dotted(path), steps=Steps((leaf,)), at_most=None, when=(watch,))
 
     def _passive(self, step: Step, path: KeyPath, signals: Mapping[str, SignalKind]) -> Passive | None:
         if step.wait is not None:
@@ -211,9 +193,36 @@ class _Building:
             )
         return condition
 
-    # ------------------------------------------------------------------------------------------ checking
 
-    def check_signals(self) -> None:
+class _Checks:
+    """Notes what is wrong with how the words of a mission fit together, in its file's own form."""
+
+    def __init__(self, steps: Any, behaviours: Mapping[str, Declared]) -> None:  # noqa: ANN401 (of a file)
+        order = Order(steps, behaviours)
+        self.ends, self._behaviours = order.ends, behaviours
+        never = "is never reached: the step before never ends with done"
+        self.problems: list[tuple[KeyPath, str]] = [(path, never) for path in order.unreached]
+        self._check_signals()
+        self._endless: list[KeyPath] = []
+        self._left: list[KeyPath] = []
+        """Steps that something around them ends."""
+        for path, word, body in steps_in(steps):
+            match word:
+                case "repeat":
+                    self._check_repeat(path, body)
+                case "try":
+                    self._check_try(path, body)
+                case "during":
+                    self._check_during(path, body)
+                case "together":
+                    self._check_beside(path, body["beside"])
+        self.remarks = [
+            f"{dotted(path)}: repeats for ever; only a person ends it"
+            for path in self._endless
+            if not any(path[: len(left)] == left for left in self._left)
+        ]
+
+    def _check_signals(self) -> None:
         """Two behaviours must not tell the same signal."""
         tells: dict[str, str] = {}
         for behaviour, facts in self._behaviours.items():
@@ -223,127 +232,47 @@ class _Building:
                     self.problems.append((("steps",), both))
                 tells[name] = behaviour
 
-    def check(self, node: Node, path: KeyPath) -> tuple[set[str], bool]:
-        """What a node may end with, and whether time passes on each way to `done`; what is wrong is noted."""
-        path = self._paths.get(id(node), path)
-        match node:
-            case Leaf(number):
-                return set(self.outcomes[number]), True
-            case tree.Say():
-                return {DONE}, False
-            case tree.End(outcome=outcome):
-                return {f"!{outcome}"}, False
-            case Steps(of):
-                return self._check_list(of, path)
-            case tree.Repeat():
-                return self._check_repeat(node, path)
-            case tree.Try():
-                return self._check_try(node, path)
-            case tree.During():
-                return self.check(node.steps, path) if id(node) in self._until else self._check_during(node, path)
-            case tree.Choose():
-                found = [self.check(steps, path) for _, steps in node.branches]
-                is_open = all(condition is not None for condition, _ in node.branches)
-                ends = set[str]().union(*(ends for ends, _ in found), {DONE} if is_open else ())
-                return ends, not is_open and all(takes_time for _, takes_time in found)
-        return self._check_together(node, path)
-
-    def _outcomes(self, step: Step) -> set[str]:
-        if step.behaviour:
-            facts = self._behaviours.get(step.behaviour)
-            return {DONE, *(facts.outcomes if facts else ()), *([BLOCKED] if facts and facts.moves else ())}
-        if isinstance(step.action, Follow):
-            return {DONE, BLOCKED}
-        limited = getattr(step.action, "at_most_s", None) is not None
-        return {DONE, *([TIMEOUT] if limited else [])}
-
-    def _check_list(self, of: Sequence[Node], path: KeyPath) -> tuple[set[str], bool]:
-        ends, takes_time = {DONE}, False
-        for index, node in enumerate(of):
-            found, takes = self.check(node, path)
-            ends, takes_time = ends - {DONE} | found, takes_time or takes
-            if DONE not in found:
-                for after in of[index + 1 : index + 2]:
-                    never = "is never reached: the step before never ends with done"
-                    self.problems.append((self._paths.get(id(after), path), never))
-                break
-        return ends, takes_time
-
-    def _check_repeat(self, node: tree.Repeat, path: KeyPath) -> tuple[set[str], bool]:
-        ends, takes_time = self.check(node.steps, (*path, "steps"))
-        if DONE in ends and not takes_time:
+    def _check_repeat(self, path: KeyPath, body: Mapping[str, Any]) -> None:
+        ends = self.ends[*path, "steps"]
+        if TIME not in ends.get(DONE, (TIME,)):
             self.problems.append(
                 (path, "no time passes in it on some way through: add a step that takes time, or an else")
             )
-        stops = node.times is not None or node.until is not None
-        if not stops and ends <= {DONE}:
-            self.remarks.append(f"{dotted(path)}: repeats for ever; only a person ends it")
-        return ends - {DONE} | ({DONE} & ends if stops else set()), takes_time
+        if body["times"] is None and body["until"] is None and ends.keys() <= {DONE, FAULT, LOST}:
+            self._endless.append(path)
 
-    def _check_try(self, node: tree.Try, path: KeyPath) -> tuple[set[str], bool]:
-        ends, takes_time = self.check(node.steps, (*path, "steps"))
-        possible = {end for end in ends if end != DONE and not end.startswith("!")}
-        places = {"follow", *(name for name, facts in self._behaviours.items() if facts.moves)}
-        follows = any(self._kind(inner) in places for inner in tree.inside(node.steps))
-        named: list[tuple[KeyPath, str]] = [
-            *((("again_on", index), name) for index, name in enumerate(node.again_on or ())),
-            *((("catch", name), name) for name, _ in node.catch),
+    def _check_try(self, path: KeyPath, body: Mapping[str, Any]) -> None:
+        ends = self.ends[*path, "steps"]
+        possible = {LOST, *(name for name in ends if name != DONE and not name.startswith("!"))} & ends.keys()
+        named = [
+            *((("again_on", index), name) for index, name in enumerate(body["again_on"] or ())),
+            *((("catch", name), name) for name in body["catch"]),
         ]
         for key, name in named:
-            self._check_name(name, possible, (*path, *key), follows=follows)
-        if node.between is not None:
-            between, _ = self.check(node.between, (*path, "between"))
-            ends |= between - {DONE}
-        names = {name for name, _ in node.catch}
-        caught = possible if ANY in names else possible & names
-        left = ends - caught
-        for name, steps in node.catch:
-            left |= self.check(steps, (*path, "catch", name))[0]
-        return left, takes_time
+            kind, _, id = name.partition(":")
+            if kind == FAULT and id and id not in ROWS:
+                self.problems.append(((*path, *key), f"no fault {id}{nearest(id, list(ROWS), 'faults')}"))
+            if kind != FAULT and name not in (ANY, *possible):
+                hint = nearest(name, sorted({*possible, FAULT}), "possible")
+                self.problems.append(((*path, *key), f"no step within ends with {name}{hint}"))
 
-    def _check_name(self, name: str, possible: set[str], path: KeyPath, *, follows: bool) -> None:
-        kind, _, id = name.partition(":")
-        if kind == FAULT and id and id not in ROWS:
-            self.problems.append((path, f"no fault {id}{nearest(id, list(ROWS), 'faults')}"))
-        if kind == FAULT or name in (ANY, *possible) or (name == LOST and follows):
-            return
-        known = sorted({*possible, FAULT, *([LOST] if follows else [])})
-        self.problems.append((path, f"no step within ends with {name}{nearest(name, known, 'possible')}"))
-
-    def _check_during(self, node: tree.During, path: KeyPath) -> tuple[set[str], bool]:
-        remarks = len(self.remarks)
-        ends, takes_time = self.check(node.steps, (*path, "steps"))
-        if node.at_most is not None or any(watch.then not in (RESUME, RESTART) for watch in node.when):
-            del self.remarks[remarks:]  # what repeats for ever within is ended here
-        ends |= {TIMEOUT} if node.at_most is not None else set()
+    def _check_during(self, path: KeyPath, body: Mapping[str, Any]) -> None:
+        if body["at_most_s"] is not None or any(watch["then"] not in (RESUME, RESTART) for watch in body["when"]):
+            self._left.append((*path, "steps"))
         texts: set[str] = set()
-        for index, watch in enumerate(node.when):
-            if watch.text in texts:
+        for index, watch in enumerate(body["when"]):
+            text, then = watch["if"], watch["then"]
+            if text in texts:
                 again = "the same condition as a watcher above: this one is never asked"
                 self.problems.append(((*path, "when", index, "if"), again))
-            texts.add(watch.text)
-            if watch.steps is not None:
-                ends |= self.check(watch.steps, (*path, "when", index, "steps"))[0] - {DONE}
-            if watch.then in (DONE, FAULT, ANY) or watch.then.startswith((f"{FAULT}:", "!")):
-                self.problems.append(((*path, "when", index, "then"), f"{watch.then} is no outcome of your own"))
-            ends |= {watch.then} - {RESUME, RESTART}
-        return ends, takes_time
+            texts.add(text)
+            if then in (DONE, FAULT, ANY) or then.startswith((f"{FAULT}:", "!")):
+                self.problems.append(((*path, "when", index, "then"), f"{then} is no outcome of your own"))
 
-    def _check_together(self, node: Node, path: KeyPath) -> tuple[set[str], bool]:
-        assert isinstance(node, tree.Together)
-        ends, takes_time = self.check(node.steps, (*path, "steps"))
-        for steps in node.beside:
-            ends |= self.check(steps, (*path, "beside"))[0] - {DONE}
-            for inner in tree.inside(steps):
-                if self._moves(inner):
-                    self.problems.append((self._paths[id(inner)], "moves the robot: steps beside others must not"))
-                if self._kind(inner) == "ask":
-                    self.problems.append((self._paths[id(inner)], "asks: a step beside others must not"))
-        return ends, takes_time
-
-    def _moves(self, node: Node) -> bool:
-        facts = self._behaviours.get(self._kind(node))
-        return self._kind(node) in MOVING or (facts is not None and facts.moves)
-
-    def _kind(self, node: Node) -> str:
-        return self.numbered[node.number][1].word if isinstance(node, Leaf) else ""
+    def _check_beside(self, path: KeyPath, beside: Any) -> None:  # noqa: ANN401 (of a file)
+        for inner, word, _ in steps_in(beside, (*path, "beside")):
+            facts = self._behaviours.get(word)
+            if word in MOVING or (facts is not None and facts.moves):
+                self.problems.append((inner, "moves the robot: steps beside others must not"))
+            if word == "ask":
+                self.problems.append((inner, "asks: a step beside others must not"))

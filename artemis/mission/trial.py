@@ -8,8 +8,9 @@ from typing import Any
 
 from artemis.config import Config
 from artemis.errors import ConfigError
-from artemis.plugins.contracts import PluginContext, may_share_device
+from artemis.plugins.contracts import PluginContext
 from artemis.plugins.guard import PLUGIN_ERRORS, told
+from artemis.plugins.stated import may_share_device
 from artemis.yaml_file import KeyPath
 
 

@@ -13,10 +13,10 @@ from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.paths import named
 from artemis.mission.tree import MissionTree, signals_of
 from artemis.mission.words import Step
-from artemis.progress import DONE, MissionEvent, Position
+from artemis.progress import DONE, Acted, MissionEvent, Position, SignalValue
 from artemis.states.advance import MissionFacts, advance
 from artemis.states.condition import SignalKind, Value
-from artemis.states.tree import FAULT, LOST, LOST_FAULTS, TIMEOUT, Tree
+from artemis.states.tree import FAULT, LOST, LOST_FAULTS, TIMEOUT, Leaf, Tree, inside
 from artemis.supervision.catalogue import ROWS
 from artemis.yaml_file import dotted
 
@@ -24,6 +24,8 @@ Happening = str | float | Mapping[str, Value]
 """How the present step ends, an answer to its question, or `fault:ID`; or so many seconds pass; or signals change."""
 DT = 0.02
 """What a tick lasts in which nothing else is said [s]."""
+SOMEBODY = -1
+"""Number of the behaviour that tells a signal: whichever it is."""
 
 
 class MissionWalk:
@@ -39,6 +41,7 @@ class MissionWalk:
     def __init__(self, found: MissionTree, tree: Tree | None = None) -> None:
         """At the beginning; `tree` takes the place of the mission's."""
         self.found, self.tree = found, tree or found.tree
+        self._told = {name for node in inside(self.tree.root) if isinstance(node, Leaf) for name in node.signals}
         self.words = {dotted(path): described(step) for path, step in found.steps}
         self.position = Position()
         self.signals: dict[str, Value] = {"run_s": 0.0, "driven_m": 0.0}
@@ -81,6 +84,9 @@ class MissionWalk:
     ) -> None:
         """One tick in which the robot stands: what happened to the present step, and which signals are true in it."""
         self.signals["run_s"] = float(self.signals["run_s"]) + dt
+        told = tuple(
+            SignalValue(name=n, value=float(self.signals.pop(n))) for n in sorted(self._told & self.signals.keys())
+        )
         position = replace(self.position, fault=fault) if fault else self.position
         waits = not self.is_over and self.found.passive[position.step] is not None
         facts = MissionFacts(
@@ -89,6 +95,7 @@ class MissionWalk:
             done=position.done + dt if waits else None,
             outcome=outcome,
             answers=(answer,) if answer else (),
+            acted={SOMEBODY: Acted(step=SOMEBODY, signals=told)} if told else {},
         )
         advanced = advance(self.tree, self.found.passive, position, facts)
         self.position = advanced.position
@@ -152,7 +159,7 @@ def _end_step(made: MissionWalk, outcome: str) -> None:
     kind, _, id = outcome.partition(":")
     if kind == FAULT and id in ROWS:
         made.tick(fault=id)
-    elif outcome == LOST and step.follow is not None:
+    elif outcome == LOST and (step.follow or step.goto) is not None:
         made.tick(fault=LOST_FAULTS[0])
     elif passive is not None and outcome in passive.answers:
         made.tick(answer=outcome)
@@ -174,7 +181,7 @@ def _impossible(made: MissionWalk, outcome: str) -> ConfigError:
         return ConfigError(f"no fault {id!r} in the fault table; {similar(id, list(ROWS)).partition(',')[0]}")
     answers = passive.answers if passive is not None else ()
     ends = sorted(made.found.outcomes[number] - ({DONE} if answers else set()))
-    names = [*answers, *ends, *([LOST] if step.follow is not None else []), f"{FAULT}:ID"]
+    names = [*answers, *ends, *([LOST] if (step.follow or step.goto) is not None else []), f"{FAULT}:ID"]
     return ConfigError(f"the step '{made.at}' does not end so; {similar(outcome, names)}")
 
 
@@ -183,6 +190,8 @@ def described(step: Step) -> str:
     if step.follow is not None:
         path = step.follow.path
         return f"follow {path.recorded if isinstance(path, Recorded) else named(step.follow)}"
+    if step.goto is not None:
+        return f"goto {step.goto.place}"
     if step.wait is not None:
         return f"wait {step.wait.seconds:g} s" if step.wait.seconds is not None else f"wait for {step.wait.for_}"
     if step.ask is not None:

@@ -22,11 +22,12 @@ from artemis.mission.actions import (
 )
 from artemis.mission.behaviours import installed_behaviours
 from artemis.mission.by_hand import Teleop
+from artemis.mission.goto import Goto
 from artemis.mission.keys import Positive, check_one_key
 from artemis.mission.problems import describe, nearest
 from artemis.yaml_file import KeyPath
 
-Action = Calibrate | Follow | Wait | Teleop | Ask | Stop
+Action = Calibrate | Follow | Goto | Wait | Teleop | Ask | Stop
 Steps = Annotated[tuple["Step", ...], *A_LIST]
 Outcome = Annotated[str, Field(min_length=1, max_length=64)]
 
@@ -162,6 +163,7 @@ class Step(Config):
     model_config = ConfigDict(extra="allow", json_schema_extra={"minProperties": 1, "maxProperties": 1})
     calibrate: Calibrate | None = None
     follow: Follow | None = None
+    goto: Goto | None = None
     wait: Wait | None = None
     teleop: Teleop | None = None
     ask: Ask | None = None

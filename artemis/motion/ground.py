@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import cos, inf, sin
 
 import numpy as np
@@ -19,7 +19,7 @@ Indices = NDArray[np.int64]
 CELL = 0.05
 """Width of a cell [m]."""
 CELLS = 256
-"""In each direction; the grid goes round: what is 12.8 m away takes the place of what was here."""
+"""In each direction, a power of two; the grid goes round: what is 12.8 m away takes the place of what was here."""
 MEMORY = 60.0
 """Of what was seen or driven [s]."""
 STEP, TURN = 0.04, 0.05
@@ -35,23 +35,21 @@ AHEAD = 0.3
 class Ground:
     """A grid in the frame of the odometry, with the time at which each of its cells was known to be free."""
 
-    def __init__(self, box: Rectangle) -> None:
-        """`box`: the outline."""
-        self._box = box
-        wide = box.grown(AROUND)
-        self._beside = _cells(wide, CELL)
+    def __init__(self, box: Rectangle, views: Iterable[View]) -> None:
+        """`box`: the outline; `views`: of the scanners."""
+        self._beside = _cells(box.grown(AROUND), CELL)
         self._under = _cells(box, CELL / 2)
         self._edge = _border(box.grown(-SHRUNK))
-        self._seen: dict[View, tuple[Indices, Array]] = {}
+        self._eyes = [_Eye(view, self._beside) for view in views]
         self.forget()
 
     def forget(self) -> None:
         """Nothing is known."""
-        self._when = np.full((CELLS, CELLS), -inf)
-        self._who = np.zeros((CELLS, CELLS), dtype=np.int64)
+        self._when = np.full(CELLS * CELLS, -inf)
+        self._who = np.zeros(CELLS * CELLS, dtype=np.int64)
         self._pose: Pose | None = None
 
-    def mark(self, pose: Pose, time: float, views: Iterable[View]) -> None:
+    def mark(self, pose: Pose, time: float) -> None:
         """What the robot stands on at a run time [s], and what its scanners see to be free."""
         last, self._at = self._pose, pose
         if last is not None:
@@ -59,45 +57,55 @@ class Ground:
             if not turned and abs(pose.x - last.x) + abs(pose.y - last.y) < STEP:
                 return
         self._pose = pose
-        self._set(self._under, pose, time)
-        for view in views:
-            if view.millimetres.size:
-                self._set(self._free(view), pose, time)
+        free = [self._beside[:, eye.free()] for eye in self._eyes if eye.view.millimetres.size]
+        place, who = _numbers(placed_points(pose, np.concatenate([self._under, *free], axis=1)))
+        self._when[place], self._who[place] = time, who
 
-    def _free(self, view: View) -> Array:
-        """Centres of the cells around the robot that a scanner sees to be free, shape (2, n)."""
-        if view not in self._seen:
-            beams = [view.beam_past(x, y) for x, y in self._beside.T.tolist()]
-            looked = [place for place, beam in enumerate(beams) if beam is not None]
-            distances = [view.distance_to(*self._beside[:, place].tolist()) for place in looked]
-            self._seen[view] = (
-                np.array([looked, [beams[place] for place in looked]], dtype=np.int64),
-                1000.0 * np.array(distances),
-            )
-        (places, beams_past), far = self._seen[view]
-        free = (view.millimetres[beams_past] > far + 1000.0 * CELL) & (far > view.least)
-        return self._beside[:, places[free]]
-
-    def _set(self, cells: Array, pose: Pose, time: float) -> None:
-        column, row = _indices(cells, pose)
-        at = column % CELLS, row % CELLS
-        self._when[at], self._who[at] = time, column * 1_000_003 + row
-
-    def known(self, curvature: float, now: float) -> float:
-        """How far back the robot may roll on an arc over ground that was known in the last `MEMORY` [m]."""
+    def known(self, curvatures: Sequence[float], now: float) -> list[float]:
+        """How far back the robot may roll on each arc over ground that was known in the last `MEMORY` [m]."""
         assert self._pose is not None
-        steps = [CELL * number for number in range(1, round(AHEAD / CELL) + 1)]
-        for distance in steps:
-            turn = -curvature * distance
-            x = sin(turn) / curvature if abs(curvature) > 1e-9 else -distance
-            y = (1.0 - cos(turn)) / curvature if abs(curvature) > 1e-9 else 0.0
-            there = placed(self._at, Pose(x=x, y=y, heading=turn))
-            column, row = _indices(self._edge, there)
-            at = column % CELLS, row % CELLS
-            fresh = (self._when[at] >= now - MEMORY) & (self._who[at] == column * 1_000_003 + row)
-            if not fresh.all():
-                return distance - CELL
-        return inf
+        there = [_rolled(self._at, curvature, -distance) for curvature in curvatures for distance in _DISTANCES]
+        x, y, c, s = np.array(there).T[:, :, np.newaxis]
+        along, beside = self._edge
+        place, who = _numbers(np.array([x + c * along - s * beside, y + s * along + c * beside]))
+        fresh = ((self._when[place] >= now - MEMORY) & (self._who[place] == who)).all(axis=1)
+        found = []
+        for each in fresh.reshape(len(curvatures), -1).tolist():
+            found.append(inf if all(each) else _DISTANCES[each.index(False)] - CELL)
+        return found
+
+
+_DISTANCES = tuple(CELL * number for number in range(1, round(AHEAD / CELL) + 1))
+
+
+class _Eye:
+    """Which of some places a scanner sees to be free."""
+
+    def __init__(self, view: View, places: Array) -> None:
+        self.view = view
+        bearings, distances = view.directions(places)
+        far = 1000.0 * distances
+        self._there = np.flatnonzero(far > view.least)
+        self._bearings, self._far = bearings[self._there], far[self._there] + 1000.0 * CELL
+        self._shape: tuple[float, float, int] | None = None
+
+    def free(self) -> Indices:
+        """Numbers of the places."""
+        if self._shape != self.view.shape:
+            self._shape = self.view.shape
+            beams = self.view.beams_past(self._bearings)
+            looked = beams >= 0
+            self._places, self._beams, self._limits = self._there[looked], beams[looked], self._far[looked]
+        return self._places[self.view.millimetres[self._beams] > self._limits]
+
+
+def _rolled(pose: Pose, curvature: float, distance: float) -> tuple[float, float, float, float]:
+    """Where the rear axle is after so much of an arc [m], and cosine and sine of its heading."""
+    turn = curvature * distance
+    x = sin(turn) / curvature if abs(curvature) > 1e-9 else distance
+    y = (1.0 - cos(turn)) / curvature if abs(curvature) > 1e-9 else 0.0
+    there = placed(pose, Pose(x=x, y=y, heading=turn))
+    return there.x, there.y, cos(there.heading), sin(there.heading)
 
 
 def _cells(box: Rectangle, apart: float) -> Array:
@@ -116,6 +124,7 @@ def _border(box: Rectangle) -> Array:
     return np.concatenate([*sides, *ends], axis=1)
 
 
-def _indices(places: Array, pose: Pose) -> tuple[Indices, Indices]:
-    column, row = np.floor(placed_points(pose, places) / CELL).astype(np.int64)
-    return column, row
+def _numbers(places: Array) -> tuple[Indices, Indices]:
+    """Where the cells of places in the frame of the odometry are in the grid, and which of those that share it."""
+    column, row = np.floor(places / CELL).astype(np.int64)
+    return (column & CELLS - 1) * CELLS + (row & CELLS - 1), column * 1_000_003 + row

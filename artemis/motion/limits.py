@@ -8,8 +8,9 @@ from artemis.motion.ackermann import Ackermann
 from artemis.values import Action, DriveCommand, SetPoints
 from artemis.vehicle import RobotFile
 
-SHORTEST_STEP = 1e-6
-"""Below this [s] no time has passed: differences of angles over it would be rounding errors."""
+SHORTEST_STEP, LONGEST_STEP = 1e-6, 1.5
+"""Below the first [s] no time has passed: differences of angles over it would be rounding errors. The second, in
+periods: what set-points catch up at once is braked hard, and feeds back more than the batteries may take."""
 
 _RUN = Action.RUN
 
@@ -22,7 +23,7 @@ class Gate:
     """
 
     def __init__(self, robot: RobotFile, period: float) -> None:
-        """Take the limits from the robot's file. `period`: between two steps [s]; none counts as more than two."""
+        """Take the limits from the robot's file. `period`: between two steps [s]."""
         limits = robot.limits
         self._ackermann = Ackermann(robot.geometry)
         self._period = period
@@ -49,7 +50,7 @@ class Gate:
         """
         if command.action is not _RUN:
             return _set_points(0.0, last.steering, (0.0, 0.0), (last.steering_left, last.steering_right))
-        dt = min(max(0.0, dt), 2 * self._period)
+        dt = min(max(0.0, dt), LONGEST_STEP * self._period)
         if dt < SHORTEST_STEP:
             return last
         if stop or not is_sane(command):

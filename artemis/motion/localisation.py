@@ -4,13 +4,17 @@ An extended Kalman filter of the pose, which is a measured one itself. Between t
 its drift is unknown but grows with the distance. A fix that comes late is sorted in, and what followed is computed
 again: so the order in which fixes arrive changes nothing. A fix that cannot be true is not believed at once: a tracker
 may see something else. A few that agree with each other over some time are: then the robot is where they say.
+
+The filter takes the errors of fixes for independent. What fixes of one place have in common (`PoseFix.common`) is
+therefore kept beside it, neither estimated nor reduced, and added to what is told: a Schmidt-Kalman filter, in which
+such errors are considered but not estimated (A. H. Jazwinski, Stochastic Processes and Filtering Theory, 1970, 8.4).
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable
-from math import hypot, radians
+from math import hypot, inf, radians
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -36,6 +40,8 @@ CORRECTION, TURNING = 0.1, radians(5)
 """While the robot moves, its pose is corrected no faster than this [m/s, rad/s]."""
 LOST_DISTANCE = 5.0
 """After this way without a fix that was believed [m] the pose means nothing."""
+JUMP, JUMP_TURN = 0.3, radians(10)
+"""Fixes that are not believed and say that the robot is so far away, or so askew [m, rad], contradict the pose."""
 
 Covariance = tuple[float, ...]
 """xx, xy, xh, yy, yh, hh, of x, y [m] and heading h [rad]."""
@@ -55,6 +61,8 @@ class _Estimate(Struct, frozen=True):
     at: _Moment
     pose: Pose
     covariance: Covariance
+    common: Covariance = ()
+    """What the newest fix shares with those beside it; not in the covariance."""
 
 
 class _Belief(Struct, frozen=True):
@@ -87,6 +95,8 @@ class Localisation:
         self._shown: tuple[Pose, Pose] | None = None
         """The pose that was told last, in `odom` and in `map`; None: it meant nothing."""
         self._source, self._unused = "", 0
+        self._lost_at = -inf
+        """When a localizer last told that it is lost [s]."""
 
     def reset(self, pose: Pose) -> None:
         """The odometry goes on from `pose`, the robot standing where it is."""
@@ -109,9 +119,14 @@ class Localisation:
 
     def forget(self) -> None:
         """The robot may have rolled uncounted: only a fix from now on tells where it is."""
+        self._drop()
+        self._moments.clear()
+
+    def _drop(self) -> None:
+        """No fix so far tells where the robot is."""
         if (belief := self._belief) is not None:
             self._unused += belief.refused
-        for known in (self._moments, self._used, self._beliefs, self._waiting):
+        for known in (self._used, self._beliefs, self._waiting):
             known.clear()
         self._base = self._shown = None
 
@@ -129,10 +144,15 @@ class Localisation:
         del self._moments[: max(old, 0)]
 
     def take(self, fixes: Iterable[PoseFix], now: float) -> None:
-        """Place what was found, each at its own time, at run time `now` [s]."""
+        """Place what was found, each at its own time, at run time `now` [s]. Of a lost localizer nothing counts."""
         fixes, self._waiting = (*self._waiting, *fixes), []
         for fix in fixes:
-            if not self._moments or fix.time < self._moments[0].time or fix.time > now + self._period:
+            if fix.doubt >= 1.0:
+                self._lost_at = max(self._lost_at, fix.time)
+                self._drop()
+            elif not fix.covariance:
+                continue
+            elif not self._moments or not max(self._moments[0].time, self._lost_at) <= fix.time <= now + self._period:
                 self._unused += 1
             elif fix.time > self._moments[-1].time:
                 self._waiting.append(fix)
@@ -163,7 +183,7 @@ class Localisation:
             return LocatedPose(pose=odometry.pose, lost=True, unused=self._unused)
         best, moment = belief.estimate, self._moments[-1]
         expected = _carried(best, moment)
-        pose = expected.pose
+        pose, told = expected.pose, expected if not best.common else _carried(_whole(best), moment)
         if self._shown is not None and not at_once:
             before, shown = self._shown
             pose = _nearer(placed(shown, seen_from(before, moment.odom)), pose, dt)
@@ -174,9 +194,10 @@ class Localisation:
             frame="map",
             source=self._source,
             age=now - best.at.time,
-            covariance=expected.covariance,
+            covariance=told.covariance,
             lost=lost,
             unused=self._unused + belief.refused,
+            contradicted=0.0 if belief.rival is None else _contradicted(belief.rival, belief.since, expected, moment),
         )
 
     @property
@@ -198,7 +219,7 @@ class Localisation:
 
 def _believed(before: _Belief | None, fix: PoseFix, at: _Moment) -> _Belief:
     """What is concluded from a fix and all those before it."""
-    alone = _Estimate(at, fix.pose, fix.covariance)
+    alone = _Estimate(at, fix.pose, fix.covariance, fix.common)
     if before is None:
         return _Belief(alone)
     if (estimate := _joined(before.estimate, alone)) is not None:
@@ -209,6 +230,13 @@ def _believed(before: _Belief | None, fix: PoseFix, at: _Moment) -> _Belief:
     if agreeing >= AGREEING and fix.time - since >= AGREEING_TIME:
         return _Belief(rival, refused=before.refused)
     return _Belief(before.estimate, rival, since, agreeing, before.refused + 1)
+
+
+def _contradicted(rival: _Estimate, since: float, expected: _Estimate, now: _Moment) -> float:
+    """How long fixes have agreed that the robot is somewhere else [s]; 0: that is not far away."""
+    off = seen_from(expected.pose, _carried(rival, now).pose)
+    jumped = hypot(off.x, off.y) > JUMP or abs(off.heading) > JUMP_TURN
+    return rival.at.time - since if jumped else 0.0
 
 
 def _carried(estimate: _Estimate, to: _Moment) -> _Estimate:
@@ -228,7 +256,13 @@ def _carried(estimate: _Estimate, to: _Moment) -> _Estimate:
         yh + dx * hh,
         hh + turn,
     )
-    return _Estimate(to, pose, covariance)
+    return _Estimate(to, pose, covariance, estimate.common)
+
+
+def _whole(estimate: _Estimate) -> _Estimate:
+    """With what its fixes have in common in the covariance."""
+    covariance = tuple(own + shared for own, shared in zip(estimate.covariance, estimate.common, strict=True))
+    return replace(estimate, covariance=covariance)
 
 
 def _joined(estimate: _Estimate, fix: _Estimate) -> _Estimate | None:
@@ -259,7 +293,7 @@ def _joined(estimate: _Estimate, fix: _Estimate) -> _Estimate | None:
         (left[1][2] + left[2][1]) / 2,
         left[2][2],
     )
-    return _Estimate(fix.at, pose, covariance)
+    return _Estimate(fix.at, pose, covariance, fix.common)
 
 
 def _nearer(pose: Pose, target: Pose, dt: float) -> Pose:

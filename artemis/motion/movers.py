@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from itertools import pairwise
 from math import hypot
 
 import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
 from artemis.motion.spline import Array
 
@@ -21,10 +23,17 @@ BASE = 0.25, 0.45
 """Motion is measured over so long [s]: the nearest scan within."""
 FASTEST, SLOWEST = 3.0, 0.35
 """What seems faster is another thing; what is slower may be a thing of which other sides come into view [m/s]."""
+NEW = 0.1
+"""More of it than this must be where nothing was. What only seems to move is a piece of a wall, which stood there
+before and was seen in other pieces, or not at all."""
 STRIDE, APART = 0.15, 0.05
 """Where a thing will be is looked at so far apart [m], by those of its returns that are so far apart [m]."""
 KEPT, EVERY = 1.0, 0.2
 """What was found counts for so long [s], of all that was found what lies so far apart [s]."""
+
+
+Free = Callable[[Array], NDArray[np.bool_]]
+"""Where nothing was by a scan, of places in the frame of the odometry, shape (2, n)."""
 
 
 class Group(Struct, frozen=True, kw_only=True, gc=False):
@@ -42,7 +51,7 @@ class Movers:
     """Remembers where groups of returns were. In the frame of the odometry."""
 
     def __init__(self) -> None:
-        self._seen: deque[tuple[float, list[Group]]] = deque()
+        self._seen: deque[tuple[float, list[Group], Free]] = deque()
         self._found: deque[tuple[float, Array]] = deque()
 
     def forget(self) -> None:
@@ -55,13 +64,14 @@ class Movers:
         """Whether something moved a short time ago."""
         return bool(self._found)
 
-    def ahead(self, points: Array, now: float, lookahead: float) -> Array:
+    def ahead(self, points: Array, now: float, lookahead: float, free: Free) -> Array:
         """Where what moves will be.
 
         Args:
             points: x, y of a scan's returns in the order of its beams [m], shape (2, n).
             now: time of the scan [s].
             lookahead: for how long [s].
+            free: where nothing is by this scan.
 
         Returns:
             Points that it will pass, shape (2, m); for `KEPT` also what was found before: it may have come too near to
@@ -70,9 +80,12 @@ class Movers:
         groups = _groups(points)
         while self._seen and now - self._seen[0][0] > BASE[1]:
             self._seen.popleft()
-        before = next(((time, seen) for time, seen in reversed(self._seen) if now - time >= BASE[0]), None)
-        self._seen.append((now, groups))
-        found = [] if before is None else self._passed(points, groups, before[1], now - before[0], lookahead)
+        before = next((it for it in reversed(self._seen) if now - it[0] >= BASE[0]), None)
+        self._seen.append((now, groups, free))
+        found = []
+        if before is not None:
+            then, seen, was_free = before
+            found = _passed(points, _moving(groups, seen, now - then), was_free, lookahead)
         while self._found and now - self._found[0][0] > KEPT:
             self._found.popleft()
         kept = [each for _, each in self._found]
@@ -80,19 +93,26 @@ class Movers:
             self._found.append((now, np.concatenate(found, axis=1)))
         return np.concatenate([np.zeros((2, 0)), *kept, *found], axis=1)
 
-    def _passed(
-        self, points: Array, groups: list[Group], before: list[Group], time: float, lookahead: float
-    ) -> list[Array]:
-        found = []
-        for group in groups:
-            if (velocity := _velocity(group, before, time)) is not None:
-                count = int(hypot(*velocity) * lookahead / STRIDE) + 1
-                times = lookahead * np.arange(1, count + 1) / count
-                thinned = max(int((group.last - group.first) * APART / max(group.width, APART)), 1)
-                each = points[:, group.first : group.last : thinned]
-                shifts = np.array(velocity)[:, None, None] * times[None, :, None]
-                found.append((each[:, None, :] + shifts).reshape(2, -1))
-        return found
+
+def _moving(groups: list[Group], before: list[Group], time: float) -> list[tuple[Group, float, float]]:
+    """Those that seem to, with their velocities [m/s]."""
+    found = [(group, _velocity(group, before, time)) for group in groups]
+    return [(group, *velocity) for group, velocity in found if velocity is not None]
+
+
+def _passed(points: Array, moving: list[tuple[Group, float, float]], was_free: Free, lookahead: float) -> list[Array]:
+    """Places that they will pass."""
+    found = []
+    for group, vx, vy in moving:
+        here = points[:, group.first : group.last]
+        if np.count_nonzero(was_free(here)) <= NEW * here.shape[1]:
+            continue
+        count = int(hypot(vx, vy) * lookahead / STRIDE) + 1
+        times = lookahead * np.arange(1, count + 1) / count
+        thinned = max(int((group.last - group.first) * APART / max(group.width, APART)), 1)
+        shifts = np.array([vx, vy])[:, None, None] * times[None, :, None]
+        found.append((here[:, None, ::thinned] + shifts).reshape(2, -1))
+    return found
 
 
 def _groups(points: Array) -> list[Group]:
@@ -100,17 +120,15 @@ def _groups(points: Array) -> list[Group]:
     if x.size < FEWEST:
         return []
     dx, dy = np.diff(x), np.diff(y)
-    firsts = np.concatenate([[0], np.flatnonzero(dx * dx + dy * dy > GAP * GAP) + 1, [x.size]]).tolist()
-    groups = []
-    for first, last in pairwise(firsts):
-        if last - first < FEWEST:
-            continue
-        here = points[:, first:last]
-        low, high = here.min(axis=1), here.max(axis=1)
-        if (width := hypot(*(high - low).tolist())) <= WIDEST:
-            middle = ((low + high) / 2.0).tolist()
-            groups.append(Group(first=first, last=last, x=middle[0], y=middle[1], width=width))
-    return groups
+    begins = np.concatenate([[0], np.flatnonzero(dx * dx + dy * dy > GAP * GAP) + 1])
+    low, high = np.minimum.reduceat(points, begins, axis=1), np.maximum.reduceat(points, begins, axis=1)
+    (xs, ys), (widths, heights) = ((low + high) / 2.0).tolist(), (high - low).tolist()
+    firsts = [*begins.tolist(), x.size]
+    return [
+        Group(first=first, last=last, x=xs[number], y=ys[number], width=width)
+        for number, (first, last) in enumerate(pairwise(firsts))
+        if last - first >= FEWEST and (width := hypot(widths[number], heights[number])) <= WIDEST
+    ]
 
 
 def _velocity(group: Group, before: list[Group], time: float) -> tuple[float, float] | None:

@@ -5,12 +5,14 @@ Deterministic: the same scans and odometry give the same ceilings, on every mach
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import cos, inf, radians, sin, tan
 
 import numpy as np
 
+from artemis.motion.beams import LOST
 from artemis.motion.ground import Ground
-from artemis.motion.sweep import Rectangle, free_distance, stopping_speed
+from artemis.motion.sweep import Rectangle, free_distances, stopping_speed
 from artemis.motion.view import View
 from artemis.scan import Clearance, ObstacleRules
 from artemis.values import SetPoints, Snapshot, Wish
@@ -19,8 +21,6 @@ from artemis.vehicle import RobotFile
 REACTION = 0.12
 """Until the wheels slow down for what a scan shows [s]: the tick after it, the drives' cycle, the first ramp; the
 scan's own age comes on top."""
-STALE = 0.17
-"""A scanner whose newest scan is older is blind (LAS-01) [s]."""
 CREEP = 0.1
 """Below this speed every return nearby counts [m/s]."""
 UNKNOWN_SPEED, UNKNOWN_DISTANCE = 0.15, 0.5
@@ -34,28 +34,38 @@ SLOW_SPEED = 0.1
 BLOCKED_SPEED, BLOCKED_TIME = 0.05, 0.06
 """The path is blocked once the ceiling was below this [m/s] for so long [s]; `ObstacleRules.free_after` says when it is
 free again."""
+SPARE = 0.2
+"""The robot looks so much farther than it needs to stop [m]: for the distance that it keeps, and for late scans."""
+USUAL = ObstacleRules()
+"""A robot that keeps more distance than by these looks so much farther."""
 MEASURED = 0.3
 """What moves is looked for so much longer than the robot needs to stop [s]."""
-ARCS = 3
-"""Of the steering during the reaction time: from where it is to where it may be then."""
+ARCS = 0.0, 0.5, 1.0
+"""Of the steering during the reaction time, from where it is to where it may be then; one where it stands still."""
 
 
 class ObstacleStop:
     """Keeps what the scanners saw from tick to tick, and gives the speed from which the robot still stops in time."""
 
-    def __init__(self, robot: RobotFile) -> None:
-        """The robot has an outline and scanners."""
+    def __init__(self, robot: RobotFile, rules: Iterable[ObstacleRules]) -> None:
+        """Begin.
+
+        Args:
+            robot: with an outline and scanners.
+            rules: all that there are in the mission.
+        """
         assert robot.outline is not None
         outline, limits = robot.outline, robot.limits
         self._box = Rectangle(-outline.rear_m, outline.front_m, outline.half_width_m)
         self._wheelbase, self._deceleration = robot.geometry.wheelbase_m, limits.deceleration_m_s2
         self._rate, self._steering = radians(limits.steering_rate_wheel_deg_s), radians(limits.steering_deg)
         self._top = top = limits.speed_m_s
-        self._horizon = top * (REACTION + STALE) + top * top / (2.0 * self._deceleration) + 0.2
+        self._horizon = top * (REACTION + LOST) + top * top / (2.0 * self._deceleration) + SPARE
         lookahead = REACTION + top / self._deceleration + MEASURED
-        self._reach = reach = self._horizon + max(self._box.front, -self._box.rear) + self._box.half_width
+        reach = self._horizon + max(self._box.front, -self._box.rear) + self._box.half_width
+        reach += max([_farther(each) + max(each.margin - USUAL.margin, 0.0) for each in rules], default=0.0)
         self._views = {name: View(scanner, self._box, reach, lookahead) for name, scanner in robot.scanners.items()}
-        self._ground = Ground(self._box)
+        self._ground = Ground(self._box, self._views.values())
         self._low_since = self._free_since = self._blocked_since = inf
         self._at = 0.0
         self.reset()
@@ -95,12 +105,13 @@ class ObstacleStop:
             self.reset()
         speed = odometry.speed * cos(odometry.steering)
         turn = odometry.speed * sin(odometry.steering) / self._wheelbase
-        for view in self._views.values():
-            view.move(odometry.pose)
+        renewed = {scan.source for scan in snapshot.sensed.scans}
+        for name, view in self._views.items():
+            view.move(odometry.pose, replaced=name in renewed)
         for scan in snapshot.sensed.scans:
             view = self._views[scan.source]
             view.take(scan, snapshot.time, speed, turn, creeping=abs(odometry.speed) < CREEP)
-        self._ground.mark(odometry.pose, snapshot.time, self._views.values())
+        self._ground.mark(odometry.pose, snapshot.time)
 
     def _judged(self, found: Clearance | None, now: float, rules: ObstacleRules) -> Clearance | None:
         """What was found, or nothing that may move, with how long the path has been blocked."""
@@ -121,26 +132,34 @@ class ObstacleStop:
 
     def _free(self, wanted: float, steering: float, now: float, rules: ObstacleRules, *, forward: bool) -> Clearance:
         """On the arcs from where the wheels are to where they may be when the robot slows down."""
-        age = now - min(view.time for view in self._views.values())
-        if age > STALE:
+        views = self._views.values()
+        age = max([view.age(now) for view in views])
+        if age == inf:
             return Clearance(speed=0.0, distance=0.0)
         reaction = REACTION + max(age, 0.0)
-        points = np.concatenate([view.around() for view in self._views.values()], axis=1)
-        points = points[:, points[0] * points[0] + points[1] * points[1] < self._reach * self._reach]
-        box = self._box.grown(rules.margin)
-        seen = forward or any(view.looks_back for view in self._views.values())
+        points = [points for view in views for points in view.around()]
+        seen = forward or any([view.looks_back for view in views])
         turned = min(max(wanted - steering, -self._rate * reaction), self._rate * reaction)
-        distance, speed = inf, inf
-        for arc in range(ARCS):
-            angle = min(max(steering + turned * arc / (ARCS - 1), -self._steering), self._steering)
-            curvature = tan(angle) / self._wheelbase
-            free = min(self._horizon, free_distance(points, curvature, box, forward=forward))
-            if not (seen or rules.unseen_reverse):
-                free = min(free, self._ground.known(curvature, now))
-            free = (free - rules.clear) / cos(angle)
-            distance, speed = min(distance, free), min(speed, stopping_speed(free, reaction, self._deceleration))
+        angles = [min(max(steering + turned * arc, -self._steering), self._steering) for arc in ARCS]
+        angles = angles if turned else angles[:1]
+        curvatures = [tan(angle) / self._wheelbase for angle in angles]
+        horizon = self._horizon + _farther(rules)
+        free = [horizon] * len(angles)
+        if points:
+            box = self._box.grown(rules.margin)
+            near = points[0] if len(points) == 1 else np.concatenate(points, axis=1)
+            free = free_distances(near, curvatures, box, horizon, forward=forward)
+        if not (seen or rules.unseen_reverse):
+            free = list(map(min, free, self._ground.known(curvatures, now)))
+        free = [(distance - rules.clear) / cos(angle) for distance, angle in zip(free, angles, strict=True)]
+        speed = min([stopping_speed(distance, reaction, self._deceleration) for distance in free])
         if not seen:
             speed = min(speed, REVERSE_SPEED)
         if self._driven < UNKNOWN_DISTANCE:
             speed = min(speed, UNKNOWN_SPEED)
-        return Clearance(speed=speed, distance=distance)
+        return Clearance(speed=speed, distance=min(free))
+
+
+def _farther(rules: ObstacleRules) -> float:
+    """How much farther than usual the robot has to look to keep its distance [m]."""
+    return max(rules.clear - USUAL.clear, 0.0)

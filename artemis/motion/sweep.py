@@ -11,7 +11,8 @@ bits. What a library may round as it likes, an arc cosine, is taken of one numbe
 
 from __future__ import annotations
 
-from math import acos, inf
+from collections.abc import Sequence
+from math import acos, inf, pi, sin
 
 import numpy as np
 from msgspec import Struct
@@ -34,70 +35,95 @@ class Rectangle(Struct, frozen=True):
         return Rectangle(self.rear - margin, self.front + margin, self.half_width + margin)
 
 
-def free_distance(points: Array, curvature: float, box: Rectangle, *, forward: bool = True) -> float:
-    """Distance that the rear axle may roll until the first of the points is touched [m]; infinite: none is.
+def free_distances(
+    points: Array, curvatures: Sequence[float], box: Rectangle, within: float = inf, *, forward: bool = True
+) -> list[float]:
+    """Distances that the rear axle may roll on each arc until the first of the points is touched [m].
 
     Args:
         points: x, y in the frame of the rear axle [m], shape (2, n).
-        curvature: of the rear axle's path [1/m], left positive.
+        curvatures: of the rear axle's path on each arc [1/m], left positive.
         box: the outline.
+        within: what would be touched later is of no matter [m].
         forward: else it rolls backwards.
 
-    A point that would be touched after more than half a turn counts as touched after half a turn.
+    At most `within`: nothing is touched before. A point that would be touched after more than half a turn counts as
+    touched after half a turn.
     """
     x, y = points
-    if not x.size:
-        return inf
     rear, front, half = box.rear, box.front, box.half_width
     if not forward:
         x, rear, front = -x, -front, -rear
-    if curvature < 0.0:
-        y, curvature = -y, -curvature
-    radius = 1.0 / curvature if curvature * STRAIGHT > 1.0 else STRAIGHT
-    u = y - radius
-    square = x * x + u * u
-    inside = max(0.0, radius - half)
-    least = inside * inside + (0.0 if rear <= 0.0 <= front else min(front * front, rear * rear))
-    swept = (square >= least) & (square <= max(front * front, rear * rear) + (radius + half) ** 2)
-    x, u, square = x[swept], u[swept], square[swept]
+    if within < inf:
+        behind, ahead, right, left = _bounds(curvatures, rear, front, half, within)
+        near = ((x >= behind) & (x <= ahead) & (y >= right) & (y <= left)).nonzero()[0]
+        x, y = x[near], y[near]
     if not x.size:
-        return inf
-    low, high = -half - radius, half - radius
-    if ((x >= rear) & (x <= front) & (u >= low) & (u <= high)).any():
-        return 0.0
-    edges = [
-        _through(x, u, square, front, low, min(high, 0.0), -1.0),
-        _through(u, x, square, high, max(rear, 0.0), front, 1.0, turned=True),
-        _through(u, x, square, low, rear, min(front, 0.0), -1.0, turned=True),
+        return [within] * len(curvatures)
+    if ((x >= rear) & (x <= front) & (abs(y) <= half)).any():
+        return [0.0] * len(curvatures)
+    radii = [1.0 / abs(curvature) if abs(curvature) * STRAIGHT > 1.0 else STRAIGHT for curvature in curvatures]
+    table = np.array([_edges(radius, rear, front, half) for radius in radii]).reshape(-1, 4, 4, 1)
+    u = np.array(
+        [y - radius if curvature >= 0.0 else -y - radius for radius, curvature in zip(radii, curvatures, strict=True)]
+    )
+    square = x * x + u * u
+    rest = square[:, None] - table[:, 0]
+    reached = ((rest >= table[:, 1]) & (rest <= table[:, 2])).ravel().nonzero()[0]
+    number, point = np.divmod(reached, x.size)
+    edge, arc = number & 3, number >> 2
+    place, other = table[:, 3].take(number), _SIDE[edge] * np.sqrt(rest.take(reached))
+    across = _ACROSS[edge]
+    x_there, u_there = np.where(across, place, other), np.where(across, other, place)
+    turned = arc * x.size + point
+    x, u = x[point], u.take(turned)
+    cosine = (x * x_there + u * u_there) / square.take(turned)
+    turns_there = u * x_there - x * u_there >= 0.0  # the sine of its angle; else after more than half a turn
+    largest = np.full(len(radii), _NEVER)
+    np.maximum.at(largest, arc, np.where(turns_there, cosine, -1.0))
+    return [
+        within if cosine == _NEVER else min(within, radius * acos(min(max(cosine, -1.0), 1.0)))
+        for radius, cosine in zip(radii, largest.tolist(), strict=True)
     ]
-    if high > 0.0:
-        edges.append(_through(x, u, square, rear, 0.0, high, 1.0))
-    cosine = max(edges)
-    return inf if cosine < -1.0 else radius * acos(min(cosine, 1.0))
 
 
-def _through(
-    along: Array, across: Array, square: Array, edge: float, low: float, high: float, side: float, turned: bool = False
-) -> float:
-    """Largest cosine of the angle by which a point turns until it enters through an edge; -2: none does.
+_ACROSS, _SIDE = np.array([True, False, False, True]), np.array([-1.0, 1.0, -1.0, 1.0])
+"""Whether the front, left, right and rear edge lie at one x, else at one u; and the other coordinate's sign on them."""
+_NEVER = -2.0
 
-    The edge lies at `edge` of the first coordinate and reaches from `low` to `high` of the other one, which has the
-    sign `side` there; `turned`: the first coordinate is that to the left.
+
+def _edges(radius: float, rear: float, front: float, half: float) -> list[float]:
+    """Of the front, left, right and rear edge, seen from the turning centre, which lies to the left.
+
+    First the squares of where they lie, then the least and the greatest squares of the other coordinate on them, then
+    where they lie.
     """
-    rest = square - edge * edge
-    least, most = (low, high) if side > 0.0 else (-high, -low)
-    if most < 0.0:
-        return -2.0
-    reached = np.flatnonzero((rest >= max(least, 0.0) ** 2) & (rest <= most * most))
-    if not reached.size:
-        return -2.0
-    other = side * np.sqrt(rest[reached])
-    along, across, square = along[reached], across[reached], square[reached]
-    ahead = across * edge - along * other  # of the sine of the angle, with its sign
-    if turned:
-        ahead = -ahead
-    cosine = (along * edge + across * other) / square
-    return float(np.where(ahead >= 0.0, cosine, -1.0).max())
+    left, right, inner = half - radius, -half - radius, max(radius - half, 0.0)
+    inner, ahead, behind, most = inner * inner, max(rear, 0.0) ** 2, max(-front, 0.0) ** 2, right * right
+    return [
+        *(front * front, left * left, most, rear * rear),
+        *(inner, ahead, behind, 0.0),
+        *(most, _squared(front), _squared(-rear), _squared(left)),
+        *(front, left, right, rear),
+    ]
+
+
+def _squared(most: float) -> float:
+    """Of what is at most so large; an edge that lies elsewhere altogether is never reached."""
+    return most * most if most >= 0.0 else -1.0
+
+
+def _bounds(
+    curvatures: Sequence[float], rear: float, front: float, half: float, distance: float
+) -> tuple[float, float, float, float]:
+    """A rectangle in which the outline stays on all of the arcs: from, to along x; from, to along y."""
+    left, right = distance * max(*curvatures, 0.0), -distance * min(*curvatures, 0.0)
+    if max(left, right) > pi / 2.0:
+        return -inf, inf, -inf, inf
+    ahead, behind, beside = max(front, 0.0), max(-rear, 0.0), half * sin(max(left, right))
+    to_left = max(distance * left / 2.0 + ahead * sin(left), behind * sin(right))
+    to_right = max(distance * right / 2.0 + ahead * sin(right), behind * sin(left))
+    return -behind - beside, distance + ahead + beside, -half - to_right, half + to_left
 
 
 def stopping_speed(distance: float, reaction: float, deceleration: float) -> float:

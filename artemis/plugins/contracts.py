@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 from msgspec import Struct
 
 from artemis.config import Config
-from artemis.errors import ConfigError, PluginError
+from artemis.errors import ConfigError
 from artemis.motion.path import Path
+from artemis.motion.route import Route
 from artemis.scan import Scan
 from artemis.values import DriveCommand, OperatorInput, Pose, PoseFix, Snapshot, Tick, Tracking
 from artemis.vehicle import RobotFile
@@ -26,6 +27,7 @@ from artemis.vehicle import RobotFile
 if TYPE_CHECKING:
     from artemis.devices.can_bus import Traffic
     from artemis.devices.tcp import Dial
+    from artemis.mapping.occupancy import OccupancyMap, ShownMap
 
 CONTRACT = 1
 """Version of these contracts. A plugin may state `contract = 1`; another number is refused by name."""
@@ -44,6 +46,8 @@ class PluginContext:
     """Contents of every file that the mission names, by the path as written there."""
     run: FilePath | None = None
     """Folder of the run, for what an observer writes; None for the others."""
+    routes: Mapping[int, Route] = field(default_factory=dict)
+    """The paths of the mission's steps that are known before the run, by the step's number, for an observer."""
     wake: Callable[[], None] = lambda: None
     """Asks for an extra tick now, off the schedule, in which every input is read: for a stop button that was pressed.
     May be called from any thread."""
@@ -53,6 +57,16 @@ class PluginContext:
     true_pose: Callable[[], tuple[float, Pose]] | None = None
     """Run time [s] and where a simulated robot truly is then, in the world's frame: for a localizer that simulates one.
     None: nobody knows."""
+    real_time: bool = False
+    """The run keeps real time: work beside the ticks is for threads. Else nothing passes while the plugin computes."""
+    last_pose: Callable[[], Pose | None] = lambda: None
+    """Where the robot was on the map when its last run of this mission ended; where a run is resumed, when that
+    stopped. None: not known."""
+    resumed: bool = False
+    """The run goes on with an earlier one: the robot stands at `last_pose`."""
+    map: Callable[[], ShownMap | None] = lambda: None
+    """The map of the run as it is at present, the same object until it changes, for an observer: that on which the
+    localizer finds the robot, or the one that is made. None: there is none yet, or none at all."""
     dial: Dial | None = None
     """Connects to the simulated device that stands in for a scanner's; None: there is none, connect to the real one."""
 
@@ -71,7 +85,8 @@ class PluginContext:
 class InputDevice(Protocol):
     """Turns a device's reports into wishes of an operator.
 
-    Its class may state more: `NeedsRealTime`, `OpensNothing`, `ShowsState`; its `Config`: `LimitsInput`.
+    Its class may state more: `NeedsRealTime`, `OpensNothing`, `ShowsState`, `TellsProblems`, `LimitsAge`; its
+    `Config`: `LimitsInput`.
     """
 
     Config: ClassVar[type[Config]]
@@ -91,7 +106,7 @@ class Localizer(Protocol):
     """Tells where the robot is on a map: a tracker beside the floor, a scanner on the robot, another program.
 
     What it finds is told as a `PoseFix`, in the frame `map`, with the run time at which the robot was there; it may
-    come up to two seconds late. Its class may state `NeedsRealTime` and `OpensNothing`, as that of an input.
+    come up to two seconds late. Its class may state `SeesTicks`, and `NeedsRealTime` and `OpensNothing` as an input's.
     """
 
     Config: ClassVar[type[Config]]
@@ -217,7 +232,7 @@ class Observer(Protocol):
     """Sees what the robot does, and has no part in it.
 
     In real time it has a thread of its own: a slow one misses ticks, and delays none. On virtual time it sees each at
-    once. After it is made, all its methods are called in one thread.
+    once. After it is made, all its methods are called in one thread. Its class may state `HasOwnProcess`.
     """
 
     Config: ClassVar[type[Config]]
@@ -234,7 +249,7 @@ class Observer(Protocol):
     def take_problems(self) -> list[tuple[str, str, str]]:
         """What went wrong since the last call: a row of the fault table, its name in the mission, a few words.
 
-        Asked after each tick; each becomes a warning.
+        Asked after each tick, and after `close`; each becomes a warning.
         """
 
     def close(self) -> None:
@@ -246,12 +261,22 @@ class Observer(Protocol):
 
 @runtime_checkable
 class NeedsRealTime(Protocol):
-    """An input, localizer or scanner whose devices need a person or a wire, where `live`.
+    """An input, localizer, scanner or observer that needs a person, a wire or other programs, where `live`.
 
     A simulation then keeps real time.
     """
 
     live: bool
+
+
+@runtime_checkable
+class HasOwnProcess(Protocol):
+    """An observer that in real time has a process of its own, where `own_process`: it computes, or talks to others.
+
+    It is made there once more whenever the process ended. Its class and its `Config` must be importable by name.
+    """
+
+    own_process: bool
 
 
 @runtime_checkable
@@ -262,6 +287,36 @@ class OpensNothing(Protocol):
 
 
 @runtime_checkable
+class SeesTicks(Protocol):
+    """A localizer that finds the robot by what it senses itself: the scans and the odometry of each tick."""
+
+    def see(self, tick: Tick) -> str:
+        """Take what it needs of a tick, after its frames were sent. Never waits, never computes for long.
+
+        What takes longer belongs in a thread where `PluginContext.real_time` says so. What it returns went wrong since
+        the last call, in a few words: a warning (LOC-06); empty: nothing did.
+        """
+
+
+@runtime_checkable
+class TakesTimeOnce(Protocol):
+    """A localizer that takes long the first time: a run in real time has it prepared before the robot is touched."""
+
+    @staticmethod
+    def prepare() -> None:
+        """Compile, or load what was compiled."""
+
+
+@runtime_checkable
+class HasMap(Protocol):
+    """A localizer that finds the robot on a map of cells."""
+
+    @staticmethod
+    def map_of(config: Any, context: PluginContext) -> OccupancyMap:  # noqa: ANN401 (its own Config)
+        """That map, for those who watch the run."""
+
+
+@runtime_checkable
 class ShowsState(Protocol):
     """An input that has its operator see or feel what the robot does: lamps, rumble, a wheel's force."""
 
@@ -269,8 +324,24 @@ class ShowsState(Protocol):
         """Show a tick, after its frames were sent. Never waits.
 
         What it returns went wrong since the last call, in a few words: a warning (INP-16); empty: nothing did. If it
-        raises, or is late, that is a warning, and it is not asked again.
+        raises, or is late three times in a row, that is a warning, and it is not asked again.
         """
+
+
+@runtime_checkable
+class TellsProblems(Protocol):
+    """An input that knows more of what is wrong with it than that it is lost: one over a network."""
+
+    def take_problems(self) -> list[tuple[str, str]]:
+        """What went wrong since the last `read`: rows NET-.. of the fault table, each with a few words."""
+
+
+@runtime_checkable
+class LimitsAge(Protocol):
+    """An input whose samples may be older, or must be newer, than those of a device at hand."""
+
+    stale_s: float
+    """They count until they are so old [s]."""
 
 
 @runtime_checkable
@@ -297,16 +368,6 @@ class EndsByCondition(Protocol):
     """Once it holds the robot comes to rest, and the step ends with `done`; None: never."""
 
 
-def is_live(plugin: object) -> bool:
-    """Whether a plugin, or its class, needs real time."""
-    return isinstance(plugin, NeedsRealTime) and plugin.live
-
-
-def is_pure(plugin: object) -> bool:
-    """Whether a plugin's class may be tried before the run."""
-    return isinstance(plugin, OpensNothing) and plugin.pure
-
-
 @runtime_checkable
 class ChoosesDevice(Protocol):
     """An input that needs real time, several of which a step may have: whether its keys can mean the same device."""
@@ -314,26 +375,3 @@ class ChoosesDevice(Protocol):
     @staticmethod
     def may_share(one: Any, other: Any, files: Mapping[str, bytes]) -> bool:  # noqa: ANN401 (its own Config)
         """Whether inputs with these keys may read one device; `files` of the mission."""
-
-
-def may_share_device(plugin: object, one: object, other: object, files: Mapping[str, bytes]) -> bool:
-    """Whether two inputs of the class `plugin`, with these keys, may read one device; equal keys mean the same one."""
-    if not is_live(plugin):
-        return False
-    return plugin.may_share(one, other, files) if isinstance(plugin, ChoosesDevice) else one == other
-
-
-def input_speed(config: object) -> float | None:
-    """The speed [m/s] that the keys of an input state; None: none. Raises PluginError: it is no number."""
-    return _number(config, config.max_speed_m_s) if isinstance(config, LimitsInput) else None
-
-
-def follower_speed(config: object) -> float | None:
-    """The speed [m/s] that a follower's or behaviour's keys state; None: none. Raises PluginError: it is no number."""
-    return _number(config, config.speed_m_s) if isinstance(config, LimitsFollower) else None
-
-
-def _number(config: object, speed: object) -> float | None:
-    if speed is None or (isinstance(speed, int | float) and not isinstance(speed, bool)):
-        return speed
-    raise PluginError(f"{type(config).__name__} states the speed {speed!r:.40}: artemis needs a number [m/s], or None")

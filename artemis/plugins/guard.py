@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import repeat
-from math import isfinite, sqrt
+from math import isfinite
 from typing import ClassVar, TypeGuard
 
 import numpy as np
@@ -16,7 +16,6 @@ from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.errors import DeviceLost
-from artemis.motion.angles import wrap
 from artemis.motion.path import Path
 from artemis.plugins.contracts import (
     Acting,
@@ -25,11 +24,23 @@ from artemis.plugins.contracts import (
     Following,
     InputDevice,
     Localizer,
+    SeesTicks,
     ShowsState,
     State,
+    TellsProblems,
 )
+from artemis.plugins.fixes import plain_fixes
 from artemis.plugins.process import AskedPlugin
-from artemis.values import Action, DriveCommand, OperatorInput, Pose, PoseFix, Request, Snapshot, Tick, Tracking
+from artemis.values import (
+    Action,
+    DriveCommand,
+    OperatorInput,
+    PoseFix,
+    Request,
+    Snapshot,
+    Tick,
+    Tracking,
+)
 
 LATE = 0.015
 """A plugin has this long for an answer [s]."""
@@ -39,13 +50,12 @@ BAD_SAMPLES, BAD_TIME = 5, 1.0
 """As many samples out of range within this time [s] are a fault."""
 LOST, OUT_OF_RANGE, NOT_SHOWN = "INP-01", "INP-06", "INP-16"
 RAISED, LATE_INPUT, GARBAGE, LATE_FOLLOWER = "PLG-02", "PLG-03", "PLG-06", "PTH-09"
+IMPOSSIBLE, SLOW = "LOC-04", "LOC-06"
+NETWORK = frozenset(f"NET-{number:02}" for number in range(1, 13))
+"""What an input may say of itself."""
 
 LOCALIZER, FOLLOWER = "localizer", "follower"
 """Their names in faults."""
-FARTHEST, SUREST, VAGUEST = 1e6, 1e-12, 1e6
-"""A fix is not farther away [m]; its variances [m², rad²] are not smaller and not larger."""
-DEPENDENT = 1e-6
-"""Nor do its x, y and heading depend on each other so much: determinant of the correlations."""
 
 NUMBER, FLAG = (int, float, np.integer, np.floating), (bool, np.bool_)
 PLUGIN_ERRORS = (Exception, SystemExit)
@@ -69,10 +79,14 @@ class PluginGuard:
         self.inputs, self._clock, self._localizer = inputs, clock, localizer
         self._asked = asked or AskedPlugin()
         self._showing = {name: device for name, device in inputs.items() if isinstance(device, ShowsState)}
+        self._telling = {name: device for name, device in inputs.items() if isinstance(device, TellsProblems)}
         self._last: dict[str, tuple[float, OperatorInput]] = {}
         self._late: dict[tuple[str, str], int] = {}
         self._bad: dict[str, list[float]] = {}
         self._problems: list[Problem] = []
+        self._seeing = localizer if isinstance(localizer, SeesTicks) else None
+        self._impossible = 0
+        """Fixes in a row that cannot be true."""
         self._behaviours = 0
 
     def read(self, now: float) -> tuple[OperatorInput, ...]:
@@ -98,10 +112,33 @@ class PluginGuard:
         if (fixes := plain_fixes(found)) is None:
             self._problems.append((GARBAGE, LOCALIZER, told(found)))
             return ()
-        return fixes
+        for number, fix in enumerate(fixes):
+            self._impossible = 0 if fix is not None else self._impossible + 1
+            if self._impossible >= MISSES:
+                self._problems.append((IMPOSSIBLE, LOCALIZER, told(found[number])))
+        return tuple(fix for fix in fixes if fix is not None)
+
+    def _let_see(self, localizer: SeesTicks, tick: Tick) -> None:
+        """Hand the tick to a localizer that finds the robot by what it senses."""
+        begun = self._clock()
+        self._asked.begin(LOCALIZER)
+        try:
+            problem = localizer.see(tick)
+        except PLUGIN_ERRORS as error:
+            self._problems.append((RAISED, LOCALIZER, told(error)))
+            return
+        finally:
+            self._asked.end()
+        self._judge_time(LATE_INPUT, LOCALIZER, self._clock() - begun, "localizer sees")
+        if not isinstance(problem, str):
+            self._problems.append((GARBAGE, LOCALIZER, told(problem)))
+        elif problem:
+            self._problems.append((SLOW, LOCALIZER, problem))
 
     def show(self, tick: Tick) -> None:
-        """Have every input that can show what the tick did; one that fails at it is not asked again."""
+        """Have every input show what the tick did, and the localizer see it; an input that fails is not asked again."""
+        if self._seeing is not None:
+            self._let_see(self._seeing, tick)
         for name, device in list(self._showing.items()):
             begun = self._clock()
             self._asked.begin(name)
@@ -112,7 +149,9 @@ class PluginGuard:
                 problem, fails = told(error), True
             finally:
                 self._asked.end()
-            if (took := self._clock() - begun) > LATE:
+            place, took = (NOT_SHOWN, name), self._clock() - begun
+            self._late[place] = self._late.get(place, 0) + 1 if took > LATE else 0
+            if self._late[place] >= MISSES:
                 problem, fails = f"showing takes it {took * 1000:.0f} ms", True
             if fails:
                 del self._showing[name]
@@ -168,6 +207,8 @@ class PluginGuard:
         finally:
             self._asked.end()
         self._judge_time(LATE_INPUT, name, self._clock() - begun)
+        if name in self._telling:
+            self._problems += _told_of_itself(self._telling[name], name)
         if not is_whole_input(sample) or sample.source != name:
             self._problems.append((GARBAGE, name, told(sample)))
             return None
@@ -256,6 +297,15 @@ class _WatchedBehaviour:
             self._judge(self._clock() - begun)
 
 
+def _told_of_itself(device: TellsProblems, name: str) -> list[Problem]:
+    """What an input says is wrong with it."""
+    try:
+        found = [(row, str(seen)) for row, seen in device.take_problems()]
+    except PLUGIN_ERRORS as error:
+        return [(RAISED, name, told(error))]
+    return [(row, name, seen) if row in NETWORK else (GARBAGE, name, told(row)) for row, seen in found]
+
+
 def is_whole_input(answer: object) -> TypeGuard[OperatorInput]:
     """Whether an input's answer is a sample, with numbers, buttons and requests in it."""
     if not isinstance(answer, OperatorInput) or not isinstance(answer.source, str):
@@ -299,36 +349,6 @@ def _plain(sample: OperatorInput) -> OperatorInput:
         shaped=tuple(map(float, sample.shaped)),
         buttons=tuple(map(bool, sample.buttons)),
     )
-
-
-def plain_fixes(answer: object) -> tuple[PoseFix, ...] | None:
-    """A localizer's answer of plain values; None: one of them is no whole fix, or cannot be true."""
-    if not isinstance(answer, tuple | list):
-        return None
-    fixes = [_plain_fix(fix) for fix in answer]
-    return None if None in fixes else tuple(fix for fix in fixes if fix is not None)
-
-
-def _plain_fix(fix: object) -> PoseFix | None:
-    if not isinstance(fix, PoseFix) or not isinstance(fix.pose, Pose) or not isinstance(fix.source, str):
-        return None
-    numbers = (fix.time, fix.pose.x, fix.pose.y, fix.pose.heading)
-    if not _holds(numbers, NUMBER) or not _holds(fix.covariance, NUMBER) or len(fix.covariance) != 6:
-        return None
-    try:
-        time, x, y, heading = map(float, numbers)
-        xx, xy, xh, yy, yh, hh = map(float, fix.covariance)
-    except OverflowError:  # a whole number too large for a float
-        return None
-    if not (isfinite(time) and isfinite(heading) and abs(x) <= FARTHEST and abs(y) <= FARTHEST):
-        return None
-    if not all(SUREST <= variance <= VAGUEST for variance in (xx, yy, hh)):
-        return None
-    a, b, c = xy / sqrt(xx * yy), xh / sqrt(xx * hh), yh / sqrt(yy * hh)
-    if not (a * a < 1.0 and 1.0 - a * a - b * b - c * c + 2.0 * a * b * c > DEPENDENT):
-        return None
-    pose = Pose(x=x, y=y, heading=wrap(heading))
-    return PoseFix(time=time, pose=pose, covariance=(xx, xy, xh, yy, yh, hh), source=str(fix.source))
 
 
 def plain_following(answer: object) -> Following | None:

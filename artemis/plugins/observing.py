@@ -1,10 +1,14 @@
-"""Runs observers beside the ticks, which never wait for them: each in a thread of its own, behind a bounded queue."""
+"""Runs observers beside the ticks, which never wait for them: each in a thread of its own, behind a bounded queue.
+
+A tick wakes nobody: that would cost it more than all else (docs/decisions/0015-a-tick-wakes-no-observer.md). The
+threads look whether there is something.
+"""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from threading import Condition, Thread
+from threading import Condition, RLock, Thread
 from typing import Generic, TypeVar
 
 from artemis.devices.can_bus import Traffic
@@ -15,6 +19,8 @@ from artemis.values import Tick
 
 QUEUE_TICKS = 500
 """Ticks that may wait for an observer."""
+LOOK = 0.005
+"""An observer's thread looks for new ticks this often [s]."""
 PATIENCE = 5.0
 """A plugin has this long to end [s]; then its thread is left behind."""
 SLOW = "PLG-03"
@@ -37,13 +43,18 @@ class Beside(Generic[Data]):
         threaded: bool,
         bound: int = QUEUE_TICKS,
         failed: Callable[[BaseException], None] = lambda error: None,
+        look: float | None = None,
     ) -> None:
-        """Begin. `work` is done on the data; should it raise, `failed` is told, and nothing is done until the end."""
-        self._work, self._bound, self._failed = work, bound, failed
+        """Begin. `work` is done on the data; should it raise, `failed` is told, and nothing is done until the end.
+
+        The thread is woken at once; with `look` it looks so often [s] instead, and who hands over wakes nobody.
+        """
+        self._work, self._bound, self._failed, self._look = work, bound, failed, look
         self._data: deque[Data] = deque()
         self._orders: deque[Order] = deque()
         self._closed = False
-        self._news = Condition()
+        self._lock = RLock()  # a signal may be handled while it is held
+        self._news = Condition(self._lock)
         self._thread = Thread(target=self._run, name=name, daemon=True) if threaded else None
         if self._thread:
             self._thread.start()
@@ -53,10 +64,11 @@ class Beside(Generic[Data]):
         if self._thread is None:
             self._work(data)
             return None
-        with self._news:
+        with self._lock:
             dropped = self._data.popleft() if len(self._data) >= self._bound else None
             self._data.append(data)
-            self._news.notify()
+            if self._look is None:
+                self._news.notify()
         return dropped
 
     def order(self, action: Callable[..., None], *arguments: object) -> None:
@@ -66,7 +78,8 @@ class Beside(Generic[Data]):
             return
         with self._news:
             self._orders.append((action, arguments))
-            self._news.notify()
+            if self._look is None:
+                self._news.notify()
 
     def close(self, patience: float | None = None) -> bool:
         """Do what waits; False: that is not done within `patience` [s]. Orders and data are then done at once."""
@@ -92,7 +105,8 @@ class Beside(Generic[Data]):
         """Do what waits until nothing more comes."""
         while True:
             with self._news:
-                self._news.wait_for(lambda: self._orders or self._data or self._closed)
+                while not (self._orders or self._data or self._closed):
+                    self._news.wait(self._look)
                 order = self._orders.popleft() if self._orders else None
                 data = [self._data.popleft()] if order is None and self._data else []
             if order is not None:
@@ -133,7 +147,7 @@ class Observation:
         self.dropped = 0
         """Ticks that it did not see because it was slow."""
         self._beside: Beside[tuple[Tick, Traffic, float] | None] = Beside(
-            name, self._work, threaded=threaded, bound=bound
+            name, self._work, threaded=threaded, bound=bound, look=LOOK
         )
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
@@ -146,7 +160,7 @@ class Observation:
 
     def take_problems(self) -> list[Problem]:
         """What went wrong since the last call."""
-        return [self._problems.popleft() for _ in range(len(self._problems))]
+        return [self._problems.popleft() for _ in range(len(self._problems))] if self._problems else []
 
     def close(self) -> None:
         """Let it see what waits, and close it; harmless when repeated. What then went wrong is in `take_problems`."""
@@ -167,6 +181,7 @@ class Observation:
                 self._observer.close()
             elif not self._stopped:
                 self._observer.see(*seen)
+            if not self._stopped:
                 for problem in self._observer.take_problems():
                     self._pass_on(problem)
         except PLUGIN_ERRORS as error:

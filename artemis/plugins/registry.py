@@ -140,7 +140,7 @@ def breaches(plugin: object, contract: type[Any]) -> list[str]:
         return [f"was written for contract {version}; this artemis has contract {CONTRACT}"]
     methods = [name for name, value in vars(contract).items() if inspect.isfunction(value) and name[0] != "_"]
     problems = [f"has no method {name}()" for name in methods if not callable(getattr(plugin, name, None))]
-    for name in ("live", "pure"):
+    for name in ("live", "pure", "own_process"):
         if not isinstance(stated := getattr(plugin, name, False), bool):
             problems.append(f"states {name} = {stated!r:.40}: True or False is meant")
     problems += misdeclared(declared(plugin)) if contract is Behaviour else ()

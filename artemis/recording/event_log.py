@@ -362,6 +362,8 @@ def _jobs(tick: Tick) -> Iterator[Entry]:
             text += f": {told}"
         level = Level.INFO if result.ok else Level.WARNING
         data = {**_order(result), "ok": result.ok, "values": list(result.values)}
+        if result.kind is JobKind.PLAN:
+            data["values"] = []  # a route: the recording has it
         if result.fault:
             data["fault"] = result.fault
         yield Entry(time=time, kind="result", text=text, level=level, data=data)

@@ -6,20 +6,19 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
-from importlib.metadata import version
 from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from artemis.build import kind_of_build
+from artemis.build import kind_of_build, version
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Traffic
 from artemis.errors import RecordingError
 from artemis.motion.poses import placed, seen_from
 from artemis.plugins.guard import Problem
-from artemis.plugins.observing import Beside
+from artemis.plugins.observing import LOOK, Beside
 from artemis.recording import schemas
 from artemis.recording.disk import Disk, Trouble, trouble
 from artemis.recording.event_log import EventLog
@@ -101,7 +100,9 @@ class Recorder:
             except OSError as error:
                 raise RecordingError(f"{path}: cannot begin a recording: {error.strerror}") from error
             undo.pop_all()
-        self._beside = Beside("recorder", self._record, threaded=threaded, bound=QUEUE_TICKS, failed=self._fail)
+        self._beside = Beside(
+            "recorder", self._record, threaded=threaded, bound=QUEUE_TICKS, failed=self._fail, look=LOOK
+        )
 
     # ----------------------------------------------------------------------------------------------- for the run
 
@@ -242,11 +243,10 @@ class Recorder:
         ids: dict[str, int] = {}
         for topic, (name, kind) in schemas.CHANNELS.items():
             if name not in ids:
-                schema = msgspec.json.encode(schemas.json_schema(kind))
-                ids[name] = self._writer.add_schema(name, "jsonschema", schema)
+                ids[name] = self._writer.add_schema(name, "jsonschema", schemas.encoded_schema(kind))
             channels[topic] = self._writer.add_channel(topic, "json", ids[name])
         if self._scanners:
-            schema = msgspec.json.encode(schemas.json_schema(schemas.LaserScan))
+            schema = schemas.encoded_schema(schemas.LaserScan)
             id = self._writer.add_schema("foxglove.LaserScan", "jsonschema", schema)
             for topic in (schemas.SCANS + name for name in self._scanners):
                 channels[topic] = self._writer.add_channel(topic, "json", id)

@@ -6,10 +6,10 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from importlib.metadata import version
 
 import msgspec
 
+from artemis.build import version
 from artemis.motion.track import Track
 from artemis.progress import Position
 from artemis.recording.journal import Entry, Level

@@ -107,6 +107,22 @@ def unfinished_run(root: Path, mission: str, *, simulated: bool) -> tuple[Path, 
     return None
 
 
+def last_place(root: Path, mission: str, before: str, *, simulated: bool) -> Pose | None:
+    """Where the mission's newest run in `root` ended on its map, of those older than the folder `before`."""
+    for folder, entries in _journals(root, re.escape(mission)):
+        facts = entries[0].data if entries else {}
+        if folder.name >= before or facts.get("mission") != mission or (facts.get("bus") == SIMULATION) != simulated:
+            continue
+        try:
+            last = Recording(folder).last_tick()
+        except RecordingError:
+            continue
+        if last is not None:
+            pose = last.snapshot.pose
+            return None if pose.lost or pose.frame != "map" else pose.pose
+    return None
+
+
 def _journals(root: Path, mission: str = ".*") -> Iterator[tuple[Path, tuple[Entry, ...]]]:
     """Every run of a mission (a pattern) in `root`, the newest first, with its journal."""
     pattern = re.compile(rf"\d{{8}}T\d{{6}}Z-{mission}(-\d+)?")

@@ -46,6 +46,11 @@ class RunFolder:
         return self.path / "paths"
 
     @property
+    def map(self) -> Path:
+        """The map that was made on the way, its image and its graph beside it."""
+        return self.path / "map.yaml"
+
+    @property
     def calibration(self) -> Path:
         """What was measured of the machine."""
         return self.path / "calibration.json"

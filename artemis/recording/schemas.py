@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Sequence
 from enum import Enum
+from functools import cache
 from math import cos, isfinite, sin
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -142,6 +143,12 @@ CHANNELS: dict[str, tuple[str, type]] = {
 """Name of the schema and type of the messages, by topic."""
 SCANS = "/scan/"
 """Topics of single scanners begin so; they are `foxglove.LaserScan`."""
+
+
+@cache
+def encoded_schema(kind: Any) -> bytes:  # noqa: ANN401 (any type annotation)
+    """Its JSON schema as JSON."""
+    return msgspec.json.encode(json_schema(kind))
 
 
 def json_schema(kind: Any) -> dict[str, Any]:  # noqa: ANN401 (any type annotation)

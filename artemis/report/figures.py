@@ -12,12 +12,12 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from artemis.drive_states import DriveState
 from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
+from artemis.report.known_map import draw_under
 from artemis.report.series import Interval, Series
 from artemis.values import Mode
 
@@ -140,12 +140,15 @@ def path_figure(run: Series) -> Figure:
     if slowed.any():
         x, y, _ = run.estimated[slowed].T
         axes.plot(x, y, marker=".", color=RIGHT, markersize=5, linestyle="", label="slowed for an obstacle", zorder=4)
+    run.around.draw(axes, PATH, ALARM)
     faults = [entry.time for entry in _faults(run)]
     if faults and len(known):
         x, y, _ = run.estimated[np.searchsorted(run.time, faults).clip(0, len(run.time) - 1)].T
         axes.plot(x, y, marker="X", color=ALARM, markersize=9, linestyle="", label="fault", zorder=5)
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.set_adjustable("datalim")
+    if run.map is not None:
+        draw_under(axes, run.map)
     legend(axes)
     return figure
 
@@ -165,6 +168,28 @@ def cross_track_figure(run: Series) -> Figure:
         axes.axhline(0.0, color=INK, linewidth=0.6)
         axes.set_ylabel("error [mm]")
     over_arc.set_xlabel("arc length along the path [m]")
+    return figure
+
+
+def uncertainty_figure(run: Series) -> Figure:
+    """Standard deviations of the estimated pose, with its true error, and how well the scans fit the map."""
+    figure, (place, heading, fits) = stacked(run, 3, 1.4, sharey=False)
+    off = np.hypot(*(run.estimated - run.true)[:, :2].T)
+    turned = np.degrees(((run.estimated - run.true)[:, 2] + np.pi) % (2 * np.pi) - np.pi)
+    localised = np.isfinite(run.std)
+    for axes, error, std, unit in (
+        (place, 1000 * off, 1000 * run.std, "position [mm]"),
+        (heading, np.abs(turned), np.degrees(run.std_heading), "heading [°]"),
+    ):
+        error = np.where(localised, error, np.nan)
+        if np.isfinite(error).any():
+            axes.plot(*thinned(run.time, error), color=TRUE, label="true error")
+        axes.plot(*thinned(run.time, std), color=ESTIMATED, label="standard deviation")
+        axes.set_ylabel(unit)
+        axes.set_ylim(bottom=0.0)
+    fits.plot(*thinned(run.time, run.quality), color=LEFT)
+    fits.set(ylabel="quality of fixes", ylim=(0.0, 1.05))
+    legend(place)
     return figure
 
 
@@ -232,6 +257,11 @@ def bus_figure(run: Series) -> Figure:
 FIGURES: tuple[tuple[str, str, Callable[[Series], Figure]], ...] = (
     ("Path and trajectory", "Centre of the rear axle, seen from above, in the frame of its pose.", path_figure),
     ("Cross-track error", "Distance of the rear axle from the path, left positive.", cross_track_figure),
+    (
+        "Pose uncertainty",
+        "What the pose on the map may be off, and how well each fix says it fits.",
+        uncertainty_figure,
+    ),
     ("Plan and feedback", "Speed and angle of the virtual front wheel, as the follower plans them.", plan_figure),
     ("Wheel speeds", "Rolling speed of the driven wheels: set-point and measured.", speed_figure),
     ("Steering angles", "Angles of the steered wheels, left positive: set-point and measured.", steering_figure),
@@ -246,6 +276,7 @@ def drawn(run: Series) -> Iterator[tuple[str, str, str]]:
     shown: dict[Callable[[Series], Figure], bool] = {
         cross_track_figure: bool(np.isfinite(run.cross_track).any()),
         plan_figure: bool(np.isfinite(run.planned_speed).any()),
+        uncertainty_figure: bool(np.isfinite(run.std).any()),
     }
     with style():
         for title, caption, draw in FIGURES:
@@ -357,11 +388,11 @@ def _band(axes: Axes, run: Series, row: int, intervals: Sequence[Interval], colo
 
 
 def legend(axes: Axes) -> None:
-    """Name the lines, in one row above the axes."""
+    """Name the lines, in one row above the axes, or two."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        lines: list[Line2D] = [handle for handle in handles if isinstance(handle, Line2D)]
-        axes.legend(lines, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderaxespad=0.2)
+        columns = len(handles) if len(handles) < 8 else (len(handles) + 1) // 2
+        axes.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2)
 
 
 def _faults(run: Series) -> list[Entry]:

@@ -180,6 +180,10 @@ def _text(word: str, body: Body) -> str:
     match word, body:
         case "follow", {"path": path}:
             return _path(path) + (f", {laps} laps" if (laps := body.get("laps", 1)) > 1 else "")
+        case "goto", {"to": str(place)}:
+            return place
+        case "goto", {"to": {"x_m": x, "y_m": y}}:
+            return f"x {x:g} m, y {y:g} m"
         case "wait", {"seconds": float() | int() as seconds}:
             return f"{seconds:g} s"
         case "wait", {"for": condition}:

@@ -26,6 +26,7 @@ LOOP, BRACKET, LANE = 22, 10, 40
 _COLORS = {
     "calibrate": "#d9b44a",
     "follow": "#6fa8dc",
+    "goto": "#5fa8a0",
     "teleop": "#a58bd0",
     "wait": "#8fbfa0",
     "ask": "#d58bb5",

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from html import escape
 from math import degrees
 from pathlib import Path
 
+from artemis.errors import ConfigError
 from artemis.motion.comparison import Comparison
 from artemis.recording.disk import write_whole
 from artemis.recording.journal import Entry, Level
 from artemis.recording.mcap_reader import Recording
 from artemis.report.fault_words import explained, histories
+from artemis.report.known_map import made_map
 from artemis.report.mission_boxes import boxes_of, is_list
 from artemis.report.mission_chart import chart
 from artemis.report.mission_times import MissionTimes
@@ -68,9 +71,15 @@ def write_report(
     """
     from artemis.report import figures, truth_figures  # matplotlib takes a third of a second to import
 
-    run = series or read_series(recording)
+    run, sections = series or read_series(recording), list[str]()
+    if run.map is None:
+        try:
+            run = replace(run, map=made_map(recording.path.parent, run.time[run.placed :], run.estimated[run.placed :]))
+        except ConfigError as error:
+            sections = [f'<p class="warning">The map is not drawn: {escape(str(error))}</p>']
     facts = summary(recording, run)
-    sections = [] if truth is None else [_truth_section(*truth), *_figures(truth_figures.truth_drawn(run, truth[1]))]
+    if truth is not None:
+        sections += [_truth_section(*truth), *_figures(truth_figures.truth_drawn(run, truth[1]))]
     page = _page(facts, [*sections, *_figures(figures.drawn(run))], run, recording)
     write_whole(out, page)
     return facts

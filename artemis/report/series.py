@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from math import hypot, inf, isfinite, nan
+from math import hypot, inf, isfinite, nan, sqrt
 from operator import attrgetter
 
 import numpy as np
 
+from artemis.mapping.occupancy import OccupancyMap
 from artemis.motion.path import Path
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.spline import Array
 from artemis.recording.journal import Entry
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
+from artemis.report.around import DrivenAround
 from artemis.report.bus_load import BusLoad
 from artemis.report.cross_track import GivenErrors, TruePlaces, TruePoses, routes_of
+from artemis.report.known_map import known_map
 from artemis.report.mission_times import MissionTimes
 from artemis.report.rows import Errors, Rows
 from artemis.values import DriveFeedback, Mode, Pose, SetPoints, Tracking
@@ -56,6 +59,14 @@ class Series:
     """Where the robot believed to be: x, y [m], heading [rad]; shape (n, 3)."""
     source: str
     """Of these poses at the end: `odometry`, or a localizer's name."""
+    std: Array
+    """Standard deviation of the estimated position, along its worst direction [m]; nan where it is unknown."""
+    std_heading: Array
+    """That of the heading [rad]."""
+    quality: Array
+    """Of the last fix, as the localizer told it, 0 to 1; nan before the first."""
+    map: OccupancyMap | None
+    """On which the robot was localised."""
     odometry: Array
     """Pose by odometry alone; with a localizer laid onto its first pose."""
     true: Array
@@ -83,6 +94,8 @@ class Series:
     """How late each tick began [s]."""
     slowed: Array
     """Speed that an obstacle left, where that was less than was wished [m/s]; nan elsewhere."""
+    around: DrivenAround
+    """What was seen there, and routes that were planned."""
     waited: float
     """How long the robot stood for obstacles [s]."""
     ticks: int
@@ -139,6 +152,7 @@ _COLUMNS = (
     *("odometry_x", "odometry_y", "odometry_heading"),
     *("true_x", "true_y", "true_heading"),
     *("arc_length", "cross_track", "true_arc_length", "true_cross_track"),
+    *("std", "std_heading", "quality"),
     *("speed", "planned_speed", "feedforward", "feedback", "late", "slowed"),
 )
 """Those before the set-points and measured values of the drives."""
@@ -171,6 +185,7 @@ class _Reader:
         ticks = None if every_tick else recording.number
         self._rows = Rows(len(_COLUMNS) + 2 * len(self._drives), _AT["x"], _AT["y"], ticks, faults)
         self._true_places = TruePlaces(routes_of(recording))
+        self._around = DrivenAround(robot)
         self._modes = _Spans()
         self._mission = MissionTimes(recording.mission)
         self.bus = BusLoad(recording.number, recording.duration)
@@ -184,7 +199,7 @@ class _Reader:
         self._driven: float | None = None
         """By the odometry, before this tick [m]; None: unknown, or counted anew."""
         self._placed_after = -inf
-        self._finished, self._source = False, ""
+        self._finished, self._source, self._quality = False, "", nan
         self._located: tuple[Pose, Pose] | None = None
         """The first pose in a map, and that of the odometry then."""
 
@@ -214,8 +229,12 @@ class _Reader:
         row = [time, moment, estimated.x, estimated.y, estimated.heading, by_wheels.x, by_wheels.y, by_wheels.heading]
         row += (at.x, at.y, at.heading)
         row += (arc_length, cross_track, true_arc_length, true_cross_track)
+        for fix in sensed.fixes:
+            self._quality = fix.quality
+        row += (*_stds(located.covariance), self._quality)
         clearance = points.clearance
         slowed = clearance is not None and clearance.speed < abs(tick.wish.command.speed)
+        self._around.see(tick, slowed=slowed)
         self._waited += snapshot.dt if clearance is not None and clearance.blocked else 0.0
         row += (odometry.speed, planned_speed, feedforward, feedback, sensed.late)
         row.append(clearance.speed if clearance is not None and slowed else nan)
@@ -249,6 +268,10 @@ class _Reader:
             moment=columns["moment"],
             estimated=table[:, _AT["x"] : _AT["heading"] + 1],
             source=self._source,
+            std=columns["std"],
+            std_heading=columns["std_heading"],
+            quality=columns["quality"],
+            map=known_map(self._recording),
             odometry=table[:, _AT["odometry_x"] : _AT["odometry_heading"] + 1],
             true=table[:, _AT["true_x"] : _AT["true_heading"] + 1],
             distance=self._way,
@@ -263,6 +286,7 @@ class _Reader:
             feedback=columns["feedback"],
             late=columns["late"],
             slowed=columns["slowed"],
+            around=self._around,
             waited=self._waited,
             ticks=self._ticks,
             error=self._error,
@@ -282,6 +306,14 @@ class _Reader:
             finished=self._finished,
             placed=int(np.searchsorted(columns["time"], self._placed_after, side="right")),
         )
+
+
+def _stds(covariance: tuple[float, ...]) -> tuple[float, float]:
+    """Of a position along its worst direction [m], and of a heading [rad]."""
+    if len(covariance) != 6:
+        return nan, nan
+    xx, xy, _, yy, _, hh = covariance
+    return sqrt((xx + yy) / 2 + hypot((xx - yy) / 2, xy)), sqrt(hh)
 
 
 def _followed(tracking: Tracking, set_points: SetPoints) -> tuple[float, ...]:

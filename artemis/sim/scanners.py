@@ -40,6 +40,6 @@ def mount_scanners(
     around = Surroundings2D(scenery or HALL, grid)
     for number, (name, mounting) in enumerate(robot.scanners.items()):
         dice = random.Random(seed * 1000 + number)
-        laser = Laser(world, mounting, around, seed=dice.getrandbits(32), start=start)
+        laser = Laser(world, world.mounting(name, mounting), around, seed=dice.getrandbits(32), start=start)
         device = Lms100(laser.look, drift=dice.uniform(-DRIFT, DRIFT), first_us=dice.getrandbits(32))
         world.scanners[name] = SimScanner(laser, device)

@@ -7,7 +7,7 @@ are not. Three bits of interframe space follow before the next frame may start.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 
 from artemis.devices.can_bus import Frame
 
@@ -77,6 +77,7 @@ def _start_of_frame(identifier: int, rtr: bool, length: int) -> tuple[int, _Row,
     return FRAME_BITS + inserted, row, _crc_of_bits(head << behind, 19 + behind)
 
 
+@lru_cache(1024)  # drives that stand still say the same again and again
 def frame_bits(frame: Frame) -> int:
     """Exact length of `frame` on the wire in bit times, from start of frame to the end of the interframe space.
 

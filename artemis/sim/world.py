@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from artemis.config import Config, Quantity
+from artemis.mounting import Degrees, Mounting, Offset
 from artemis.sim.axis import NOMINAL_VOLTAGE, Axis
 from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.vehicle import Chassis, Vehicle
@@ -70,6 +71,15 @@ class Supply(Config):
     """Of all drives together."""
 
 
+class TrueMounting(Config):
+    """Where a scanner truly sits; None: as the robot file says."""
+
+    x_m: Offset | None = None
+    y_m: Offset | None = None
+    heading_deg: Degrees | None = None
+    upside_down: bool | None = None
+
+
 class PlantParameters(Config):
     """What is true of the simulated machine and the software does not know. None: as the robot file says."""
 
@@ -103,6 +113,8 @@ class PlantParameters(Config):
     y_m: float = 0.0
     heading_deg: float = 0.0
     supply: Supply = Supply()
+    scanners: dict[str, TrueMounting] = {}  # noqa: RUF012 (pydantic copies it; mypyc takes no Field)
+    """By their names in the robot file."""
 
 
 class World:
@@ -146,6 +158,11 @@ class World:
         self._feel()
         for node in self.nodes:
             node.power_on(start)
+
+    def mounting(self, name: str, known: Mounting) -> Mounting:
+        """How a scanner truly sits that the robot file knows so."""
+        true = self._true.scanners.get(name, TrueMounting())
+        return known.model_copy(update=true.model_dump(exclude_none=True))
 
     def _place(self, robot: RobotFile, true: PlantParameters, axes: dict[str, Axis]) -> None:
         def named(role: str) -> list[str]:

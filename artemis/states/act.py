@@ -8,7 +8,7 @@ from artemis.drive_states import Goal
 from artemis.plugins.acting import Answered, answered, state_from
 from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.progress import DONE, Acted
-from artemis.states.follow import lost_fault
+from artemis.states.follow import place_fault
 from artemis.states.mode import stand
 from artemis.states.plan import BehaviourStep, Shared
 from artemis.supervision import catalogue
@@ -54,8 +54,8 @@ class ActMode:
             return self._end(snapshot)
         if shared.rests:
             return _stop(snapshot, Event.DONE if snapshot.standing else None)
-        if snapshot.pose.lost and step.declared.moves:
-            return stand(snapshot, fault=lost_fault(snapshot, localized=shared.plan.localized))
+        if step.declared.moves and (misplaced := place_fault(snapshot, localized=shared.plan.localized)):
+            return stand(snapshot, fault=misplaced)
         position = shared.position
         answer = ask(step, snapshot, position.state, start=self._entry != shared.entry)
         if isinstance(answer, Fault):

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct, json
+from msgspec.structs import replace
 
-from artemis.progress import DONE, Acted, MissionEvent, Position
+from artemis.progress import DONE, Acted, MissionEvent, Position, SignalValue
 from artemis.states.condition import Condition, Signals, holds
 from artemis.states.tree import (
     FAULT,
@@ -107,6 +108,10 @@ class _Advance:
     def __init__(self, passive: Sequence[Passive | None], position: Position, facts: MissionFacts) -> None:
         self._passive, self._position, self._facts = passive, position, facts
         self._signals = {**facts.signals, "answer": position.answer} if position.answer else dict(facts.signals)
+        self._told = told_after(position, facts.acted) if facts.acted else position.told
+        for signal in self._told:
+            self._signals[signal.name] = signal.value
+        self._forgotten: tuple[str, ...] = ()
         self._events: list[MissionEvent] = []
         self._entered: list[str] = []
         self._tries: list[Try] = []
@@ -123,21 +128,16 @@ class _Advance:
         if tree.is_list:
             place = Place((position.step,), (_leaf_place(position.step, position.done, position.state),))
         place, outcome = self._run(tree.root, place)
+        told = self._told
+        if self._forgotten:
+            told = tuple(signal for signal in told if signal.name not in self._forgotten)
+        after = replace(position, fault="", answer=self._answer, told=told)
         if outcome:
             ended = "" if outcome in (DONE, f"!{DONE}") else outcome.removeprefix("!")
-            after = Position(
-                step=tree.size, answer=self._answer, ended=ended, driven=position.driven, time=position.time
-            )
+            after = replace(after, step=tree.size, done=0.0, state="", place="", ended=ended)
         else:
-            after = Position(
-                step=self._step,
-                done=self._done,
-                state=self._state,
-                place="" if tree.is_list else _ENCODER.encode(place).decode(),
-                answer=self._answer,
-                driven=position.driven,
-                time=position.time,
-            )
+            where = "" if tree.is_list else _ENCODER.encode(place).decode()
+            after = replace(after, step=self._step, done=self._done, state=self._state, place=where)
         return Advanced(
             position=after,
             events=tuple(self._events),
@@ -193,6 +193,7 @@ class _Advance:
         number, facts = node.number, self._facts
         if not place.numbers:
             self._entered.append(node.path)
+            self._forgotten += node.signals
             self._present(number, 0.0, "")
             return _leaf_place(number, 0.0, ""), ""
         done, state = float(place.numbers[0]), str(*place.numbers[2:])
@@ -363,6 +364,14 @@ class _Advance:
         if outcome:
             self._running = running_before
         return Place((*running, *([bad] if bad else [])), tuple(places)), outcome
+
+
+def told_after(position: Position, acted: Mapping[int, Acted]) -> tuple[SignalValue, ...]:
+    """What is known of the behaviours' signals after a tick in which they told something."""
+    known = {signal.name: signal for signal in position.told}
+    for told in acted.values():
+        known |= {signal.name: signal for signal in told.signals}
+    return tuple(known.values())
 
 
 def _leaf_place(number: int, done: float, state: str) -> Place:

@@ -5,10 +5,13 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from artemis.progress import BLOCKED
-from artemis.scan import ObstacleRules
 from artemis.states.mode import stand
+from artemis.states.plan import Shared
 from artemis.supervision import catalogue
 from artemis.values import Event, Mode, Snapshot, Wish
+
+REPLAN_AFTER = 2.5
+"""A robot under way to a place looks for another route after standing for so long [s]: what stands for 2 s is real."""
 
 
 def is_blocked(snapshot: Snapshot) -> bool:
@@ -17,12 +20,19 @@ def is_blocked(snapshot: Snapshot) -> bool:
     return clearance is not None and clearance.blocked > 0.0
 
 
-def held_up(rules: ObstacleRules, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
-    """The wish of a mode whose robot is blocked, with the fault LAS-08; after too long the end of its step."""
+def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
+    """The wish of a mode whose robot is blocked, with the fault LAS-08; after too long the end of its step.
+
+    On a planned route another one is sought before.
+    """
     clearance = snapshot.set_points.clearance
     assert clearance is not None
-    if mode is not Mode.TELEOP and clearance.blocked >= rules.blocked_after and snapshot.standing:
+    if mode is not Mode.TELEOP and snapshot.standing:
         ended = stand(snapshot, event=Event.DONE, tracking=wish.tracking)
-        return replace(ended, acted=wish.acted, done=wish.done, outcome=BLOCKED)
+        done = wish.done or 0.0
+        if clearance.blocked + shared.waited(done) >= shared.rules.blocked_after:
+            return replace(ended, acted=wish.acted, done=wish.done, outcome=BLOCKED)
+        if clearance.blocked >= REPLAN_AFTER and shared.replan(done, clearance.blocked):
+            return replace(ended, done=wish.done)
     fault = wish.fault or catalogue.fault("LAS-08", "", f"{max(clearance.distance, 0.0):.2f} m are free")
     return replace(wish, fault=fault, phase="waiting for a free path")

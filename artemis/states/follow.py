@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from artemis.drive_states import Goal
 from artemis.errors import ConfigError
+from artemis.motion.planned_route import planned_route
 from artemis.motion.route import Route
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Following
@@ -16,7 +17,7 @@ from artemis.states.blocked import is_blocked
 from artemis.states.gains import OscillationDetector
 from artemis.states.mode import stand
 from artemis.states.parts import PartByPart
-from artemis.states.plan import FollowStep, Shared
+from artemis.states.plan import FollowStep, GotoStep, Shared
 from artemis.supervision import catalogue
 from artemis.values import Event, Fault, Pose, Severity, Snapshot, Tracking, Wish
 
@@ -28,6 +29,8 @@ after the second."""
 SLACK, SLOWEST = 10.0, 0.05
 """A path may take twice its time, at the second speed [m/s] where the follower tells none, and for each of its parts
 the first [s] (PTH-08)."""
+CONTRADICTED = 0.35
+"""Fixes may contradict the pose for so long [s] (LOC-02)."""
 AT_END, OVERRUN = 0.01, 0.2
 """So close to its end [m] a part is over; a follower must not drive on for more than the second [m] (PTH-08)."""
 
@@ -40,7 +43,7 @@ class FollowMode:
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
         self._begun: FollowStep | None = None
-        self._entry = 0
+        self._entry, self._planned = 0, shared.planned
         self._drive: PartByPart | None = None
         self._fault: Fault | None = None
         self._last: float | None = None
@@ -59,7 +62,8 @@ class FollowMode:
         self._fault, self._last, self._armed, self._over = None, None, False, None
         if not isinstance(step, FollowStep):
             return
-        if step is self._begun and self._entry == self.shared.entry and self._drive is not None:
+        begun = step is self._begun and self._entry == self.shared.entry and self._planned is self.shared.planned
+        if begun and self._drive is not None:
             self._drive.go_on()
             return
         try:
@@ -70,15 +74,15 @@ class FollowMode:
         rest = self._rest(route, step, snapshot.pose.pose)
         self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.shared.plan.robot)
         self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
-        self._begun, self._entry, self._spent = step, self.shared.entry, 0.0
+        self._begun, self._entry, self._planned, self._spent = step, self.shared.entry, self.shared.planned, 0.0
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
         step, drive = self.shared.current, self._drive
         if not isinstance(step, FollowStep):
             return stand(snapshot, event=Event.DONE)
-        if snapshot.pose.lost:
-            return stand(snapshot, fault=lost_fault(snapshot, localized=self.shared.plan.localized))
+        if fault := place_fault(snapshot, localized=self.shared.plan.localized):
+            return stand(snapshot, fault=fault)
         if drive is None or self._fault is not None:
             return stand(snapshot, fault=self._fault)
         following = drive.step(snapshot)
@@ -103,14 +107,19 @@ class FollowMode:
         return Wish(command=following.command, traction=_ENABLED, steering=_ENABLED, phase="following")
 
     def _route(self, step: FollowStep) -> Route:
-        """The step's route; one that was recorded in this run is made now.
+        """The step's route; one that was recorded in this run, or planned, is made now.
 
         Raises:
             ConfigError: nothing was recorded that can be followed.
         """
         if isinstance(step.route, Route):
             return step.route
-        robot, track = self.shared.plan.robot, self.shared.results.tracks.get(step.route, Track())
+        robot = self.shared.plan.robot
+        if isinstance(step, GotoStep):
+            return planned_route(
+                self.shared.planned, robot, robot.limits.speed_m_s if step.speed is None else step.speed
+            )
+        track = self.shared.results.tracks.get(step.route, Track())
         route = track.route(robot, step.speed, step.close_within, step.round_corners, step.allow_slowdown)
         return route.directed(from_end=step.from_end, backward=step.backward).with_laps(step.laps)
 
@@ -146,12 +155,18 @@ class FollowMode:
         return catalogue.fault("PTH-08", "", f"{beyond:.2f} m beyond the end") if beyond > OVERRUN else None
 
 
-def lost_fault(snapshot: Snapshot, *, localized: bool) -> Fault:
-    """Nobody knows where the robot is: until the next fix (LOC-01), or without a localizer for good (RUN-08)."""
+def place_fault(snapshot: Snapshot, *, localized: bool) -> Fault | None:
+    """Nobody knows where the robot is: until the next fix (LOC-01), or without a localizer for good (RUN-08).
+
+    Or fixes have said for some time that it is somewhere else (LOC-02). None: it is known.
+    """
+    pose = snapshot.pose
+    if not pose.lost:
+        seen = f"for {pose.contradicted:.1f} s"
+        return catalogue.fault("LOC-02", "", seen) if pose.contradicted > CONTRADICTED else None
     if not localized:
         return catalogue.fault("RUN-08")
-    age = snapshot.pose.age
-    return catalogue.fault("LOC-01", "", "no fix yet" if age is None else f"the last fix is {age:.1f} s old")
+    return catalogue.fault("LOC-01", "", "no fix yet" if pose.age is None else f"the last fix is {pose.age:.1f} s old")
 
 
 def _seen(tracking: Tracking) -> str:

@@ -181,7 +181,7 @@ def come_to_rest(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
     A driven wheel whose drive is unresponsive would go on as it was told last: it is stopped by SDO. Where that fails,
     too, our heartbeat is withheld, so that every drive stops by itself.
     """
-    stop = shared.bring_up.stop = shared.bring_up.stop or DriveStop(snapshot.time)
+    stop = shared.bring_up.stop = shared.bring_up.stop or DriveStop(snapshot.time, _ramp_time(shared.plan, snapshot))
     while True:
         passed = snapshot.time - stop.begun
         halts = [result for result in snapshot.sensed.results if result.kind is JobKind.HALT]
@@ -190,7 +190,7 @@ def come_to_rest(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
         jobs = shared.bring_up.jobs(JobKind.HALT, [name for name in unresponsive if name not in stop.halted])
         stop.halted.update(unresponsive)
         limit = ROLLING_TIME if _is_heard(shared.plan, snapshot) else shared.plan.stop_time
-        if not jobs and (passed >= limit or (snapshot.standing and passed >= STANDING_TIME)):
+        if not jobs and (passed >= limit or (snapshot.standing and passed >= stop.ramp)):
             shared.bring_up.stop = None
             return snapshot
         told = wish if passed < shared.plan.stop_time else replace(wish, traction=Goal.DISABLED)
@@ -199,6 +199,12 @@ def come_to_rest(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
 
 UNRESPONSIVE = 0.1
 """A drive whose feedback is older than this [s], or still enabled so long after it was stopped, is unresponsive."""
+
+
+def _ramp_time(plan: Plan, snapshot: Snapshot) -> float:
+    """How long [s] the drives slow down from the set-points, or the wheels have to be still to count as standing."""
+    fastest = max(abs(snapshot.set_points.speed_left), abs(snapshot.set_points.speed_right))
+    return max(STANDING_TIME, fastest / plan.robot.limits.quick_stop_deceleration_m_s2)
 
 
 def _is_unresponsive(snapshot: Snapshot, name: str, passed: float) -> bool:

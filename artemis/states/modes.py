@@ -118,7 +118,7 @@ class Modes:
         if not is_sane(wish.command):
             wish = replace(wish, fault=catalogue.fault("RUN-11", self.mode.value, repr(wish.command)))
         if is_blocked(snapshot) and self.mode in STEP_MODES:
-            wish = held_up(shared.rules, self.mode, wish, snapshot)
+            wish = held_up(shared, self.mode, wish, snapshot)
         if self.mode in RUNNING:
             wish = self._beside.ask(snapshot, wish)
             entry, ready = shared.entry, self.mode is Mode.READY

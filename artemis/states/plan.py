@@ -16,12 +16,15 @@ from artemis.motion.track import Track
 from artemis.plugins.contracts import Behaviour, Declared, Follower
 from artemis.progress import DONE, MissionEvent, Position
 from artemis.scan import ObstacleRules
-from artemis.states.advance import MissionFacts, Passive, advance
+from artemis.states.advance import MissionFacts, Passive, advance, told_after
 from artemis.states.condition import Condition
 from artemis.states.tree import Tree, list_of
 from artemis.supervision.policy import Policies
 from artemis.values import Job, JobKind, Pose, Request, Snapshot, Wish
 from artemis.vehicle import RobotFile
+
+SAME_PLACE = 0.1
+"""On a route: nearer than this the robot stands where it stood [m]."""
 
 
 class CalibrateStep(Struct, frozen=True, kw_only=True):
@@ -60,6 +63,15 @@ class FollowStep(Struct, frozen=True, kw_only=True):
     """None: as in the mission."""
 
 
+class GotoStep(FollowStep, frozen=True, kw_only=True):
+    """Follow a route to a place on a map; a job plans it, by the step's number, while the robot stands."""
+
+    place: str
+    """For people."""
+    replans: int = 3
+    """So often another route is planned where an obstacle stands on the present one."""
+
+
 class TeleopStep(Struct, frozen=True, kw_only=True):
     """Drive by hand until the input says done or the time is over (`seconds` None: no limit)."""
 
@@ -73,6 +85,8 @@ class TeleopStep(Struct, frozen=True, kw_only=True):
     """Name of the path that is recorded; none: nothing is."""
     enabled_by: str = "the enable button"
     """What a person holds to drive, as messages name it."""
+    stale: tuple[float, ...] = ()
+    """Until its samples are so old each input is heard [s]; empty: all until they are as old as those of a device."""
     obstacles: ObstacleRules | None = None
     """None: as in the mission."""
 
@@ -142,6 +156,8 @@ class DriveStop:
     """A stop by the drives under way. A mode that begins it anew goes on with it: its time does not begin again."""
 
     begun: float
+    ramp: float
+    """So long [s] the drives may turn a wheel: one that is blocked stands, and rolls where it comes free."""
     halted: set[str] = field(default_factory=set)
     """Driven wheels whose drives were to be stopped by SDO."""
     heartbeat: bool = True
@@ -180,6 +196,12 @@ class Plan(Struct, frozen=True, kw_only=True):
     def blind(self) -> bool:
         """Nobody knows what the potentiometers say: traction stays off."""
         return self.found is not None
+
+    @property
+    def rules(self) -> tuple[ObstacleRules, ...]:
+        """All that hold for obstacles in any of its steps."""
+        own = [step.obstacles for step in self.steps if isinstance(step, FollowStep | TeleopStep)]
+        return self.obstacles, *[each for each in own if each is not None]
 
     @property
     def needs_scanners(self) -> bool:
@@ -260,14 +282,21 @@ class Shared:
         """Inputs that have to be heard now, in mode teleop: the one that has the robot, and those before it."""
         self.bring_up = BringUp(placed=plan.start is not None)
         self.results = Results(tracks=deepcopy(dict(plan.tracks)))
-        self.tree = plan.tree or list_of(len(plan.steps))
+        self.tree = plan.tree or list_of(
+            step.declared.signals if isinstance(step, BehaviourStep) else () for step in plan.steps
+        )
         self.entry = 0
         """How many steps have begun, or were gone on with after another one: a mode sees that its step is a new one."""
         self.rests = False
         """The present step is to come to rest, for something else is next."""
+        self.planned: tuple[int, ...] = ()
+        """The newest route of the present step (`motion.planned_route.packed`); none: it has to be planned."""
+        self.replans, self.replanning = 0, False
+        """So often it was planned anew for an obstacle; and whether it is to be, now that the robot stands."""
+        self.stood = 0.0, 0.0
+        """Where on it the robot stood when it looked for another one last [m], and for how long in all [s]."""
         self.beside: Mapping[int, str] = {}
         """Steps that run beside the present one, each with the state of its behaviour (JSON; empty: it begins)."""
-        self._told: dict[str, float] = {}
         self._passive = [_passive(step) for step in plan.steps]
 
     @property
@@ -290,6 +319,24 @@ class Shared:
         own = step.obstacles if isinstance(step, FollowStep | TeleopStep) else None
         return self.plan.obstacles if own is None else own
 
+    def waited(self, done: float) -> float:
+        """How long the robot has waited at `done` [m] on a planned route before it looked for another one last [s]."""
+        return self.stood[1] if abs(done - self.stood[0]) < SAME_PLACE else 0.0
+
+    def replan(self, done: float, blocked: float) -> bool:
+        """Have another route planned for an obstacle, if the present step still may; whether it does.
+
+        Args:
+            done: of the present one [m].
+            blocked: how long the robot has stood there [s].
+        """
+        step = self.current
+        if not isinstance(step, GotoStep) or self.replans >= step.replans:
+            return False
+        self.stood = done, self.waited(done) + blocked
+        self.replans, self.replanning = self.replans + 1, True
+        return True
+
     def note_fault(self, fault: str) -> None:
         """A fault, by its id, stopped the mission: it is told once the robot may go on."""
         if self.tree.catches_faults and not self.position.fault:
@@ -301,12 +348,12 @@ class Shared:
         if position.step >= self.tree.size:
             return ()
         acted = {told.step: told for told in wish.acted}
-        for told in wish.acted:
-            self._told.update({signal.name: signal.value for signal in told.signals})
         if self.tree.is_list and not (wish.over or wish.outcome or self._passive[position.step]):
             if wish.done is not None:
-                state = acted[position.step].state if acted else position.state
-                self.position = replace(position, done=wish.done, state=state)
+                state, told = position.state, position.told
+                if acted:
+                    state, told = acted[position.step].state, told_after(position, acted)
+                self.position = replace(position, done=wish.done, state=state, told=told)
             return ()
         outcome = wish.outcome or (DONE if wish.over else "")
         facts = MissionFacts(
@@ -321,23 +368,13 @@ class Shared:
         advanced = advance(self.tree, self._passive, position, facts)
         self.position, self.rests, self.beside = advanced.position, advanced.rests, advanced.beside
         self.entry += advanced.begun
-        begun = [self.position.step] if advanced.begun and not self.position.state else []
-        self._forget([*begun, *(number for number, state in self.beside.items() if not state)])
         return advanced.events
-
-    def _forget(self, begun: Iterable[int]) -> None:
-        """What the behaviours of steps that begin told before counts no more."""
-        for number in begun:
-            step = self.plan.steps[number]
-            for name in step.declared.signals if isinstance(step, BehaviourStep) else ():
-                self._told.pop(name, None)
 
     def _signals(self, snapshot: Snapshot) -> dict[str, float | str | bool]:
         sensed, position = snapshot.sensed, self.position
         signals: dict[str, float | str | bool] = {
             "run_s": position.time + sensed.time,
             "driven_m": position.driven + snapshot.odometry.driven,
-            **self._told,
         }
         if sensed.battery_v is not None:
             signals["battery_v"] = sensed.battery_v

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from artemis.plugins.stated import STALE
 from artemis.supervision import catalogue
 from artemis.values import Fault, OperatorInput, Request
-
-STALE = 0.15
-"""A sample older than this [s] stops the robot: the device is frozen or gone (INP-03)."""
 
 
 class HandOver(NamedTuple):
@@ -32,31 +30,38 @@ class Priority:
     released the enable button in motion begins again at standstill, too (INP-09).
     """
 
-    def __init__(self, inputs: int) -> None:
-        """Of so many inputs; the controls of all are neutral."""
+    def __init__(self, inputs: int, stale: Sequence[float] = ()) -> None:
+        """Of so many inputs, whose samples count until they are `stale` [s]; the controls of all are neutral."""
+        self._stale = tuple(stale) or (STALE,) * inputs
         self._rested, self._released = [True] * inputs, [True] * inputs
         self._last = 0
 
     def decide(self, samples: Sequence[OperatorInput], *, standing: bool) -> HandOver:
         """Whose turn it is, from the newest sample of each input; `standing`: the robot stands."""
-        active = next((n for n, sample in enumerate(samples) if is_heard(sample) and sample.enabled), None)
+        heard = [is_heard(sample, stale) for sample, stale in zip(samples, self._stale, strict=True)]
+        active = next((n for n, sample in enumerate(samples) if heard[n] and sample.enabled), None)
         drives = active is not None and self._released[active]
         if active is not None:
             self._last = active
         elif standing:
             self._last = 0
         for n, sample in enumerate(samples):
-            if not is_heard(sample) or (active is not None and n > active):
+            if not heard[n] or (active is not None and n > active):
                 self._rested[n] = self._released[n] = False
             elif n != active:
                 self._rested[n] = self._rested[n] or sample.neutral
                 self._released[n] = self._rested[n] and (standing or drives)  # drives: a later one
         return HandOver(active, drives, active is None or self._rested[active], self._last + 1)
 
+    def unheard(self, samples: Sequence[OperatorInput]) -> list[Fault]:
+        """The faults that those are which are not heard."""
+        pairs = zip(samples, self._stale, strict=True)
+        return [unheard_fault(sample) for sample, stale in pairs if not is_heard(sample, stale)]
 
-def is_heard(sample: OperatorInput) -> bool:
+
+def is_heard(sample: OperatorInput, stale: float = STALE) -> bool:
     """Whether a sample is new enough to drive by."""
-    return sample.age is not None and sample.age <= STALE
+    return sample.age is not None and sample.age <= stale
 
 
 def unheard_fault(sample: OperatorInput) -> Fault:

@@ -4,8 +4,18 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from artemis.states.goto import RoutePlanning
 from artemis.states.mode import PATIENCE, at_rest, give_up, hands_on
-from artemis.states.plan import AskStep, BehaviourStep, CalibrateStep, FollowStep, Shared, TeleopStep, WaitStep
+from artemis.states.plan import (
+    AskStep,
+    BehaviourStep,
+    CalibrateStep,
+    FollowStep,
+    GotoStep,
+    Shared,
+    TeleopStep,
+    WaitStep,
+)
 from artemis.values import DriveCommand, Event, Snapshot, Wish
 
 
@@ -14,10 +24,12 @@ class ReadyMode:
 
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
+        self._planning = RoutePlanning(shared)
 
     def enter(self, snapshot: Snapshot) -> None:
         """A step has ended, or the bring-up; a wait that was interrupted goes on."""
         self._entry = self.shared.entry
+        self._planning.begin()
         self._since, self._last = snapshot.time - self.shared.position.done, snapshot.time
 
     def step(self, snapshot: Snapshot) -> Wish:
@@ -32,6 +44,8 @@ class ReadyMode:
                 return replace(stand, event=Event.END, failed=shared.position.ended != "")
             case CalibrateStep():
                 return replace(stand, event=Event.CALIBRATE)
+            case GotoStep() as step:
+                return self._planning.step(step, stand, snapshot)
             case FollowStep():
                 return replace(stand, event=Event.FOLLOW)
             case BehaviourStep():

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from artemis.motion.track import Track
 from artemis.states.mode import ON
 from artemis.states.plan import Shared, TeleopStep
-from artemis.states.priority import Priority, asked, is_heard, unheard_fault
+from artemis.states.priority import Priority, asked
 from artemis.values import DriveCommand, Event, OperatorInput, Request, Severity, Snapshot, Wish
 
 
@@ -22,7 +22,7 @@ class TeleopMode:
         self._anew = not self.shared.position.done
         self._since, self._ending = snapshot.time - self.shared.position.done, False
         if isinstance(step := self.shared.current, TeleopStep):
-            self._priority = Priority(len(step.inputs))
+            self._priority = Priority(len(step.inputs), step.stale)
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The operator's wish; standing still when the enable button is up; done when asked and at rest."""
@@ -53,7 +53,7 @@ class TeleopMode:
             return replace(ON, command=stand, phase="stopping")
         turn = self._priority.decide(samples, standing=snapshot.standing)
         self.shared.needed = step.inputs[: turn.needed]
-        unheard = [unheard_fault(sample) for sample in samples if not is_heard(sample)]
+        unheard = self._priority.unheard(samples)
         fatal = [fault for fault in unheard if fault.device in self.shared.needed]
         if fatal:
             return replace(ON, command=stand, fault=fatal[0])

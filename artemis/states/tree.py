@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
 from artemis.states.condition import Condition
 
 TIMEOUT, FAULT, ANY = "timeout", "fault", "any"
-LOST, LOST_FAULTS = "lost", ("PTH-05", "PTH-06", "LOC-01")
+LOST, LOST_FAULTS = "lost", ("PTH-05", "PTH-06", "LOC-01", "LOC-02", "LOC-03")
 """Faults of a step that follows a path which are its outcome `lost`, too."""
 RESUME, RESTART = "resume", "restart"
 
@@ -21,6 +21,8 @@ class Leaf(Struct, frozen=True):
     """Among the mission's steps, as they stand there."""
     path: str
     """Key path in the mission."""
+    signals: tuple[str, ...] = ()
+    """What its behaviour tells: forgotten where it begins."""
 
 
 class Say(Struct, frozen=True):
@@ -160,9 +162,9 @@ def tree_of(root: Steps) -> Tree:
     )
 
 
-def list_of(number: int) -> Tree:
-    """The tree of a mission that is a list of so many steps."""
-    return tree_of(Steps(tuple(Leaf(index, f"steps[{index}]") for index in range(number))))
+def list_of(signals: Iterable[Iterable[str]]) -> Tree:
+    """The tree of a mission that is a list of steps, with the signals that each tells."""
+    return tree_of(Steps(tuple(Leaf(index, f"steps[{index}]", tuple(told)) for index, told in enumerate(signals))))
 
 
 def names_of(outcome: str) -> set[str]:

@@ -9,25 +9,27 @@ from math import degrees
 import numpy as np
 from numpy.typing import NDArray
 
+from artemis.motion.beams import ScanPeriod, seeing
 from artemis.mounting import Mounting
 from artemis.scan import Condition, Scan
 from artemis.supervision.measures import Reading
-from artemis.values import Request, Sensed
+from artemis.values import Mode, Request, Sensed
 
 BEGIN_TIME = 20.0
 """A scanner has so long from the begin of the run to its first scan [s]: a motor that changes its speed takes ten."""
-AGAIN = 0.17
-"""After so long without a scan what comes is a new beginning [s]."""
 IDENTICAL = 5
 """So many scans that are equal bit for bit come of no scanner that measures: its noise is many millimetres."""
 TELEGRAMS = 10
 """So many of the last ones are looked at for damage and loss."""
 NO_RETURN = 0.8
-"""Share of the beams; where more come back with nothing the scanner is covered, or blinded."""
+"""Share of the beams that returned in the scan before; where more return nothing the scanner is covered, or blinded. Of
+the first scan it is a share of all: open ground cannot be told from a cover then, so somebody has to look."""
 COVERED, NEAR = 20, 3000
 """As many neighbouring beams that had a return nearer than this [mm] do not lose it at once but by a cover."""
 APPROACH = 150
 """What was seen this little beyond the least range may have come too near to be seen [mm]."""
+IN_MOTION = (Mode.CALIBRATE, Mode.TELEOP, Mode.FOLLOW, Mode.ACT)
+"""In these modes an acknowledgement says nothing of scanners."""
 
 
 class ScannerMeasures:
@@ -36,14 +38,15 @@ class ScannerMeasures:
     def __init__(self, scanners: Mapping[str, Mounting]) -> None:
         self._scanners = {name: _Watched(mounting) for name, mounting in scanners.items()}
 
-    def read(self, sensed: Sensed) -> list[Reading]:
+    def read(self, sensed: Sensed, mode: Mode) -> list[Reading]:
         """Readings of all of them; of others, which no robot file knows, nothing is expected."""
+        asked = Request.ACKNOWLEDGE in sensed.requests and mode not in IN_MOTION  # nobody looks at a window that moves
         for scan in sensed.scans:
             if (watched := self._scanners.get(scan.source)) is not None:
                 watched.take(scan, sensed.time)
         readings: list[Reading] = []
         for name, watched in self._scanners.items():
-            if Request.ACKNOWLEDGE in sensed.requests:
+            if asked:
                 watched.acknowledge()
             for id, value, words in watched.readings(sensed.time):
                 readings.append((id, name, value, words))
@@ -56,6 +59,7 @@ class _Watched:
         self._view: tuple[int, float, float] = (0, 0.0, 0.0)
         self._seeing: NDArray[np.bool_] = np.zeros(0, bool)
         self._heard: float | None = None
+        self._period = ScanPeriod()
         self._before = 0.0
         self._last: Scan | None = None
         self._same = 0
@@ -64,17 +68,21 @@ class _Watched:
         self._late = 0.0
         self._blind = ""
         self._uncovered: NDArray[np.uint16] | None = None
+        self._looked = False
+        """Somebody has looked at the scanner since it saw enough."""
 
     def acknowledge(self) -> None:
-        """A person has looked: what is seen now is right."""
-        self._uncovered = None
+        """A person has looked: what is seen now is right, where it was doubted."""
+        if self._blind:
+            self._uncovered, self._looked = None, True
 
     def take(self, scan: Scan, now: float) -> None:
         """One more scan, sensed at run time `now` [s]."""
-        if self._heard is not None and now - self._heard > AGAIN:
+        if self._heard is not None and now - self._heard > self._period.patience:  # a new beginning
             self._last, self._same = None, 0
             self._bad.clear()
         last, self._last, self._heard = self._last, scan, now
+        self._period.take(scan)
         self._bad.extend([True] * min(scan.garbled, TELEGRAMS))
         self._frozen = ""
         if last is not None:
@@ -94,23 +102,31 @@ class _Watched:
         ranges = scan.millimetres
         view = len(ranges), scan.start_angle, scan.increment
         if view != self._view:
-            self._view, self._seeing, self._uncovered = view, _seeing(view, self._mask), None
-        none = (ranges == 0) & self._seeing
-        share = int(np.count_nonzero(none)) / max(1, int(np.count_nonzero(self._seeing)))
-        self._blind = f"{100 * share:.0f} % of the beams do not return" if share > NO_RETURN else ""
-        before = self._uncovered
-        if before is not None and not self._blind:
-            gone = _longest(none & (before > self._nearest) & (before < NEAR))
-            self._blind = f"{gone} neighbouring beams do not return any more" if gone > COVERED else ""
+            self._view, self._seeing, self._uncovered = view, self._unmasked(view), None
+        none, before = (ranges == 0) & self._seeing, self._uncovered
+        returned = self._seeing if before is None else (before > self._nearest) & self._seeing
+        lost = none & returned
+        share = int(np.count_nonzero(lost)) / max(1, int(np.count_nonzero(returned)))
+        self._blind = ""
+        if share > NO_RETURN and not (before is None and self._looked):
+            self._blind = f"{100 * share:.0f} % of the beams do not return{'' if before is None else ' any more'}"
+        elif before is not None and (gone := _longest(lost & (before < NEAR))) > COVERED:
+            self._blind = f"{gone} neighbouring beams do not return any more"
         if not self._blind:
             self._uncovered = ranges
+
+    def _unmasked(self, view: tuple[int, float, float]) -> NDArray[np.bool_]:
+        beams, start, increment = view
+        return seeing(np.arange(beams) * degrees(increment) + degrees(start), self._mask)
 
     def readings(self, now: float) -> list[tuple[str, float, str]]:
         """Rows, values and words at run time `now` [s]."""
         found: list[tuple[str, float, str]] = []
-        age = now - BEGIN_TIME if self._heard is None else now - self._heard
-        if age > 0.0:
-            found.append(("LAS-01", age, "no scan yet" if self._heard is None else f"no scan for {1000 * age:.0f} ms"))
+        if self._heard is None:
+            found.append(("LAS-01", now - BEGIN_TIME, "no scan yet"))
+        else:
+            age = now - self._heard
+            found.append(("LAS-01", age - self._period.patience, f"no scan for {1000 * age:.0f} ms"))
         if self._frozen:
             found.append(("LAS-02", 1.0, self._frozen))
         if bad := self._bad.count(True):
@@ -124,16 +140,6 @@ class _Watched:
             found.append(("LAS-07", self._late, f"scans come {1000 * self._late:.0f} ms late"))
         self._before = now
         return found
-
-
-def _seeing(view: tuple[int, float, float], mask: tuple[tuple[float, float], ...]) -> NDArray[np.bool_]:
-    """The beams that no part of the robot is in the way of."""
-    beams, start, increment = view
-    angles = (np.arange(beams) * degrees(increment) + degrees(start) + 180.0) % 360.0 - 180.0
-    seeing = np.ones(beams, bool)
-    for first, last in mask:
-        seeing &= ~((angles >= first) & (angles <= last))
-    return seeing
 
 
 def _longest(beams: NDArray[np.bool_]) -> int:

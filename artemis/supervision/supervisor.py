@@ -13,6 +13,7 @@ from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import Kind, Row
 from artemis.supervision.measures import FAULT_STATES, DriveMeasures, HostMeasures, Reading
 from artemis.supervision.policy import Policies, stricter
+from artemis.supervision.poses import PoseMeasures
 from artemis.supervision.scanners import ScannerMeasures
 from artemis.supervision.wheels import Wheels
 from artemis.values import Action, Fault, Mode, Request, Sensed, SetPoints, Severity, Verdict, Wish
@@ -78,6 +79,7 @@ class Supervisor:
             Wheels(robot, tick, blind),
         )
         self._scanners = ScannerMeasures(robot.scanners) if robot.scanners else None
+        self._poses = PoseMeasures(tick)
         self._unneeded = frozenset(() if needs_scanners else robot.scanners)
         self._above: dict[tuple[str, str, int], float] = {}
         self._latched: dict[tuple[str, str], _Latched] = {}
@@ -97,7 +99,7 @@ class Supervisor:
         What is wrong with an input that is `spare` now is a warning.
         """
         faults = [_milder(fault, spare) for fault in sensed.faults] if spare else sensed.faults
-        found = [*faults, *self._emergencies(sensed, last), *self._measured(sensed, last, points)]
+        found = [*faults, *self._emergencies(sensed, last), *self._measured(sensed, last, mode, points)]
         if last.fault is not None:
             found.append(last.fault)
         if self._unneeded:
@@ -119,11 +121,11 @@ class Supervisor:
                     found.append(catalogue.emergency(drive.name, code))
         return found
 
-    def _measured(self, sensed: Sensed, last: Wish, points: SetPoints) -> list[Fault]:
+    def _measured(self, sensed: Sensed, last: Wish, mode: Mode, points: SetPoints) -> list[Fault]:
         """The faults among the readings: what is above its limit for long enough."""
         found = []
         above = self._above.copy() if sensed.urgent else {}  # between two ticks not all is measured
-        for id, device, value, seen in self._readings(sensed, last, points):
+        for id, device, value, seen in self._readings(sensed, last, mode, points):
             severity = self._risen((id, device), value, sensed.time, above)
             if severity is not None:
                 escalates = id == NO_SLOWER
@@ -131,10 +133,10 @@ class Supervisor:
         self._above = above
         return found
 
-    def _readings(self, sensed: Sensed, last: Wish, points: SetPoints) -> list[Reading]:
-        readings = self._host.read(sensed, last)
+    def _readings(self, sensed: Sensed, last: Wish, mode: Mode, points: SetPoints) -> list[Reading]:
+        readings = self._host.read(sensed, last) + self._poses.read(sensed, mode)
         if self._scanners is not None:
-            readings += self._scanners.read(sensed)
+            readings += self._scanners.read(sensed, mode)
         for fault in sensed.faults:
             if fault.id == _ADAPTER_LOST:
                 return readings  # of the drives nothing can be known
@@ -261,6 +263,6 @@ class Supervisor:
         )
 
 
-def _milder(fault: Fault, spare: Collection[str], rows: tuple[str, ...] = ("INP",)) -> Fault:
+def _milder(fault: Fault, spare: Collection[str], rows: tuple[str, ...] = ("INP", "NET")) -> Fault:
     """The fault, a warning where it is of such an input, or another device and one of these rows."""
     return replace(fault, severity=Severity.WARN) if fault.device in spare and fault.id.startswith(rows) else fault

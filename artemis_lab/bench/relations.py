@@ -31,6 +31,11 @@ class Relations:
     motion: Array
     """From the pose at the first to that at the second time, shape (n, 3)."""
 
+    def until(self, end: float) -> Relations:
+        """Those that end at a time [s], at the latest: behind it a robot that turns is soon far from its last pose."""
+        used = (self.first <= end) & (self.second <= end)
+        return Relations(first=self.first[used], second=self.second[used], motion=self.motion[used])
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorSize:

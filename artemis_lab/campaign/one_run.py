@@ -22,7 +22,7 @@ from artemis.recording.replay import replay
 from artemis.sim.world import World
 from artemis.values import Tick
 from artemis_lab.campaign.monitor import judge
-from artemis_lab.campaign.monitor.evidence import Evidence, Injected, Stick, Violation
+from artemis_lab.campaign.monitor.evidence import LATE_SCANS, Evidence, Injected, Stick, Violation
 from artemis_lab.campaign.monitor.faults import Seen, seen
 from artemis_lab.campaign.monitor.journal_reader import ReadJournal
 from artemis_lab.campaign.scenario import Scenario
@@ -77,6 +77,16 @@ class Result:
 
 class _Killed(Exception):
     """The host process is gone."""
+
+
+class InterruptedRun(Exception):
+    """A signal ended a run of which something else is to be found out: it says nothing."""
+
+    @property
+    def signal(self) -> int:
+        """Its number."""
+        number: int = self.args[0]
+        return number
 
 
 class _Endless(Exception):
@@ -155,7 +165,11 @@ class _Mission:
     replayed: bool
 
     def run(self, start: datetime, killed_at: float | None = None, resume_point: ResumePoint | None = None) -> _Done:
-        """Run it and judge that; nothing of the run stays in memory but what is found."""
+        """Run it and judge that; nothing of the run stays in memory but what is found.
+
+        Raises:
+            InterruptedRun: a signal ended it.
+        """
         given, loaded, witnesses, events = self.given, self.loaded, list[Witness](), list[tuple[float, str]]()
 
         def make_witness(world: World) -> Witness:
@@ -174,6 +188,8 @@ class _Mission:
 
         folders = set(self._folders())
         outcome, failures = _run(loaded, self.source, start, observe, make_witness, resume_point)
+        if outcome is not None and outcome.interrupted is not None:
+            raise InterruptedRun(outcome.interrupted)
         witness = witnesses[0]
         end = witness.time
         if outcome is None:
@@ -215,6 +231,7 @@ class _Mission:
         violations = [v._replace(text=f"{v.text} (resumed)") for v in resumed.violations if not _follows(v, killed)]
         if not given.disturbed:
             whole = self.run(start + 2 * LATER)
+            violations += [v._replace(text=f"{v.text} (whole)") for v in whole.violations]
             before = [text for time, text in killed.events if time <= last.snapshot.time]
             did, does = [*before, *(text for _, text in resumed.events)], [text for _, text in whole.events]
             if did != does or resumed.status != whole.status:
@@ -222,6 +239,7 @@ class _Mission:
                     (n for n, (a, b) in enumerate(zip(did, does, strict=False)) if a != b), min(len(did), len(does))
                 )
                 instead = f"{did[here : here + 1]} instead of {does[here : here + 1]}"
+                instead += f", status {resumed.status} instead of {whole.status}"
                 violations.append(
                     Violation("I13", resumed.end, f"the mission is not done as in a whole run: {instead}")
                 )
@@ -281,6 +299,8 @@ def _evidence(
         injected=_injected(given, journal, end),
         operator=_acts(given, journal),
         stick=_stick(given.files.get("stick.csv", "")),
+        world=given.world,
+        rules=given.mission.get("obstacles", {}),
         status=None if outcome is None else outcome.exit_status,
     )
 
@@ -296,13 +316,15 @@ def _injected(given: Scenario, journal: ReadJournal, end: float) -> list[Injecte
         if line is not None:
             noted.remove(line)
         if time <= end:  # a stall is noted when it is over
-            found.append(Injected(time if line is None or "seconds" in fault else line.time, id, device, fault))
+            stalls = "seconds" in fault and id != LATE_SCANS
+            found.append(Injected(time if line is None or stalls else line.time, id, device, fault))
     return found
 
 
 def _acts(given: Scenario, journal: ReadJournal) -> list[tuple[float, str]]:
     """What the operator did; later than planned where the whole process stood still, and the operator in it."""
-    stood_still = max((fault.get("seconds", 0.0) for fault in given.faults), default=0.0)
+    stalls = (fault.get("seconds", 0.0) for fault in given.faults if fault["inject"] != LATE_SCANS)
+    stood_still = max(stalls, default=0.0)
     heard = list(journal.of("request"))
     acts = []
     for planned, what in ((act["at_s"], act["do"]) for act in given.operator):

@@ -26,8 +26,8 @@ from artemis.errors import ConfigError
 from artemis.mission.actions import FileName
 from artemis.mission.loading import load_model
 from artemis.vehicle import RobotFile
-from artemis_lab.campaign.one_run import Result, run_scenario
-from artemis_lab.campaign.scenario import scenario
+from artemis_lab.campaign.one_run import InterruptedRun, Result, run_scenario
+from artemis_lab.campaign.scenario import scenario, sees
 
 REPLAYED = 20
 """Of one run in so many every command is recomputed."""
@@ -46,6 +46,8 @@ class CampaignWords(Config):
     """Its name, also of its results' folder."""
     robot: FileName
     """Robot file, relative to the campaign's."""
+    robot_with_scanners: FileName | None = None
+    """Likewise; a tenth of the runs is of this one, among things. None: none are."""
     runs: Annotated[int, Field(ge=1, le=10_000_000)]
     first_seed: Annotated[int, Field(ge=0)] = 1
     workers: Annotated[int, Field(ge=1)] | Literal["auto"] = "auto"
@@ -64,6 +66,8 @@ class Campaign:
     robot: RobotFile
     robot_source: bytes
     """Content of the robot file."""
+    seeing: tuple[RobotFile, bytes] | None = None
+    """Likewise the robot with scanners."""
     folder: Path
     """Of the results: the same campaign for the same robot has the same."""
 
@@ -72,23 +76,34 @@ class Campaign:
         """All seeds."""
         return range(self.words.first_seed, self.words.first_seed + self.words.runs)
 
+    def robot_of(self, seed: int) -> tuple[RobotFile, bytes]:
+        """The robot of a seed, and the content of its file."""
+        return self.seeing if self.seeing is not None and sees(seed) else (self.robot, self.robot_source)
+
     def scenario_folder(self, seed: int) -> Path:
         """Where the mission of a failing seed is laid."""
         return self.folder / f"seed-{seed}"
 
 
 def load_campaign(path: Path) -> Campaign:
-    """Read a campaign file and the robot file that it names.
+    """Read a campaign file and the robot files that it names.
 
     Raises:
         ConfigError: everything that is wrong in one of them.
     """
     words = load_model(path, CampaignWords)
-    file = path.parent / words.robot
-    robot, source = load_model(file, RobotFile), file.read_bytes()
-    same = json.dumps([words.first_seed, words.runs]).encode() + source
+    robot, source = _robot(path.parent / words.robot)
+    seeing = None if words.robot_with_scanners is None else _robot(path.parent / words.robot_with_scanners)
+    if seeing is not None and not seeing[0].scanners:
+        raise ConfigError(f"{path}: robot_with_scanners: {words.robot_with_scanners} describes no `scanners`")
+    same = json.dumps([words.first_seed, words.runs]).encode() + source + (seeing[1] if seeing else b"")
     name = f"{words.campaign}-{sha256(same).hexdigest()[:8]}"
-    return Campaign(words=words, robot=robot, robot_source=source, folder=path.parent / words.results / name)
+    folder = path.parent / words.results / name
+    return Campaign(words=words, robot=robot, robot_source=source, seeing=seeing, folder=folder)
+
+
+def _robot(file: Path) -> tuple[RobotFile, bytes]:
+    return load_model(file, RobotFile), file.read_bytes()
 
 
 # ---------------------------------------------------------------------------------------------- one seed
@@ -157,13 +172,16 @@ def run_campaign(
         while waiting or (left and not stop()):
             while left and len(waiting) < AHEAD * workers and not stop():
                 seed = left.pop()
-                waiting[executor.submit(run_seed, seed, campaign.robot, campaign.robot_source)] = seed
+                waiting[executor.submit(run_seed, seed, *campaign.robot_of(seed))] = seed
             for future in wait(waiting, LOOK, FIRST_COMPLETED).done:
                 try:
                     result = future.result()
                 except BrokenProcessPool as error:
                     error.add_note(f"under way were the seeds {', '.join(map(str, sorted(waiting.values())))}")
                     raise
+                except InterruptedRun:  # whoever ends the process group ends the campaign, too
+                    left.append(waiting.pop(future))
+                    continue
                 del waiting[future]
                 results.add(result)
                 finished(result)

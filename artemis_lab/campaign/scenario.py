@@ -6,8 +6,8 @@ import json
 import math
 import random
 import re
-from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass, field
+from collections.abc import Sequence, Set
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +17,22 @@ from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Kind
 from artemis.supervision.policy import WATCHED
 from artemis.vehicle import RobotFile
+from artemis_lab.campaign import shapes
+from artemis_lab.campaign.sceneries import SceneryDice
 from artemis_lab.campaign.trees import ALIGN, ANSWERS, LENGTH, PARTS, TreeDice
 from artemis_lab.injections.stage import Lasting, Needs
 from artemis_lab.injections.table import INJECTIONS
 
 NOT_DRAWN = {
     "SYS-05": "a signal ends the whole process; an operator's `end` is the same path",
-    **{f"LAS-0{number}": "needs a robot with a laser scanner" for number in range(1, 8)},
+    **{f"LOC-0{number}": "no scenario has a localizer" for number in range(1, 6)},
     "PLG-05": "a leak would outlive the run in the process that does many",
 }
 """Injections that no scenario draws, each with the reason."""
+OF_SCANNERS = [id for id in INJECTIONS if id.startswith("LAS")]
+"""Injections that need a robot with laser scanners."""
+SEEING = 0.1
+"""Share of the seeds that have one, if the campaign does."""
 MISSION = "mission.yaml"
 BRING_UP = 5.0
 """About how long it takes from the start to the first step [s]."""
@@ -36,6 +42,8 @@ SLOWEST = 0.05
 """A path that is too fast is driven slower, down to this speed [m/s]."""
 GRACE = 5.0
 """The robot waits so long for an operator who no longer acts [s]."""
+WAITS = 120.0
+"""So much longer it may stand, or creep, for what is in its way [s]."""
 _PLUGIN = ("PLG-", "PTH-08", "PTH-09", "RUN-11", "RUN-12")
 _CAUGHT = re.compile(r"fault:(\w+-\d+)")
 _ROLES = {
@@ -72,7 +80,8 @@ class Scenario:
         follows = [body for _, word, body in found if word == "follow"]
         measures = ("measure" for _, word, body in found if word == "calibrate" and "from_pot" not in str(body))
         backwards = ("backwards" for body in follows if body.get("from_end") or body.get("direction") == "backward")
-        return tuple(dict.fromkeys([*(word for _, word, _ in found), *measures, *backwards]))
+        sees = ["scanners"] if self.world else []
+        return tuple(dict.fromkeys([*(word for _, word, _ in found), *measures, *backwards, *sees]))
 
     @property
     def faults(self) -> Sequence[dict[str, Any]]:
@@ -87,10 +96,15 @@ class Scenario:
         return given
 
     @property
+    def world(self) -> dict[str, Any]:
+        """What stands and walks around a robot with scanners, as in a mission file; else nothing."""
+        return dict(self.mission["simulation"].get("world", {}))
+
+    @property
     def longest(self) -> float:
         """A run that takes longer than this does not end [s]."""
         acts = [entry["at_s"] for entry in (*self.faults, *self.operator)]
-        return max(acts, default=0.0) + GRACE + 75.0
+        return max(acts, default=0.0) + GRACE + (WAITS if self.world else 0.0) + 75.0
 
     def write(self, folder: Path, robot: bytes) -> Path:
         """Lay the mission out in `folder`, with the robot file's content; its path."""
@@ -110,8 +124,8 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
     tick_hz = dice.choice((50, 50, 50, 50, 50, 50, 25, 40, 80, 100))
     steps, files, inputs, length = draw(dice, robot)
     words = {word for _, word, _ in steps_in(steps)}
-    resumed = dice.uniform(0, 1) < (0.12 if draw is _tree else 0.02)
-    sound = resumed and dice.uniform(0, 1) < 0.5
+    resumed = dice.uniform(0, 1) < (0.45 if draw is _tree else 0.06)
+    sound = resumed and dice.uniform(0, 1) < 0.8  # compared with a run that nobody kills
     faults = [] if sound else _faults(dice, robot, length, _fitting(words), _CAUGHT.findall(json.dumps(steps)))
     operator = [] if sound else _operator(dice, [fault["at_s"] for fault in faults], length)
     if "ask" in words and dice.uniform(0, 1) < 0.7:
@@ -135,7 +149,61 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
     }
     dies = resumed or dice.uniform(0, 1) < 0.04
     killed = round(dice.uniform(0.0, length + 1.0), 4) if dies else None
-    return Scenario(seed=seed, mission=mission, files=files, killed_at=killed, resumed=resumed)
+    found = Scenario(seed=seed, mission=mission, files=files, killed_at=killed, resumed=resumed)
+    return _among_things(found, robot, length) if robot.scanners else found
+
+
+def sees(seed: int) -> bool:
+    """Whether a seed is of a robot with scanners, where the campaign has one."""
+    return random.Random(f"sees {seed}").random() < SEEING
+
+
+def _among_things(given: Scenario, robot: RobotFile, length: float) -> Scenario:
+    """The same mission among what stands and walks, with faults of the scanners; nobody resumes it elsewhere."""
+    dice = random.Random(f"things {given.seed}")
+    simulation = given.mission["simulation"]
+    heading = math.radians(simulation["true_robot"]["heading_deg"])
+    of_scanners = [
+        _of_scanner(dice, round(dice.uniform(BRING_UP, length), 4)) for _ in range(dice.choice((0, 1, 1, 2)))
+    ]
+    faults = [*(given.faults if dice.random() < 0.4 else ()), *of_scanners]
+    mission = {
+        **given.mission,
+        "obstacles": {
+            "mode": dice.choice(("stop", "stop", "stop", "slow")),
+            "blocked_after_s": round(dice.uniform(0.5, 5.0), 2),
+            "margin_m": dice.choice((0.08, round(dice.uniform(0.05, 0.15), 3))),
+            "unseen_reverse": dice.choice(("refused", "refused", "allowed")),
+        },
+        "simulation": {
+            **simulation,
+            "faults": sorted(faults, key=lambda fault: float(fault["at_s"])),
+            "world": SceneryDice(dice, robot, heading).drawn(length),
+        },
+    }
+    return replace(given, mission=mission, resumed=False)
+
+
+def _of_scanner(dice: random.Random, at: float) -> dict[str, Any]:
+    id = dice.choice(OF_SCANNERS)
+    lasts = round(dice.choice((dice.uniform(0.02, 0.3), dice.uniform(0.3, 2.5))), 3)  # a lost one may be waited for
+    fault: dict[str, Any] = {"at_s": at, "inject": id, "duration_s": lasts}
+    match id:
+        case "LAS-01":
+            fault["how"] = dice.choice(("unplugged", "silent"))
+        case "LAS-03":
+            fault |= {"how": dice.choice(("rubbish", "cut", "bit", "lost")), "share": round(dice.uniform(0.1, 1.0), 2)}
+        case "LAS-04":
+            fault["bytes"] = dice.choice((1, 7, 100))
+        case "LAS-05":
+            fault["status"] = dice.choice(("dirty", "too dirty", "error"))
+        case "LAS-06" if dice.random() < 0.5:
+            first = round(dice.uniform(-135.0, 100.0), 1)
+            fault["sector_deg"] = [first, round(first + dice.uniform(1.0, 90.0), 1)]
+        case "LAS-07":
+            fault["seconds"] = round(dice.choice((dice.uniform(0.02, 0.15), dice.uniform(0.15, 0.8))), 3)
+            fault["within_s"] = round(dice.choice((0.0, dice.uniform(0.5, 3.0))), 2)
+    return fault
 
 
 def _recovery(dice: random.Random) -> dict[str, dict[str, str]]:
@@ -172,7 +240,7 @@ def _tree(dice: random.Random, robot: RobotFile) -> Part:
     bend = dice.choice((0.0, 0.0, -1.0, 1.0)) * dice.uniform(0.1, 0.3)
     speed = min(round(dice.uniform(0.3, 0.6), 2), robot.limits.speed_m_s)
     drawn = TreeDice(dice, speed, dice.sample(_fitting({"follow"}), 2))
-    steps, table = drawn.mission(), _table(_sampled(lambda distance: bend, LENGTH))
+    steps, table = drawn.mission(), shapes.table(shapes.sampled(lambda distance: bend, LENGTH))
     return steps, {"path.csv": table}, {}, BRING_UP + 2.0 + drawn.seconds
 
 
@@ -188,10 +256,11 @@ def _calibrate(dice: random.Random, robot: RobotFile) -> Part:
 
 
 def _follow(dice: random.Random, robot: RobotFile) -> Part:
-    shape = dice.choice((_straight, _straight, _straight, _arc, _arc, _slalom, _eight, _circle))
+    drawn = (*3 * [shapes.straight], *2 * [shapes.arc], shapes.slalom, shapes.eight, shapes.circle)
+    shape = dice.choice(drawn)
     points, speed, laps, length = shape(dice)
-    mirrored = -1.0 if shape is not _circle and dice.uniform(0, 1) < 0.1 else 1.0
-    table = _table([(mirrored * x, y) for x, y in points])
+    mirrored = -1.0 if shape is not shapes.circle and dice.uniform(0, 1) < 0.1 else 1.0
+    table = shapes.table([(mirrored * x, y) for x, y in points])
     path, speed = path_from_csv(table, "path.csv"), min(speed, robot.limits.speed_m_s)
     while check_drivable(path, robot, speed) and speed > SLOWEST:
         speed = round(0.75 * speed, 3)
@@ -205,60 +274,6 @@ def _follow(dice: random.Random, robot: RobotFile) -> Part:
     if dice.uniform(0, 1) < 0.1:
         steps.insert(1, {"wait": {"seconds": round(dice.uniform(0.1, 1.0), 2)}})
     return steps, {"path.csv": table}, {}, BRING_UP + 3.0 + laps * length / speed
-
-
-def _table(points: Sequence[tuple[float, float]]) -> str:
-    return "x,y\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in points)
-
-
-Shape = tuple[list[tuple[float, float]], float, int, float]
-"""Points [m], speed [m/s], laps, and length of one lap [m]."""
-
-
-def _straight(dice: random.Random) -> Shape:
-    speed = round(dice.uniform(0.15, 0.65), 2)
-    length = max(0.5, speed * dice.uniform(2.0, 5.0))
-    return [(length * part / 20, 0.0) for part in range(21)], speed, 1, length
-
-
-def _arc(dice: random.Random) -> Shape:
-    speed = round(dice.uniform(0.15, 0.45), 2)
-    length, radius = max(0.5, speed * dice.uniform(2.0, 5.0)), dice.choice((-1, 1)) * dice.uniform(3.0, 6.0)
-    return _sampled(lambda distance: 1.0 / radius, length), speed, 1, length
-
-
-def _circle(dice: random.Random) -> Shape:
-    radius, speed, laps = dice.uniform(0.7, 0.8), round(dice.uniform(0.5, 0.6), 2), dice.choice((1, 1, 1, 1, 2))
-    side, count = dice.choice((-1, 1)), 120
-    turns = [math.tau * part / count for part in range(count)]
-    points = [(radius * math.sin(turn), side * radius * (1.0 - math.cos(turn))) for turn in turns]
-    return [*points, points[0]], speed, laps, math.tau * radius
-
-
-def _slalom(dice: random.Random) -> Shape:
-    speed, wave, side = round(dice.uniform(0.15, 0.28), 2), dice.uniform(3.0, 4.0), dice.choice((-1, 1))
-    length, width = max(0.6, speed * dice.uniform(3.0, 5.0)), dice.uniform(0.03, 0.08)
-    strength = side * width * (math.tau / wave) ** 2
-    return _sampled(lambda distance: strength * math.sin(math.tau * distance / wave), length), speed, 1, length
-
-
-def _eight(dice: random.Random) -> Shape:
-    """The middle of a figure eight: a bend, and one to the other side."""
-    speed, side = round(dice.uniform(0.15, 0.28), 2), dice.choice((-1, 1))
-    length = max(1.0, speed * 5.0)
-    strength = side * dice.uniform(0.2, 0.4)
-    return _sampled(lambda distance: strength * math.sin(math.tau * distance / length), length), speed, 1, length
-
-
-def _sampled(curvature: Callable[[float], float], length: float) -> list[tuple[float, float]]:
-    """Points of a path that begins at the origin, ahead."""
-    x = y = heading = 0.0
-    step, points = 0.02, [(0.0, 0.0)]
-    for number in range(max(1, round(length / step))):
-        heading += curvature((number + 0.5) * step) * step
-        x, y = x + step * math.cos(heading), y + step * math.sin(heading)
-        points.append((x, y))
-    return points[::3]
 
 
 def _teleop(dice: random.Random, robot: RobotFile) -> Part:
@@ -310,7 +325,8 @@ def _faults(
 
 def _fitting(words: Set[str]) -> list[str]:
     """Injections that can happen to a mission with these steps and words."""
-    drawn = [id for id in INJECTIONS if id not in NOT_DRAWN and (not id.startswith("INP") or "teleop" in words)]
+    general = [id for id in INJECTIONS if id not in NOT_DRAWN and id not in OF_SCANNERS]
+    drawn = [id for id in general if not id.startswith("INP") or "teleop" in words]
     return [id for id in drawn if not id.startswith(_PLUGIN) or words & {"follow", "approach"}]
 
 
@@ -356,6 +372,6 @@ def _operator(dice: random.Random, times: Sequence[float], length: float) -> lis
 
 
 def _answers(dice: random.Random, length: float) -> list[dict[str, Any]]:
-    """Somebody gives the same answer all the time."""
-    number, answer = round(2.0 * (length + 5.0 - BRING_UP)), dice.choice(ANSWERS)
-    return [{"at_s": BRING_UP + 0.5 * index, "do": "answer", "answer": answer} for index in range(number)]
+    """Somebody gives the same answer all the time, from the beginning: a run that is resumed may ask at once."""
+    number, answer = round(2.0 * (length + 5.0)), dice.choice(ANSWERS)
+    return [{"at_s": 0.5 * index, "do": "answer", "answer": answer} for index in range(1, number + 1)]

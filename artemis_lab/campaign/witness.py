@@ -32,6 +32,8 @@ class Look(NamedTuple):
     x: float
     """Of the rear axle's centre [m]."""
     y: float
+    heading: float
+    """[rad]."""
     speed: float
     """Of the virtual front wheel [m/s], forward positive."""
     rolling: tuple[float, float]
@@ -84,6 +86,7 @@ class Witness:
                 time=world.time,
                 x=pose.x,
                 y=pose.y,
+                heading=pose.heading,
                 speed=world.speed,
                 rolling=(left.velocity * left_scale, right.velocity * right_scale),
                 angles=world.wheel_angles,

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import asyncio
 import sys
+from dataclasses import dataclass
 from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
+from artemis.clock import cpu_time
 from artemis.errors import ConfigError
-from artemis.localisation.scan_localizer import ScanLocalizer
-from artemis.localisation.scan_map import ScanMap
+from artemis.localisation.scan_localizer import ScanLocalizer, ScanPose
+from artemis.localisation.scan_map import ScanMap, common_covariance
 from artemis.mapping import kernels
 from artemis.mapping.carmen import read_carmen
 from artemis.mapping.laser import Reading
@@ -24,12 +25,50 @@ from artemis_lab.bench.relations import errors, read_relations
 
 _STARTS = (5.0, 200.0, 400.0, 600.0, 800.0)
 """Times [s of the log] at which a robot that knows nothing is switched on; it has `_PATIENCE` [s]."""
-_PATIENCE, _RIGHT = 60.0, 0.3
+_PATIENCE, RIGHT = 60.0, 0.3
 """A found robot is right within so many metres."""
+_CELL = 0.05
+"""Of the map, or of the points that are made one [m]."""
+_ELLIPSE = 5.99
+"""Square of 2.45 standard deviations: chi-square with two degrees of freedom, 0.95."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoundAgain:
+    """A robot that was switched on without any knowledge."""
+
+    start: float
+    after: float | None
+    """[s]; None: it was not found."""
+    off: float
+    """[m]."""
+    searches: list[float]
+    """How long each took [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Localised:
+    """A robot on the first part of a log, on the map of the rest."""
+
+    scans: int
+    keys: int
+    """Key scans that make up the map."""
+    lost: int
+    metres: Array
+    degrees: Array
+    """Of the relations."""
+    map_degrees: float
+    """Mean error of the same relations by the map's own poses."""
+    away: Array
+    """Distance of each scan from the map's own pose [m]."""
+    inside: float
+    """Share of the matched scans within the ellipse that should hold 95 %."""
+    milliseconds: Array
+    found: list[FoundAgain]
 
 
 def measure(log: Path, relations: Path, split: float, *, cells: bool) -> None:
-    """Map the log, keep what was seen after `split` [s], and localise what was seen before on it.
+    """Localise, and print the figures.
 
     Args:
         log: CARMEN log.
@@ -40,6 +79,29 @@ def measure(log: Path, relations: Path, split: float, *, cells: bool) -> None:
     Raises:
         ConfigError: a file cannot be read, or a part is empty.
     """
+    found = localised(log, relations, split, cells=cells)
+    away, quantiles = found.away, np.quantile(found.milliseconds, (0.5, 0.99, 1.0))
+    sys.stdout.write(
+        f"{found.scans} scans on a map of {found.keys} key scans, {'cells of 5 cm' if cells else 'as points'}, "
+        f"{'with' if kernels.COMPILED else 'without'} numba\n"
+        f"lost        {found.lost} scans\n"
+        f"relations   {len(found.metres)}: {found.metres.mean():.4f} m, {found.degrees.mean():.3f} deg "
+        f"(the map's own poses: {found.map_degrees:.3f} deg)\n"
+        f"distance    mean {away.mean():.4f}, 95 % {np.quantile(away, 0.95):.4f}, largest {away.max():.3f} m\n"
+        f"stated      {100 * found.inside:.1f} % within the ellipse for 95 %\n"
+        f"one scan    half of them {quantiles[0]:.1f}, 99 % {quantiles[1]:.1f}, slowest {quantiles[2]:.1f} ms\n"
+    )
+    for each in found.found:
+        words = "not found"
+        if each.after is not None:
+            verdict = "right" if each.off < RIGHT else "WRONG"
+            words = f"found after {each.after:.1f} s and a search of {each.searches[-1]:.1f} s, {verdict} "
+            words += f"({each.off:.3f} m off)"
+        sys.stdout.write(f"from {each.start:<6g} {words}; {len(each.searches)} searches\n")
+
+
+def localised(log: Path, relations: Path, split: float, *, cells: bool) -> Localised:
+    """Map the log, keep what was seen after `split` [s], and localise what was seen before on it; as `measure`."""
     verified, settings = read_relations(relations), MapSettings()
     readings = list(read_carmen(log, settings))
     mapper = Mapper(settings)
@@ -55,52 +117,65 @@ def measure(log: Path, relations: Path, split: float, *, cells: bool) -> None:
     of = mapper.keys.poses[later]
     known = ScanMap.of_cells(occupancy(scans, of), settings) if cells else ScanMap.of_scans(scans, of, settings)
     _driven(known, [readings[n] for n in first[:50]], poses[first[0]])  # compiles
-    found, doubts, seconds = _driven(known, [readings[n] for n in first], poses[first[0]])
+    found, seconds, _ = _driven(known, [readings[n] for n in first], poses[first[0]])
+    at = np.array([each.pose for each in found])
     way = Stations()  # between the scans the odometry tells the way
     for reading in readings[: first[-1] + 1]:
         if reading.points is None:
             way.pass_by(reading.time, reading.odometry)
         else:
-            way.stop(reading, 0, found[0])
-    metres, degrees = errors(verified, *way.trajectory(found))
-    off = between(poses[first], found)
-    away = np.hypot(off[:, 0], off[:, 1])
-    quantiles = np.quantile(1e3 * seconds, (0.5, 0.99, 1.0))
-    sys.stdout.write(
-        f"{len(first)} scans on a map of {len(scans)} key scans, {'cells of 5 cm' if cells else 'as points'}, "
-        f"{'with' if kernels.COMPILED else 'without'} numba\n"
-        f"lost        {int((doubts >= 1).sum())} scans\n"
-        f"relations   {len(metres)}: {metres.mean():.4f} m, {degrees.mean():.3f} deg\n"
-        f"distance    mean {away.mean():.4f}, 95 % {np.quantile(away, 0.95):.4f}, largest {away.max():.3f} m\n"
-        f"one scan    half of them {quantiles[0]:.1f}, 99 % {quantiles[1]:.1f}, slowest {quantiles[2]:.1f} ms\n"
+            way.stop(reading, 0, at[0])
+    until = verified.until(max(readings[n].time for n in first))
+    metres, degrees = errors(until, *way.trajectory(at))
+    off = at - poses[first]
+    rests = [
+        (start, [n for n in first if start <= readings[n].time - times[0] < start + _PATIENCE]) for start in _STARTS
+    ]
+    return Localised(
+        scans=len(first),
+        keys=len(scans),
+        lost=sum(each.doubt >= 1 for each in found),
+        metres=metres,
+        degrees=degrees,
+        map_degrees=float(errors(until, times, poses)[1].mean()),
+        away=np.hypot(off[:, 0], off[:, 1]),
+        inside=_inside(off[:, :2], found),
+        milliseconds=1e3 * seconds,
+        found=[_found_again(known, [readings[n] for n in rest], poses[rest], start) for start, rest in rests if rest],
     )
-    for start in _STARTS:
-        rest = [n for n in first if start <= readings[n].time - times[0] < start + _PATIENCE]
-        if rest:
-            _say_found(known, [readings[n] for n in rest], poses[rest], start)
 
 
-def _say_found(known: ScanMap, readings: list[Reading], true: Array, start: float) -> None:
-    found, doubts, seconds = _driven(known, readings, None)
-    sure = np.flatnonzero(doubts < 1)
-    words = "not found"
-    if len(sure):
-        after = readings[int(sure[0])].time - readings[0].time
-        off = between(true[sure[0]], found[sure[0]])
-        away = float(np.hypot(off[0], off[1]))
-        words = f"found after {after:.1f} s, {'right' if away < _RIGHT else 'WRONG'} ({away:.3f} m off)"
-    sys.stdout.write(f"from {start:<6g} {words}; slowest search {seconds.max():.1f} s\n")
+def _inside(off: Array, found: list[ScanPose]) -> float:
+    """Share of the errors, shape (n, 2), within the ellipse that holds 95 % of a normal distribution."""
+    common, _ = common_covariance(_CELL)
+    stated = [each for each in zip(off, found, strict=True) if each[1].measured is not None]
+    errors_in = np.array([error for error, _ in stated])
+    spreads = np.array([each.measured[:2, :2] + common * np.eye(2) for _, each in stated if each.measured is not None])
+    square = np.einsum("ni,nij,nj->n", errors_in, np.linalg.inv(spreads), errors_in)
+    return float((square < _ELLIPSE).mean())
 
 
-def _driven(known: ScanMap, readings: list[Reading], start: Array | None) -> tuple[Array, Array, Array]:
-    """Pose, doubt and time of computing [s] of every scan."""
-    localizer, clock = ScanLocalizer(known, start=start), asyncio.new_event_loop()
-    poses, doubts, seconds = [], [], []
+def _found_again(known: ScanMap, readings: list[Reading], true: Array, start: float) -> FoundAgain:
+    found, _, searches = _driven(known, readings, None)
+    sure = [number for number, each in enumerate(found) if each.doubt < 1]
+    if not sure:
+        return FoundAgain(start=start, after=None, off=np.inf, searches=searches)
+    off = between(true[sure[0]], found[sure[0]].pose)
+    after = readings[sure[0]].time - readings[0].time
+    return FoundAgain(start=start, after=after, off=float(np.hypot(off[0], off[1])), searches=searches)
+
+
+def _driven(known: ScanMap, readings: list[Reading], start: Array | None) -> tuple[list[ScanPose], Array, list[float]]:
+    """What was found by every scan, the time of computing [s]; and the last of every search."""
+    localizer = ScanLocalizer(known, start=start)
+    poses, seconds, searches = [], [], []
     for reading in readings:
-        begin = clock.time()
+        begin = cpu_time()
         found = localizer.update(reading.points if reading.points is not None else np.empty((0, 4)), reading.odometry)
-        seconds.append(clock.time() - begin)
-        poses.append(found.pose)
-        doubts.append(found.doubt)
-    clock.close()
-    return np.array(poses), np.array(doubts), np.array(seconds)
+        seconds.append(cpu_time() - begin)
+        if (wanted := localizer.wanted()) is not None:
+            begin = cpu_time()
+            localizer.take(wanted, localizer.look(wanted))
+            searches.append(cpu_time() - begin)
+        poses.append(found)
+    return poses, np.array(seconds), searches

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from artemis.clock import cpu_time
 from artemis.errors import ConfigError
 from artemis.mapping import kernels
 from artemis.mapping.carmen import read_carmen
@@ -17,6 +17,7 @@ from artemis.mapping.laser import Reading
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.se2 import Array, between, compose
 from artemis.mapping.settings import MapSettings
+from artemis.mapping.stations import Stations
 from artemis_lab.bench.relations import ErrorSize, errors, read_relations
 
 PUBLISHED = {
@@ -44,6 +45,21 @@ class LogDrive:
     scale: float = 1.0
     turn_deg_m: float = 0.0
     numba: bool = True
+    noise: float = 0.0
+    """Standard deviation of what is added to each distance [m]."""
+    seed: int = 1
+    """Of that."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Mapped:
+    """A map of a log, and how far it is from the relations."""
+
+    mapper: Mapper
+    seconds: float
+    """Of processor time."""
+    metres: Array
+    degrees: Array
 
 
 def measure(log: Path, relations: Path, drive: LogDrive) -> None:
@@ -55,32 +71,61 @@ def measure(log: Path, relations: Path, drive: LogDrive) -> None:
     verified = read_relations(relations)
     if not drive.numba:
         kernels.use_numpy()
-    readings = list(_driven(list(read_carmen(log, MapSettings())), drive))
-    if not readings:
-        raise ConfigError(f"{log}: no scans")
-    _mapped(readings[:_WARM_UP])
-    clock = asyncio.new_event_loop()
-    begin = clock.time()
-    mapper, times, poses = _mapped(readings)
-    seconds = clock.time() - begin
-    clock.close()
-    metres, degrees = errors(verified, times, poses)
-    if not len(metres):
-        raise ConfigError(f"{relations}: no relation of this log")
+    made = mapped(log, relations, drive)
+    mapper, metres = made.mapper, made.metres
     words = [
         f"{log.name}: {mapper.counts.scans} scans, {len(mapper.keys)} key scans, {len(mapper.graph.loops)} loops, "
         f"{mapper.counts.unmatched} scans matched nowhere",
-        f"{seconds:.1f} s {'with' if kernels.COMPILED else 'without'} numba; reading and compiling not counted",
+        f"{made.seconds:.1f} s of processor time {'with' if kernels.COMPILED else 'without'} numba; "
+        "reading and compiling not counted",
         f"relations: {len(metres)} of {len(verified.first)}",
         "",
         *_table("translation [m]", ErrorSize.of(metres)),
-        *_table("rotation [deg]", ErrorSize.of(degrees)),
+        *_table("rotation [deg]", ErrorSize.of(made.degrees)),
         "",
         "published for the Intel Research Lab  [m]                [deg]",
         *(f"  {name:<34}  {figures}" for name, figures in PUBLISHED.items()),
         "",
     ]
     sys.stdout.write("\n".join(words))
+
+
+def mapped(log: Path, relations: Path, drive: LogDrive) -> Mapped:
+    """Make the map of a log that is driven so.
+
+    Relations also name instants of which the log has no scan. Without odometry a map has no pose there: the log's own
+    odometry carries its poses from scan to scan, as those of other programs that are compared in this way.
+
+    Raises:
+        ConfigError: a file cannot be read, or no relation has poses near.
+    """
+    log_readings = list(read_carmen(log, MapSettings()))
+    readings = list(_driven(log_readings, drive))
+    if not readings:
+        raise ConfigError(f"{log}: no scans")
+    _mapped(readings[:_WARM_UP])
+    begin = cpu_time()
+    mapper, times, poses = _mapped(readings)
+    seconds = cpu_time() - begin
+    if not drive.odometry:
+        poses = poses[::-1] if drive.backwards else poses
+        times, poses = _along(log_readings, poses)
+    metres, degrees = errors(read_relations(relations), times, poses)
+    if not len(metres):
+        raise ConfigError(f"{relations}: no relation of this log")
+    return Mapped(mapper=mapper, seconds=seconds, metres=metres, degrees=degrees)
+
+
+def _along(readings: Iterable[Reading], poses: Array) -> tuple[Array, Array]:
+    """Times and poses of all readings of a log from those of its scans, shape (n, 3)."""
+    stations, number = Stations(), 0
+    for reading in readings:
+        if reading.points is None:
+            stations.pass_by(reading.time, reading.odometry)
+        else:
+            stations.stop(reading, 0, poses[number])
+            number += 1
+    return stations.trajectory(poses)
 
 
 def _table(name: str, size: ErrorSize) -> Iterable[str]:
@@ -100,6 +145,8 @@ def _driven(readings: list[Reading], drive: LogDrive) -> Iterator[Reading]:
     """The readings as the robot would have given them on another drive."""
     if drive.backwards:
         readings = readings[::-1]
+    if drive.noise > 0:
+        readings = list(_shaken(readings, drive.noise, drive.seed))
     pose, last = np.zeros(3), None
     for reading in readings:
         if not drive.odometry:
@@ -113,3 +160,16 @@ def _driven(readings: list[Reading], drive: LogDrive) -> Iterator[Reading]:
                 pose = compose(pose, [drive.scale * step[0], drive.scale * step[1], step[2] + turn])
             last = reading.odometry
             yield replace(reading, odometry=pose)
+
+
+def _shaken(readings: Iterable[Reading], noise: float, seed: int) -> Iterator[Reading]:
+    """With noise [m] along each beam."""
+    dice = np.random.default_rng(seed)
+    for reading in readings:
+        if reading.points is None:
+            yield reading
+            continue
+        points = reading.points.copy()
+        distance = np.hypot(points[:, 0], points[:, 1])
+        points[:, :2] *= (1 + dice.normal(0, noise, len(points)) / distance)[:, None]
+        yield replace(reading, points=points)

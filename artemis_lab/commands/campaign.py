@@ -16,7 +16,7 @@ from rich.table import Table
 from artemis.commands.live import LiveView
 from artemis.devices.can_bus import Traffic
 from artemis.values import Tick
-from artemis_lab.campaign.one_run import Result, run_scenario
+from artemis_lab.campaign.one_run import InterruptedRun, Result, run_scenario
 from artemis_lab.campaign.runs import Campaign, ResultFile, drawn, load_campaign, run_campaign, table
 from artemis_lab.campaign.scenario import MISSION, scenario
 
@@ -47,7 +47,9 @@ def run_all(file: Path) -> int:
 
 
 def run_one(file: Path, seed: int) -> int:
-    """Run one seed of a campaign in sight, and keep its folder. Returns 1 if an invariant broke.
+    """Run one seed of a campaign in sight, and keep its folder.
+
+    Returns 1 if an invariant broke, 128 + the signal that interrupted it.
 
     Raises:
         ConfigError: the campaign is refused.
@@ -55,13 +57,16 @@ def run_one(file: Path, seed: int) -> int:
     campaign = load_campaign(file)
     folder = campaign.scenario_folder(seed)
     shutil.rmtree(folder, ignore_errors=True)
-    view = LiveView(f"seed {seed} of campaign {campaign.words.campaign}", "", lambda: None, campaign.robot.bitrate)
+    robot, source = campaign.robot_of(seed)
+    view = LiveView(f"seed {seed} of campaign {campaign.words.campaign}", "", lambda: None, robot.bitrate)
 
     def watch(tick: Tick, traffic: Traffic) -> None:
         view.see(tick, traffic, tick.snapshot.time)
 
     try:
-        result = run_scenario(scenario(seed, campaign.robot), campaign.robot_source, folder, replayed=True, watch=watch)
+        result = run_scenario(scenario(seed, robot), source, folder, replayed=True, watch=watch)
+    except InterruptedRun as interrupted:
+        return 128 + interrupted.signal
     finally:
         view.close()
     _say("")
@@ -133,7 +138,8 @@ def _conclude(file: Path, campaign: Campaign, results: ResultFile) -> None:
     failed = [result for _, result in sorted(results.finished.items()) if result.violations]
     for result in failed:
         folder = campaign.scenario_folder(result.seed)
-        scenario(result.seed, campaign.robot).write(folder, campaign.robot_source)
+        robot, source = campaign.robot_of(result.seed)
+        scenario(result.seed, robot).write(folder, source)
     for result in failed[:SHOWN]:
         for text in _violations(result):
             _say(text)

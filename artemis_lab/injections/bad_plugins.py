@@ -11,8 +11,8 @@ from msgspec.structs import replace
 from artemis.clock import stall
 from artemis.config import Config
 from artemis.motion.path import Path
-from artemis.plugins.contracts import Acting, Behaviour, Follower, Following, InputDevice, State
-from artemis.values import DriveCommand, OperatorInput, Snapshot
+from artemis.plugins.contracts import Acting, Behaviour, Follower, Following, InputDevice, Localizer, SeesTicks, State
+from artemis.values import DriveCommand, OperatorInput, PoseFix, Snapshot, Tick
 
 Answer = TypeVar("Answer")
 
@@ -20,6 +20,8 @@ InputBehaviour = Callable[[OperatorInput, float], Any]
 """What a device answers instead of a sample, at run time [s]; it may raise."""
 FollowerBehaviour = Callable[[Any, float], Any]
 """What a follower, or the behaviour of a step, answers instead, at run time [s]; it may raise."""
+LocalizerBehaviour = Callable[[PoseFix], Sequence[PoseFix]]
+"""What a localizer tells instead of a fix."""
 Agenda = Sequence[tuple[float, FollowerBehaviour | None]]
 """Run times [s] in their order, and how to behave from then on; None: as what is wrapped."""
 
@@ -99,6 +101,33 @@ class BadBehaviour(_BadDriver):
     def step(self, snapshot: Snapshot) -> Acting:
         """The behaviour's answer, or what is made of it."""
         return self._altered(self._wrapped.step(snapshot), snapshot.time)
+
+
+class BadLocalizer:
+    """A localizer around another, which sees the ticks if that wants to."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def __init__(self, localizer: Localizer) -> None:
+        self._localizer = localizer
+        self._behaviour: LocalizerBehaviour | None = None
+
+    def misbehave(self, behaviour: LocalizerBehaviour | None) -> None:
+        """Tell of each fix what `behaviour` makes of it from now on; None: as the localizer."""
+        self._behaviour = behaviour
+
+    def fixes(self, now: float) -> tuple[PoseFix, ...]:
+        """The localizer's fixes, or what the behaviour makes of them."""
+        fixes, behaviour = self._localizer.fixes(now), self._behaviour
+        return fixes if behaviour is None else tuple(each for fix in fixes for each in behaviour(fix))
+
+    def see(self, tick: Tick) -> str:
+        """Let the localizer see."""
+        return self._localizer.see(tick) if isinstance(self._localizer, SeesTicks) else ""
+
+    def close(self) -> None:
+        """Close the localizer."""
+        self._localizer.close()
 
 
 # ---------------------------------------------------------------------------------------------- of both

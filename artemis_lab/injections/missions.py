@@ -11,11 +11,18 @@ from artemis.devices.can_bus import FrameBus
 from artemis.mission.injector import Problem, Simulated
 from artemis.mission.problems import nearest
 from artemis.mission.schema import InjectedFault
+from artemis.plugins.contracts import Localizer
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry
 from artemis.states.plan import Step, with_behaviours, with_followers
 from artemis.vehicle import RobotFile
-from artemis_lab.injections.bad_plugins import BadBehaviour, BadFollower, BadInput, FollowerBehaviour
+from artemis_lab.injections.bad_plugins import (
+    BadBehaviour,
+    BadFollower,
+    BadInput,
+    BadLocalizer,
+    FollowerBehaviour,
+)
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.fault_bus import FaultBus
 from artemis_lab.injections.stage import Injection, Needs, Stage
@@ -109,6 +116,11 @@ def failing_bus(bus: FrameBus, seed: int) -> FrameBus:
     return FaultBus(bus, seed=seed)
 
 
+def failing_localizer(localizer: Localizer) -> Localizer:
+    """The localizer, but it can be told to misbehave."""
+    return BadLocalizer(localizer)
+
+
 # ---------------------------------------------------------------------------------------------- in the run
 
 
@@ -145,6 +157,7 @@ def _stage_of(run: Simulated) -> Stage:
         bus=run.bus,
         loop=asyncio.get_running_loop(),
         inputs=bad,
+        localizer=run.localizer if isinstance(run.localizer, BadLocalizer) else None,
         disk=run.disk if isinstance(run.disk, FailingDisk) else None,
         request=run.request,
     )

@@ -16,7 +16,7 @@ from artemis.sim.epos import SimEpos
 from artemis.sim.world import World
 from artemis.values import Request
 from artemis.vehicle import RobotFile
-from artemis_lab.injections.bad_plugins import BadFollower, BadInput, FollowerBehaviour
+from artemis_lab.injections.bad_plugins import BadFollower, BadInput, BadLocalizer, FollowerBehaviour
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.fault_bus import FaultBus, Rule
 
@@ -36,6 +36,7 @@ class Stage:
     loop: asyncio.AbstractEventLoop
     inputs: Mapping[str, BadInput] = field(default_factory=dict)
     followers: Sequence[BadFollower] = ()
+    localizer: BadLocalizer | None = None
     disk: FailingDisk | None = None
     """What the run is recorded on."""
     request: Callable[[Request], None] = lambda request: None

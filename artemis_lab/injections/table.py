@@ -7,6 +7,7 @@ from typing import Any
 from artemis_lab.injections.bus import BUS_INJECTIONS
 from artemis_lab.injections.drives import DRIVE_INJECTIONS
 from artemis_lab.injections.host import HOST_INJECTIONS
+from artemis_lab.injections.localizers import LOCALIZER_INJECTIONS
 from artemis_lab.injections.motion import MOTION_INJECTIONS
 from artemis_lab.injections.scanners import SCANNER_INJECTIONS
 from artemis_lab.injections.stage import Injection, Stage, Undo
@@ -19,6 +20,7 @@ INJECTIONS: dict[str, Injection] = dict(
             **MOTION_INJECTIONS,
             **HOST_INJECTIONS,
             **SCANNER_INJECTIONS,
+            **LOCALIZER_INJECTIONS,
         }.items()
     )
 )
@@ -26,23 +28,25 @@ INJECTIONS: dict[str, Injection] = dict(
 
 _EPOS4 = "only an EPOS4 knows it"
 _FILE = "is found in a file, before a run"
-_NETWORK = "needs an input over the network"
-_LOCALISATION = "`simulation.localizer` has its own drop-outs and jumps"
+_NETWORK = "needs an operator on a network: `artemis_lab.injections.damaged_link`"
 _PROCESS = "would end the simulated drives with it: they share the process"
 _DEVICE = "needs a device: `artemis.testing.fake_hid`"
 
 NOT_INJECTED: dict[str, str] = {
     **dict.fromkeys(("DRV-09", "DRV-10", "DRV-17", "DRV-29"), _EPOS4),
-    "RUN-07": _LOCALISATION,
+    "RUN-07": "LOC-02 makes the localizer contradict the odometry",
     "RUN-08": "COM-26 makes it happen, where the robot moves",
     "INP-02": _DEVICE,
     "INP-13": "a lower input takes over at standstill; a higher one at once, within the limits of the gate",
     "INP-14": _DEVICE,
     "INP-15": _DEVICE,
     "INP-16": _DEVICE,
-    **{f"NET-{number:02}": _NETWORK for number in range(1, 13)},
+    **{f"NET-{number:02}": _NETWORK for number in range(1, 11)},
+    "NET-11": "needs a page for operators",
+    "NET-12": "needs programs of others: a master that goes, a subscriber that hangs",
+    "NET-13": "needs an observer with a process of its own: a simulation that keeps real time",
     "LAS-08": "needs something in the robot's way",
-    **{f"LOC-{number:02}": _LOCALISATION for number in range(1, 6)},
+    "LOC-06": "on virtual time a localizer takes no time",
     **{f"PTH-{number:02}": _FILE for number in range(1, 5)},
     "PTH-05": "a path begins where the robot stands",
     **{f"MIS-{number:02}": _FILE for number in range(1, 8)},

@@ -12,7 +12,7 @@ from pathlib import Path
 from artemis.build import described, kind_of_build
 from artemis.clock import stopwatch
 
-from . import campaigns, latency, starting, ticks, trees, wire
+from . import campaigns, latency, observing, starting, ticks, trees, wire
 from .measure import table, written
 
 PAGE = Path(__file__).parents[2] / "docs" / "benchmarks.md"
@@ -23,7 +23,7 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help=f"write the table into {PAGE.name}, too")
     words = parser.parse_args()
     begun = stopwatch()
-    rows = [row for part in (ticks, trees, wire, latency, starting, campaigns) for row in part.rows()]
+    rows = [row for part in (ticks, trees, observing, wire, latency, starting, campaigns) for row in part.rows()]
     verdicts = [row.held for row in rows if row.held is not None]
     told = f"{described()}, {os.cpu_count()} processors\n\n{table(rows)}\n\n"
     told += f"{verdicts.count(False)} of {len(verdicts)} budgets exceeded"

@@ -119,6 +119,7 @@ EDITS = [
 ]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("edit", EDITS, ids=str)
 def test_an_edit_that_breaks_a_good_file_is_refused_in_full(folder: Path, edit: Edit) -> None:
     good = (GOOD / edit.file).read_text(encoding="utf-8")

@@ -321,6 +321,25 @@ def _unchecked(original: Any) -> Any:
     return write
 
 
+STOP = "artemis.motion.obstacles"
+VIEW = "artemis.motion.view.View"
+
+
+def _forgets(self: Any, *_: Any) -> None:
+    self._kept = self._kept[:, :0]
+
+
+def _always_new(original: Any) -> Any:
+    return lambda self, now: 0.0 if original(self, now) < math.inf else math.inf
+
+
+def _left_where_they_were(original: Any) -> Any:
+    def take(self: Any, scan: Any, now: float, speed: float, turn: float, *, creeping: bool) -> None:
+        original(self, scan, now, 0.0, 0.0, creeping=creeping)
+
+    return take
+
+
 # ---------------------------------------------------------------------------------------------- the bugs
 
 BUGS: tuple[Bug, ...] = (
@@ -399,7 +418,12 @@ BUGS: tuple[Bug, ...] = (
     Bug(
         "enable button does not matter", "by hand", "I2", {"artemis.states.teleop.TeleopMode.step": _holding_the_button}
     ),
-    Bug("frozen stick is not noticed", "frozen stick", "I2", {"artemis.states.priority.STALE": becomes(math.inf)}),
+    Bug(
+        "frozen stick is not noticed",
+        "frozen stick",
+        "I2",
+        {"artemis.planning.stale_limit": with_result(lambda *_: math.inf)},
+    ),
     Bug(
         "acknowledging a fault arms",
         "over-current, acknowledged only",
@@ -534,6 +558,62 @@ BUGS: tuple[Bug, ...] = (
     Bug("a behaviour that fails is passed over", "behaviour raises", "I3", {"artemis.states.act.ask": _passed_over}),
     Bug("a behaviour accelerates without limit", "behaviour", "I9", {GATE_LIMITS: having(_acceleration=5.0)}),
     Bug("a failed behaviour hardly brakes", "behaviour raises", "I4", {GATE_LIMITS: having(_deceleration=0.15)}),
+    Bug("obstacles set no ceiling", "post in the way", "I14", {f"{STOP}.ObstacleStop.look": becomes(lambda *_: None)}),
+    Bug("what is too near to be seen is forgotten", "post in the way", "I14", {f"{VIEW}._remember": becomes(_forgets)}),
+    Bug(
+        "stop for an obstacle begins too late",
+        "wall in the way",
+        "I14",
+        {f"{STOP}.stopping_speed": lambda original: lambda distance, *rest: original(distance + 0.4, *rest)},
+    ),
+    Bug(
+        "outline is thought to be narrower than it is",
+        "post beside the path",
+        "I14",
+        {f"{STOP}.Rectangle": lambda original: lambda rear, front, half: original(rear, front, 0.2 * half)},
+    ),
+    Bug(
+        "all ground behind is known",
+        "box behind",
+        "I14",
+        {f"{STOP}.Ground.known": becomes(lambda _self, curvatures, _now: [math.inf] * len(curvatures))},
+    ),
+    Bug("age of the newest scan is ignored", "wall in the way, late scans", "I14", {f"{VIEW}.age": _always_new}),
+    Bug("points are not carried on", "wall in the way, late scans", "I14", {f"{VIEW}.take": _left_where_they_were}),
+    Bug(
+        "what is far seems to be near",
+        "nothing in the way",
+        "I14",
+        {f"{VIEW}.around": with_result(lambda points, *_: [0.18 * each for each in points])},
+    ),
+    Bug(
+        "creeps on where it should stand",
+        "post in the way",
+        "I14",
+        {
+            f"{STOP}.ObstacleStop._judged": lambda original: (
+                lambda self, found, now, rules: original(self, found, now, replace(rules, mode="slow"))
+            )
+        },
+    ),
+    Bug(
+        "lost scanner is not noticed",
+        "scanner silent",
+        "I3",
+        {"artemis.supervision.scanners.ScannerMeasures.read": without_rows("LAS-01")},
+    ),
+    Bug(
+        "frozen scanner is not noticed",
+        "scanner frozen",
+        "I3",
+        {"artemis.supervision.scanners.ScannerMeasures.read": without_rows("LAS-02")},
+    ),
+    Bug(
+        "covered scanner is not noticed",
+        "scanner covered",
+        "I3",
+        {"artemis.supervision.scanners.ScannerMeasures.read": without_rows("LAS-06")},
+    ),
     Bug("program fails", "by hand", "I0", {"artemis.states.teleop.TeleopMode.step": _fails_later}),
     Bug("runs leave threads behind", "by hand", "I12", {"artemis.sim.world.World.__init__": _leaving_a_thread}),
 )

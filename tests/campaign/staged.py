@@ -13,7 +13,8 @@ from unittest.mock import patch
 from artemis_lab.campaign.one_run import Result, run_scenario
 from artemis_lab.campaign.scenario import Scenario
 
-ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
+ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
+ROBOT, SEEING = ROBOTS / "artemis.yaml", ROBOTS / "artemis_lms100.yaml"
 LONGEST = 60.0
 """A run that takes longer does not end [s]: a planted bug need not be watched for as long as a campaign's seed."""
 Faults = Sequence[dict[str, Any]]
@@ -29,7 +30,8 @@ FOLLOW_BACK = {"follow": {**FOLLOW["follow"], "from_end": True}}
 def run(given: Scenario, *, replayed: bool = False) -> Result:
     """In a folder that is gone afterwards."""
     with tempfile.TemporaryDirectory() as folder, patch.object(Scenario, "longest", LONGEST):
-        return run_scenario(given, ROBOT.read_bytes(), Path(folder), replayed=replayed)
+        robot = SEEING if given.world else ROBOT
+        return run_scenario(given, robot.read_bytes(), Path(folder), replayed=replayed)
 
 
 def _scenario(
@@ -103,6 +105,28 @@ def approach(*faults: dict[str, Any], acts: Acts = ()) -> Scenario:
     return _scenario([ALIGN, step], {}, faults, acts)
 
 
+def among(
+    things: dict[str, Any],
+    *faults: dict[str, Any],
+    steps: Sequence[dict[str, Any]] = (),
+    mode: str = "stop",
+    **keys: object,
+) -> Scenario:
+    """Along 2 m, or some steps, from 7.3 s on, with a scanner in a hall with these things in it."""
+    walls = [{"points": [[-3, -3], [6, -3], [6, 3], [-3, 3], [-3, -3]]}]
+    given = _scenario([ALIGN, *(steps or [_ahead(2.0, 0.6)])], {}, faults, ())
+    simulation = {**given.mission["simulation"], "world": {"walls": walls, **things}}
+    rules = {"mode": mode, "blocked_after_s": 1.0, **keys}
+    return replace(given, mission={**given.mission, "obstacles": rules, "simulation": simulation})
+
+
+def _ahead(distance: float, speed: float, **keys: object) -> dict[str, Any]:
+    """Follow a straight line; backwards for a negative distance [m]."""
+    backwards = {"direction": "backward"} if distance < 0.0 else {}
+    path = {"waypoints": [[0, 0], [distance, 0]]}
+    return {"follow": {"path": path, "follower": {"speed_m_s": speed}, **backwards, **keys}}
+
+
 def measure(*faults: dict[str, Any], new: bool = False, **true_robot: float) -> Scenario:
     """The steering is calibrated, and the drives keep it."""
     reference = {"left": 7.0, "right": -4.0} if new else {"left": 0.8, "right": -1.3}
@@ -129,6 +153,7 @@ def fault(id: str, at: float = 6.5, node: str | None = None, **options: object) 
     return {"at_s": at, "inject": id, **({"node": node} if node else {}), **options}
 
 
+POST: dict[str, Any] = {"x_m": 2.2, "y_m": 0.05, "diameter_m": 0.1}
 LEFT, RIGHT, STEER = "traction-left", "traction-right", "steer-left"
 AGAIN = "13.5,0,1,1\n15,0,0,0\n"
 """The stick is pushed once more."""
@@ -243,6 +268,28 @@ SCENARIOS: dict[str, Scenario] = {
     "drive fault under a behaviour": approach(
         fault("DRV-02", 8.5, LEFT), acts=[(10.0, "acknowledge"), (13.0, "arm"), (20.0, "end")]
     ),
+    "post in the way": among({"poles": [POST]}),
+    "post beside the path": among({"poles": [{**POST, "y_m": 0.24}]}),
+    "post in the way of a robot that creeps": among({"poles": [POST]}, mode="slow"),
+    "post that is taken away": among({"poles": [{**POST, "until_s": 14.0}]}, blocked_after_s=10.0),
+    "wall in the way": among({"walls": [{"points": [[2.1, -2], [2.4, 2]]}]}),
+    "wall in the way, late scans": among(
+        {"walls": [{"points": [[3.0, -2], [3.0, 2]]}]},
+        fault("LAS-07", 11.5, seconds=0.14),
+        steps=[_ahead(3.0, 0.7)],
+        margin_m=0.03,
+        clear_m=0.03,
+    ),
+    "box behind": among(
+        {"boxes": [{"x_m": -0.65, "y_m": 0.0, "length_m": 0.3, "width_m": 1.5}]}, steps=[_ahead(-0.8, 0.3)]
+    ),
+    "person in the way": among({"persons": [{"path": [[7, 2.2, 2.0], [9.5, 2.2, 0.0]]}]}),
+    "nothing in the way": among({}),
+    "scanner unplugged": among({}, fault("LAS-01", 8.5)),
+    "scanner silent": among({}, fault("LAS-01", 8.5, how="silent")),
+    "scanner frozen": among({"poles": [POST]}, fault("LAS-02", 8.5)),
+    "scanner covered": among({}, fault("LAS-06", 8.5)),
+    "scanner ill": among({}, fault("LAS-05", 8.5)),
     "askew": drive(start_steering_left_deg=20.0, start_steering_right_deg=15.0),
 }
 """By what happens."""

@@ -44,6 +44,7 @@ def test_slice_of_seeds_breaks_no_invariant(tmp_path: Path) -> None:
     assert sorted(seeds_in(results)) == list(range(1, SLICE + 1))
 
 
+@pytest.mark.exhaustive
 def test_interrupted_campaign_keeps_its_runs_and_goes_on(tmp_path: Path) -> None:
     path = write_campaign(tmp_path, runs=12, workers=2)  # five of them cannot be called back once they wait
     results = load_campaign(path).folder / "results.jsonl"
@@ -87,12 +88,12 @@ def test_broken_invariant_is_told_with_what_runs_it_alone(tmp_path: Path) -> Non
 def test_one_seed_runs_in_sight_and_keeps_its_folder(tmp_path: Path) -> None:
     path = write_campaign(tmp_path)
 
-    done = artemis_campaign(path, "--seed", "2")
+    done = artemis_campaign(path, "--seed", "4")
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 violations" in done.stdout
     assert "proving the watchdog" in done.stdout
-    (run,) = load_campaign(path).scenario_folder(2).glob("runs/*")
+    (run,) = load_campaign(path).scenario_folder(4).glob("runs/*")
     assert {"journal.jsonl", "recording.mcap"} <= {file.name for file in run.iterdir()}
 
 

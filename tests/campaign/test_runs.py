@@ -17,7 +17,7 @@ from campaign_files import write_campaign
 from artemis.errors import ConfigError
 from artemis_lab.campaign import runs
 from artemis_lab.campaign.monitor.evidence import Violation
-from artemis_lab.campaign.one_run import Result
+from artemis_lab.campaign.one_run import InterruptedRun, Result
 from artemis_lab.campaign.runs import FaultTotals, ResultFile, drawn, load_campaign, run_campaign, table
 
 
@@ -65,6 +65,28 @@ def test_interrupted_campaign_goes_on_where_it_stopped(tmp_path: Path) -> None:
     assert run_campaign(campaign, results, lambda r: second.append(r.seed), never)
 
     assert sorted(first + second) == list(range(1, 11))
+
+
+def test_run_that_a_signal_ended_is_no_result_and_begins_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+
+    def interrupted_once(self: Here, work: object, /, *args: Any, **_: Any) -> Future[Any]:  # noqa: ANN401
+        future: Future[Any] = Future()
+        asked.append(args[0])
+        if args[0] == 3 and asked.count(3) == 1:
+            future.set_exception(InterruptedRun(15))
+        else:
+            future.set_result(Result(seed=args[0], status=0, time_s=1.0))
+        return future
+
+    monkeypatch.setattr(Here, "submit", interrupted_once)
+    campaign = load_campaign(write_campaign(tmp_path, runs=5))
+    results = ResultFile(campaign.folder)
+
+    assert run_campaign(campaign, results, lambda _: None, never)
+
+    assert sorted(results.finished) == [1, 2, 3, 4, 5]
+    assert sorted(asked) == [1, 2, 3, 3, 4, 5]
 
 
 def test_dead_worker_ends_the_campaign_and_names_the_seeds_under_way(

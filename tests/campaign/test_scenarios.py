@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 from collections import Counter
 from pathlib import Path
 
 import pytest
-from staged import ROBOT
+from staged import ROBOT, SEEING
 
+from artemis.devices.can_bus import Traffic
 from artemis.mission.loading import load_mission, load_model
 from artemis.progress import OWN_STEPS
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import Kind
+from artemis.values import Tick
 from artemis.vehicle import RobotFile
 from artemis_lab.campaign.monitor.expected import EXPECTED, When
 from artemis_lab.campaign.monitor.faults import AUTOMATIC, BY_ITSELF, FINAL
-from artemis_lab.campaign.one_run import run_scenario
-from artemis_lab.campaign.scenario import NOT_DRAWN, scenario
+from artemis_lab.campaign.one_run import InterruptedRun, run_scenario
+from artemis_lab.campaign.scenario import NOT_DRAWN, OF_SCANNERS, scenario
 from artemis_lab.injections.table import INJECTIONS
 
 SEEDS = range(400)
@@ -42,14 +45,28 @@ def test_seed_says_everything(robot: RobotFile) -> None:
 def test_every_injection_is_drawn_or_says_why_not(robot: RobotFile) -> None:
     drawn = {fault["inject"] for seed in range(3000) for fault in scenario(seed, robot).faults}
 
-    assert drawn == set(INJECTIONS) - set(NOT_DRAWN)
+    assert drawn == set(INJECTIONS) - set(NOT_DRAWN) - set(OF_SCANNERS)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_every_scenario_among_things_may_run(seed: int, tmp_path: Path) -> None:
+    load_mission(scenario(seed, load_model(SEEING, RobotFile)).write(tmp_path, SEEING.read_bytes()))
+
+
+def test_every_injection_of_scanners_is_drawn_for_a_robot_that_has_one() -> None:
+    robot = load_model(SEEING, RobotFile)
+    given = [scenario(seed, robot) for seed in range(300)]
+
+    assert {fault["inject"] for it in given for fault in it.faults} >= set(OF_SCANNERS)
+    assert {it.mission["obstacles"]["mode"] for it in given} == {"stop", "slow"}
+    assert not any(it.resumed for it in given)
 
 
 def test_scenarios_are_of_all_kinds(robot: RobotFile) -> None:
     scenarios = [scenario(seed, robot) for seed in SEEDS]
 
     kinds = Counter(kind for given in scenarios for kind in given.kinds)
-    assert {*OWN_STEPS, "approach", "measure", "backwards"} == set(kinds)
+    assert {*OWN_STEPS, "approach", "measure", "backwards"} - {"goto"} == set(kinds)  # that needs a map
     assert min(kinds.values()) >= 4
     names = {name for given in scenarios for name in re.findall(r'"(fault[^"]*)"', json.dumps(given.mission["steps"]))}
     assert {name.partition(":")[0] for name in names} == {"fault"} != names
@@ -62,6 +79,12 @@ def test_scenarios_are_of_all_kinds(robot: RobotFile) -> None:
     assert any(given.killed_at is not None for given in scenarios)
     assert any(given.resumed and given.disturbed for given in scenarios)
     assert any(given.resumed and not given.disturbed for given in scenarios)
+
+
+def test_who_is_asked_has_an_answer_half_a_second_later_in_a_resumed_run_too(robot: RobotFile) -> None:
+    for given in (scenario(seed, robot) for seed in SEEDS):
+        answers = [act["at_s"] for act in given.operator if act["do"] == "answer"]
+        assert answers == [0.5 * count for count in range(1, len(answers) + 1)]
 
 
 def test_monitor_expects_something_of_every_injection() -> None:
@@ -93,8 +116,21 @@ def test_same_seed_leaves_the_same_journal(robot: RobotFile, tmp_path: Path) -> 
     journals = []
     for name in ("first", "second"):
         run_scenario(scenario(2, robot), ROBOT.read_bytes(), tmp_path / name)
-        (run,) = (tmp_path / name / "runs").iterdir()
-        journals.append((run.name, (run / "journal.jsonl").read_bytes()))
+        runs = sorted((tmp_path / name / "runs").iterdir())
+        journals.append([(run.name, (run / "journal.jsonl").read_bytes()) for run in runs])
 
     assert journals[0] == journals[1]
-    assert len(journals[0][1].splitlines()) > 20
+    assert len(journals[0][0][1].splitlines()) > 20
+
+
+def test_signal_that_ends_the_process_group_is_no_finding(robot: RobotFile, tmp_path: Path) -> None:
+    sent = list[float]()
+
+    def end(tick: Tick, _: Traffic) -> None:
+        if tick.snapshot.time > 0.5 and not sent:
+            sent.append(tick.snapshot.time)
+            signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(InterruptedRun) as interrupted:
+        run_scenario(scenario(2, robot), ROBOT.read_bytes(), tmp_path, watch=end)
+    assert interrupted.value.signal == signal.SIGTERM

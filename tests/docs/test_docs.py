@@ -141,6 +141,7 @@ def tried() -> Iterator[ParameterSet]:
         yield pytest.param(command, marks=[pytest.mark.exhaustive] if runs else [])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.timeout(2 * PATIENCE)
 @pytest.mark.parametrize("command", list(tried()))
 def test_command_of_the_docs_works(command: str, checkout: Path) -> None:
@@ -183,6 +184,7 @@ def test_readme_lists_every_command() -> None:
 # --------------------------------------------------------------------------------------------------- missions and files
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("block", YAML_BLOCKS, ids=str)
 def test_mission_of_the_docs_runs_to_its_end(block: Block, tmp_path: Path) -> None:

@@ -22,11 +22,14 @@ def test_long(): ...
 
 def test_short(): ...
 
+@pytest.mark.timeout(900)
+def test_longest(): ...
+
 @pytest.mark.realtime
 def test_first(): ...
 """
-SHORT = ["test_first", "test_sampled[0]", "test_sampled[3]", "test_sampled[6]", "test_short"]
-ALL = ["test_first", *(f"test_sampled[{number}]" for number in range(7)), "test_long", "test_short"]
+SHORT = ["test_first", "test_longest", "test_sampled[0]", "test_sampled[3]", "test_sampled[6]", "test_short"]
+ALL = ["test_first", "test_longest", *(f"test_sampled[{number}]" for number in range(7)), "test_long", "test_short"]
 
 
 @pytest.mark.parametrize(("words", "expected"), [([], SHORT), (["-m", ""], ALL)])

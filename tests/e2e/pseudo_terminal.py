@@ -62,6 +62,17 @@ class Terminal:
     def press(self, key: bytes) -> None:
         os.write(self.host, key)
 
+    def press_until(self, key: bytes, pattern: str) -> None:
+        """Press a key, and again where it was not taken, until these words are seen."""
+        for _ in range(20):
+            self.press(key)
+            for _ in range(10):
+                if re.search(pattern, self.shown):
+                    self.see(pattern)
+                    return
+                self._read(repr(pattern))
+        raise AssertionError(f"{key!r} does not lead to {pattern!r}")
+
     def end(self) -> int:
         """Wait for the end; the exit status."""
         with contextlib.suppress(AssertionError):

@@ -47,6 +47,7 @@ def test_without_anybody_there_the_robot_file_gets_the_result_and_keeps_its_comm
     assert artemis_here("replay", only_run(tmp_path)).returncode == 0
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("bus", ["simulation", "{interface: udp_multicast, channel: 239.74.163.2}"])
 def test_simulated_drives_do_not_change_the_robot_file_by_themselves(tmp_path: Path, bus: str) -> None:
     mission = write_mission(tmp_path, bus=bus, more=HIDDEN)
@@ -77,6 +78,7 @@ def test_a_robot_file_that_cannot_be_changed_is_told_with_where_the_values_are(
     assert f"the values are in {only_run(tmp_path)}/calibration.json" in done.stdout
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("meanwhile", ["changed", "locked"])
 def test_a_robot_file_that_somebody_else_touched_meanwhile_is_left_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, meanwhile: str

@@ -236,8 +236,14 @@ def test_shipped_missions_pass_the_check() -> None:
     remarks = [line for line in lines if line.startswith("  ")]
     of_paths = Counter(remark.split(":")[0].strip() for remark in remarks)
     squares = {"paths/square_left.csv": 5, "paths/square_right.csv": 5}
-    assert of_paths == {"paths/corner.csv": 2, "paths/slalom.csv": 1, **squares, "paths/thesis_hall.csv": 1}
-    assert remarks[0].endswith("rounded: the path leaves it by 93 mm")
+    assert of_paths == {
+        "paths/corner.csv": 2,
+        "paths/slalom.csv": 1,
+        **squares,
+        "paths/loops.csv": 1,
+        "paths/thesis_hall.csv": 1,
+    }
+    assert any(remark.endswith("rounded: the path leaves it by 93 mm") for remark in remarks)
 
 
 @pytest.mark.parametrize("what", ["missing.yaml", "", "empty.yaml"])
@@ -416,6 +422,7 @@ def test_output_survives_a_terminal_without_the_letters(tmp_path: Path) -> None:
     assert b"rzburg.yaml:7:1: steering: unknown key" in found.stderr
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("arguments", [["plugins"], ["--version"], ["check", MISSIONS / "figure_eight.yaml"]])
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_output_that_cannot_be_written_is_said(arguments: list[str | Path], unbuffered: str) -> None:

@@ -86,6 +86,7 @@ def gains_written(run: Path) -> list[int]:
     return [int.from_bytes(data[4:6], "little") for data in written if data[0] != 0x40]
 
 
+@pytest.mark.exhaustive
 def test_gains_that_are_kept_are_in_the_drive_s_memory_and_in_the_robot_file(tmp_path: Path) -> None:
     port, robot = free_port(), tmp_path / "robots" / "artemis.yaml"
     with simulated_robot(port):

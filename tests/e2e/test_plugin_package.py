@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 OFFLINE = ["--no-index", "--no-build-isolation", "--disable-pip-version-check"]
 """For pip: everything that a package of a plugin needs is there already."""
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(4 * PATIENCE)]
+pytestmark = [pytest.mark.exhaustive, pytest.mark.slow, pytest.mark.timeout(4 * PATIENCE)]
 
 
 class Environment:
@@ -59,7 +59,6 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Environment:
     return Environment(tmp_path_factory.mktemp("environment"))
 
 
-@pytest.mark.sampled(6)
 @pytest.mark.parametrize("kind", GROUPS)
 def test_a_new_package_works_at_once(
     kind: str, environment: Environment, tmp_path_factory: pytest.TempPathFactory
@@ -94,7 +93,6 @@ def test_a_new_package_works_at_once(
     assert float(distance[1]) > 2.0
 
 
-@pytest.mark.exhaustive
 def test_code_of_a_new_package_is_clean(tmp_path: Path) -> None:
     """By the rules of artemis itself, also with the longest name."""
     for kind in GROUPS:

@@ -115,6 +115,7 @@ def assert_named(process: subprocess.Popen[str], folder: Path, method: str) -> N
     assert "plugin 'stick' has not answered" in journal.entries[-1].text
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.realtime
 @pytest.mark.usefixtures("site")
 @pytest.mark.parametrize(("does", "method"), [("lock", "lock"), ("constructor", "block")])

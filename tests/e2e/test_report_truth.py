@@ -36,6 +36,7 @@ def numbers(text: str, name: str) -> list[float]:
     return [float(number) for number in re.findall(r"[+-]?\d+(?:\.\d+)?", row)]
 
 
+@pytest.mark.exhaustive
 def test_a_tracker_with_another_clock_finds_what_the_simulation_knows(run: Path, tmp_path: Path) -> None:
     known = artemis_here("report", run, "--truth", "simulation", "--export", "tum", "--align", "best")
     assert known.returncode == 0, known.stderr

@@ -134,6 +134,7 @@ def test_after_a_kill_the_next_run_tells_how_to_go_on(tmp_path: Path) -> None:
     assert "the recording is not whole: the file is cut off" in said
 
 
+@pytest.mark.exhaustive
 @pytest.mark.realtime
 def test_a_run_killed_in_real_time_is_gone_on_with_where_it_was(tmp_path: Path) -> None:
     mission = endless_mission(tmp_path, more="simulation: {pace: real_time}\n")

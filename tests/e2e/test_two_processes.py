@@ -151,6 +151,7 @@ def test_a_mission_that_is_refused_sends_no_frame(tmp_path: Path, port: int, rob
         assert all(third.read(id, 0x6064) == 0 for id in ids)
 
 
+@pytest.mark.exhaustive  # ../host_death kills one, too
 def test_a_host_that_is_killed_while_driving_is_noticed_and_every_drive_stops(
     tmp_path: Path, port: int, robot: RobotFile
 ) -> None:

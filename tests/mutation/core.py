@@ -16,7 +16,8 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "states/machine.py": ("unit/test_machine.py", "properties/test_machine_properties.py"),
     "motion/sweep.py": ("unit/test_sweep.py",),
     "motion/obstacles.py": ("unit/test_core_obstacles.py", "unit/test_obstacles.py"),
-    "states/blocked.py": ("unit/test_core_obstacles.py",),
+    "states/blocked.py": ("unit/test_core_obstacles.py", "unit/test_mode_goto.py"),
+    "states/goto.py": ("unit/test_mode_goto.py",),
     "states/modes.py": (
         "unit/test_modes.py",
         "unit/test_core.py",
@@ -26,6 +27,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     ),
     "states/mode.py": (*_STOPS, "unit/test_bring_up_details.py", "unit/test_modes.py", "unit/test_mode_init.py"),
     "states/plan.py": (
+        "unit/test_mode_goto.py",
         "unit/test_modes.py",
         "unit/test_mode_timed.py",
         *_STOPS,
@@ -39,6 +41,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "states/condition.py": _MISSION,
     "states/init.py": ("unit/test_bring_up_details.py", "unit/test_mode_init.py", *_MODES),
     "states/ready.py": (
+        "unit/test_mode_goto.py",
         "unit/test_modes.py",
         "unit/test_hand_over.py",
         "unit/test_mode_timed.py",

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from artemis.motion.ackermann import Ackermann
-from artemis.motion.limits import Gate, is_sane
+from artemis.motion.limits import LONGEST_STEP, Gate, is_sane
 from artemis.values import Action, DriveCommand, SetPoints
 from artemis.vehicle import RobotFile
 
@@ -82,7 +82,7 @@ def check_limits(robot: RobotFile, command: DriveCommand, last: SetPoints, made:
 def test_limits_hold_for_any_sequence(
     robot: RobotFile, sequence: list[tuple[DriveCommand, float, float, bool]]
 ) -> None:
-    gate, car, last = Gate(robot, DT_MAX / 2), Ackermann(robot.geometry), SetPoints()
+    gate, car, last = Gate(robot, DT_MAX / LONGEST_STEP), Ackermann(robot.geometry), SetPoints()
     for command, dt, ceiling, stop in sequence:
         made = gate.limit(command, last, dt, ceiling, stop)
         check_limits(robot, command, last, made, dt)
@@ -97,7 +97,7 @@ def test_limits_hold_for_any_sequence(
     st.sampled_from([0.005, 0.02, 0.1]),
 )
 def test_limits_hold_for_commands_that_last(robot: RobotFile, wishes: list[tuple[float, float]], dt: float) -> None:
-    gate, last = Gate(robot, DT_MAX / 2), SetPoints()
+    gate, last = Gate(robot, DT_MAX / LONGEST_STEP), SetPoints()
     for speed, steering in wishes:
         command = DriveCommand(speed=speed, steering=steering)
         for _ in range(40):
@@ -115,7 +115,7 @@ def test_stops_are_never_slowed(
     dt: float,
     ceiling: float,
 ) -> None:
-    gate, last = Gate(robot, DT_MAX / 2), SetPoints()
+    gate, last = Gate(robot, DT_MAX / LONGEST_STEP), SetPoints()
     for step in before:
         last = gate.limit(step[0], last, *step[1:])
     made = gate.limit(command, last, dt, ceiling, stop=True)
@@ -139,7 +139,7 @@ def test_stops_are_never_slowed(
 def test_feasible_command_is_reached_exactly(
     robot: RobotFile, before: list[tuple[float, float]], speed_share: float, steering_share: float, dt: float
 ) -> None:
-    gate, car, last = Gate(robot, DT_MAX / 2), Ackermann(robot.geometry), SetPoints()
+    gate, car, last = Gate(robot, DT_MAX / LONGEST_STEP), Ackermann(robot.geometry), SetPoints()
     for speed, steering in before:
         for _ in range(20):
             last = gate.limit(DriveCommand(speed=speed, steering=steering), last, dt)
@@ -161,7 +161,7 @@ def test_feasible_command_is_reached_exactly(
 def test_limits_hold_and_wheels_align_from_any_angles(
     robot: RobotFile, left: float, right: float, sequence: list[tuple[DriveCommand, float]], target: float
 ) -> None:
-    gate, car = Gate(robot, DT_MAX / 2), Ackermann(robot.geometry)
+    gate, car = Gate(robot, DT_MAX / LONGEST_STEP), Ackermann(robot.geometry)
     last = SetPoints(steering=car.steering_from_wheel_angles(left, right), steering_left=left, steering_right=right)
     for command, dt in sequence:
         made = gate.limit(command, last, dt)

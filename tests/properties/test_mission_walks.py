@@ -7,12 +7,13 @@ from typing import Any
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
 from artemis.mission.parts import expanded
 from artemis.mission.random_walks import RandomWalk
 from artemis.mission.schema import Mission
 from artemis.mission.tree import MissionTree, mission_tree
-from artemis.progress import Position
+from artemis.progress import DONE, Position
 from artemis.yaml_file import load, survey
 
 MISSIONS = sorted((Path(__file__).parents[2] / "missions").glob("*.yaml"))
@@ -26,6 +27,11 @@ inputs: {stick: {plugin: keyboard}}
 steps:
   - calibrate: {steering: from_potentiometers}
   - call: {part: round, with: {limit: 23}}
+  - repeat:
+      times: 2
+      steps:
+        - approach: {until: approached_m > 2, at_most_m: 3}
+        - choose: [{if: approached_m > 2, steps: [{wait: {seconds: 2}}]}, {steps: [{wait: {for: stick.done}}]}]
   - try:
       retries: 2
       again_on: [lost, late, timeout]
@@ -39,7 +45,7 @@ steps:
                   when:
                     - {if: stick.done, steps: [{wait: {seconds: 3}}]}
                     - {if: run_s > 1000 or answer == 'never', then: late}
-                    - {if: driven_m > 10, steps: [{wait: {seconds: 3}}], then: restart}
+                    - {if: driven_m > 10 or approached_m < 1.9, steps: [{wait: {seconds: 3}}], then: restart}
             beside: [{wait: {for: battery_v < 20, at_most_s: 500}}, {repeat: {times: 3, steps: [{wait: {seconds: 5}}]}}]
       catch:
         fault: [{calibrate: {steering: from_potentiometers}}]
@@ -73,16 +79,21 @@ def tree_of(text: str) -> MissionTree:
 
 
 def trace(walk: RandomWalk, *, stored: bool) -> list[object]:
-    """Every position on the way, and what was told."""
-    found: list[object] = [walk.position]
+    """Every position on the way, and what was told; where it fails early, it goes back and on another way."""
+    found, past = [walk.position], [(walk.position, dict(walk.signals))]
     for _ in range(LONGEST):
-        if walk.is_over:
+        if walk.ended == DONE:
             break
+        if walk.is_over:
+            del past[len(past) // 2 + 1 :]
+            walk.position, signals = past[-1]
+            walk.signals = dict(signals)
         if stored:
             walk.position = msgspec.json.decode(msgspec.json.encode(walk.position), type=Position)
         walk.happen()
-        assert len(msgspec.json.encode(walk.position)) <= 300
+        assert len(msgspec.json.encode(replace(walk.position, told=()))) <= 300
         found.append(walk.position)
+        past.append((walk.position, dict(walk.signals)))
     return [*found, *walk.told, *walk.places]
 
 

@@ -79,6 +79,7 @@ SETTINGS = {
     "swinging": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_SWINGING),
     "following": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW),
     "held": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.QUICKSTOP),
+    "following far": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW, distance=7.0),
     "following to the end": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW, distance=0.8),
 }
 """When it happens is just after a tick has read and written: so the next one that can notice it is furthest away."""
@@ -114,6 +115,8 @@ class Scene:
     longest: float = 20.0
     scanner: bool = False
     """The robot has a laser scanner, which the mission needs."""
+    localizer: bool = False
+    """A simulated tracker tells where the robot is."""
 
 
 def scenes(of: Mapping[str, Scene | Sequence[Scene]]) -> list[tuple[str, Scene]]:
@@ -174,6 +177,8 @@ def play(
     if scene.scanner:
         keys |= {"robot": "artemis_lms100.yaml"}
         simulation["world"] = {"walls": [{"points": CORRIDOR}]}
+    if scene.localizer:
+        simulation["localizer"] = {"plugin": "simulated_tracker", "rate_hz": 10, "delay_s": 0.05}
     mission = write_mission(folder, setting.steps, files, **keys)
     rig = Rig(mission, longest=scene.longest)
     prepare(rig)

@@ -13,8 +13,9 @@ import json
 import math
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path as FilePath
 from typing import Any, ClassVar
@@ -38,13 +39,15 @@ from watched import controlword as controlword
 from watched import standing as standing
 from watched import target_velocity as target_velocity
 
-from artemis import app, clock, planning
+from artemis import app, clock, planning, yaml_file
 from artemis.config import Config
 from artemis.devices.can_bus import Frame, Traffic
 from artemis.devices.device import Device
+from artemis.errors import ConfigError
+from artemis.mission import reading
 from artemis.mission.loading import load_mission
 from artemis.plugins import registry
-from artemis.plugins.contracts import Follower, InputDevice
+from artemis.plugins.contracts import Follower, InputDevice, TellsProblems
 from artemis.recording.replay import Replayed, replay
 from artemis.robot import Core, Robot
 from artemis.sim.bus import Disturb
@@ -52,6 +55,7 @@ from artemis.sim.epos import SimEpos, SimSettings
 from artemis.sim.world import PlantParameters
 from artemis.states.plan import Plan, Results, with_followers
 from artemis.values import Fault, Mode, Pose, Request, Tick
+from artemis.yaml_file import Document
 
 MISSIONS = FilePath(__file__).parents[2] / "missions"
 BRAKING = 1.5
@@ -245,7 +249,7 @@ class Rig:
             sensors: Devices beside the drives.
         """
         self.mission, self.world = mission, world
-        with patch.multiple(registry, **_PLUGINS):
+        with patch.multiple(registry, **_PLUGINS), patch.object(reading, "survey", survey):
             self._loaded = load_mission(mission)
             self._plan = planning.plan_for(self._loaded, planning.is_simulated(self._loaded, simulate), None)
         if true_robot is not None:
@@ -396,6 +400,8 @@ class _Unattended:
 
     def __init__(self, device: InputDevice) -> None:
         self.read, self.close = device.read, device.close
+        if isinstance(device, TellsProblems):
+            self.take_problems = device.take_problems
 
 
 class Killed(Exception):
@@ -404,6 +410,23 @@ class Killed(Exception):
 
 _PLUGINS: dict[str, Any] = {"entry_points": cache(entry_points), "_owner": cache(registry._owner)}
 """What is installed stays: it is looked up once, not again for every run."""
+
+
+def survey(raw: bytes, source: str) -> tuple[Document, list[str]]:
+    """What `yaml_file.survey` finds; it takes the same robot file apart once, not again for every run."""
+    known = _flawless(raw)
+    if known is None:
+        return yaml_file.survey(raw, source)
+    return dataclasses.replace(known, source=source, data=deepcopy(known.data)), []
+
+
+@lru_cache(8)
+def _flawless(raw: bytes) -> Document | None:
+    try:
+        found, problems = yaml_file.survey(raw, "")
+    except ConfigError:
+        return None
+    return None if problems else found
 
 
 def run(mission: FilePath, **keys: Any) -> Run:  # noqa: ANN401 (whatever `Rig` takes)

@@ -243,6 +243,17 @@ def test_a_run_that_stopped_in_one_that_is_not_resumable_is_refused(tmp_path: Pa
     )
 
 
+def test_what_one_told_that_has_ended_counts_in_another_run(tmp_path: Path) -> None:
+    choose = {"choose": [{"if": "weaved_m > 0.4", "steps": [{"say": "far"}]}, {"steps": [{"say": "near"}]}]}
+    steps: list[Mapping[str, object]] = [CALIBRATE, {"weave": {"distance_m": 0.5}}, {"wait": {"seconds": 1.0}}, choose]
+    mission = write_mission(tmp_path, steps)
+    first = run_resumable(mission, until=lambda tick: tick.wish.phase == "waiting")
+    second = run_resumable(mission, first.folder)
+    assert [event.text for tick in second.ticks for event in tick.events if event.kind == "said"] == ["far"]
+    recording = Recording(second.folder)
+    assert replay(recording, core_from(load_mission(mission), recording.resume_point)).difference is None
+
+
 def test_a_run_that_stopped_before_it_had_begun_goes_on(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, [CALIBRATE, {"wait": {"seconds": 1.0}}, {"forgetful": {"distance_m": 0.3}}])
     first = run_resumable(mission, until=lambda tick: tick.wish.phase == "waiting")

@@ -9,6 +9,7 @@ import pytest
 from every_row import scenes
 from scenes_by_design import BY_DESIGN
 from scenes_of_drives import DRIVE_SCENES, UNHEARD
+from scenes_of_localizers import LOCALIZER_SCENES
 from scenes_of_motion import MOTION_SCENES
 from scenes_of_scanners import SCANNER_SCENES
 from scenes_of_the_bus import BUS_SCENES
@@ -20,7 +21,7 @@ from artemis.values import Severity
 from artemis_lab.injections.table import INJECTIONS, NOT_INJECTED
 
 TESTS = Path(__file__).parents[1]
-SCENES = {**DRIVE_SCENES, **BUS_SCENES, **MOTION_SCENES, **HOST_SCENES, **SCANNER_SCENES}
+SCENES = {**DRIVE_SCENES, **BUS_SCENES, **MOTION_SCENES, **HOST_SCENES, **SCANNER_SCENES, **LOCALIZER_SCENES}
 COVERED = {
     "LAS-08": "simulation/test_obstacle_missions.py::"
     "test_waits_for_what_stands_in_its_way_and_drives_on_once_it_is_gone",
@@ -29,9 +30,21 @@ COVERED = {
     "INP-14": "unit/test_input_chain.py::test_brake_wins_over_the_gas",
     "INP-15": "unit/test_gamepad.py::test_pedal_that_never_moves_stops_the_robot",
     "INP-16": "unit/test_plugin_guard.py::test_an_input_that_fails_to_show_is_a_warning_once",
+    "NET-01": "simulation/test_network_operator.py::test_a_cut_link_stops_the_robot",
+    "NET-02": "simulation/test_network_operator.py::test_latency_stops_the_robot",
+    "NET-03": "unit/test_operator_link.py::test_jitter_is_a_warning_while_commands_are_fresh",
+    "NET-04": "unit/test_operator_link.py::test_a_burst_after_a_stall_has_no_effect",
+    "NET-05": "unit/test_operator_link.py::test_loss_is_a_warning_while_commands_are_fresh",
+    "NET-06": "simulation/test_network_operator.py::test_replayed_commands_stop_the_robot_until_they_are_acknowledged",
+    "NET-07": "unit/test_operator_link.py::test_a_wrong_key_takes_no_seat_and_disturbs_nobody",
+    "NET-08": "unit/test_operator_link.py::test_a_second_operator_is_refused_by_name_until_the_first_releases",
+    "NET-09": "unit/test_operator_link.py::test_rubbish_before_the_claim_closes_the_connection",
+    "NET-10": "unit/test_operator_link.py::test_a_flood_is_dropped_and_the_rest_drives",
+    "NET-12": "unit/test_ros1.py::test_a_master_that_is_not_there_is_told_once_and_met_when_it_comes",
+    "NET-13": "unit/test_own_process.py::test_one_that_is_killed_is_back_and_says_so",
     "INP-13": "simulation/test_plugins_misbehave.py"
     "::test_a_stick_that_is_held_when_teleoperation_begins_moves_nothing_until_it_is_released",
-    "LOC-01": "simulation/test_localisation.py::test_a_robot_that_is_not_seen_any_more_stops_after_some_metres",
+    "LOC-06": "unit/test_localizers.py::test_a_localizer_that_does_not_keep_up_is_a_warning",
     "PTH-01": "unit/test_path.py::test_what_is_no_path_is_refused",
     "PTH-02": "unit/test_path.py::test_every_problem_is_reported_with_its_place",
     "PTH-03": "unit/test_path.py::test_too_sharp_a_curve_is_named_with_its_place",
@@ -71,7 +84,7 @@ def test_every_injection_is_played() -> None:
 
 
 def test_numbers_of_rows() -> None:
-    assert (len(ROWS), len(SCENES), len(BY_DESIGN), len(COVERED), len(ABSENT)) == (178, 108, 18, 29, 23)
+    assert (len(ROWS), len(SCENES), len(BY_DESIGN), len(COVERED), len(ABSENT)) == (180, 113, 18, 41, 8)
 
 
 @pytest.mark.parametrize("id", COVERED)

@@ -15,7 +15,7 @@ def test_error_of_a_drive_is_noticed_in_time_and_stops_the_robot(tmp_path: Path,
     assert_follows(run, scene, assert_noticed(run, id, scene))
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(("id", "scene"), scenes(UNHEARD), ids=name_of)
 def test_error_whose_message_is_lost_is_seen_in_the_statusword(tmp_path: Path, id: str, scene: Scene) -> None:
     run = play(tmp_path, id, scene)

@@ -13,6 +13,7 @@ from scenes_of_scanners import SCANNER_SCENES
 from artemis.values import Mode, Severity
 
 
+@pytest.mark.sampled(2)
 @cases(SCANNER_SCENES)
 def test_fault_is_noticed_in_time_and_what_must_follow_follows(tmp_path: Path, id: str, scene: Scene) -> None:
     done = play(tmp_path, id, scene)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import proofs_of_drives as proofs_of_drives
+import proofs_of_localizers as proofs_of_localizers
 import proofs_of_motion as proofs_of_motion
 import proofs_of_scanners as proofs_of_scanners
 import proofs_of_the_bus as proofs_of_the_bus

@@ -171,6 +171,7 @@ def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return mission, run(mission)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(5))
 def test_a_run_that_is_broken_off_at_any_tick_does_the_rest_and_nothing_else(
     whole: tuple[Path, Done], seed: int

@@ -67,24 +67,38 @@ BY_HAND = "fault_recovery_by_hand.yaml"
 """Needs a person who acknowledges and arms."""
 ELSEWHERE = (
     "follow_by_tracker.yaml",
+    "map_hall.yaml",
+    "patrol_hall.yaml",
+    "ros_teleop.yaml",
+    "ros2_teleop.yaml",
+    "rosbridge_teleop.yaml",
+    "network_teleop.yaml",
     "record_and_follow.yaml",
     "record_and_return.yaml",
     "three_point_turn.yaml",
     "calibration_pattern.yaml",
+    "calibrate_scanner.yaml",
     *(f"return_to_start_{distance}.yaml" for distance in ("ccw", "cw")),
     *(f"thesis_{name}.yaml" for name in ("circles", "stop_and_steer", "slow", "fast", "every_angle", "hysteresis")),
     *(f"follow_{course}.yaml" for course in ("circle", "corner", "figure_eight", "slalom", "straight")),
 )
-"""test_localisation.py, test_record_and_follow.py, test_reversing.py, test_follow_missions.py,
+"""test_localisation.py, test_scan_map_runs.py, test_record_and_follow.py, test_reversing.py, test_follow_missions.py,
+../peers/test_ros1_tools.py, ../peers/test_ros2_fast_dds.py, ../peers/test_rosbridge_clients.py,
+../e2e/test_operator.py, test_calibrate_scanner_runs.py,
 test_calibration_missions.py and test_thesis_missions.py run them, or say of which other they are twins."""
 TWIN, OTHER_TWIN = "figure_eight_socketcan.yaml", "figure_eight_udp.yaml"
 """The bus is all in which they differ, and in simulation neither has it: one of them is run."""
+LONGEST = ("blocked_path.yaml", "goto_blocked.yaml", "map_and_show.yaml", "person_crosses.yaml")
+"""Their scanners take most of their time: `make test` drives by scanners in test_obstacle_missions.py,
+test_goto_missions.py and test_scan_map_runs.py."""
 FAULTS = {
     "fault_recovery.yaml": ["DRV-25"],
     "retry_after_fault.yaml": ["DRV-25"],
     "can_overrun.yaml": ["DRV-18"],
     "person_crosses.yaml": ["LAS-08"],
     "blocked_path.yaml": ["LAS-08"],
+    "goto_blocked.yaml": ["LAS-08"],
+    "follow_shown.yaml": ["LAS-08"],
 }
 """What is made to go wrong in a mission, and what it recovers from."""
 
@@ -141,7 +155,14 @@ def test_patrol_charges_at_the_place_where_its_lap_begins(ran: Ran) -> None:
 
 @pytest.mark.sampled(2)
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in (BY_HAND, *ELSEWHERE, OTHER_TWIN)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.exhaustive] if name in LONGEST else [])
+        for name in NAMES
+        if name not in (BY_HAND, *ELSEWHERE, OTHER_TWIN)
+    ],
+)
 def test_a_mission_that_comes_with_artemis_runs_in_simulation_to_its_end(ran: Ran, name: str) -> None:
     seen = ran(name)
     assert (seen.status, seen.fault_ids) == (0, FAULTS.get(name, []))

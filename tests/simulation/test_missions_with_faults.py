@@ -189,7 +189,15 @@ def test_injector_wraps_the_inputs_of_a_run_where_they_lie() -> None:
         device = ScriptedInput(ScriptedConfig(file="stick.csv"), context)
         inputs: dict[str, InputDevice] = {"stick": device}
         noted: list[Entry] = []
-        run = Simulated(robot=robot, world=world, bus=bus, disk=Disk(), inputs=inputs, request=lambda request: None)
+        run = Simulated(
+            robot=robot,
+            world=world,
+            bus=bus,
+            disk=Disk(),
+            inputs=inputs,
+            localizer=None,
+            request=lambda request: None,
+        )
         lab.begin(run, [InjectedFault(at_s=0.0, inject="COM-22")], noted.append)
         assert isinstance(inputs["stick"], BadInput)
         with pytest.raises(ConnectionError, match="unplugged"):

@@ -114,10 +114,13 @@ def _errors(scan: Scan, times: np.ndarray[Any, Any], poses: list[Pose]) -> list[
     return found
 
 
+MAP_WORDS = "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+
+
 def test_a_map_and_a_stand_in(tmp_path: Path) -> None:
     rows = [[0 if row in (0, 39) or column in (0, 59) else 254 for column in range(60)] for row in range(40)]
     image = "P2 60 40 255\n" + "\n".join(" ".join(map(str, row)) for row in rows)
-    words = "image: hall.pgm\nresolution: 0.1\norigin: [-3.0, -2.0, 0.0]\n"
+    words = f"image: hall.pgm\nresolution: 0.1\norigin: [-3.0, -2.0, 0.0]\n{MAP_WORDS}"
     stand_in = {"front": {"plugin": "lms1xx", "host": "127.0.0.1", "frequency_hz": 25, "resolution_deg": 0.25}}
     simulation = {"world": {"map_file": "hall.yaml"}, "scanners": stand_in}
     mission = write_mission(
@@ -141,8 +144,8 @@ def test_a_map_and_a_stand_in(tmp_path: Path) -> None:
         ({"persons": [{"path": [[2, 0, 0], [1, 0, 0]]}]}, "expected times that grow from place to place"),
         ({"map_file": "nowhere.yaml"}, "simulation.world.map_file: file not found: nowhere.yaml"),
         ({"map_file": "line.csv"}, "line.csv"),
-        ({"map_file": "hall.yaml"}, "image: hall.pgm: expected an image in the format PGM"),
-        ({"map_file": "wrong.yaml"}, "wrong.yaml:1:1: resolutoin: unknown key; did you mean resolution?"),
+        ({"map_file": "hall.yaml"}, "hall.pgm:1: begins with b'no'; expected a PGM image (P2 or P5)"),
+        ({"map_file": "wrong.yaml"}, "wrong.yaml:1:1: resolutoin: unknown key; a map has image, resolution, origin"),
         ({"map_file": "../hall.yaml"}, "outside the mission's folder"),
     ],
 )
@@ -150,9 +153,9 @@ def test_a_world_that_cannot_be_is_refused_with_its_place(
     tmp_path: Path, world: dict[str, object], problem: str
 ) -> None:
     files = {
-        "hall.yaml": "image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n",
+        "hall.yaml": f"image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n{MAP_WORDS}",
         "hall.pgm": "no image",
-        "wrong.yaml": "resolutoin: 0.1\nimage: hall.pgm\norigin: [0, 0, 0]\n",
+        "wrong.yaml": f"resolutoin: 0.1\nimage: hall.pgm\norigin: [0, 0, 0]\n{MAP_WORDS}",
     }
     mission = write_mission(tmp_path, STEPS, files, "artemis_lms100.yaml", simulation={"world": world})
     with pytest.raises(ConfigError) as refused:
@@ -190,3 +193,9 @@ def test_names_are_told_apart(tmp_path: Path) -> None:
         load_mission(mission)
     assert "observers.front: a scanner of the robot has this name" in str(refused.value)
     assert "simulation.scanners.rear: the robot has no such scanner" in str(refused.value)
+
+
+def test_a_true_mounting_is_of_a_scanner_of_the_robot(tmp_path: Path) -> None:
+    simulation = {"true_robot": {"scanners": {"rear": {"x_m": 0.1}}}}
+    with pytest.raises(ConfigError, match=r"simulation.true_robot.scanners.rear: the robot has no such scanner"):
+        load_mission(write_mission(tmp_path, STEPS, simulation=simulation))

@@ -20,6 +20,7 @@ from rig import (
     driven,
     follow,
     standing,
+    stick,
     straight,
     target_velocity,
     write_mission,
@@ -257,3 +258,25 @@ def test_a_steering_angle_is_commanded_in_init_only_for_alignment(recovered: Run
     for now in recovered.in_mode(Mode.INIT):
         enabled = [f for f in now.sent if controlword(f) == ENABLE and f.id & 0x7F in (NODE[name] for name in STEERING)]
         assert not enabled or now.phase in ("enabling", "aligning", "aligned", "reference", "clear target"), now.phase
+
+
+def test_a_host_that_was_held_up_at_full_speed_brakes_no_harder_than_the_batteries_take(tmp_path: Path) -> None:
+    held_up = {"at_s": 9.031, "inject": "SYS-07", "seconds": 0.147}
+    simulation = {"faults": [held_up], "true_robot": {"slip": 0.018}}
+    files = {"stick.csv": stick((0.0, 0.0, 0.0, 0), (5.5, 0.0, -1.0, 0), (6.7, 0.0, -1.0, 1), (14.0, 0.0, 0.0, 0))}
+    steps = [{"teleop": {"input": "stick", "until": {"seconds": 8.0}}}]
+    inputs = {"stick": {"plugin": "scripted", "file": "stick.csv", "max_speed_m_s": 0.67}}
+    seen = Rig(write_mission(tmp_path, steps, files, inputs=inputs, simulation=simulation)).run()
+    assert seen.fault_ids == ["SYS-01", "COM-31"]
+
+
+@pytest.mark.parametrize("seconds", [0.16, 0.18])
+def test_wheels_that_were_blocked_and_come_free_are_still_braked_by_their_drives(
+    stopped: Run, tmp_path: Path, seconds: float
+) -> None:
+    at = stopped.acts["stop"]
+    blocked = [{"at_s": at - 0.07, "inject": "PTH-07", "duration_s": seconds}]
+    rig = Rig(write_mission(tmp_path, STEPS, FILES, simulation={"faults": blocked}))
+    seen = rig.at(at, rig.request(Request.QUICKSTOP)).run()
+    off = seen.first(lambda s: s.now > at and s.tick.wish.phase == "switching off")
+    assert not moved(seen, off.now, math.inf)

@@ -62,14 +62,15 @@ class WatchedWorld(World):
     @property
     def truth(self) -> Truth:
         """Now."""
-        left, right = (axis.velocity * scale for axis, scale in self._wheels)
+        (left, left_scale), (right, right_scale) = self._wheels
+        one, two, three, four = self._place_in_order
         return Truth(
-            time=self.time,
-            pose=self.pose,
-            speed=self.speed,
-            wheel_speeds=(left, right),
-            wheel_angles=self.wheel_angles,
-            states=tuple([node.state for node in self._place_in_order]),
+            self.time,
+            self.pose,
+            self.speed,
+            (left.velocity * left_scale, right.velocity * right_scale),
+            self.wheel_angles,
+            (one.state, two.state, three.state, four.state),
         )
 
     def advance(self, now: float) -> None:

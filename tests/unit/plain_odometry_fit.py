@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +26,16 @@ ALIGNED = 5
 
 def real_runs(*names: str) -> list[Run]:
     """Of the tricycle, by the names of their files without their ends."""
+    return [_real_run(name) for name in names]
+
+
+@cache
+def _real_run(name: str) -> Run:
+    file = DATA / f"{name}.csv.gz"
     machine = load_model(DATA / "tricycle.yaml", Machine)
-    runs = []
-    for name in names:
-        file = DATA / f"{name}.csv.gz"
-        log, truth = log_from_table(gzip.decompress(file.read_bytes()).decode(), file.name, machine)
-        assert truth is not None
-        runs.append(Run(log=log, truth=truth, one_clock=True))
-    return runs
+    log, truth = log_from_table(gzip.decompress(file.read_bytes()).decode(), file.name, machine)
+    assert truth is not None
+    return Run(log=log, truth=truth, one_clock=True)
 
 
 def plain_fit(runs: Sequence[Run]) -> Kinematics:

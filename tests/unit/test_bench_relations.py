@@ -48,6 +48,16 @@ def test_poses_are_interpolated_and_gaps_left_out() -> None:
     assert len(errors(half, np.linspace(0.0, 1.5, 4) + 100, straight)[0]) == 0
 
 
+def test_relations_beyond_the_last_pose_can_be_left_out() -> None:
+    """A pose that is seconds old would be taken for that of their end, and the robot may have turned since."""
+    first_half = TIMES <= 6.0
+    metres, degrees = errors(VERIFIED, TIMES[first_half], POSES[first_half])
+    assert degrees.max() > 10
+    metres, degrees = errors(VERIFIED.until(6.0), TIMES[first_half], POSES[first_half])
+    assert len(metres) == 8
+    assert degrees.max() < 1e-7
+
+
 def test_relations_are_read(tmp_path: Path) -> None:
     file = tmp_path / "a.relations.gz"
     with gzip.open(file, "wt") as out:

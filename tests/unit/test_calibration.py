@@ -256,6 +256,7 @@ class TestFit:
         assert 0.90 <= inside / (seeds * len(tallies)) <= 0.99 + 1 / seeds
         assert all(each.inside >= 0.7 * seeds for each in tallies.values())
 
+    @pytest.mark.exhaustive
     def test_correlated_slip_and_a_filtered_truth_are_in_the_intervals(self) -> None:
         tallies = calibrated(range(2000, 2003), on_axle=True, wander=0.01, filtered=0.2)
 

@@ -7,11 +7,11 @@ import pytest
 from core_builders import ROUTE, ObedientDrives, StubFollower
 from live_core import AHEAD, Live
 from msgspec.structs import replace
-from obstacle_scenes import ANGLES, BEAMS, FIELD, robot_with_scanner
 
 from artemis.scan import ObstacleRules, Scan
-from artemis.states.plan import FollowStep, Step, TeleopStep
+from artemis.states.plan import FollowStep, Plan, Step, TeleopStep
 from artemis.values import DriveFeedback, Mode, SetPoints, Tick, Wish
+from artemis_lab.bench.obstacle_scenes import ANGLES, BEAMS, FIELD, robot_with_scanner
 
 STOP = ObstacleRules(mode="stop", blocked_after=2.0)
 TELEOP = TeleopStep(input="stick", seconds=None)
@@ -112,3 +112,15 @@ def test_a_scanner_that_falls_silent_stops_the_robot() -> None:
     live.wall = None
     live.until(Mode.QUICKSTOP)
     assert "LAS-01" in [fault.id for fault in live.ticks[-1].snapshot.verdict.faults]
+
+
+def test_the_stop_knows_the_rules_of_every_step() -> None:
+    wide, wider = replace(STOP, clear=0.7), replace(STOP, clear=1.0)
+    steps = TELEOP, replace(TELEOP, obstacles=wide), FollowStep(route=ROUTE, follower=StubFollower(), obstacles=wider)
+
+    assert Plan(robot=robot_with_scanner(), steps=steps, obstacles=STOP).rules == (STOP, wide, wider)
+
+
+def test_a_great_distance_to_keep_limits_nothing_on_a_free_path() -> None:
+    live = driving(replace(TELEOP, obstacles=replace(STOP, clear=1.0)))
+    assert live.ticks[-1].set_points.clearance is None

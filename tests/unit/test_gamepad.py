@@ -20,8 +20,9 @@ from artemis.plugins.guard import PluginGuard
 from artemis.plugins.inputs.controls import Controls, named_fields
 from artemis.plugins.inputs.gamepad import FIND, GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
-from artemis.plugins.inputs.held import DOUBT, GONE, SLOW, STALE, STUCK
+from artemis.plugins.inputs.held import DOUBT, GONE, SLOW, STUCK
 from artemis.plugins.inputs.profiles import SHIPPED, Profile
+from artemis.plugins.stated import STALE
 from artemis.testing import contracts
 from artemis.testing.contracts import InputContract
 from artemis.testing.fake_hid import FakeHandle, FakeHid

@@ -9,10 +9,11 @@ from core_builders import ROBOT, Player, sensed, shared, verdict
 from live_core import Live
 from msgspec.structs import replace
 
+from artemis.plugins.stated import STALE
 from artemis.robot import Core
 from artemis.states.modes import Modes
 from artemis.states.plan import Plan, TeleopStep, WaitStep
-from artemis.states.priority import STALE, HandOver, Priority
+from artemis.states.priority import HandOver, Priority
 from artemis.states.ready import ReadyMode
 from artemis.states.teleop import TeleopMode
 from artemis.supervision import catalogue
@@ -233,6 +234,23 @@ def test_lower_one_of_two_never_begins_but_at_standstill_and_at_rest_whatever_bo
 INPUT_LOST = catalogue.fault("INP-01", "trainee")
 
 
+def test_each_input_is_heard_until_its_own_limit() -> None:
+    """One over a network is heard for longer than a device on this computer."""
+    later = replace(STEP, stale=(STALE, 0.25))
+    for step, trainee, drives in (
+        (STEP, STALE, True),
+        (STEP, STALE + 0.001, False),
+        (later, STALE + 0.001, True),
+        (later, 0.25, True),
+        (later, 0.251, False),
+    ):
+        wish = Two(step).tick(REST, replace(HELD, age=trainee), standing=True)
+        assert (wish.command == DRIVES, wish.fault is None) == (drives, drives)
+    wish = Two(later).tick(replace(HELD, age=STALE + 0.001), REST, standing=True)
+    assert wish.fault is not None
+    assert (wish.command, wish.fault.id, wish.fault.device) == (STANDS, "INP-03", "pilot")
+
+
 def judged(fault: Fault, *spare: str) -> Severity:
     supervisor = Supervisor(ROBOT, 0.02)
     return supervisor.judge(sensed(faults=(fault,)), Wish(), Mode.TELEOP, SetPoints(), spare).severity
@@ -243,6 +261,7 @@ def test_what_is_wrong_with_a_spare_input_is_a_warning() -> None:
     assert judged(INPUT_LOST, "trainee") is Severity.WARN
     assert judged(INPUT_LOST, "pilot") is Severity.CONTROLLED_STOP
     assert judged(catalogue.fault("INP-06", "trainee"), "trainee") is Severity.WARN
+    assert judged(catalogue.fault("NET-01", "trainee"), "trainee") is Severity.WARN
     assert judged(catalogue.fault("PLG-02", "trainee"), "trainee") is catalogue.ROWS["PLG-02"].severity
 
 

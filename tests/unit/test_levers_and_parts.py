@@ -16,8 +16,9 @@ from artemis.errors import ConfigError, DeviceLost
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.gamepad import FIND, GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
-from artemis.plugins.inputs.held import DOUBT, GONE, SLOW, STALE
+from artemis.plugins.inputs.held import DOUBT, GONE, SLOW
 from artemis.plugins.inputs.profiles import find_profile, profile_from, text_of
+from artemis.plugins.stated import STALE
 from artemis.testing.fake_hid import FakeHid
 from artemis.values import OperatorInput, Request
 

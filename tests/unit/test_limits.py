@@ -259,8 +259,8 @@ def test_wheels_found_anywhere_become_a_pair_each_at_its_own_rate(left: float, r
     assert last.steering == target
 
 
-@pytest.mark.parametrize(("periods", "counted"), [(1.5, 1.5), (2.0, 2.0), (3.0, 2.0)])
-def test_step_counts_as_two_periods_at_most(periods: float, counted: float) -> None:
+@pytest.mark.parametrize(("periods", "counted"), [(1.25, 1.25), (1.5, 1.5), (3.0, 1.5)])
+def test_step_counts_as_one_and_a_half_periods_at_most(periods: float, counted: float) -> None:
     made = gate().limit(DriveCommand(speed=0.5), STANDING, periods * DT)
     assert made.speed == pytest.approx(0.5 * counted * DT)
 

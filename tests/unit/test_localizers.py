@@ -14,12 +14,14 @@ from msgspec.structs import replace
 from artemis.config import Config
 from artemis.errors import ConfigError, DeviceLost
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.guard import PluginGuard, plain_fixes
+from artemis.plugins.fixes import plain_fixes
+from artemis.plugins.guard import PluginGuard
 from artemis.plugins.localizers.simulated_tracker import SimulatedTracker, SimulatedTrackerConfig
 from artemis.plugins.localizers.tracker import TrackerConfig, TrackerLocalizer
+from artemis.supervision.catalogue import ROWS
 from artemis.testing.contracts import ROBOT
 from artemis.testing.localizers import LocalizerContract
-from artemis.values import Pose, PoseFix
+from artemis.values import Pose, PoseFix, Severity, Tick
 
 FIX = PoseFix(time=1.0, pose=Pose(x=1.0, y=2.0, heading=0.5), covariance=(1e-4, 0, 0, 1e-4, 0, 1e-3), source="camera")
 
@@ -168,21 +170,91 @@ def test_a_localizer_that_raises_or_is_late_is_a_fault_and_one_that_is_gone_is_s
         ("fix",),
         (replace(FIX, pose=None),),
         (replace(FIX, source=None),),
-        (replace(FIX, time=math.nan),),
         (replace(FIX, time="1"),),
-        (replace(FIX, time=10**400),),
-        (replace(FIX, pose=Pose(x=math.inf)),),
-        (replace(FIX, pose=Pose(x=1e9)),),
-        (replace(FIX, pose=Pose(heading=math.nan)),),
-        (replace(FIX, covariance=()),),
         (replace(FIX, covariance=None),),
-        (replace(FIX, covariance=(0.0,) * 6),),
-        (replace(FIX, covariance=(1e-4, 1e-4, 0, 1e-4, 0, 1e-3)),),
-        (replace(FIX, covariance=(1e-4, 0, 0, -1e-4, 0, 1e-3)),),
-        (replace(FIX, covariance=(1e-4, 0, 0, 1e-4, math.nan, 1e-3)),),
-        (FIX, replace(FIX, covariance=(1e-4, 0, 0, math.inf, 0, 1e-3))),
+        (replace(FIX, covariance=(1e-4,)),),
+        (replace(FIX, common=(1e-4,)),),
+        (replace(FIX, quality="good"),),
+        (FIX, replace(FIX, doubt=None)),
     ],
 )
-def test_fixes_that_cannot_be_true_are_garbage(garbage: Any) -> None:  # noqa: ANN401
+def test_what_is_no_fix_is_garbage(garbage: Any) -> None:  # noqa: ANN401
     assert plain_fixes(garbage) is None
     assert asked(lambda now: garbage) == ((), [("PLG-06", "localizer")])
+
+
+IMPOSSIBLE = [
+    replace(FIX, time=math.nan),
+    replace(FIX, time=10**400),
+    replace(FIX, pose=Pose(x=math.inf)),
+    replace(FIX, pose=Pose(x=1e9)),
+    replace(FIX, pose=Pose(heading=math.nan)),
+    replace(FIX, covariance=(0.0,) * 6),
+    replace(FIX, common=(0.0,) * 6),
+    replace(FIX, covariance=(1e-4, 1e-4, 0, 1e-4, 0, 1e-3)),
+    replace(FIX, covariance=(1e-4, 0, 0, -1e-4, 0, 1e-3)),
+    replace(FIX, covariance=(1e-4, 0, 0, 1e-4, math.nan, 1e-3)),
+    replace(FIX, covariance=(1e-4, 0, 0, math.inf, 0, 1e-3)),
+    replace(FIX, quality=1.1),
+    replace(FIX, doubt=math.nan),
+]
+
+
+@pytest.mark.parametrize("impossible", IMPOSSIBLE)
+def test_a_fix_that_cannot_be_true_is_dropped(impossible: PoseFix) -> None:
+    assert plain_fixes((FIX, impossible)) == (FIX, None)
+    assert asked(lambda now: (impossible, FIX, impossible)) == ((FIX,), [])
+
+
+def test_three_fixes_in_a_row_that_cannot_be_true_are_a_fault() -> None:
+    answers = [(IMPOSSIBLE[0],), (IMPOSSIBLE[1],), (FIX,), (IMPOSSIBLE[0], IMPOSSIBLE[2]), (), (IMPOSSIBLE[3],)]
+    times = iter(answers)
+    guard = PluginGuard({}, lambda: 0.0, Strange(lambda now: next(times)))
+    seen = []
+    for answer in answers:
+        fixes = guard.fixes(0.0)
+        assert fixes == tuple(fix for fix in answer if fix is FIX)
+        seen.append([id for id, _, _ in guard.take_problems()])
+    assert seen == [[], [], [], [], [], ["LOC-04"]]
+
+
+def test_a_fix_may_tell_only_how_sure_the_localizer_is() -> None:
+    doubting = replace(FIX, covariance=(), quality=0.2, doubt=1.5)
+    assert asked(lambda now: (doubting,)) == ((doubting,), [])
+
+
+class Seeing(Strange):
+    """Sees ticks, and answers what it is told to."""
+
+    def __init__(self, problem: Callable[[], Any]) -> None:
+        super().__init__(lambda now: ())
+        self._problem = problem
+
+    def see(self, tick: Tick) -> str:
+        problem: str = self._problem()
+        return problem
+
+
+def shown(problem: Callable[[], Any], times: int = 1, took: float = 0.0) -> list[tuple[str, str]]:
+    clock = iter(took * number for number in range(100))
+    guard = PluginGuard({}, lambda: next(clock), Seeing(problem))
+    for _ in range(times):
+        guard.show(LocalizerContract().tick(1.0))
+    return [(id, name) for id, name, _ in guard.take_problems()]
+
+
+def fails() -> str:
+    raise ValueError("no")
+
+
+def test_a_localizer_that_does_not_keep_up_is_a_warning() -> None:
+    assert shown(lambda: "") == []
+    assert shown(lambda: "3 scans were dropped") == [("LOC-06", "localizer")]
+    assert ROWS["LOC-06"].severity is Severity.WARN
+
+
+def test_a_localizer_that_raises_or_takes_long_where_it_sees_is_a_fault() -> None:
+    assert shown(fails) == [("PLG-02", "localizer")]
+    assert shown(lambda: None) == [("PLG-06", "localizer")]
+    assert shown(lambda: "", 2, 0.02) == []
+    assert shown(lambda: "", 3, 0.02) == [("PLG-03", "localizer")]

@@ -235,6 +235,58 @@ def test_noise_is_averaged_and_a_bent_odometry_followed() -> None:
 # ---------------------------------------------------------------------------------------------- wrong fixes
 
 
+def test_what_fixes_of_a_place_have_in_common_does_not_average_away() -> None:
+    there, here = Drive(speed=0.0), Drive(speed=0.0)
+    common = (4e-4, 0.0, 0.0, 4e-4, 0.0, 1e-4)
+    for _ in range(200):
+        here.go(replace(here.fix(), covariance=(5e-4, 0.0, 0.0, 5e-4, 0.0, 2e-4), common=common), at_once=True)
+        there.go(replace(there.fix(), covariance=(5e-4, 0.0, 0.0, 5e-4, 0.0, 2e-4)), at_once=True)
+    without, told = there.shown[-1].covariance, here.shown[-1].covariance
+    assert without[0] < 4e-4 < told[0]
+    assert told == pytest.approx([own + shared for own, shared in zip(without, common, strict=True)])
+    assert here.shown[-1].pose == there.shown[-1].pose, "what is told of the pose is the same"
+
+
+def test_a_heading_that_is_common_to_all_fixes_counts_where_the_odometry_carries_the_pose_on() -> None:
+    robot = Drive()
+    robot.go(replace(robot.fix(), common=(1e-9, 0.0, 0.0, 1e-9, 0.0, 1e-2)))
+    plain = Drive()
+    plain.go(plain.fix())
+    aside, own = robot.go_on(100).covariance, plain.go_on(100).covariance
+    assert aside[0] + aside[3] > own[0] + own[3] + 2e-3
+
+
+def test_the_true_pose_lies_in_the_stated_ellipse_as_often_as_it_should() -> None:
+    """Each place, 1 m long, has an error of its own that all fixes there share. The weight of a fix counts it, too."""
+    dice, inside, without, runs = random.Random(5), 0, 0, 150
+    common, white = 1e-4, 2.5e-5
+    for _ in range(runs):
+        robot, off = Drive(speed=0.5), (0.0, 0.0)
+        for tick in range(200):
+            if tick % 100 == 0:
+                off = dice.gauss(0, common**0.5), dice.gauss(0, common**0.5)
+            found = []
+            if tick % 5 == 1:
+                true = robot.true[robot.tick]
+                noise = dice.gauss(0, white**0.5), dice.gauss(0, white**0.5)
+                at = replace(true, x=true.x + off[0] + noise[0], y=true.y + off[1] + noise[1])
+                spread = (common + white, 0.0, 0.0, common + white, 0.0, 1e-5)
+                shared = (common, 0.0, 0.0, common, 0.0, 1e-9)
+                found = [PoseFix(time=robot.time, pose=at, covariance=spread, common=shared, source="map")]
+            located = robot.go(*found)
+        true, (xx, xy, _, yy, _, _) = robot.true[robot.tick], located.covariance
+        x, y = located.pose.x - true.x, located.pose.y - true.y
+        inside += within_95_percent(x, y, xx, xy, yy)
+        without += within_95_percent(x, y, xx - common, xy, yy - common)
+    assert 0.95 * runs <= inside < runs
+    assert without < 0.9 * runs, "what is averaged over fixes of one place is too sure"
+
+
+def within_95_percent(x: float, y: float, xx: float, xy: float, yy: float) -> bool:
+    """Chi-square with two degrees of freedom."""
+    return (yy * x * x - 2 * xy * x * y + xx * y * y) / (xx * yy - xy * xy) < 5.99
+
+
 def test_a_jump_is_not_believed_at_once() -> None:
     car = Drive()
     car.go(car.fix(0))
@@ -348,3 +400,45 @@ def test_when_the_odometry_gets_its_origin_the_pose_stays() -> None:
         car.go(car.fix())
     assert apart(car.shown[-1], car.true[-1]) < 1e-3
     assert car.shown[-1].unused == 0
+
+
+# ---------------------------------------------------------------------------------------------- doubt
+
+
+def test_a_lost_localizer_takes_the_pose_back_until_its_next_fix() -> None:
+    drive = Drive()
+    drive.go(drive.fix())
+    drive.go_on(10)
+    lost = drive.go(replace(drive.fix(), covariance=(), doubt=1.0))
+    assert (lost.lost, lost.age) == (True, None)
+    assert drive.go(replace(drive.fix(5), doubt=0.0)).lost, "of before it was lost"
+    assert drive.shown[-1].unused == 1
+    found = drive.go(drive.fix(x=3.0))
+    assert not found.lost
+    assert apart(found, drive.true[-1]) == pytest.approx(3.0, abs=0.05), "believed at once"
+
+
+def test_a_fix_without_a_covariance_tells_nothing_of_the_pose() -> None:
+    drive, other = Drive(), Drive()
+    for each, fixes in ((drive, (replace(fix(0.2, Pose(x=9.0)), covariance=(), doubt=0.9),)), (other, ())):
+        each.go(each.fix())
+        each.go_on(10)
+        each.go(*fixes)
+    assert drive.go() == other.go()
+
+
+@pytest.mark.parametrize(("off", "contradicts"), [(0.25, False), (0.5, True)])
+def test_fixes_that_say_that_it_is_far_away_contradict_the_pose_until_they_are_believed(
+    off: float, contradicts: bool
+) -> None:
+    drive = Drive()
+    for _ in range(20):
+        drive.go(drive.fix())
+    spans = [drive.go(drive.fix(x=off)).contradicted for _ in range(60)]
+    assert (max(spans) > 0.0) is contradicts
+    assert spans[-1] == 0.0
+    if contradicts:
+        grown = spans[: spans.index(max(spans)) + 1]
+        assert grown == sorted(grown)
+        assert max(spans) == pytest.approx(AGREEING_TIME, abs=2 * PERIOD)
+    assert drive.go().contradicted == 0.0

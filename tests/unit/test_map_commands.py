@@ -2,37 +2,39 @@
 
 from __future__ import annotations
 
-from collections import deque
 from pathlib import Path
 
 import numpy as np
 import pytest
-from laser_worlds import ANGLES, OFFICE, SETTINGS, driven, odometry, seen
+from laser_worlds import OFFICE, driven, odometry, seen, walls
 from typer.testing import CliRunner
 
 from artemis.cli import app
-from artemis.commands.map_readings import _reading
+from artemis.commands.path_record import MapTrajectory
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import read_graph
-from artemis.mapping.laser import ScannerPlace
 from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import OCCUPIED
-from artemis.scan import Scan
+from artemis.mapping.se2 import Array, between
 
 WAY = driven([(-2, -3), (0, -3), (0, 1), (0, -3), (-2, -3)], 0.25)
 
 
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("log") / "office.clf"
+def written(file: Path, way: Array, scale: float, world: Array = OFFICE) -> Path:
+    """A log of a drive whose wheels count so much of each step."""
     half = np.radians(np.arange(-90, 90))
-    counted = odometry(WAY, [0.95] * (len(WAY) - 1))
+    counted = odometry(way, [scale] * (len(way) - 1))
     with file.open("w") as out:
-        for number, (pose, wheels) in enumerate(zip(WAY, counted, strict=True)):
-            ranges = " ".join(f"{each:.3f}" for each in seen(OFFICE, pose, half))
+        for number, (pose, wheels) in enumerate(zip(way, counted, strict=True)):
+            ranges = " ".join(f"{each:.3f}" for each in seen(world, pose, half))
             x, y, heading = wheels
             out.write(f"FLASER 180 {ranges} 0 0 0 {x:.4f} {y:.4f} {heading:.5f} {0.1 * number:.2f} host 0\n")
     return file
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(tmp_path_factory.mktemp("log") / "office.clf", WAY, 0.95)
 
 
 def call(*words: str | Path) -> str:
@@ -67,6 +69,21 @@ def test_a_map_is_built_shown_and_edited(log: Path, tmp_path: Path) -> None:
     assert "none: there is no edited.graph" in call("show", edited, "-o", tmp_path / "b.svg")
 
 
+def test_the_graph_of_a_map_knows_where_the_robot_was(log: Path, tmp_path: Path) -> None:
+    made = tmp_path / "office.yaml"
+    call("build", log, "-o", made)
+    by_map = MapTrajectory(made)
+    count = len(WAY) // 2
+    middle = by_map.at(0.1 * count)
+    assert middle is not None
+    true = between(WAY[0], WAY[count])  # the map begins where the robot did
+    assert (middle.x, middle.y) == pytest.approx(true[:2], abs=0.03)
+    assert by_map.at(-1.0) is None
+    assert by_map.at(1e3) is None
+    with pytest.raises(ConfigError, match="knows where the robot was"):
+        MapTrajectory(tmp_path / "other.yaml")
+
+
 def test_two_runs_make_one_map(log: Path, tmp_path: Path) -> None:
     call("build", log, log, "-o", tmp_path / "two.yaml", "--without-odometry")
     assert len(read_graph(tmp_path / "two.graph").trajectory) == 2 * len(WAY)
@@ -76,7 +93,6 @@ def test_what_cannot_be_is_refused(log: Path, tmp_path: Path) -> None:
     made = tmp_path / "m.yaml"
     assert "name the map .yaml" in refused("build", log, "-o", tmp_path / "m.png")
     assert "expected 0.005 to 1 m" in refused("build", log, "-o", made, "--resolution", "7")
-    assert "--mounting 1,2: expected 3 numbers" in refused("build", log, "-o", made, "--mounting", "1,2")
     assert "cannot be read" in refused("build", tmp_path / "none.clf", "-o", made)
     (tmp_path / "empty.clf").write_text("# nothing\n")
     assert "no scan has a point" in refused("build", tmp_path / "empty.clf", "-o", made)
@@ -91,28 +107,31 @@ def test_what_cannot_be_is_refused(log: Path, tmp_path: Path) -> None:
     assert "no such file" in refused("edit", made, "-o", other, "--undo-loop", "1")
 
 
-def test_a_scan_is_turned_back_by_what_the_robot_turned_while_it_lasted() -> None:
-    """A robot on the spot turns by 1 rad/s while its scanner needs 40 ms: ignored, bearings err by 2.3 degrees."""
-    lasting, rate = 0.04, 1.0
-    share = np.arange(len(ANGLES)) / (len(ANGLES) - 1)
-    ranges = np.array(
-        [
-            seen(OFFICE, np.array([0.0, 0.0, rate * lasting * (part - 0.5)]), ANGLES[k : k + 1])[0]
-            for k, part in enumerate(share)
-        ]
-    )
-    value = Scan(
-        source="front",
-        time=1.0,
-        beam_time=lasting / (len(ANGLES) - 1),
-        start_angle=float(ANGLES[0]),
-        increment=float(ANGLES[1] - ANGLES[0]),
-        ranges=(1000 * ranges).round().astype("<u2").tobytes(),
-    )
-    way = deque((0.02 * k, np.array([0.0, 0.0, rate * (0.02 * k - 1.02)])) for k in range(60))
-    reading = _reading(value, way, SETTINGS, ScannerPlace())
-    assert reading.odometry == pytest.approx([0, 0, 0], abs=1e-9)
-    assert reading.time == pytest.approx(1.02)
-    assert reading.points is not None
-    at_once = seen(OFFICE, np.zeros(3), np.arctan2(reading.points[:, 1], reading.points[:, 0]))
-    assert np.abs(np.hypot(*reading.points[:, :2].T) - at_once).max() < 0.002
+def test_a_map_is_gone_on_with(log: Path, tmp_path: Path) -> None:
+    """The second run begins in the middle of the map, drives where the first was, and on into another room."""
+    begun, more = tmp_path / "begun.yaml", tmp_path / "more.yaml"
+    call("build", log, "-o", begun)
+    further = driven([(0, 0.5), (0, 1.0), (0, 4.0), (3, 4.5), (0, 4), (0, 0)], 0.25)
+    second = written(tmp_path / "second.clf", further, 1.05)
+    call("build", second, "--continue", begun, "-o", more)
+    old, new = read_graph(begun.with_suffix(".graph")), read_graph(more.with_suffix(".graph"))
+    assert len(new.keys) > len(old.keys) + 5
+    assert len(new.trajectory) == len(WAY) + len(further)
+    across = [each for each in new.graph.loops.values() if each.first < len(old.keys) <= each.second]
+    assert len(across) > 3
+    true = np.concatenate([WAY, further])
+    off = between(between(true[0], true), new.trajectory[:, 1:])
+    assert np.hypot(off[:, 0], off[:, 1]).max() < 0.1
+    again = tmp_path / "again.yaml"
+    call("build", second, "--continue", begun, "-o", again)
+    assert again.with_suffix(".graph").read_bytes() == more.with_suffix(".graph").read_bytes()
+
+
+def test_a_map_is_not_gone_on_with_from_elsewhere(log: Path, tmp_path: Path) -> None:
+    begun, other = tmp_path / "begun.yaml", tmp_path / "other.yaml"
+    call("build", log, "-o", begun)
+    tent = walls([(-2, -1), (7, -2), (3, 4), (-2, -1)])
+    elsewhere = written(tmp_path / "e.clf", driven([(0, 0), (3, 0)], 0.25), 1.0, tent)
+    assert "is nowhere found on" in refused("build", elsewhere, "--continue", begun, "-o", other)
+    begun.with_suffix(".graph").unlink()
+    assert "gone on with from its graph" in refused("build", log, "--continue", begun, "-o", other)

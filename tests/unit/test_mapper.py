@@ -8,14 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from laser_worlds import ANGLES, OFFICE, SETTINGS, box, driven, odometry, readings, scan, seen, walls
+from laser_worlds import ANGLES, OFFICE, SETTINGS, box, driven, odometry, readings, seen, walls
 
 from artemis.errors import ConfigError
 from artemis.mapping.carmen import read_carmen
-from artemis.mapping.laser import Reading, ScannerPlace, points_of, surface_points
+from artemis.mapping.laser import Reading, surface_points
 from artemis.mapping.mapper import Mapper
 from artemis.mapping.se2 import Array, between, compose
-from artemis.scan import Scan
 
 ROUND = driven([(-2, -3), (0, -3), (0, 1), (-5, 1), (-5, -1), (-2, 1.0), (0, 1), (0, -3), (-2, -3)], step=0.25)
 
@@ -82,7 +81,7 @@ def test_standing_still_costs_no_memory() -> None:
     poses = np.repeat(ROUND[:1], 300, axis=0)
     mapper = mapped(readings(OFFICE, poses, np.zeros((300, 3))))
     assert len(mapper.keys) == 1
-    assert len(mapper._stations.points) == 1
+    assert len(mapper._tracker.stations.points) == 1
     assert len(mapper.trajectory()[0]) == 300
 
 
@@ -110,32 +109,68 @@ def ring(width: float, height: float, corridor: float, door: float) -> Array:
     return np.concatenate(parts)
 
 
-BEYOND = pytest.param(
-    0.75,
-    1.1,
-    marks=pytest.mark.xfail(reason="drift beyond every window: loops one niche off", raises=AssertionError),
-)
-"""Not solved: the true place lies outside of what is searched, and two equally wrong loops confirm each other."""
-
-
-@pytest.mark.parametrize(("first", "second"), [(0.95, 0.95), (0.85, 1.05), BEYOND])
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize(("first", "second"), [(0.95, 0.95), (0.85, 1.05), (0.75, 1.1)])
 def test_a_loop_in_a_corridor_is_found_or_left_open_but_never_wrong(first: float, second: float) -> None:
     true = driven([(1, 1), (39, 1), (39, 13), (1, 13), (1, 1), (20, 1)], step=0.3)
     scales = np.where(np.arange(len(true) - 1) < 0.43 * len(true), first, second)
     mapper = mapped(readings(ring(40, 14, 2, 4), true, odometry(true, scales)))
-    of = mapper.key_readings
+    assert wrong_loops(mapper, true) == []
+    assert first < 0.9 or mapper.graph.loops, "a small drift is closed"
+
+
+def wrong_loops(mapper: Mapper, true: Array) -> list[tuple[int, int, float]]:
+    """Ends of those loops that are off by more than 0.3 m, and by how much [m]."""
+    of, found = mapper.key_readings, []
     for link in mapper.graph.loops.values():
         off = between(between(true[of[link.first]], true[of[link.second]]), link.motion)
-        assert np.hypot(off[0], off[1]) < 0.3
+        if np.hypot(off[0], off[1]) >= 0.3:
+            found.append((link.first, link.second, float(np.hypot(off[0], off[1]))))
+    return found
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(("scale", "turn"), [(1.0, 0.0), (0.97, 0.3), (0.8, 0.0), (1.15, 0.5)])
+def test_no_loop_of_a_building_of_a_kilometre_is_wrong(scale: float, turn: float) -> None:
+    """Four equal corridors side by side, joined at their ends, driven there and back."""
+    long, apart = 110.0, 12.0
+    parts = [box(0, apart * n, long, 2) for n in range(4)]
+    for n in range(4):
+        for x in np.arange(4, long - 4, 4.0):
+            y = apart * n
+            parts.append(walls([(x, y), (x, y - 0.35), (x + 0.9, y - 0.35), (x + 0.9, y)]))
+    world = np.concatenate(parts)
+    for n in range(3):  # doors from corridor to corridor at alternating ends
+        x = long - 2.5 if n % 2 == 0 else 0.5
+        world = np.concatenate([opened(world, x, apart * n + 2), box(x, apart * n + 2, 2.0, apart - 2)[1::2]])
+        world = opened(world, x, apart * (n + 1))
+    corners = [(1.0, 1.0)]
+    for n in range(4):
+        end = long - 1.5 if n % 2 == 0 else 1.5
+        corners += [(end, apart * n + 1.0)] + ([(end, apart * (n + 1) + 1.0)] if n < 3 else [])
+    true = driven(corners + corners[-2::-1], step=0.4)
+    assert np.hypot(*np.diff(true[:, :2], axis=0).T).sum() > 900
+    mapper = mapped(readings(world, true, odometry(true, [scale] * (len(true) - 1), np.radians(turn))))
+    assert wrong_loops(mapper, true) == []
+
+
+def opened(world: Array, x: float, y: float, width: float = 2.0) -> Array:
+    """The world with a doorway in its walls along y, from x on."""
+    kept = []
+    for ax, ay, bx, by in world.tolist():
+        low, high = min(ax, bx), max(ax, bx)
+        if ay == by == y and low < x + width and high > x:
+            kept += [(low, y, x, y)] if low < x else []
+            kept += [(x + width, y, high, y)] if high > x + width else []
+        else:
+            kept.append((ax, ay, bx, by))
+    return np.array(kept)
 
 
 def test_a_scanner_may_be_mounted_anywhere() -> None:
-    mounting = ScannerPlace(x=0.4, y=-0.1, heading=0.5)
+    place = np.array([0.4, -0.1, 0.5])
     robot = np.array([0.5, 0.3, 0.2])
-    ranges = seen(OFFICE, compose(robot, [0.4, -0.1, 0.5]))
-    level = surface_points(ranges, ANGLES, SETTINGS, mounting)
-    turned = surface_points(ranges[::-1], ANGLES, SETTINGS, replace(mounting, upside_down=True))
-    assert np.allclose(np.sort(level, axis=0), np.sort(turned, axis=0), atol=0.05)
+    level = surface_points(seen(OFFICE, compose(robot, place)), ANGLES, SETTINGS, place)
     world = compose(robot, np.c_[level[:, :2], np.zeros(len(level))])[:, :2]
     assert np.abs(seen_from_walls(world)).max() < 1e-6
 
@@ -145,14 +180,6 @@ def seen_from_walls(points: Array) -> Array:
     a, b = OFFICE[:, :2], OFFICE[:, 2:]
     share = (((points[:, None] - a) * (b - a)).sum(2) / ((b - a) ** 2).sum(1)).clip(0, 1)
     return np.asarray(np.linalg.norm(points[:, None] - (a + share[..., None] * (b - a)), axis=2).min(1))
-
-
-def test_a_scan_of_artemis_is_read() -> None:
-    millimetres = (1000 * seen(OFFICE, ROUND[0])).astype("<u2")
-    value = Scan(
-        source="front", time=0.0, start_angle=ANGLES[0], increment=ANGLES[1] - ANGLES[0], ranges=millimetres.tobytes()
-    )
-    assert points_of(value, SETTINGS)[:, :2] == pytest.approx(scan(OFFICE, ROUND[0])[:, :2], abs=0.002)
 
 
 LASER = "FLASER 4 1.0 2.0 81.83 2.5 9 9 9 0.5 0.25 0.1 12.5 host 0.5\n"

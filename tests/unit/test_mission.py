@@ -336,7 +336,7 @@ def test_the_schemas_know_every_key_and_explain_some() -> None:
     properties: Any = mission["properties"]
     assert list(Mission.model_fields) == list(properties)
     definitions: Any = mission["$defs"]
-    actions = {"calibrate", "follow", "wait", "teleop", "ask", "say", "end", "stop"}
+    actions = {"calibrate", "follow", "goto", "wait", "teleop", "ask", "say", "end", "stop"}
     assert set(definitions["Step"]["properties"]) == {*actions, *WORDS, "approach"}
     approach = definitions["Step"]["properties"]["approach"]
     assert approach["description"].startswith("Drives straight ahead")

@@ -36,7 +36,9 @@ def test_inputs_are_planned_in_their_order_and_no_faster_than_the_fastest(tmp_pa
     step = load(tmp_path, {"inputs": ["a", "b"]}, a=slow, b=fast)
     assert (step.input, step.lower, step.inputs, step.speed) == ("a", ("b",), ("a", "b"), 0.5)
     assert load(tmp_path, {"inputs": ["b", "a"]}, a=slow, b=F310).speed is None
-    assert load(tmp_path, {"input": "a"}, a=slow, b=fast) == TeleopStep(input="a", seconds=None, speed=0.2)
+    assert load(tmp_path, {"input": "a"}, a=slow, b=fast) == TeleopStep(
+        input="a", seconds=None, speed=0.2, stale=(0.15,)
+    )
 
 
 def test_what_is_held_is_named_once_for_each_kind(tmp_path: Path) -> None:

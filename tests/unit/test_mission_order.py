@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from artemis.mission.order import CALIBRATED, done_before, why_not
+from artemis.mission.order import CALIBRATED, Order, why_not
 from artemis.plugins.contracts import Declared
 from artemis.states.outline import steps_in
 
@@ -24,7 +24,7 @@ BEHAVIOURS = {"sniff": Declared(outcomes=("gas",), moves=False), "closer": Decla
 def why(*steps: dict[str, Any], fact: str = CALIBRATED) -> str:
     """Why the wheels may not be aligned at the last `follow`; empty: they are; `never`: no step before does."""
     path = [path for path, word, _ in steps_in(steps) if word == "follow"][-1]
-    if fact in done_before(steps, BEHAVIOURS)[path]:
+    if fact in Order(steps, BEHAVIOURS).before[path]:
         return ""
     return why_not(steps, fact, path) or "never"
 
@@ -121,7 +121,7 @@ def test_what_is_recorded_counts_by_its_name() -> None:
 @pytest.mark.parametrize("first", [{"repeat": {"steps": [WAIT]}}, {"end": {}}, {"stop": {}}])
 def test_of_what_is_never_reached_nothing_is_said(first: Any) -> None:  # noqa: ANN401
     steps = [first, DRIVE, {"try": {"steps": [WAIT], "catch": {"gas": [DRIVE]}}}]
-    assert not [path for path in done_before(steps, BEHAVIOURS) if path[-1] == "follow"]
+    assert not [path for path in Order(steps, BEHAVIOURS).before if path[-1] == "follow"]
 
 
 @pytest.mark.parametrize(
@@ -135,4 +135,4 @@ def test_of_what_is_never_reached_nothing_is_said(first: Any) -> None:  # noqa: 
     ],
 )
 def test_what_is_no_mission_is_passed_over(steps: Any) -> None:  # noqa: ANN401
-    done_before(steps, {})
+    assert Order(steps, {}).ends["steps",]

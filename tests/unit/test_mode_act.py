@@ -15,7 +15,8 @@ from artemis.config import Config
 from artemis.plugins.contracts import Acting, Declared, State
 from artemis.progress import Acted, SignalValue
 from artemis.states.act import ActMode, Observing
-from artemis.states.plan import BehaviourStep, Plan, Shared, WaitStep
+from artemis.states.condition import Compare
+from artemis.states.plan import BehaviourStep, Plan, Shared, Step, WaitStep
 from artemis.states.ready import ReadyMode
 from artemis.states.tree import Leaf, Steps, Together, tree_of
 from artemis.values import DriveCommand, Event, Odometry, SetPoints, Snapshot, Wish
@@ -275,10 +276,23 @@ def test_what_it_told_last_counts_until_it_begins_anew() -> None:
     player = Player(ActMode(steps))
     player.tick()
     assert steps.position.step == 1
-    assert steps._signals(snapshot())["gas_ppm"] == 5.0
+    assert steps.position.told == (SignalValue(name="gas_ppm", value=5.0),)
     steps.advance(Wish(over=True), snapshot(), standing=True)
     assert steps.position.step == 2
-    assert "gas_ppm" not in steps._signals(snapshot())
+    assert not steps.position.told
+
+
+def test_what_it_told_is_known_to_a_run_that_goes_on_after_it_has_ended() -> None:
+    told = StubBehaviour(lambda: Acting(outcome="done", signals={"gas_ppm": 5.0}))
+    steps: tuple[Step, ...] = (step_of(told), WaitStep(seconds=1.0), WaitStep(condition=Compare("gas_ppm", ">", 4.0)))
+    first = shared(*steps)
+    Player(ActMode(first)).tick()
+    assert first.position.step == 1
+    second = Shared(replace(first.plan, begin=first.position))
+    player = Player(ReadyMode(second))
+    while second.position.step < 3 and player.time < 3.0:
+        player.tick()
+    assert second.current is None
 
 
 def test_ready_asks_for_the_mode_of_the_step() -> None:

@@ -24,9 +24,9 @@ from msgspec.structs import replace
 
 from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
-from artemis.states.follow import FollowMode
+from artemis.states.follow import CONTRADICTED, FollowMode
 from artemis.states.plan import FollowStep, Shared
-from artemis.values import DriveCommand, Event, Odometry, SetPoints, Snapshot, Wish
+from artemis.values import DriveCommand, Event, LocatedPose, Odometry, SetPoints, Snapshot, Wish
 
 
 def follow(answer: Callable[[], Any] | None = None, **options: Any) -> tuple[Player, StubFollower, Shared]:
@@ -112,6 +112,14 @@ def test_path_is_not_gone_on_with_when_the_place_of_the_robot_is_not_known() -> 
         assert wish.command == DriveCommand(speed=0.0, steering=0.2)
         player.enter()
     assert (follower.steps, steps.position.done) == (1, done)
+
+
+def test_path_is_not_gone_on_with_where_fixes_say_that_the_robot_is_somewhere_else() -> None:
+    player, follower, _ = follow()
+    assert player.tick(pose=LocatedPose(contradicted=CONTRADICTED)).fault is None
+    wish = player.tick(pose=LocatedPose(contradicted=CONTRADICTED + 0.02))
+    assert fault_of(wish) == ("LOC-02", "")
+    assert (wish.command.speed, follower.steps) == (0.0, 1)
 
 
 def test_path_is_begun_from_nearby() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from threading import Event, get_ident
+from types import FrameType
 from typing import Any, ClassVar
 
 import pytest
@@ -13,6 +15,8 @@ from artemis.devices.can_bus import Traffic
 from artemis.plugins.observing import Observation
 from artemis.values import Tick
 
+CALLS = 13
+"""Of functions, for an observer in a tick: to hand over, and to ask for problems."""
 TICKS = [observed.tick for observed, _ in zip(synthetic_run.run(), range(20), strict=False)]
 
 
@@ -107,6 +111,24 @@ def test_a_slow_observer_delays_no_tick_and_what_it_misses_is_counted_and_said_o
     observation.close()
     assert watcher.seen == [0, *range(15, 20)], "the newest are kept"
     assert observation.take_problems() == [("PLG-03", "page", "14 ticks were not seen, the first is 1")]
+
+
+def test_a_tick_wakes_nobody_and_makes_few_calls() -> None:
+    observers = [Observation("page", Watcher(), threaded=True) for _ in range(3)]
+    calls: list[str] = []
+
+    def count(frame: FrameType, event: str, argument: object) -> None:
+        calls.append(getattr(argument, "__name__", frame.f_code.co_name))
+
+    sys.setprofile(count)
+    for observer in observers:
+        observer.see(TICKS[0], (), 0.0)
+        observer.take_problems()
+    sys.setprofile(None)
+    for observer in observers:
+        observer.close()
+    assert "notify" not in calls
+    assert len(calls) <= 3 * CALLS, calls
 
 
 def test_an_observer_that_hangs_is_left_behind() -> None:

@@ -5,34 +5,33 @@ from math import inf, radians
 
 import numpy as np
 import pytest
-from obstacle_scenes import (
+
+from artemis.motion.beams import LOST
+from artemis.motion.obstacles import BLOCKED_TIME, REVERSE_SPEED, UNKNOWN_SPEED, UNSEEING_SPEED, ObstacleStop
+from artemis.scan import Clearance, ObstacleRules, Scan
+from artemis.values import DriveCommand, LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict, Wish
+from artemis.vehicle import RobotFile
+from artemis_lab.bench.obstacle_scenes import (
     ANGLES,
     BEAMS,
     FIELD,
     OUTLINE,
     PERIOD,
+    SCANNER,
     Driver,
-    Errors,
+    ScanErrors,
     Scene,
+    Steady,
+    corridor,
+    crossed,
     drive,
     random_drive,
     random_scene,
     robot_with_scanner,
 )
 
-from artemis.motion.obstacles import BLOCKED_TIME, REVERSE_SPEED, STALE, UNKNOWN_SPEED, UNSEEING_SPEED, ObstacleStop
-from artemis.scan import Clearance, ObstacleRules, Scan
-from artemis.values import DriveCommand, LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict, Wish
-
 STOP = ObstacleRules(mode="stop")
 FRONT = OUTLINE.front_m
-
-
-class Steady(Driver):
-    """Wishes one speed and angle."""
-
-    def __init__(self, speed: float, steering: float = 0.0) -> None:
-        self._until, self._command = inf, DriveCommand(speed=speed, steering=steering)
 
 
 def wall(ahead: float, turned: float = 0.0) -> Scene:
@@ -44,10 +43,10 @@ def wall(ahead: float, turned: float = 0.0) -> Scene:
 class Watch:
     """An obstacle stop that is asked tick by tick."""
 
-    def __init__(self, rules: ObstacleRules = STOP, least: float = 0.5) -> None:
-        robot = robot_with_scanner()
+    def __init__(self, rules: ObstacleRules = STOP, least: float = 0.5, robot: RobotFile | None = None) -> None:
+        robot = robot or robot_with_scanner()
         mounted = robot.scanners["front"].model_copy(update={"least_range_m": least})
-        self.stop = ObstacleStop(robot.model_copy(update={"scanners": {"front": mounted}}))
+        self.stop = ObstacleStop(robot.model_copy(update={"scanners": {"front": mounted}}), [rules])
         self.rules, self.tick = rules, 0
         self.odometry = Odometry(distance=0.0)
 
@@ -65,7 +64,9 @@ class Watch:
         if ranges is not None:
             packed = np.round(1000.0 * ranges).astype("<u2").tobytes()
             scans = (
-                Scan(source="front", time=now, start_angle=-FIELD, increment=2 * FIELD / (BEAMS - 1), ranges=packed),
+                Scan(
+                    source="front", time=now, start_angle=-FIELD, increment=2 * FIELD / (len(ranges) - 1), ranges=packed
+                ),
             )
         snapshot = Snapshot(
             sensed=Sensed(index=self.tick, time=now, scans=scans),
@@ -101,6 +102,31 @@ def test_stands_before_a_wall(turned: int, speed: float) -> None:
     assert 0.05 <= outcome.nearest <= 0.30
 
 
+@pytest.mark.parametrize(("clear", "margin"), [(0.5, 0.08), (1.0, 0.08), (1.0, 1.0)])
+def test_a_great_distance_to_keep_slows_down_on_no_free_path(clear: float, margin: float) -> None:
+    rules = ObstacleRules(mode="stop", clear=clear, margin=margin)
+
+    assert Watch(rules).known().look(np.zeros(BEAMS), command=0.7, speed=0.7) is None
+    outcome = drive(wall(3.0), Steady(0.7), 3, seconds=6.0, rules=rules)
+    assert clear + margin - 0.05 <= 3.0 - outcome.driven <= clear + margin + 0.1
+    assert outcome.fastest == pytest.approx(0.7)
+
+
+def test_a_slow_robot_looks_as_far_as_it_is_to_stand_off() -> None:
+    robot = robot_with_scanner()
+    slow = robot.limits.model_copy(update={"speed_m_s": 0.1, "deceleration_m_s2": 2.0})
+    far = ObstacleRules(mode="stop", clear=1.0, margin=1.0)
+    watch = Watch(far, robot=robot.model_copy(update={"limits": slow})).known()
+    x, y = FRONT + 1.95 - SCANNER.x_m, OUTLINE.half_width_m + 0.95
+    pole = np.where(np.abs(ANGLES - math.atan2(y, x)) < 0.02, math.hypot(x, y), 0.0)
+    watch.look(pole, speed=0.1)
+
+    found = watch.look(pole, speed=0.1)
+
+    assert found is not None
+    assert found.speed == 0.0
+
+
 @pytest.mark.parametrize("aside", [-0.3, -0.15, 0.0, 0.3])
 def test_stands_before_a_pole_of_2_cm(aside: float) -> None:
     scene = Scene(circles=np.array([[FRONT + 1.0, aside, 0.01]]))
@@ -108,16 +134,15 @@ def test_stands_before_a_pole_of_2_cm(aside: float) -> None:
     assert 0.05 <= drive(scene, Steady(0.7), 3, seconds=3.0).nearest <= 0.25
 
 
-def test_a_narrow_corridor_is_driven_without_slowing_down() -> None:
-    scene = Scene(np.array([[-2.0, 0.45, 40.0, 0.45], [-2.0, -0.45, 40.0, -0.45]]))
-
-    outcome = drive(scene, Steady(0.7), 5, seconds=12.0, errors=Errors(dust=0.0))
+@pytest.mark.parametrize("seed", [301, pytest.param(5, marks=pytest.mark.exhaustive)])
+def test_a_narrow_corridor_is_driven_without_slowing_down(seed: int) -> None:
+    outcome = drive(corridor(0.90, 40.0), Steady(0.7), seed, seconds=12.0, errors=ScanErrors(dust=0.0))
 
     assert outcome.slowed == 0
     assert outcome.fastest == pytest.approx(0.7)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("seed", range(2000, 2040))
 def test_touches_nothing_that_stands(seed: int) -> None:
     outcome = random_drive(seed, seconds=6.0, reverse=0.15)
@@ -136,22 +161,10 @@ def test_scenes_would_be_touched_without_it() -> None:
     assert touched >= 4
 
 
-def crossing(seed: int) -> tuple[Scene, float]:
-    """A person who walks at 1.5 m/s to where the robot would be, and never yields; how long that takes [s]."""
-    dice = np.random.default_rng(seed)
-    meet = dice.uniform(1.5, 3.5)
-    angle = radians(dice.uniform(45.0, 135.0)) * (1.0 if dice.random() < 0.5 else -1.0)
-    x, y = 0.7 * (meet - 0.7) + dice.uniform(-0.3, 0.9), dice.uniform(-0.2, 0.2)
-    walk = 1.5 * math.cos(angle), 1.5 * math.sin(angle)
-    return Scene(circles=np.array([[x - walk[0] * meet, y - walk[1] * meet, 0.2]]), moves=np.array([walk])), meet
-
-
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("seed", range(30))
 def test_a_person_who_crosses_meets_a_robot_that_stands(seed: int) -> None:
-    scene, meet = crossing(seed)
-
-    outcome = drive(scene, Steady(0.7), seed, seconds=meet + 1.0)
+    outcome = crossed(seed)
 
     assert outcome.nearest > 0.0 or outcome.speed <= 0.1
 
@@ -165,7 +178,7 @@ def test_an_old_scan_slows_down_and_then_stops() -> None:
     speeds = []
     watch.look(ahead(1.2))
     watch.look(ahead(1.2))
-    for _ in range(round(STALE / PERIOD) + 2):
+    for _ in range(round(LOST / PERIOD) + 2):
         found = watch.look()
         speeds.append(found.speed if found else inf)
 
@@ -189,6 +202,24 @@ def test_one_beam_once_is_dust_but_not_while_creeping() -> None:
     assert moving is None
     assert moving_again is not None
     assert creeping is not None
+
+
+def test_a_slower_scanner_may_take_longer() -> None:
+    watch = Watch().known()
+    for tick in range(50):
+        found = watch.look(ahead(4.0) if tick % 5 == 0 else None)
+        assert found is None or found.speed > 0.5, tick
+
+    silent = [watch.look() for _ in range(15)]
+
+    assert [each is not None and each.speed == 0.0 for each in silent] == [tick >= 8 for tick in range(15)]
+
+
+def test_another_number_of_beams_is_another_view() -> None:
+    watch = Watch().known()
+    backwards = [watch.look(np.zeros(beams), command=-0.5) for beams in (BEAMS, 271, 271, 1081, 1081)]
+
+    assert all(found is not None and found.speed > 0.0 for found in backwards)
 
 
 def test_starts_slowly_for_what_stood_too_near_to_be_seen() -> None:

@@ -10,10 +10,10 @@ import pytest
 
 from artemis.errors import PluginError
 from artemis.plugins import registry
-from artemis.plugins.contracts import follower_speed, input_speed, is_live, is_pure
 from artemis.plugins.followers.indiveri import IndiveriFollower
 from artemis.plugins.inputs.scripted import ScriptedInput
 from artemis.plugins.registry import FOLLOWERS, INPUTS, listing, load
+from artemis.plugins.stated import follower_speed, input_speed, is_live, is_pure
 
 GOOD = """
 from artemis.config import Config

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from artemis.mapping.occupancy import FREE, OCCUPIED, OccupancyMap
 from artemis.sim.grid import MapGrid
 from artemis.sim.scenery import HALL, Crate, Person, Pole, Scenery, Surroundings2D, Wall
 
@@ -93,10 +94,15 @@ def test_a_wall_is_met_where_the_lines_cross(ax: float, ay: float, bx: float, by
     assert hypot(x - ax, y - ay) + hypot(x - bx, y - by) <= length + 1e-3
 
 
+def grid_of(occupied: NDArray[np.bool_], x: float = 0.0, y: float = 0.0) -> MapGrid:
+    cells = np.where(occupied, OCCUPIED, FREE).astype(np.int8)
+    return MapGrid(OccupancyMap(cells=cells, resolution=0.05, origin=(x, y, 0.0)))
+
+
 def test_a_map_is_seen_like_the_walls_that_it_shows() -> None:
     occupied = np.zeros((200, 300), bool)
     occupied[[0, -1], :] = occupied[:, [0, -1]] = True
-    grid = MapGrid(occupied, 0.05, -5.0, -4.0)  # 15 x 10 m, its inner side from (-4.95, -3.95) to (9.95, 5.95)
+    grid = grid_of(occupied, -5.0, -4.0)  # 15 x 10 m, its inner side from (-4.95, -3.95) to (9.95, 5.95)
     angles = np.radians(np.arange(0.0, 360.0, 0.5))
     beams = len(angles)
     found = Surroundings2D(Scenery(), grid).seen(np.zeros(beams), np.zeros(beams), angles, 0.0).distance
@@ -106,14 +112,14 @@ def test_a_map_is_seen_like_the_walls_that_it_shows() -> None:
 
 
 def test_beams_that_leave_the_map_meet_nothing() -> None:
-    grid = MapGrid(np.zeros((10, 10), bool), 0.05, 0.0, 0.0)
+    grid = grid_of(np.zeros((10, 10), bool))
     far = np.full(4, 100.0)
     assert grid.distances(far, far, np.array([1.0, -1, 0, 0]), np.array([0.0, 0, 1, -1])).tolist() == [inf] * 4
     assert np.isinf(grid.distances(np.full(1, 0.2), np.full(1, 0.2), np.ones(1), np.zeros(1))).all()
 
 
 def test_a_map_is_seen_from_beside_it() -> None:
-    grid = MapGrid(np.ones((10, 10), bool), 0.05, 0.0, 0.0)
+    grid = grid_of(np.ones((10, 10), bool))
     assert grid.distances(np.array([-2.0]), np.array([0.25]), np.ones(1), np.zeros(1))[0] == pytest.approx(
         2.0, abs=0.05
     )

@@ -51,7 +51,10 @@ def test_one_scanner_has_one_place() -> None:
 def test_a_world_with_a_map_beside_it(tmp_path: Path) -> None:
     world = tmp_path / "world.yaml"
     world.write_text("poles: [{x_m: 1, y_m: 2, diameter_m: 0.1}]\nmap_file: hall.yaml\n")
-    (tmp_path / "hall.yaml").write_text("image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    words = (
+        "image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    (tmp_path / "hall.yaml").write_text(words)
     (tmp_path / "hall.pgm").write_text("P2 2 1 255 0 254")
     scenery, grid = scenery_from(world)
     assert len(scenery.poles) == 1

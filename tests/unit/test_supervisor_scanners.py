@@ -109,9 +109,31 @@ def test_no_scan(watch: Looked) -> None:
     assert "no scan for 180 ms" in watch.verdict.faults[0].text
 
 
+def every(ticks: int) -> Change:
+    """A scanner that scans only in every so-many-th tick."""
+
+    def change(number: int, scan: Scan) -> Scan | None:
+        return None if number % ticks else replace(scan, counter=scan.counter // ticks)
+
+    return change
+
+
+@pytest.mark.parametrize(("ticks", "longest"), [(2, 0.17), (4, 0.20), (5, 0.25), (10, 0.50), (20, 0.50)])
+def test_a_slow_scanner_is_lost_after_two_and_a_half_of_its_own_periods(ticks: int, longest: float) -> None:
+    watch = Looked()
+    assert set(watch.see(3.0, every(ticks))) == {Severity.NONE}
+    silent = (watch.time - PERIOD) % (ticks * PERIOD)  # since its last scan
+    assert watch.after("LAS-01", lambda number, scan: None, S2) == pytest.approx(longest - silent, abs=1.01 * PERIOD)
+
+
+def test_a_scan_that_got_lost_makes_no_slower_scanner(watch: Looked) -> None:
+    watch.see(1.0, lambda number, scan: None if number % 2 else scan)
+    assert watch.after("LAS-01", lambda number, scan: None, S2) == pytest.approx(8 * PERIOD, abs=1.01 * PERIOD)
+
+
 def test_a_scanner_has_time_to_begin() -> None:
     watch = Looked()
-    assert watch.after("LAS-01", lambda number, scan: None, S2, 60.0) == pytest.approx(BEGIN_TIME + 0.17, abs=PERIOD)
+    assert watch.after("LAS-01", lambda number, scan: None, S2, 60.0) == pytest.approx(BEGIN_TIME, abs=PERIOD)
     assert "no scan yet" in watch.verdict.faults[0].text
 
 
@@ -202,6 +224,36 @@ def test_in_the_open_more_than_four_fifths_without_return_are_blind() -> None:
     assert seen == 541 - 31
 
 
+def test_out_into_the_open_and_close_to_a_wall_nothing_is_blind(watch: Looked) -> None:
+    def opening(number: int, scan: Scan) -> Scan:
+        ranges = scan.millimetres.copy()
+        ranges[: 11 * number] = 0 if number < 50 else ranges[: 11 * number]
+        return replace(scan, ranges=np.where(ranges, ranges + np.uint16(9000), 0).astype(np.uint16).tobytes())
+
+    assert watch.after("LAS-06", opening, L) is None
+
+    def nearing(number: int, scan: Scan) -> Scan:
+        wall = 700 - 15 * number
+        return replace(scan, ranges=np.full(541, wall if wall > 500 else 0, np.uint16).tobytes())
+
+    assert Looked().after("LAS-06", nearing, L) is None
+
+
+def test_a_few_returns_in_the_open_that_are_lost_at_once_are_a_cover() -> None:
+    def covered(number: int, scan: Scan) -> Scan:
+        ranges = np.zeros(541, np.uint16)
+        ranges[100:300:10] = 9000 if number < 40 else 0
+        return replace(scan, ranges=ranges.tobytes())
+
+    watch = Looked()
+    watch.mode = Mode.INIT
+    watch.see(0.1, covered)
+    watch.tick(requests=(Request.ACKNOWLEDGE,))
+    watch.see(0.7, covered)
+    assert "LAS-06" not in watch.ids()
+    assert watch.after("LAS-06", covered, L) is not None
+
+
 def test_a_person_who_has_looked_is_believed(watch: Looked) -> None:
     change = blank(100, 200)
     assert watch.after("LAS-06", change, S2) is not None
@@ -213,6 +265,26 @@ def test_a_person_who_has_looked_is_believed(watch: Looked) -> None:
     watch.tick(scans=(scan,), requests=(Request.ACKNOWLEDGE,))
     watch.see(1.0, change)
     assert watch.verdict.faults == ()
+
+
+@pytest.mark.parametrize("mode", [Mode.CALIBRATE, Mode.TELEOP, Mode.FOLLOW, Mode.ACT])
+def test_an_acknowledgement_says_nothing_of_a_scanner_while_the_robot_drives(watch: Looked, mode: Mode) -> None:
+    change = blank(100, 200)
+    watch.mode = mode
+    watch.see(0.2)
+    watch.tick(requests=(Request.ACKNOWLEDGE,))
+    assert watch.after("LAS-06", change, L) is not None
+    watch.tick(requests=(Request.ACKNOWLEDGE,))
+    assert watch.after("LAS-06", change, S2) is not None
+
+
+def test_an_acknowledgement_before_a_cover_does_not_count_for_it(watch: Looked) -> None:
+    watch.mode = Mode.READY
+    watch.see(0.2)
+    covered = replace(watch.scan(), ranges=bytes(2 * 541))
+    watch.tick(requests=(Request.ACKNOWLEDGE,))
+    watch.tick(scans=(covered,))
+    assert watch.after("LAS-06", lambda number, scan: replace(scan, ranges=covered.ranges), L) is not None
 
 
 def late(seconds: float) -> Change:

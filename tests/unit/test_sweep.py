@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from artemis.motion.sweep import Rectangle, free_distance, stopping_speed
+from artemis.motion.sweep import Rectangle, free_distances, stopping_speed
 
 BOX = Rectangle(-0.20, 0.78, 0.32)
 STEP, FARTHEST = 5e-4, 2.0
@@ -34,7 +34,7 @@ def test_contact_is_where_a_robot_rolled_in_small_steps_touches() -> None:
         forward = bool(dice.integers(2))
         half_turn = pi / abs(curvature) if curvature else inf
 
-        found = free_distance(points, curvature, box, forward=forward)
+        found = free_distances(points, [curvature], box, forward=forward)[0]
         truth = rolled_until_contact(points, curvature, box, forward)
 
         touched += isfinite(truth)
@@ -46,12 +46,12 @@ def test_contact_is_where_a_robot_rolled_in_small_steps_touches() -> None:
 
 
 def test_no_points_are_no_contact() -> None:
-    assert free_distance(np.zeros((2, 0)), 0.3, BOX) == inf
+    assert free_distances(np.zeros((2, 0)), [0.3], BOX) == [inf]
 
 
 def test_what_is_inside_is_touched() -> None:
-    assert free_distance(np.array([[0.1], [0.0]]), -0.3, BOX) == 0.0
-    assert free_distance(np.array([[0.1], [0.0]]), 0.0, BOX, forward=False) == 0.0
+    assert free_distances(np.array([[0.1], [0.0]]), [-0.3, 0.3], BOX) == [0.0, 0.0]
+    assert free_distances(np.array([[0.1], [0.0]]), [0.0], BOX, forward=False) == [0.0]
 
 
 @given(
@@ -66,8 +66,8 @@ def test_a_larger_outline_is_touched_no_later(
 ) -> None:
     point = np.array([[x], [y]])
 
-    small = free_distance(point, curvature, BOX, forward=forward)
-    large = free_distance(point, curvature, BOX.grown(margin), forward=forward)
+    small = free_distances(point, [curvature], BOX, forward=forward)[0]
+    large = free_distances(point, [curvature], BOX.grown(margin), forward=forward)[0]
 
     half_turn = pi / max(abs(curvature), 1e-3)
     assert large <= small + 1e-6 or small >= half_turn - 1e-6
@@ -75,10 +75,27 @@ def test_a_larger_outline_is_touched_no_later(
 
 @given(x=st.floats(-2, 2), y=st.floats(-2, 2), curvature=st.floats(-3, 3), forward=st.booleans())
 def test_left_and_right_are_mirrored(x: float, y: float, curvature: float, forward: bool) -> None:
-    left = free_distance(np.array([[x], [y]]), curvature, BOX, forward=forward)
-    right = free_distance(np.array([[x], [-y]]), -curvature, BOX, forward=forward)
+    left = free_distances(np.array([[x], [y]]), [curvature], BOX, forward=forward)[0]
+    right = free_distances(np.array([[x], [-y]]), [-curvature], BOX, forward=forward)[0]
 
     assert left == pytest.approx(right, abs=1e-3)
+
+
+def test_several_arcs_at_once_and_nothing_that_is_farther() -> None:
+    dice, limited = np.random.default_rng(2), 0
+    for _ in range(500):
+        points = dice.uniform(-2.0, 2.0, (2, 20))
+        points = points[:, (np.abs(points[1]) > BOX.half_width) | (points[0] > BOX.front) | (points[0] < BOX.rear)]
+        largest = dice.choice([0.1, 1.0, 3.0])
+        curvatures = dice.uniform(-largest, largest, 3).tolist()
+        within, forward = dice.uniform(0.2, 1.0), bool(dice.integers(2))
+
+        found = free_distances(points, curvatures, BOX, within, forward=forward)
+        alone = [free_distances(points, [each], BOX, forward=forward)[0] for each in curvatures]
+
+        limited += within in found
+        assert found == [min(within, each) for each in alone]
+    assert 100 < limited < 500
 
 
 @given(distance=st.floats(0.001, 20), reaction=st.floats(0.0, 1.0), deceleration=st.floats(0.1, 10))

@@ -15,10 +15,9 @@ from artemis.devices.hid.descriptor import Descriptor
 from artemis.errors import HidError
 from artemis.plugins.inputs.controls import Controls, values_of
 from artemis.plugins.inputs.hands import Hands
+from artemis.plugins.stated import STALE
 from artemis.values import OperatorInput, Request
 
-STALE = 0.15
-"""Silence of this length [s] of a device that always reports: it is frozen (INP-03)."""
 REST = 0.5
 """So long everything has to be released [s] after a device was plugged in or lost, before enable counts (INP-02)."""
 DOUBT, GONE = 2.0, 4.0

@@ -5,8 +5,7 @@ from __future__ import annotations
 from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S2, WARN, Found, K, Row, Threshold, automatic
 
 _TEN = 10 * MINUTE
-_ABSENT, _LOADING = Found.ABSENT, Found.LOADING
-_LOCALISATION = "a localizer's fixes are judged one by one: such a pose is not used"
+_LOADING = Found.LOADING
 
 SURROUNDINGS: dict[str, Row] = {
     "LAS-01": Row(
@@ -17,8 +16,8 @@ SURROUNDINGS: dict[str, Row] = {
         "the scanner is lost",
         "its cable, power and address",
         within=0.19,
-        of="seconds since its last scan, and where its connection fails",
-        stages=(Threshold(S2, 0.17),),
+        of="seconds that its next scan is overdue after 0.17 s or 2.5 of its periods; and where its connection fails",
+        stages=(Threshold(S2),),
     ),
     "LAS-02": Row(
         "scanner frozen",
@@ -69,7 +68,7 @@ SURROUNDINGS: dict[str, Row] = {
         "the scanner is covered or blinded",
         "look at its window",
         within=1.04,
-        of="more than 80 % of the beams without return, or 20 neighbours that had one nearer than 3 m",
+        of="more than 80 % of the beams lose their return, or 20 neighbours that had one nearer than 3 m",
         stages=(Threshold(LIMIT, 0.0, 0.1), Threshold(S2, 0.0, 1.0)),
     ),
     "LAS-07": Row(
@@ -101,10 +100,54 @@ SURROUNDINGS: dict[str, Row] = {
         "no localizer has seen the robot for too long",
         "does it see the robot? drive back by hand to where it does",
     ),
-    "LOC-02": Row("pose jump", _ABSENT, S2, automatic(2, _TEN), reason=_LOCALISATION),
-    "LOC-03": Row("divergence", _ABSENT, S2, automatic(1, _TEN), reason=_LOCALISATION),
-    "LOC-04": Row("pose is not a number", _ABSENT, S2, ITSELF, reason=_LOCALISATION),
-    "LOC-05": Row("pose times run backwards", _ABSENT, S2, ITSELF, reason=_LOCALISATION),
+    "LOC-02": Row(
+        "pose jump",
+        Found.MODE,
+        S2,
+        automatic(2, _TEN)._replace(settle=2.0),
+        "the localizer says that the robot is somewhere else",
+        "was the robot carried, or does the localizer see something else? look where it stands",
+        within=0.44,
+    ),
+    "LOC-03": Row(
+        "divergence",
+        Found.MEASURED,
+        S2,
+        automatic(1, _TEN),
+        "the localizer is not sure where the robot is",
+        "does what it sees look as on the map? drive by hand to where it does",
+        within=0.12,
+        of="how sure the localizer is of itself: 0 sure, 1 lost; a robot that stands goes on once it is found",
+        stages=(Threshold(LIMIT, 0.5, 1.0), Threshold(S2, 0.999)),
+    ),
+    "LOC-04": Row(
+        "pose is not a number",
+        Found.EDGE,
+        S2,
+        ITSELF,
+        "the localizer tells poses that cannot be true",
+        "see what it told; fix the plugin",
+        within=0.4,
+    ),
+    "LOC-05": Row(
+        "pose times wrong",
+        Found.MEASURED,
+        S2,
+        ITSELF,
+        "the localizer tells poses of the future, or older than two seconds",
+        "its clock, and what delays it",
+        within=0.7,
+        of="such ones of its last ten",
+        stages=(Threshold(WARN), Threshold(S2, 5.0)),
+    ),
+    "LOC-06": Row(
+        "localizer slow",
+        Found.EDGE,
+        WARN,
+        ITSELF,
+        "the localizer does not keep up",
+        "what else does this computer do? have it match fewer scans (rate_hz)",
+    ),
     "PTH-01": Row("path missing", _LOADING, within=0.0),
     "PTH-02": Row("path with wrong points", _LOADING, within=0.0),
     "PTH-03": Row("path too sharp", _LOADING, within=0.0),

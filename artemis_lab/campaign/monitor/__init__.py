@@ -25,13 +25,15 @@ I10 Faults that need a person wait for one, final ones for ever; automatic recov
 I11 The journal has no gaps; each change of the mode is one that may be, and has its cause. (That a replay gives the
     same commands, I12, that nothing grows from run to run, and I13, that a run which was killed is resumed as if it had
     not been, is checked by whoever does the runs.)
+I14 A robot with scanners touches nothing that stands; somebody who walks touches it at most while it stands. It stands
+    for what is near, and for nothing else. While its scans come late it is as much slower.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from artemis_lab.campaign.monitor import faults, frames, motion, set_points
+from artemis_lab.campaign.monitor import contacts, faults, frames, motion, set_points
 from artemis_lab.campaign.monitor.evidence import Evidence, Violation
 
 INVARIANTS: tuple[Callable[[Evidence], Iterator[Violation]], ...] = (
@@ -52,6 +54,9 @@ INVARIANTS: tuple[Callable[[Evidence], Iterator[Violation]], ...] = (
     set_points.limits,
     faults.recoveries,
     faults.journal_whole,
+    contacts.touches_nothing,
+    contacts.stands_in_time,
+    contacts.stands_for_something,
 )
 
 

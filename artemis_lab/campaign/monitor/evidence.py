@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf
 from typing import Any, NamedTuple
@@ -13,6 +13,9 @@ from artemis.vehicle import RobotFile
 from artemis_lab.campaign.monitor.journal_reader import ReadJournal
 from artemis_lab.campaign.monitor.wire import TARGET_VELOCITY, SetPoint, Wire, WriteRequest
 from artemis_lab.campaign.witness import SIDES, Heard, Look
+
+LATE_SCANS = "LAS-07"
+"""Its `seconds` are those of the scans: the process goes on."""
 
 
 class Violation(NamedTuple):
@@ -43,7 +46,7 @@ class Injected(NamedTuple):
     def standstill(self) -> float:
         """How long the whole process does nothing by it [s], at most: plugins are late up to three times."""
         times = self.options.get("times") or (1 if self.id.startswith("SYS") else 3)
-        return float(self.options["seconds"] * times) if "seconds" in self.options else 0.0
+        return float(self.options["seconds"] * times) if "seconds" in self.options and self.id != LATE_SCANS else 0.0
 
     @property
     def is_counted(self) -> bool:
@@ -80,6 +83,10 @@ class Evidence:
     """Exit status; None: the program failed or was killed."""
     stick: Sequence[Stick] = ()
     """Rows of the scripted stick, if the mission has one."""
+    world: Mapping[str, Any] = field(default_factory=dict)
+    """What stands and walks around a robot with scanners, as in a mission file."""
+    rules: Mapping[str, Any] = field(default_factory=dict)
+    """What such a mission says of obstacles."""
 
     @cached_property
     def wire(self) -> Wire:

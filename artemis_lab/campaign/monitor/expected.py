@@ -59,6 +59,10 @@ OFTEN_LATE = 0.02
 BLOCKED = 1.15
 """Wheels that do not turn are noticed in 1 s (RUN-04); the injection brakes both from any speed in 0.15 s."""
 LOST = ("COM-22",)
+OFTEN_DAMAGED = 0.5
+"""Of so large a share of damaged telegrams some are among the first ones."""
+SO_LATE = 0.22
+"""Scans that are at once so much later [s] leave a gap that has to be noticed."""
 
 EXPECTED: dict[str, Expected] = {
     **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",), coasts=True) for number in _CUT},
@@ -152,6 +156,13 @@ EXPECTED: dict[str, Expected] = {
     "EST-01": Expected(W, 0.04, ("DRV-04", "EST-01"), coasts=True),
     "EST-03": Expected(W, 0.04, ("DRV-04", "EST-01"), coasts=True),
     "EST-04": Expected(W, 0.04, ("DRV-04", "EST-01"), coasts=True),
+    "LAS-01": Expected(W, 0.19, ("LAS-01",), stop="S2"),
+    "LAS-02": Expected(W, 0.17, ("LAS-02",), stop="S2"),
+    "LAS-03": Expected(W, 0.27, ("LAS-03", "LAS-01"), stop=""),
+    "LAS-04": HARMLESS,
+    "LAS-05": Expected(W, 0.2, ("LAS-05",), stop="S2"),
+    "LAS-06": Expected(W, 0.2, ("LAS-06",), stop=""),  # S2 after a second
+    "LAS-07": Expected(W, 0.25, ("LAS-01",), stop="S2"),
     "OPR-01": HARMLESS,
     "OPR-02": HARMLESS,
 }
@@ -164,6 +175,8 @@ def expectation(injected: Injected, tick: float) -> Expected:
         return UNTOLD if injected.id == NO_REACTION else UNHEARD
     if injected.id == UNKEPT and injected.node.startswith("steer") and "index" not in injected.options:
         return UNTOLD
+    if injected.id.startswith("LAS"):
+        return _of_scanner(injected, expected)
     seconds = injected.options.get("seconds")
     if seconds is None or (expected.when is not When.FOLLOWING and expected.shows != STALL.shows):
         return expected
@@ -174,3 +187,17 @@ def expectation(injected: Injected, tick: float) -> Expected:
     behind = max(0.0, seconds - tick)  # three late answers in a row make the ticks late, too
     shows = (*expected.shows, "SYS-01") if behind > OFTEN_LATE else expected.shows
     return expected._replace(within=expected.within + 3 * behind, shows=shows)
+
+
+def _of_scanner(injected: Injected, expected: Expected) -> Expected:
+    """A laser scanner's: little of it shows late or never, and the robot need not stop."""
+    options = injected.options
+    if injected.id == "LAS-03" and options.get("share", 0.8) < OFTEN_DAMAGED:
+        return UNTOLD
+    if injected.id == "LAS-05" and options.get("status") == "dirty":
+        return expected._replace(stop="")
+    if injected.id == "LAS-06" and "sector_deg" in options:
+        return UNTOLD
+    if injected.id == "LAS-07" and (options.get("seconds", 0.3) < SO_LATE or options.get("within_s")):
+        return UNTOLD
+    return expected

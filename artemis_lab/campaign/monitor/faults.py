@@ -27,13 +27,21 @@ RECOVERIES = 5
 """Automatic recoveries in a run; then a person is needed."""
 AUTOMATIC = {
     **dict.fromkeys(("DRV-18", "DRV-23", "COM-28", "PLG-02", "PTH-07", "COM-25"), 1),
-    **dict.fromkeys(("COM-03", "COM-11", "COM-14", "COM-15"), 2),
+    **dict.fromkeys(("COM-03", "COM-11", "COM-14", "COM-15", "LAS-05"), 2),
     **dict.fromkeys(("COM-07", "COM-08", "COM-31", "RUN-05", "SYS-01", "INP-01", "INP-03", "INP-06"), 3),
+    **dict.fromkeys(("LAS-01", "LAS-02"), 5),
 }
 """Automatic recoveries of single rows in a run of less than a minute; what is forgotten together is one."""
-BY_ITSELF = ("COM-16", "COM-20", "COM-09", "COM-06", "RUN-12", "INP-08", "DSK-02", "DSK-03", "DSK-05")
+BY_ITSELF = (
+    *("COM-16", "COM-20", "COM-09", "COM-06", "RUN-12", "INP-08", "DSK-02", "DSK-03", "DSK-05"),
+    *("LAS-03", "LAS-06", "LAS-07", "LAS-08"),
+)
 FINAL = ("DRV-05", "DRV-21", "COM-18", "COM-19", "RUN-03", "RUN-08", "STE-04", "STE-07", "PLG-05", "PLG-07", "SYS-04")
 """Rows that no acknowledgment clears."""
+UNSUPPLIED = ("COM-32", "COM-33")
+"""A drive has no supply."""
+FROZEN = (("STE-07", "STE-05"),)
+"""The first keeps the second from being measured: a potentiometer that is frozen says nothing of the coupling."""
 
 
 class Seen(NamedTuple):
@@ -59,9 +67,22 @@ def judged(e: Evidence) -> Iterator[tuple[Injected, Expected, float]]:
             deadline += e.tick
         deadline += _stands_still(e, injected, deadline)
         lasts = injected.until > deadline + LASTS and gone >= deadline
-        new = not injected.is_counted and not _is_told(e, injected)
+        new = not injected.is_counted and not _is_told(e, injected) and not _is_covered(e, injected, deadline)
         if new and lasts and _must_show(e, injected, expected, deadline):
             yield injected, expected, deadline
+
+
+def _is_covered(e: Evidence, injected: Injected, deadline: float) -> bool:
+    """Another fault hides it: its drive has no supply, its sensor is frozen, or the input is soon wrong otherwise."""
+    for other in e.injected:
+        if other is injected:
+            continue
+        during = other.node == injected.node and other.time <= injected.time <= other.until
+        if during and (other.id in UNSUPPLIED or (other.id, injected.id) in FROZEN):
+            return True
+        if injected.id.startswith("INP") and other.id.startswith("INP") and injected.time <= other.time < deadline:
+            return True
+    return False
 
 
 def _is_told(e: Evidence, injected: Injected) -> bool:
@@ -293,8 +314,9 @@ def _stands(e: Evidence, change: JournalLine) -> bool:
 
 
 def ends(e: Evidence) -> Iterator[Violation]:
-    """I0: a sound robot whom nobody disturbs does its whole mission."""
+    """I0: a sound robot whom nobody and nothing disturbs does its whole mission."""
     disturbed = [i for i in e.injected if EXPECTED[i.id].when is not When.HARMLESS]
     stopped = e.acts("quickstop") + e.acts("end") + [i.time for i in e.injected if i.id == "INP-11"]
-    if e.status and not disturbed and not stopped:
+    blocked = any(line.data["id"] == "LAS-08" for line in e.journal.of("fault"))  # I14 says whether rightly
+    if e.status and not disturbed and not stopped and not blocked:
         yield Violation("I0", 0.0, f"ended with exit status {e.status}, and nothing had happened")

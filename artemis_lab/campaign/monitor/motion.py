@@ -34,6 +34,7 @@ UNPOWERED = ("EST-01", "EST-03", "EST-04", "SYS-09", "PWR-02", "PWR-03", "COM-32
 CUT_OFF = ("COM-21", "COM-22", "COM-23", "COM-24", "COM-25")
 """The host does not reach the drives: they notice by themselves."""
 STALLS = ("SYS-01", "SYS-03", "SYS-07", "COM-31", "PLG-03", "PLG-04", "PTH-09")
+HELPLESS = (*CUT_OFF, *STALLS, "COM-29", "COM-12")
 ALONE = 0.12
 """A driven wheel may push so long [s] while the other is off."""
 FOUND = 0.5
@@ -107,12 +108,18 @@ def slows_down(e: Evidence) -> Iterator[Violation]:
         causes = [expectation(i, e.tick) for i in e.injected if i.time < begin + 0.5]
         coasts = any(cause.coasts or not cause.stop for cause in causes)
         braking, looks = COASTING if coasts else BRAKES["S2"], e.looks_between(begin, end)
-        fastest = max((abs(look.speed) for look in looks if look.time < begin + 0.1), default=0.0)
+        blocked = any(i.id == "RUN-04" for i in e.injected)  # then the drives brake the other wheel from its own speed
+        fastest = max((_fastest(look, blocked) for look in looks if look.time < begin + 0.1), default=0.0)
         for look in looks:
             ramp = max(0.0, fastest - braking * (look.time - begin - 0.1 - REACTION - e.tick))
             if abs(look.speed) > ramp + 0.05:
                 yield Violation("I1", look.time, f"{look.speed:+.2f} m/s in {mode}, ramp {ramp:.2f} m/s")
                 break
+
+
+def _fastest(look: Look, blocked: bool) -> float:
+    """Speed of the virtual front wheel [m/s], or of the fastest driven wheel where one is blocked."""
+    return max(abs(look.speed), *map(abs, look.rolling)) if blocked else abs(look.speed)
 
 
 def moves_after_acknowledgment(e: Evidence) -> Iterator[Violation]:
@@ -179,7 +186,7 @@ def pushes_alone(e: Evidence) -> Iterator[Violation]:
             since = (look.time if since is None else since) if alone else None
             if since is None:
                 continue
-            helpless = e.active(since, *CUT_OFF, *STALLS, "COM-29", "COM-12", after=1.5)
+            helpless = any(e.active(time, *HELPLESS, after=1.5) for time in (since, look.time))
             found_turning = any(i.id == "SYS-10" and abs(since - i.time) <= FOUND for i in e.injected)
             if found_turning and helpless:
                 continue  # nobody can stop it

@@ -1,31 +1,28 @@
-"""Random scenes of things that stand around a robot, its scanner, and how it drives among them, as badly as it may.
+"""Random scenes of what stands and walks around a robot, its scanner, and how it drives there, as badly as it may.
 
-Run with `.venv/bin/python tests/unit/obstacle_scenes.py [SCENES [FIRST [SECONDS]]]`: prints how near the robot came to
-anything. What judges is no part of artemis: rays, outline and motion are computed here, in steps of 10 ms.
+What drives is the obstacle stop and the gate of artemis. What judges is no part of it: rays, outline and motion are
+computed here, in steps of 10 ms.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from artemis.mission.loading import load_model
 from artemis.motion.limits import Gate
 from artemis.motion.obstacles import ObstacleStop
 from artemis.mounting import Mounting, Outline
 from artemis.scan import ObstacleRules, Scan
-from artemis.values import DriveCommand, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict, Wish
-from artemis.values import LocatedPose as Located
+from artemis.testing.contracts import ROBOT
+from artemis.values import DriveCommand, LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict, Wish
 from artemis.vehicle import RobotFile
 
 Array = NDArray[np.float64]
 
-ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 OUTLINE = Outline(front_m=0.73, rear_m=0.15, half_width_m=0.27)
 BEAMS, FIELD, LEAST, FARTHEST = 541, math.radians(135.0), 0.5, 20.0
 SCANNER = Mounting(
@@ -33,13 +30,16 @@ SCANNER = Mounting(
 )  # type: ignore[call-arg]
 ANGLES = np.linspace(-FIELD, FIELD, BEAMS)
 PERIOD, PARTS = 0.02, 2
+LOOKED = 1.5
+"""What is farther from the rear axle is not near [m]."""
 DELAY = 2
 """Ticks until the wheels do what left the gate."""
 
 
+@cache
 def robot_with_scanner() -> RobotFile:
     """ARTEMIS with a scanner at its front."""
-    return load_model(ROBOT, RobotFile).model_copy(update={"outline": OUTLINE, "scanners": {"front": SCANNER}})
+    return ROBOT.model_copy(update={"outline": OUTLINE, "scanners": {"front": SCANNER}})
 
 
 @dataclass(slots=True)
@@ -49,8 +49,15 @@ class Scene:
     segments: Array = field(default_factory=lambda: np.zeros((0, 4)))
     circles: Array = field(default_factory=lambda: np.zeros((0, 3)))
     moves: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    _points: Array = field(init=False, repr=False)
+    """Of the segments, 5 mm apart."""
 
     def __post_init__(self) -> None:
+        pieces = [np.zeros((2, 0))]
+        for ax, ay, bx, by in self.segments.tolist():
+            share = np.linspace(0.0, 1.0, int(math.hypot(bx - ax, by - ay) / 0.005) + 2)
+            pieces.append(np.array([ax + share * (bx - ax), ay + share * (by - ay)]))
+        self._points = np.concatenate(pieces, axis=1)
         if not len(self.moves):
             self.moves = np.zeros((len(self.circles), 2))
 
@@ -67,27 +74,30 @@ class Scene:
         """Of all beams from a place [m], the farthest where nothing is."""
         c, s = np.cos(heading + ANGLES), np.sin(heading + ANGLES)
         best = np.full(BEAMS, FARTHEST)
-        for ax, ay, bx, by in self.segments.tolist():
+        if len(self.segments):
+            ax, ay, bx, by = self.segments.T[:, :, None]
             ex, ey, qx, qy = bx - ax, by - ay, ax - x, ay - y
             across = c * ey - s * ex
             across = np.where(np.abs(across) < 1e-12, 1e-12, across)
             far, along = (qx * ey - qy * ex) / across, (qx * s - qy * c) / across
-            best = np.where((far > 0) & (along >= 0) & (along <= 1) & (far < best), far, best)
-        for px, py, radius in self.circles.tolist():
+            hit = (far > 0) & (along >= 0) & (along <= 1)
+            best = np.minimum(best, np.where(hit, far, FARTHEST).min(axis=0))
+        if len(self.circles):
+            px, py, radius = self.circles.T[:, :, None]
             qx, qy = px - x, py - y
             near = qx * c + qy * s
             rest = radius * radius - (qx * qx + qy * qy - near * near)
             far = near - np.sqrt(np.maximum(rest, 0.0))
-            best = np.where((rest > 0) & (far > 0) & (far < best), far, best)
+            best = np.minimum(best, np.where((rest > 0) & (far > 0), far, FARTHEST).min(axis=0))
         return np.asarray(best)
 
     def distance(self, x: float, y: float, heading: float) -> float:
-        """Of the outline to the nearest thing [m]; negative: it is touched. Segments by points 5 mm apart."""
-        found = [math.inf]
+        """Of the outline to the nearest thing within `LOOKED`, else less than to any [m]; negative: it is touched."""
         c, s = math.cos(heading), math.sin(heading)
-        for ax, ay, bx, by in self.segments.tolist():
-            share = np.linspace(0.0, 1.0, max(int(math.hypot(bx - ax, by - ay) / 0.005), 1) + 1)
-            found.append(float(_outside(ax + share * (bx - ax) - x, ay + share * (by - ay) - y, c, s).min()))
+        found = [LOOKED - math.hypot(OUTLINE.front_m, OUTLINE.half_width_m)]
+        dx, dy = self._points[0] - x, self._points[1] - y
+        if (near := np.abs(dx) + np.abs(dy) < 1.5 * LOOKED).any():
+            found.append(float(_outside(dx[near], dy[near], c, s).min()))
         if len(self.circles):
             px, py, radius = self.circles.T
             found.append(float((_outside(px - x, py - y, c, s) - radius).min()))
@@ -126,13 +136,15 @@ def random_scene(dice: np.random.Generator) -> Scene:
 
 
 @dataclass(slots=True, kw_only=True)
-class Outcome:
+class Passage:
     """Of a drive."""
 
     nearest: float = math.inf
     """Least distance between the outline and anything [m]."""
     speed: float = 0.0
     """Of the robot then [m/s]."""
+    contact: float | None = None
+    """Speed of the robot when something was touched first [m/s]."""
     driven: float = 0.0
     """[m]."""
     slowed: int = 0
@@ -161,7 +173,7 @@ class Driver:
 
 
 @dataclass(slots=True, kw_only=True)
-class Errors:
+class ScanErrors:
     """What is wrong with the scanner and the odometry."""
 
     noise: float = 0.012
@@ -179,17 +191,16 @@ def drive(
     *,
     seconds: float = 8.0,
     rules: ObstacleRules | None = None,
-    errors: Errors | None = None,
+    errors: ScanErrors | None = None,
     start: Pose | None = None,
-) -> Outcome:
+) -> Passage:
     """What comes of it. The robot begins at the origin, or at `start`."""
     robot, dice = robot_with_scanner(), np.random.default_rng(seed)
-    rules, errors = rules or ObstacleRules(mode="stop", free_after=0.0), errors or Errors()
-    watch, gate = ObstacleStop(robot), Gate(robot, PERIOD)
-    watch._driven = 1.0
+    rules, errors = rules or ObstacleRules(mode="stop", free_after=0.0), errors or ScanErrors()
+    watch, gate = ObstacleStop(robot, [rules]), Gate(robot, PERIOD)
     wheelbase, top = robot.geometry.wheelbase_m, robot.limits.speed_m_s
     x, y, heading = (start.x, start.y, start.heading) if start else (0.0, 0.0, 0.0)
-    odometry, last, outcome = Odometry(), SetPoints(), Outcome()
+    odometry, last, outcome = Odometry(distance=1.0), SetPoints(), Passage()  # it has seen what is near
     waiting = [last] * DELAY
     bias, slip = dice.uniform(-errors.bias, errors.bias), dice.uniform(-errors.slip, errors.slip)
     held: list[Scan] = []
@@ -201,15 +212,7 @@ def drive(
         scans = () if dice.random() < errors.late else tuple(held)
         held = held if not scans else []
         wish = Wish(command=driver.command(now))
-        snapshot = Snapshot(
-            sensed=Sensed(index=tick, time=now, scans=scans),
-            dt=PERIOD,
-            pose=Located(pose=odometry.pose),
-            odometry=odometry,
-            standing=False,
-            set_points=last,
-            verdict=Verdict(),
-        )
+        snapshot = _snapshot(tick, scans, odometry, last)
         clearance = watch.look(wish, last, snapshot, rules)
         ceiling = math.inf if clearance is None else clearance.speed
         last = gate.limit(wish.command, last, PERIOD, ceiling, stop=abs(last.speed) > ceiling)
@@ -224,6 +227,8 @@ def drive(
                 near = scene.distance(x, y, heading)
                 if near < outcome.nearest:
                     outcome.nearest, outcome.speed = near, abs(points.speed)
+                    if near < 0.0 and outcome.contact is None:
+                        outcome.contact = abs(points.speed)
         outcome.driven += abs(points.speed) * PERIOD
         outcome.fastest = max(outcome.fastest, abs(points.speed))
         was_slow, slow = slow, clearance is not None and clearance.speed < 0.9 * min(abs(wish.command.speed), top)
@@ -240,6 +245,19 @@ def drive(
     return outcome
 
 
+def _snapshot(tick: int, scans: tuple[Scan, ...], odometry: Odometry, last: SetPoints) -> Snapshot:
+    """Of a tick."""
+    return Snapshot(
+        sensed=Sensed(index=tick, time=tick * PERIOD, scans=scans),
+        dt=PERIOD,
+        pose=LocatedPose(pose=odometry.pose),
+        odometry=odometry,
+        standing=False,
+        set_points=last,
+        verdict=Verdict(),
+    )
+
+
 def _rolled(x: float, y: float, heading: float, way: float, steering: float, wheelbase: float) -> tuple[float, ...]:
     """Where the rear axle is after the virtual front wheel rolled so far."""
     turn = way * math.sin(steering) / wheelbase
@@ -248,7 +266,7 @@ def _rolled(x: float, y: float, heading: float, way: float, steering: float, whe
     return x + ahead * math.cos(middle), y + ahead * math.sin(middle), heading + turn
 
 
-def _scan(ranges: Array, now: float, bias: float, errors: Errors, dice: np.random.Generator) -> Scan:
+def _scan(ranges: Array, now: float, bias: float, errors: ScanErrors, dice: np.random.Generator) -> Scan:
     seen = ranges < FARTHEST
     measured = ranges + np.where(seen, bias + dice.normal(0.0, errors.noise, BEAMS), 0.0)
     dusty = dice.random(BEAMS) < errors.dust
@@ -258,7 +276,7 @@ def _scan(ranges: Array, now: float, bias: float, errors: Errors, dice: np.rando
     return Scan(source="front", time=now, start_angle=-FIELD, increment=2 * FIELD / (BEAMS - 1), ranges=packed)
 
 
-def random_drive(seed: int, seconds: float = 8.0, reverse: float = 0.0) -> Outcome | None:
+def random_drive(seed: int, seconds: float = 8.0, reverse: float = 0.0) -> Passage | None:
     """In a random scene; None: the robot would stand in it."""
     dice = np.random.default_rng(seed)
     scene = random_scene(dice)
@@ -267,21 +285,35 @@ def random_drive(seed: int, seconds: float = 8.0, reverse: float = 0.0) -> Outco
     return drive(scene, Driver(dice, 0.7, math.radians(60.0), reverse), seed, seconds=seconds)
 
 
-def main(scenes: int, first: int, seconds: float) -> None:
-    """Print what came of random scenes."""
-    found = [outcome for seed in range(first, first + scenes) if (outcome := random_drive(seed, seconds, 0.15))]
-    nearest = np.array([outcome.nearest for outcome in found])
-    moving = sum(outcome.nearest < 0 and outcome.speed > 0.02 for outcome in found)
-    print(
-        f"{len(found)} scenes, {sum(outcome.driven for outcome in found) / 1000:.2f} km: {np.sum(nearest < 0)} "
-        f"contacts ({moving} moving), nearest {100 * nearest.min():.1f} cm, median {100 * np.median(nearest):.1f} cm"
-    )
-    for seed, outcome in enumerate(found, first):
-        if outcome.nearest < 0.01:
-            print(f"  near: number {seed}, {100 * outcome.nearest:.1f} cm at {outcome.speed:.2f} m/s")
+def crossing(seed: int) -> tuple[Scene, float]:
+    """A person who walks at 1.5 m/s to where the robot would be, and never yields; how long that takes [s]."""
+    dice = np.random.default_rng(seed)
+    meet = dice.uniform(1.5, 3.5)
+    angle = math.radians(dice.uniform(45.0, 135.0)) * (1.0 if dice.random() < 0.5 else -1.0)
+    x, y = 0.7 * (meet - 0.7) + dice.uniform(-0.3, 0.9), dice.uniform(-0.2, 0.2)
+    walk = 1.5 * math.cos(angle), 1.5 * math.sin(angle)
+    return Scene(circles=np.array([[x - walk[0] * meet, y - walk[1] * meet, 0.2]]), moves=np.array([walk])), meet
 
 
-if __name__ == "__main__":
-    numbers = [float(word) for word in sys.argv[1:]]
-    scenes, first, seconds = numbers + [200.0, 0.0, 8.0][len(numbers) :]
-    main(int(scenes), int(first), seconds)
+class Steady(Driver):
+    """Wishes one speed [m/s] and angle [rad]."""
+
+    def __init__(self, speed: float, steering: float = 0.0) -> None:
+        self._until, self._command = math.inf, DriveCommand(speed=speed, steering=steering)
+
+
+def crossed(seed: int) -> Passage:
+    """A robot at full speed, and such a person."""
+    scene, meet = crossing(seed)
+    return drive(scene, Steady(0.7), seed, seconds=meet + 1.0)
+
+
+def straight(seed: int, scene: Scene, distance: float, dust: float) -> Passage:
+    """Straight ahead at full speed [m]."""
+    return drive(scene, Steady(0.7), seed, seconds=distance / 0.7 + 1.4, errors=ScanErrors(dust=dust))
+
+
+def corridor(width: float, length: float) -> Scene:
+    """From behind the robot, so wide and long [m]."""
+    half = width / 2.0
+    return Scene(np.array([[-2.0, half, length, half], [-2.0, -half, length, -half]]))

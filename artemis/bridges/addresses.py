@@ -1,0 +1,41 @@
+"""Addresses of this computer at which other programs reach artemis."""
+
+from __future__ import annotations
+
+import socket
+from ipaddress import ip_address
+from typing import Annotated
+
+from pydantic import AfterValidator
+
+
+def check_address(address: str) -> str:
+    """An address of this computer.
+
+    Raises:
+        ValueError: it is no address.
+    """
+    ip_address(address)
+    return address
+
+
+ListenAddress = Annotated[str, AfterValidator(check_address)]
+
+
+def bound(address: str, port: int = 0, *, listening: bool = False) -> socket.socket:
+    """A TCP socket at an address and a port; 0: any that is free. It takes connections where it is `listening`.
+
+    Raises:
+        OSError: this computer has no such address, or the port is taken.
+    """
+    made = socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        if port:
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind((address, port))
+        if listening:
+            made.listen()
+    except OSError:
+        made.close()
+        raise
+    return made

@@ -1,0 +1,72 @@
+"""What a mission says of a node of ROS 1, and what variables add (wiki.ros.org/ROS/EnvironmentVariables)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from ipaddress import ip_address
+from typing import Annotated
+from urllib.parse import urlsplit
+
+from pydantic import AfterValidator, Field
+
+from artemis.bridges.addresses import ListenAddress
+from artemis.bridges.names import NameResolver, check_base_name, check_name, check_namespace
+from artemis.config import Config
+
+DEFAULT_MASTER = "http://localhost:11311"
+
+
+def check_master(uri: str) -> str:
+    """The URI of a master.
+
+    Raises:
+        ValueError: it is none.
+    """
+    parts = urlsplit(uri)
+    if parts.scheme != "http" or not parts.hostname or parts.port is None:
+        raise ValueError(f"'{uri}' is no URI of a master: http://HOST:PORT, such as {DEFAULT_MASTER}")
+    return uri
+
+
+GraphName = Annotated[str, AfterValidator(check_name)]
+
+
+class NodeConfig(Config):
+    """Keys of a plugin that is a node of ROS 1."""
+
+    node: Annotated[str, AfterValidator(check_base_name)] | None = None
+    """Its name; if left out: artemis, for an input artemis_NAME."""
+    namespace: Annotated[str, AfterValidator(check_namespace)] | None = None
+    """Before every relative name; if left out: ROS_NAMESPACE, or /."""
+    remap: dict[GraphName, GraphName] = Field(default_factory=dict)
+    """Other names of topics and services: old to new."""
+    master: Annotated[str, AfterValidator(check_master)] | None = None
+    """If left out: ROS_MASTER_URI, or http://localhost:11311."""
+    listen: ListenAddress = "127.0.0.1"
+    """The address of this computer at which other nodes reach artemis; 0.0.0.0: any. Others are told ROS_HOSTNAME or
+    ROS_IP, if this is not the loopback address. Who reaches it hears everything, and drives where an input is."""
+
+    def names(self, default: str, environment: Mapping[str, str]) -> NameResolver:
+        """Resolves the node's names; `default` is the node's, if the mission has none.
+
+        Raises:
+            ValueError: ROS forbids ROS_NAMESPACE.
+        """
+        namespace = self.namespace or environment.get("ROS_NAMESPACE") or "/"
+        return NameResolver(self.node or default, namespace, self.remap)
+
+    def master_uri(self, environment: Mapping[str, str]) -> str:
+        """Where the master is.
+
+        Raises:
+            ValueError: ROS_MASTER_URI is no URI of a master.
+        """
+        return self.master or check_master(environment.get("ROS_MASTER_URI") or DEFAULT_MASTER)
+
+    def host(self, environment: Mapping[str, str], this: str) -> str:
+        """The name or address that others are told; `this` computer's name, if it listens at any address."""
+        listening = ip_address(self.listen)
+        if listening.is_loopback:
+            return self.listen
+        told = environment.get("ROS_HOSTNAME") or environment.get("ROS_IP")
+        return told or (this if listening.is_unspecified else self.listen)

@@ -1,0 +1,1 @@
+"""A node of ROS 2, without ROS: DDS in a process of its own."""

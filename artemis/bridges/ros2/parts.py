@@ -1,0 +1,74 @@
+"""What a run tells the process of a node of ROS 2 (`dds`), and what that tells back.
+
+Both ends have a connection on which blocks of bytes go over. To the process: first a `NodeParts`, then messages, each
+behind the number of its writer. From it: a letter, then `NodeState`, `NodeFailure` or a message of a reader, behind the
+number of the reader and of who sent it.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from msgspec import Struct
+
+from artemis.bridges.ros_types import Field
+
+WRITER = struct.Struct("<H")
+READER = struct.Struct("<HQ")
+STATE, FAILURE, MESSAGE = b"s", b"f", b"m"
+INFORMATION = "rmw_dds_common/msg/ParticipantEntitiesInfo"
+"""The type by which a node says what it has."""
+LOOK = 0.1
+"""The process tells its state at least this often [s]."""
+
+
+class Endpoint(Struct, frozen=True):
+    """A writer or a reader."""
+
+    topic: str
+    """Absolute, as ROS writes it."""
+    type: str
+    hash: str
+    """Empty: it is not told."""
+    reliable: bool
+    latched: bool
+    depth: int
+    """So many of the newest messages are kept for a slow reader, and for one that comes later if it is latched."""
+
+
+class NodeParts(Struct, frozen=True):
+    """A node."""
+
+    domain: int
+    configuration: str
+    """Of Cyclone DDS, in XML."""
+    address: str
+    """The address of this computer at which it is reached."""
+    ports: tuple[int, int]
+    """The first and the last of those of which it takes two."""
+    namespace: str
+    name: str
+    types: dict[str, list[tuple[str, Field]]]
+    """Of the endpoints, and that of the discovery information; each after those within."""
+    discovery_hash: str
+    writers: list[Endpoint]
+    readers: list[Endpoint]
+
+
+class NodeState(Struct, frozen=True):
+    """How a node is."""
+
+    heard: list[int]
+    """How many readers each writer has."""
+    senders: list[int]
+    """How many writers each reader hears."""
+    refused: list[str]
+    """Peers whose quality of service does not fit, in words: each once."""
+    dropped: int
+    """Messages that readers did not take in time."""
+
+
+class NodeFailure(Struct, frozen=True):
+    """Why there is no node."""
+
+    text: str

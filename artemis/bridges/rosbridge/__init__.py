@@ -1,0 +1,1 @@
+"""rosbridge: messages as JSON over WebSockets."""

@@ -1,0 +1,225 @@
+"""A server of rosbridge in a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from artemis.bridges.addresses import bound
+from artemis.bridges.json_messages import JsonMessages
+from artemis.bridges.loop_thread import END_TIME, LoopThread
+from artemis.bridges.rosbridge.session import QUEUE, ClientSession, Offer
+from artemis.bridges.rosbridge.settings import INSTALL, ServerConfig
+from artemis.errors import ConfigError
+
+if TYPE_CHECKING:
+    from websockets.asyncio.client import ClientConnection
+    from websockets.asyncio.server import ServerConnection
+
+MOST_CLIENTS = 32
+MOST_MESSAGE = 1 << 16
+"""Bytes that a client may say at once."""
+ALIVE = 5.0
+"""A client that does not answer for so long is gone [s]."""
+_TRY_AGAIN = 1013
+
+
+def require_websockets(name: str) -> None:
+    """Nothing, if the extra is installed.
+
+    Raises:
+        ConfigError: it is not; how to install it. `name` of the plugin in the mission.
+    """
+    if find_spec("websockets") is None:
+        raise ConfigError(f"{name}: plugin: rosbridge needs the package websockets: {INSTALL}")
+
+
+class RosbridgeServer(LoopThread):
+    """One server, which listens as soon as it is made, and answers from `start` on."""
+
+    def __init__(
+        self,
+        config: ServerConfig,
+        plugin: str,
+        port: int,
+        offer: Offer,
+        *,
+        queue: int = QUEUE,
+        inputs: int | None = None,
+    ) -> None:
+        """Take the port.
+
+        Args:
+            config: its keys.
+            plugin: its name in the mission, for messages.
+            port: where it listens; 0: any that is free.
+            offer: what it has for its clients.
+            queue: messages that wait for a slow client; then the oldest are dropped.
+            inputs: port of this computer at which another server takes what this one does not.
+
+        Raises:
+            ConfigError: the port is in use, or this computer has no such address.
+        """
+        self._config, self._offer, self._queue, self._inputs = config, offer, queue, inputs
+        self._messages = JsonMessages(config.ros)
+        try:
+            self._socket = bound(config.listen, port, listening=True)
+        except OSError as error:
+            raise ConfigError(f"{plugin}: {config.listen}, port {port}: {error.strerror}") from None
+        self.port: int = self._socket.getsockname()[1]
+        self._gone = 0
+        self._sessions: dict[ClientSession, _Outbox] = {}
+        self._number = 0
+        super().__init__(plugin)
+
+    def put(self, told: Sequence[tuple[str, bytes]]) -> None:
+        """Tell clients: absolute names of topics, and messages' JSON. Never waits."""
+        self._soon(self._put, told)
+
+    @property
+    def wanted(self) -> set[str]:
+        """Topics that somebody hears."""
+        return set().union(*(session.subscribed for session in tuple(self._sessions)))
+
+    @property
+    def problem(self) -> str:
+        """Why nobody is answered; empty: clients are."""
+        return "" if self._end is None or self._closed or self._thread.is_alive() else "its server has ended"
+
+    @property
+    def dropped(self) -> int:
+        """Messages that clients did not take in time."""
+        return self._gone + sum(outbox.dropped for outbox in tuple(self._sessions.values()))
+
+    # ------------------------------------------------------------------------------------------ in the thread
+
+    def _put(self, told: Sequence[tuple[str, bytes]]) -> None:
+        now = self._loop.time()
+        for session in self._sessions:
+            session.look(now)
+        for topic, data in told:
+            message = b'{"op":"publish","topic":"' + topic.encode() + b'","msg":' + data + b"}"
+            if (known := self._offer.told.get(topic)) is not None and known.latched:
+                known.last = message
+            for session in self._sessions:
+                session.put(topic, message, now)
+
+    def _give_back(self) -> None:
+        self._socket.close()
+
+    async def _main(self, end: asyncio.Event) -> None:
+        from websockets.asyncio.server import ServerConnection, serve
+        from websockets.typing import Origin
+
+        class Bounded(ServerConnection):
+            """Closed at once where too many have not yet said that they are clients."""
+
+            def connection_made(self, transport: asyncio.BaseTransport) -> None:
+                super().connection_made(transport)
+                if len(self.server.handler_tasks) > 2 * MOST_CLIENTS and isinstance(transport, asyncio.Transport):
+                    transport.abort()
+
+        origins = [None, *map(Origin, self._config.origins)]
+        options: dict[str, Any] = {"compression": None, "max_size": MOST_MESSAGE, "close_timeout": END_TIME / 4}
+        options |= {"ping_interval": ALIVE, "ping_timeout": ALIVE, "logger": _silent()}
+        options |= {"create_connection": Bounded}
+        async with serve(self._serve, sock=self._socket, origins=origins, **options):
+            await end.wait()
+
+    async def _serve(self, connection: ServerConnection) -> None:
+        """One client, until it leaves."""
+        from websockets.exceptions import ConnectionClosed
+
+        if len(self._sessions) >= MOST_CLIENTS:
+            await connection.close(_TRY_AGAIN, f"{MOST_CLIENTS} clients are the most")
+            return
+        self._number += 1
+        outbox = _Outbox(self._queue)
+        session = ClientSession(self._offer, f"client {self._number}", outbox.put, self._messages)
+        relay = _Relay(self._inputs, outbox)
+        self._sessions[session] = outbox
+        sending = asyncio.ensure_future(outbox.send(connection))
+        try:
+            async for text in connection:
+                if not session.take(text, self._loop.time()):
+                    await relay.take(text, session)
+        except ConnectionClosed:
+            pass
+        finally:
+            del self._sessions[session]
+            self._gone += outbox.dropped
+            sending.cancel()
+            await asyncio.gather(sending, relay.close(), return_exceptions=True)
+
+
+class _Outbox:
+    """What waits for one client."""
+
+    def __init__(self, queue: int) -> None:
+        self.dropped = 0
+        self._waiting, self._news = deque[bytes](maxlen=queue), asyncio.Event()
+
+    def put(self, data: bytes) -> None:
+        """Send it as soon as there is room."""
+        self.dropped += len(self._waiting) == self._waiting.maxlen
+        self._waiting.append(data)
+        self._news.set()
+
+    async def send(self, connection: ServerConnection) -> None:
+        """Send what is put, until the connection ends."""
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            while self._waiting:
+                await connection.send(self._waiting.popleft().decode())
+
+
+class _Relay:
+    """A client's second connection, to the server of an input: made with its first command."""
+
+    def __init__(self, port: int | None, outbox: _Outbox) -> None:
+        self._port, self._outbox = port, outbox
+        self._link: ClientConnection | None = None
+        self._hearing: asyncio.Task[None] | None = None
+
+    async def take(self, text: str | bytes, session: ClientSession) -> None:
+        """Pass on what a client says."""
+        from websockets.asyncio.client import connect
+        from websockets.exceptions import WebSocketException
+
+        try:
+            if self._link is None:
+                options: dict[str, Any] = {"compression": None, "close_timeout": END_TIME / 4, "proxy": None}
+                self._link = await connect(f"ws://127.0.0.1:{self._port}/", open_timeout=1.0, **options)
+                self._hearing = asyncio.ensure_future(self._hear(self._link))
+            await self._link.send(text)
+        except (OSError, TimeoutError, WebSocketException) as error:
+            self._link = None
+            session.say("error", f"the input at port {self._port} does not take commands: {error}")
+
+    async def close(self) -> None:
+        """Harmless when repeated."""
+        if self._link is not None and self._hearing is not None:
+            await self._link.close()
+            await asyncio.gather(self._hearing, return_exceptions=True)
+
+    async def _hear(self, link: ClientConnection) -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        with suppress(ConnectionClosed):
+            async for text in link:
+                self._outbox.put(text if isinstance(text, bytes) else text.encode())
+        self._link = None
+
+
+def _silent() -> Any:  # noqa: ANN401 (a logger)
+    """Clients that break off are no news."""
+    import logging
+
+    logger = logging.getLogger("artemis.rosbridge")
+    logger.disabled = True
+    return logger

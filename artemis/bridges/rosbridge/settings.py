@@ -1,0 +1,37 @@
+"""What a mission says of a server of rosbridge."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+from urllib.parse import urlsplit
+
+from pydantic import AfterValidator, Field
+
+from artemis.bridges.addresses import ListenAddress
+from artemis.config import Config
+
+INSTALL = "pip install 'artemis-robot[web]'"
+
+
+def check_origin(origin: str) -> str:
+    """What a browser says of a page: where it is from.
+
+    Raises:
+        ValueError: it is nothing of that kind.
+    """
+    parts = urlsplit(origin)
+    if origin != "null" and (parts.scheme not in ("http", "https") or not parts.netloc or parts.path):
+        raise ValueError(f"'{origin}' is no origin of a web page: http://HOST:PORT, or null for a page from a file")
+    return origin
+
+
+class ServerConfig(Config):
+    """Keys of a plugin that is a server of rosbridge."""
+
+    listen: ListenAddress = "127.0.0.1"
+    """The address of this computer at which others reach artemis; 0.0.0.0: any. Who reaches it hears everything, and
+    drives where an input is."""
+    origins: Annotated[tuple[Annotated[str, AfterValidator(check_origin)], ...], Field(strict=False)] = ()
+    """Web pages that may connect, by where they are from, such as http://localhost:8000. Other programs always may."""
+    ros: Literal[1, 2] = 2
+    """Whose names the parts of a time have: secs and nsecs of ROS 1, or sec and nanosec."""

@@ -1,0 +1,107 @@
+"""What a drive tells of a scanner's mounting: the scanner's poses by its scans alone, and those of the odometry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from msgspec import structs
+
+from artemis.errors import CalibrationError
+from artemis.mapping.laser import Reading
+from artemis.mapping.mapper import Mapper
+from artemis.mapping.readings import ScanReadings
+from artemis.mapping.se2 import Array, between, within, wrapped
+from artemis.mapping.settings import MapSettings
+from artemis.mounting import Mounting
+from artemis.values import Tick
+
+STEP, TURN = 0.06, 0.05
+"""A scan counts after so much of a motion [m, rad]."""
+LEAST = 20
+"""Scans that have to count."""
+UNMATCHED = 0.1
+"""Where more of them fit nowhere, the scanner saw too little."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ScannerDrive:
+    """Poses at the same times, each in a frame of its own."""
+
+    odometry: Array
+    """Of the centre of the rear axle, by the wheels, shape (n, 3)."""
+    scanner: Array
+    """Of the scanner, by its scans, shape (n, 3)."""
+    mirrored: bool
+    """The scans turn against the odometry: the scanner is the other way up than the robot file says."""
+    unmatched: int
+    """Scans that fitted nowhere."""
+
+
+def scanner_drive(ticks: Iterable[Tick], name: str, mounting: Mounting) -> ScannerDrive:
+    """Follow a scanner by its scans alone through a recording.
+
+    Args:
+        ticks: of the run.
+        name: of the scanner.
+        mounting: as it was recorded; only the mask and the least range count.
+
+    Raises:
+        CalibrationError: it did not move, or its scans do not fit each other.
+    """
+    place = mounting.model_copy(update={"x_m": 0.0, "y_m": 0.0, "heading_deg": 0.0})
+    settings = MapSettings()
+    upright, hanging = ScanReadings(settings, name, place), ScanReadings(settings, name, _hung(place))
+    kept: list[tuple[Reading, Reading]] = []
+    for tick in ticks:
+        for pair in zip(upright.see(tick), hanging.see(_hung_scans(tick)), strict=True):
+            if not kept or _moved(kept[-1][0], pair[0]):
+                kept.append(pair)
+    if len(kept) < LEAST:
+        raise CalibrationError(f"{name}: {len(kept)} scans while the robot moved; expected {LEAST} or more")
+    drive = _followed([first for first, _ in kept], mirrored=False)
+    if _agreement(drive) < 0:
+        drive = _followed([second for _, second in kept], mirrored=True)
+    if drive.unmatched > UNMATCHED * len(kept):
+        raise CalibrationError(
+            f"{name}: {drive.unmatched} of {len(kept)} scans do not fit the others: drive slowly, where walls stand "
+            "around and nobody walks"
+        )
+    return drive
+
+
+def _hung(mounting: Mounting) -> Mounting:
+    """The same, seen from below."""
+    mask = tuple((-last, -first) for first, last in reversed(mounting.mask))
+    return mounting.model_copy(update={"mask": mask})
+
+
+def _hung_scans(tick: Tick) -> Tick:
+    sensed = tick.snapshot.sensed
+    scans = tuple(
+        structs.replace(scan, start_angle=-scan.start_angle, increment=-scan.increment) for scan in sensed.scans
+    )
+    return structs.replace(tick, snapshot=structs.replace(tick.snapshot, sensed=structs.replace(sensed, scans=scans)))
+
+
+def _moved(before: Reading, after: Reading) -> bool:
+    assert before.odometry is not None
+    assert after.odometry is not None
+    return not within(between(before.odometry, after.odometry), STEP, TURN)
+
+
+def _followed(readings: list[Reading], *, mirrored: bool) -> ScannerDrive:
+    mapper = Mapper()
+    for reading in readings:
+        mapper.add(replace(reading, odometry=None))
+    mapper.finish()
+    _, poses = mapper.trajectory()
+    odometry = np.array([reading.odometry for reading in readings])
+    return ScannerDrive(odometry=odometry, scanner=poses, mirrored=mirrored, unmatched=mapper.counts.unmatched)
+
+
+def _agreement(drive: ScannerDrive) -> float:
+    """Positive: scans and odometry turn the same way."""
+    counted, seen = (wrapped(np.diff(poses[:, 2])) for poses in (drive.odometry, drive.scanner))
+    return float(counted @ seen)

@@ -1,0 +1,66 @@
+"""The step `goto` of a mission: its keys, and the map, zones and place that it names."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from msgspec.structs import replace
+from pydantic import Discriminator, Field, Tag
+
+from artemis.config import Config
+from artemis.mission.actions import FileName, FollowerUse
+from artemis.mission.keys import Positive
+from artemis.mission.obstacles import Obstacles, rules_for
+from artemis.route_planning.zones import MapPose
+from artemis.scan import ObstacleRules
+from artemis.vehicle import RobotFile
+
+NARROW = 0.03
+"""Around the outline the robot stops for what comes so near [m], where a mission says nothing: it drives near walls."""
+BEYOND = 0.02
+"""Routes are free by so much more than that [m]: the robot is not exactly on them."""
+MOST_OFF = 0.3
+"""Farther from its route the robot is lost [m]."""
+
+
+class Goto(Config):
+    """Drive to a place on a map, on a route that is planned for it; another one where something stands in the way."""
+
+    map: FileName
+    """A map's YAML file, as of map_server. Zones and places stand beside it: of `hall.yaml` in `hall.zones.yaml`."""
+    to: Annotated[
+        Annotated[Annotated[str, Field(min_length=1)], Tag("<place>")] | Annotated[MapPose, Tag("<pose>")],
+        Discriminator(lambda to: "<pose>" if isinstance(to, dict | MapPose) else "<place>"),
+    ]
+    """A place by its name, or where the centre of the rear axle is to be on the map."""
+    speed_m_s: Positive = 0.4
+    """Highest speed of the virtual front wheel."""
+    follower: FollowerUse = FollowerUse()
+    """What steers and drives along the route; all keys but `speed_m_s` are those of the plugin."""
+    blocked_after_s: Positive | None = None
+    """If it stands for an obstacle for longer and plans no more, it ends with the outcome `blocked`; if left out, as
+    `obstacles` say."""
+    replans: Annotated[int, Field(ge=0, le=100)] = 3
+    """So often another route is planned where something stands on the present one."""
+    obstacles: Obstacles | None = None
+    """In this step; if left out, as in the mission, and else within 3 cm around the outline."""
+
+    @property
+    def place(self) -> str:
+        """Where it leads, for people."""
+        if isinstance(self.to, str):
+            return self.to
+        return f"x {self.to.x_m:g} m, y {self.to.y_m:g} m, {self.to.heading_deg:g} degrees"
+
+    @property
+    def follower_options(self) -> dict[str, object]:
+        """The keys of the follower's plugin."""
+        return {**self.follower.options, "speed_m_s": self.speed_m_s}
+
+
+def goto_rules(goto: Goto, mission: Obstacles | None, robot: RobotFile) -> ObstacleRules | None:
+    """What the robot does about obstacles on its way; None: it has no scanner."""
+    rules = rules_for(goto.obstacles or mission or Obstacles(margin_m=NARROW, clear_m=NARROW), robot)
+    if rules is None or goto.blocked_after_s is None:
+        return rules
+    return replace(rules, blocked_after=goto.blocked_after_s)

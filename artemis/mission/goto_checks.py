@@ -1,0 +1,117 @@
+"""What a step `goto` names: its map, zones and places, read once; and whether the robot can stand where it leads."""
+
+from __future__ import annotations
+
+from math import radians
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from artemis.errors import ConfigError
+from artemis.mission.files import read_data
+from artemis.mission.goto import BEYOND, Goto, goto_rules
+from artemis.mission.obstacles import Obstacles
+from artemis.mission.problems import nearest
+from artemis.mission.reading import MissionReading
+from artemis.plugins.used import localizer_used
+from artemis.values import Pose
+from artemis.vehicle import RobotFile
+from artemis.yaml_file import KeyPath, read
+
+if TYPE_CHECKING:
+    from artemis.route_planning.floor import Floor
+    from artemis.route_planning.zones import MapZones
+
+
+class GotoChecks(MissionReading):
+    """Notes what is wrong in these steps."""
+
+    def __init__(self, path: Path, simulate: bool = False) -> None:
+        super().__init__(path, simulate)
+        self._floors: dict[str, tuple[Floor, MapZones] | None] = {}
+
+    def _check_goto(self, number: int, at: KeyPath, goto: Goto, robot: RobotFile | None) -> None:
+        if localizer_used(self._data, simulated=self._simulated) is None:
+            self._complain(
+                at,
+                "where the robot is on the map, a localizer has to tell: add `localizer:`"
+                " (in a simulation `simulation: {localizer: {plugin: simulated_tracker}}`)",
+            )
+        if robot is not None and robot.outline is None:
+            self._complain(at, f"routes are planned for the robot's outline: write it in {self._robot_source}")
+        self._check_follower(at, goto)
+        found = self._floor((*at, "map"), goto.map)
+        pose = found and self._goal(at, goto, found[1])
+        if found is None or pose is None or robot is None or robot.outline is None:
+            return
+        from artemis.route_planning.floor import MARGIN, Destination, goal_problem
+
+        rules = goto_rules(goto, self._part(Obstacles, "obstacles") if "obstacles" in self._data else None, robot)
+        margin = max(MARGIN, 0.0 if rules is None or rules.mode == "off" else rules.margin + BEYOND)
+        if (problem := goal_problem(found[0], robot, pose, margin)) is not None:
+            self._complain((*at, "to"), f"{goto.place}: {problem}")
+            return
+        self._destinations[number] = Destination(
+            floor=found[0],
+            goal=pose,
+            speed=goto.speed_m_s,
+            margin=margin,
+            forward_first=rules is not None and rules.mode != "off" and not rules.unseen_reverse,
+        )
+
+    def _check_follower(self, at: KeyPath, goto: Goto) -> None:
+        """The keys of the follower's plugin; its speed is the step's."""
+        from artemis.plugins.registry import load
+
+        if "speed_m_s" in goto.follower.options:
+            self._complain((*at, "follower", "speed_m_s"), "is a key of the step itself: goto: {speed_m_s: ...}")
+        try:
+            plugin = load("artemis.followers", goto.follower.plugin)
+        except ConfigError as error:
+            for problem in error.problems:
+                self._complain((*at, "follower", "plugin"), problem)
+        else:
+            self._options(plugin, (*at, "follower"), goto.follower_options)
+
+    def _goal(self, at: KeyPath, goto: Goto, zones: MapZones) -> Pose | None:
+        """Where it leads, in the frame of the map."""
+        place = zones.places.get(goto.to) if isinstance(goto.to, str) else goto.to
+        if place is None:
+            self._complain(
+                (*at, "to"), f"no such place on {goto.map}: {goto.to}{nearest(str(goto.to), zones.places, 'places')}"
+            )
+            return None
+        return Pose(x=place.x_m, y=place.y_m, heading=radians(place.heading_deg))
+
+    def _floor(self, at: KeyPath, name: str) -> tuple[Floor, MapZones] | None:
+        """The floor of a map's YAML file, and what stands in the file of its zones; each map is read once."""
+        if name not in self._floors:
+            self._floors[name] = self._read_floor(at, name)
+        return self._floors[name]
+
+    def _read_floor(self, at: KeyPath, name: str) -> tuple[Floor, MapZones] | None:
+        from artemis.mapping.map_file import map_from
+        from artemis.route_planning.floor import floor_from
+        from artemis.route_planning.zones import MapZones, zones_file
+
+        def image(image: str) -> bytes:
+            content = self._file(at, str(PurePosixPath(name).parent / image), read_data)
+            if content is None:
+                raise ConfigError([])
+            return content
+
+        raw = self._file(at, name, read)
+        if raw is None:
+            return None
+        problems = len(self._problems)
+        zones: MapZones | None = MapZones()
+        try:
+            content = map_from(self._survey(raw, str(self._folder / name)), (self._folder / name).parent, image)
+            beside = zones_file(name)
+            if (self._folder / beside).exists() and (found := self._file(at, beside, read)) is not None:
+                zones = self._validated(MapZones, self._survey(found, str(self._folder / beside)))
+        except ConfigError as error:
+            self._problems += error.problems
+            return None
+        if zones is None or len(self._problems) > problems:
+            return None
+        return floor_from(content, zones.zones), zones

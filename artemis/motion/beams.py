@@ -1,0 +1,56 @@
+"""Which beams of a laser scanner see something else than the robot, and how often it scans."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from artemis.scan import Scan
+
+LOST = 0.17
+"""A scanner is lost (LAS-01) after so long without a scan [s]."""
+PERIODS, SLOWEST = 2.5, 0.2
+"""Or after so many of its own periods, if that is longer; none may be longer than `SLOWEST` [s], as it is before two
+scans have come."""
+GAPS = 5
+"""The period is the middle one of so many."""
+
+
+def seeing(degrees: NDArray[np.floating[Any]], mask: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+    """The beams that no part of the robot is in the way of.
+
+    Args:
+        degrees: where they point to in the scanner's frame, left positive, of any turn; shape (n,).
+        mask: sectors [from, to] in which the robot itself is seen [degrees], from right to left, within -180 to 180.
+
+    Returns:
+        True for each of them, shape (n,).
+    """
+    wrapped = (degrees + 180.0) % 360.0 - 180.0
+    clear = np.ones(len(wrapped), bool)
+    for first, last in mask:
+        clear &= ~((wrapped >= first) & (wrapped <= last))
+    return clear
+
+
+class ScanPeriod:
+    """Measures the period of a scanner by the times of its own scans."""
+
+    def __init__(self) -> None:
+        self._last: Scan | None = None
+        self._gaps: deque[float] = deque(maxlen=GAPS)
+        self.patience = PERIODS * SLOWEST
+        """After so long without a scan it is lost [s]."""
+
+    def take(self, scan: Scan) -> None:
+        """One more scan."""
+        last, self._last = self._last, scan
+        if last is None or scan.time <= last.time:
+            return
+        self._gaps.append((scan.time - last.time) / max(1, scan.counter - last.counter))
+        period = sorted(self._gaps)[len(self._gaps) // 2]
+        self.patience = max(LOST, PERIODS * min(period, SLOWEST))

@@ -1,0 +1,74 @@
+"""The input `ros2`: commanded by velocity commands and requests of ROS 2."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Literal
+
+from artemis.bridges.ros2.process import NodeProcess
+from artemis.bridges.ros2.settings import Ros2Name, Ros2NodeConfig
+from artemis.bridges.ros_types import require_packages
+from artemis.config import Config
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.inputs.commanded import EMPTY, CommandedInput, CommandKeys
+from artemis.values import Tick
+
+
+class Ros2InputConfig(CommandKeys, Ros2NodeConfig):
+    """Keys of an input with `plugin: ros2`."""
+
+    type: Literal[
+        "geometry_msgs/msg/Twist",
+        "geometry_msgs/msg/TwistStamped",
+        "ackermann_msgs/msg/AckermannDrive",
+        "ackermann_msgs/msg/AckermannDriveStamped",
+    ] = "geometry_msgs/msg/Twist"
+    """What the commands are."""
+    topic: Ros2Name | None = None
+    """Of the commands; if left out: cmd_vel, or ackermann_cmd."""
+
+
+class Ros2Input(CommandedInput):
+    """A node that is commanded."""
+
+    Config: ClassVar[type[Config]] = Ros2InputConfig
+
+    def __init__(self, config: Ros2InputConfig, context: PluginContext) -> None:
+        """Take the robot.
+
+        Raises:
+            ConfigError: the extra is not installed, a variable of ROS is wrong, or more speed than the robot has.
+        """
+        require_packages(context.name, "ros2", "cyclonedds", "rosbags")
+        node = self._node = NodeProcess(config, context.name, f"artemis_{context.name}")
+        super().__init__(config, context, node.types)
+        self._number = -1
+        for topic, (type, take) in self._topics().items():
+            resolved = node.names.resolve(topic)
+            if type == EMPTY:
+                node.subscribe(resolved, type, take)
+            if type != EMPTY or topic == "stop":  # a command that was lost is of no use; a stop is heard of everybody
+                number = node.subscribe(resolved, type, take, reliable=False, depth=1)
+                self._number = number if topic == config.commands else self._number
+        self._told: set[str] = set()
+
+    @staticmethod
+    def may_share(one: Ros2InputConfig, other: Ros2InputConfig, _files: Mapping[str, bytes]) -> bool:
+        """Whether both hear one topic, or are one node."""
+        return one.commands == other.commands or (one.node is not None and one.node == other.node)
+
+    def show(self, tick: Tick) -> str:
+        """Nothing of the tick; tells of publishers that are refused."""
+        new = [words for words in self._node.state.refused if words not in self._told]
+        self._told.update(new)
+        return "; ".join(new)
+
+    def close(self) -> None:
+        """Leave."""
+        self._node.close()
+
+    def _open(self) -> None:
+        self._node.start()
+
+    def _heard(self) -> tuple[bool, str]:
+        return self._node.senders(self._number) > 0, self._node.problem

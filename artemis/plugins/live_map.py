@@ -1,0 +1,129 @@
+"""A map that is made while the robot drives: beside the ticks, and its loops beside the scans."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import ClassVar
+
+from artemis.config import Config
+from artemis.devices.can_bus import Traffic
+from artemis.errors import ConfigError
+from artemis.localisation.warming import warm_up
+from artemis.mapping.graph_file import saved_files
+from artemis.mapping.map_file import write_bytes
+from artemis.mapping.mapper import Mapper
+from artemis.mapping.occupancy import ShownMap, occupancy
+from artemis.mapping.readings import ScanReadings
+from artemis.mapping.se2 import Array, between, compose
+from artemis.mapping.tracking import NewKey
+from artemis.plugins.observing import Beside
+from artemis.values import Pose, Tick
+
+NAME = "map"
+"""Of the thread, and of the files in the run's folder."""
+SHOWN_EVERY = 5.0
+"""Whoever watches is shown a new map so often [s], as long as something new is seen."""
+
+
+class LiveMap:
+    """An observer that maps what one scanner sees, and writes the map when it is closed.
+
+    In real time its thread matches the scans, and another one looks for loops, solves, and never holds the first one
+    up. The map is that which `artemis map build` makes of the run's recording, unless ticks were missed.
+    """
+
+    Config: ClassVar[type[Config]] = Config
+
+    def __init__(
+        self,
+        readings: ScanReadings,
+        outputs: Mapping[Path, float],
+        say: Callable[[str], None],
+        *,
+        threaded: bool,
+    ) -> None:
+        """Begin.
+
+        Args:
+            readings: make readings of the ticks.
+            outputs: the YAML files to write, each with the side of its cells [m].
+            say: is told what was made.
+            threaded: look for loops in a thread of its own.
+        """
+        self._readings, self._outputs, self._say = readings, outputs, say
+        self._broken: BaseException | None = None
+        self._shown: ShownMap | None = None
+        self._watched, self._next, self._station = False, 0.0, -1
+        self._closing: Beside[None] = Beside(
+            f"{NAME} loops", lambda nothing: None, threaded=threaded, failed=self._failed
+        )
+        if threaded:
+            warm_up()
+        self._mapper = Mapper(later=self._later)
+
+    def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
+        """Take the scans of a tick."""
+        if self._broken is not None:
+            raise self._broken
+        for reading in self._readings.see(tick):
+            self._mapper.add(reading)
+            station = self._mapper.station
+            if self._watched and reading.time >= self._next and station != self._station:
+                self._next, self._station = reading.time + SHOWN_EVERY, station
+                self._closing.order(self._show, station, reading.odometry)
+
+    def take_problems(self) -> list[tuple[str, str, str]]:
+        """None: what goes wrong is raised."""
+        return []
+
+    def close(self) -> None:
+        """Finish the map and write it.
+
+        Raises:
+            ConfigError: it cannot be written; what can be is.
+        """
+        self._closing.close()
+        if self._broken is not None:
+            raise self._broken
+        mapper, problems = self._mapper, list[str]()
+        if not mapper.keys:
+            self._say("no map: no scan was seen")
+            return
+        mapper.finish()
+        graph = mapper.result()
+        for file, resolution in self._outputs.items():
+            try:
+                content = occupancy(mapper.keys.points, mapper.keys.poses, resolution)
+                write_bytes(saved_files(file, content, graph))
+            except (ValueError, ConfigError) as error:
+                problems.append(f"{file}: {error}")
+        counts = mapper.counts
+        self._say(
+            f"map: {counts.scans} scans, {counts.unmatched} matched nowhere; {len(mapper.keys)} make it up, with "
+            f"{len(mapper.graph.loops)} loops: {', '.join(map(str, self._outputs))}"
+        )
+        if problems:
+            raise ConfigError(problems)
+
+    def shown(self) -> ShownMap | None:
+        """The map as it is about now; None: not yet. Who has asked once is shown a new one again and again."""
+        self._watched = True
+        return self._shown
+
+    def _show(self, station: int, odometry: Array) -> None:
+        """Where the loops are found, behind the key scan of the station: the poses stay as they are meanwhile."""
+        keys = self._mapper.keys
+        count = len(keys)
+        try:
+            content = occupancy(keys.points[:count], keys.poses[:count].copy(), max(self._outputs.values()))
+        except ValueError:  # `close` says what is wrong
+            return
+        x, y, heading = compose(self._mapper.pose_of(station), between(odometry, [0.0, 0.0, 0.0])).tolist()
+        self._shown = ShownMap(content=content, odometry=Pose(x=x, y=y, heading=heading))
+
+    def _later(self, work: Callable[[NewKey], None], key: NewKey) -> None:
+        self._closing.order(work, key)
+
+    def _failed(self, error: BaseException) -> None:
+        self._broken = error

@@ -1,0 +1,101 @@
+"""The observer `ros2`: what the robot does, on the topics that every program of ROS 2 knows."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from artemis.bridges.complaints import FAILED
+from artemis.bridges.ros2.process import NodeProcess
+from artemis.bridges.ros2.settings import Ros2NodeConfig
+from artemis.bridges.ros_types import require_packages
+from artemis.bridges.stamps import Stamps
+from artemis.bridges.topics import SCAN_TYPE, TRANSFORMS, Told, Topics
+from artemis.config import Config
+from artemis.devices.can_bus import Traffic
+from artemis.plugins.contracts import PluginContext
+from artemis.values import Tick
+
+DEPTH, DEPTH_OF_TRANSFORMS = 10, 100
+"""Messages that are kept for a slow subscriber."""
+
+
+class Ros2ObserverConfig(Ros2NodeConfig):
+    """Keys that a mission may write beside `plugin: ros2` under `observers`."""
+
+    every: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Odometry, pose, transforms and joints come each so many ticks."""
+    transforms: bool = True
+    """False: leave /tf and /tf_static to another program, such as robot_state_publisher and a localizer."""
+    scans: Literal["reliable", "best_effort"] = "reliable"
+    """reliable serves every subscriber; best_effort spares a bad radio link, and none that asks for reliable."""
+
+
+class Ros2Observer:
+    """A node that publishes what it sees. Nothing is opened before the first tick."""
+
+    Config: ClassVar[type[Config]] = Ros2ObserverConfig
+    contract: ClassVar[int] = 1
+    live: ClassVar[bool] = True
+    pure: ClassVar[bool] = True
+
+    def __init__(self, config: Ros2ObserverConfig, context: PluginContext) -> None:
+        """Take the robot, and the paths that are known.
+
+        Raises:
+            ConfigError: the extra is not installed, or a variable of ROS is wrong.
+        """
+        require_packages(context.name, "ros2", "cyclonedds", "rosbags")
+        self._name, self._stamps = context.name, Stamps()
+        self._topics = Topics(
+            context.robot, context.routes, every=config.every, transforms=config.transforms, map=context.map
+        )
+        node = self._node = NodeProcess(config, context.name, "artemis")
+        self._numbers = {
+            topic.name: node.publish(
+                node.names.resolve(topic.name),
+                topic.type,
+                reliable=topic.type != SCAN_TYPE or config.scans == "reliable",
+                latched=topic.latched,
+                depth=1 if topic.latched else DEPTH_OF_TRANSFORMS if topic is TRANSFORMS else DEPTH,
+            )
+            for topic in self._topics.topics
+        }
+        self._begun = self._silent = False
+        self._told: set[str] = set()
+
+    def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
+        """Publish a tick.
+
+        Raises:
+            ConfigError: this computer has no such address.
+        """
+        stamp, node = self._stamps.stamp(tick.snapshot.time), self._node
+        if not self._begun:
+            node.start()
+            self._begun = True
+            for told in self._topics.begin(stamp):
+                self._put(told)
+        node.keep()
+        wanted = {name for name, number in self._numbers.items() if node.heard(number)}
+        for told in self._topics.tell(tick, stamp, wanted):
+            self._put(told)
+
+    def take_problems(self) -> list[tuple[str, str, str]]:
+        """That it is not heard, once as long as that lasts; a subscriber that is refused, or too slow, once."""
+        state, problem = self._node.state, self._node.problem
+        lasting = [problem] if problem and not self._silent else []
+        self._silent = bool(problem)
+        slow = ["a subscriber is too slow: messages for it are dropped"] if state.dropped else []
+        new = [words for words in (*state.refused, *slow) if words not in self._told]
+        self._told.update(new)
+        return [(FAILED, self._name, words) for words in (*lasting, *new)]
+
+    def close(self) -> None:
+        """Leave."""
+        self._node.close()
+
+    def _put(self, told: Told) -> None:
+        topic, content = told
+        self._node.put(self._numbers[topic.name], self._node.types.pack(topic.type, content))

@@ -1,0 +1,63 @@
+"""What a robot saw where obstacles slowed it down, and the routes that were planned for it."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from artemis.motion.planned_route import unpacked
+from artemis.motion.spline import Array
+from artemis.route_planning.obstacle_layer import PlacedScan, placed_returns
+from artemis.scan import Scan
+from artemis.values import JobKind, Tick
+from artemis.vehicle import RobotFile
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+EVERY, NEAR = 0.5, 2.5
+"""A scan is kept so often while the robot is slowed down [s], of it what is so near [m]."""
+MOST = 200
+"""Scans that are kept."""
+
+
+class DrivenAround:
+    """Sees every tick of a recording once.
+
+    Attributes:
+        seen: x, y of returns in the frame of the pose [m], of one scan each, shape (n, 2).
+        routes: x, y of planned routes [m], shape (n, 2).
+    """
+
+    def __init__(self, robot: RobotFile) -> None:
+        self.seen: list[Array] = []
+        self.routes: list[Array] = []
+        self._scanners = robot.scanners
+        self._scans: dict[str, Scan] = {}
+        self._last = -inf
+
+    def see(self, tick: Tick, *, slowed: bool) -> None:
+        """The next tick, and whether an obstacle slowed the robot down."""
+        sensed, pose = tick.snapshot.sensed, tick.snapshot.pose
+        self._scans.update({scan.source: scan for scan in sensed.scans if scan.source in self._scanners})
+        self.routes += [
+            unpacked(done.values)[:, :2] for done in sensed.results if done.kind is JobKind.PLAN and done.values
+        ]
+        if not slowed or pose.lost or sensed.time - self._last < EVERY or len(self.seen) >= MOST:
+            return
+        self._last = sensed.time
+        for name, scan in self._scans.items():
+            points = placed_returns(PlacedScan(sensed.time, pose.pose, scan), self._scanners[name])
+            near = np.hypot(points[:, 0] - pose.pose.x, points[:, 1] - pose.pose.y) < NEAR
+            self.seen.append(points[near])
+
+    def draw(self, axes: Axes, route: str, seen: str) -> None:
+        """Into a figure from above, in two colours."""
+        for number, points in enumerate(self.routes):
+            label = "planned" if number == 0 else None
+            axes.plot(points[:, 0], points[:, 1], color=route, linewidth=5.0, alpha=0.45, label=label, zorder=1)
+        for number, points in enumerate(self.seen):
+            label = "seen then" if number == 0 else None
+            axes.plot(points[:, 0], points[:, 1], ".", color=seen, markersize=2, label=label, zorder=3)

@@ -1,0 +1,127 @@
+"""The planner of routes as a part of the robot: does jobs of the kind PLAN beside the ticks, and sees what stands."""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import signal
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from math import hypot
+
+from artemis.devices.device import Readings, Report, Work
+from artemis.motion.planned_route import PLANNER
+from artemis.route_planning.floor import Destination
+from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan
+from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
+from artemis.scan import Scan
+from artemis.values import Job, JobResult, Pose, Tick
+from artemis.vehicle import RobotFile
+
+MODELLED, MODELLED_PER_POSE = 0.05, 10e-6
+"""On virtual time a plan takes so long, and so much for each pose that is looked at [s]."""
+DRIVEN_SPACING, DRIVEN = 0.05, 40
+"""What the robot has driven is noted every so often [m], so many times."""
+
+
+class RoutePlanner:
+    """`Actuators` without drives of its own, so that ticks and jobs reach it. In real time it plans in a process."""
+
+    drives = (PLANNER,)
+
+    def __init__(self, robot: RobotFile, destinations: Mapping[int, Destination], *, virtual: bool) -> None:
+        """`destinations` by the numbers of their steps; on `virtual` time a plan takes what it is modelled to take."""
+        self._robot, self._destinations = robot, destinations
+        self._pose = Pose()
+        self._placed_scans: deque[PlacedScan] = deque()
+        self._driven: deque[Pose] = deque(maxlen=DRIVEN)
+        self._pool: ProcessPoolExecutor | None = None
+        if not virtual:
+            fresh = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(1, mp_context=fresh, initializer=_leave_interrupts_alone)
+
+    def begin(self, start: float, wake: Callable[[], None], report: Report) -> Sequence[Work]:
+        """As of a `Device`: the process loads, and compiles, what it will need."""
+        return [] if self._pool is None else [self._warm(self._pool)]
+
+    async def _warm(self, pool: ProcessPoolExecutor) -> None:
+        first = next(iter(self._destinations.values()))
+        try:
+            await asyncio.get_running_loop().run_in_executor(pool, plan_route, self._request(first, first.goal))
+        except BrokenProcessPool:
+            return  # the first job says so
+
+    def sense(self, now: float) -> Readings:
+        """Nothing: it measures nothing of its own."""
+        return Readings()
+
+    def write(self, tick: Tick) -> None:
+        """See where the robot is, and what it stands for."""
+        snapshot = tick.snapshot
+        if snapshot.pose.lost:
+            self._driven.clear()
+            return
+        self._pose = snapshot.pose.pose
+        self._note(backward=snapshot.odometry.speed < 0.0)
+        self._look(snapshot.sensed.scans, snapshot.time)
+
+    def _look(self, scans: Sequence[Scan], now: float) -> None:
+        """Keep a scan now and then."""
+        if scans and (not self._placed_scans or now - self._placed_scans[-1].time >= EVERY):
+            self._placed_scans += [
+                PlacedScan(now, self._pose, scan) for scan in {scan.source: scan for scan in scans}.values()
+            ]
+            while now - self._placed_scans[0].time > KEPT:
+                self._placed_scans.popleft()
+
+    def _note(self, *, backward: bool) -> None:
+        """Keep where the robot was, as long as it drives forwards."""
+        last = self._driven[-1] if self._driven else None
+        if last is not None and hypot(self._pose.x - last.x, self._pose.y - last.y) < DRIVEN_SPACING:
+            return
+        if backward:
+            self._driven.clear()
+        self._driven.append(self._pose)
+
+    def stop(self) -> None:
+        """It moves nothing."""
+
+    async def perform(self, job: Job) -> JobResult:
+        """Plan a route for the step that the job names, from where the robot is; or keep the job's, if it is free."""
+        request = replace(self._request(self._destinations[int(job.value)], self._pose), present=job.values)
+        if self._pool is None:
+            planned = plan_route(request)
+            await asyncio.sleep(MODELLED + MODELLED_PER_POSE * planned.expanded)
+        else:
+            try:
+                planned = await asyncio.get_running_loop().run_in_executor(self._pool, plan_route, request)
+            except BrokenProcessPool:
+                planned = PlannedRoute(detail="the process that plans has ended")
+        ok = planned.arrived or bool(planned.values)
+        return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, detail=planned.detail, values=planned.values)
+
+    def _request(self, destination: Destination, start: Pose) -> RouteRequest:
+        return RouteRequest(
+            floor=destination.floor,
+            robot=self._robot,
+            start=start,
+            goal=destination.goal,
+            speed=destination.speed,
+            margin=destination.margin,
+            placed_scans=tuple(self._placed_scans),
+            forward_first=destination.forward_first,
+            driven=tuple(self._driven),
+        )
+
+    def close(self) -> None:
+        """End the process."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+
+def _leave_interrupts_alone() -> None:
+    """Ctrl-C goes to all processes of a terminal: the run ends this one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,155 @@
+"""The floor on which routes are planned: a map and its zones in cells of 5 cm, the frame turned along the cells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from artemis.mapping.map_file import FREE_UP_TO
+from artemis.mapping.occupancy import OccupancyMap
+from artemis.motion.poses import seen_from
+from artemis.route_planning.zones import MapZone
+from artemis.values import Pose
+from artemis.vehicle import RobotFile
+
+CELL = 0.05
+"""Side of a cell [m]."""
+PREFERRED = 0.5
+"""A metre in a zone of the kind `prefer` costs so much."""
+BESIDE, NEARNESS = 0.8, 1.0
+"""A metre nearer to an obstacle than the first [m] costs up to so much more."""
+MARGIN = 0.05
+"""A route is free by the robot's outline and so much on every side [m]."""
+SPARE = 0.02
+"""It is sought with so much more [m]: to fit it to the robot may move it."""
+Array = NDArray[np.float64]
+Cells = NDArray[np.bool_]
+Field = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Floor:
+    """Cells, row 0 and column 0 at the origin."""
+
+    occupied: Cells
+    """Walls, zones to keep out of, and what nobody has seen."""
+    factor: Field
+    """What a metre costs, by the zones."""
+    speed: Field
+    """Highest speed of the virtual front wheel [m/s], by the zones; infinite elsewhere."""
+    origin: Pose
+    """Of cell 0, 0 in the frame of the map."""
+
+    def local(self, pose: Pose) -> Array:
+        """A pose of the map seen from the origin: x, y, heading."""
+        seen = seen_from(self.origin, pose)
+        return np.array([seen.x, seen.y, seen.heading])
+
+    def cells_of(self, points: Array) -> NDArray[np.int64]:
+        """Rows and columns of points of the map, shape (n, 2), of those that lie within; shape (2, m)."""
+        c, s = math.cos(self.origin.heading), math.sin(self.origin.heading)
+        x, y = points[:, 0] - self.origin.x, points[:, 1] - self.origin.y
+        cells = np.floor(np.array([c * y - s * x, c * x + s * y]) / CELL).astype(np.int64)
+        rows, columns = self.occupied.shape
+        within = (cells[0] >= 0) & (cells[0] < rows) & (cells[1] >= 0) & (cells[1] < columns)
+        return np.asarray(cells[:, within])
+
+
+def floor_from(content: OccupancyMap, zones: Sequence[MapZone] = ()) -> Floor:
+    """The floor that a map and its zones describe."""
+
+    def in_cells(mask: Cells) -> Cells:
+        return resampled(mask, content.resolution)
+
+    blocked = (content.cells < 0) | (content.cells > FREE_UP_TO)
+    masks = [(zone, content.inside(zone.corners)) for zone in zones]
+    for zone, mask in masks:
+        if zone.kind == "keep-out":
+            blocked = blocked | mask
+    occupied = in_cells(blocked)
+    factor, speed = np.ones(occupied.shape, np.float32), np.full(occupied.shape, np.inf, np.float32)
+    for zone, mask in masks:
+        if zone.kind == "prefer":
+            factor[in_cells(mask)] = PREFERRED
+        elif zone.speed_m_s is not None:
+            cells = in_cells(mask)
+            speed[cells] = np.minimum(speed[cells], zone.speed_m_s)
+    x, y, heading = content.origin
+    return Floor(occupied, factor, speed, Pose(x=x, y=y, heading=heading))
+
+
+def resampled(mask: Cells, resolution: float) -> Cells:
+    """A mask over cells of another size [m], over cells of `CELL`: true where any of those that lie there is."""
+    for axis in (0, 1):
+        ends = np.arange(math.ceil(round(mask.shape[axis] * resolution / CELL, 6)) + 1) * (CELL / resolution)
+        first = np.floor(ends[:-1] + 1e-6).astype(int)
+        last = np.minimum(np.ceil(ends[1:] - 1e-6).astype(int), mask.shape[axis]) - 1
+        last = np.maximum(last, first)
+        made = mask.take(first, axis)
+        for step in range(1, int((last - first).max()) + 1):
+            made = made | mask.take(np.minimum(first + step, last), axis)
+        mask = made
+    return mask
+
+
+def clearance(occupied: Cells) -> Field:
+    """Distance from each cell's middle to the nearest occupied cell's edge [m], at most the true one.
+
+    The edge of the grid counts as occupied.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    framed = distance_transform_edt(np.pad(~occupied, 1))[1:-1, 1:-1]
+    return np.asarray(np.maximum(CELL * framed - CELL * math.sqrt(0.5), 0.0), np.float32)
+
+
+class Destination(Struct, frozen=True, kw_only=True):
+    """What a step of a mission wants routes for."""
+
+    floor: Floor
+    goal: Pose
+    """In the frame of the map."""
+    speed: float
+    """Highest, of the virtual front wheel [m/s]."""
+    margin: float
+    """Around the outline [m]."""
+    forward_first: bool
+    """As of `RouteRequest`."""
+
+
+def goal_problem(floor: Floor, robot: RobotFile, goal: Pose, margin: float) -> str | None:
+    """Why a robot cannot stand at a pose of the map; None: it can."""
+    x, y, _ = pose = floor.local(goal)
+    rows, columns = floor.occupied.shape
+    if not (0 <= x < columns * CELL and 0 <= y < rows * CELL):
+        return "it lies outside of the map"
+    if not covered(floor.occupied, pose, outline_box(robot, margin + SPARE)).any():
+        return None
+    return (
+        "the robot cannot stand there: within its outline and "
+        f"{100 * margin:.0f} cm is a wall, a zone to keep out of, or what nobody has seen"
+    )
+
+
+def outline_box(robot: RobotFile, margin: float) -> Array:
+    """Front, rear (negative behind the axle) and half width of the robot's outline with a margin [m]."""
+    assert robot.outline is not None
+    outline = robot.outline
+    return np.array([outline.front_m + margin, -outline.rear_m - margin, outline.half_width_m + margin])
+
+
+def covered(occupied: Cells, pose: Array, box: Array, reach: float = CELL * math.sqrt(0.5)) -> Cells:
+    """Occupied cells that an outline at a pose of the floor touches, or all but touches; or with middles within."""
+    row, column = np.nonzero(occupied)
+    x, y = (column + 0.5) * CELL - pose[0], (row + 0.5) * CELL - pose[1]
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    u, v = c * x + s * y, c * y - s * x
+    within = (u < box[0] + reach) & (u > box[1] - reach) & (np.abs(v) < box[2] + reach)
+    found = np.zeros(occupied.shape, bool)
+    found[row[within], column[within]] = True
+    return found

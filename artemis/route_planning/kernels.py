@@ -1,0 +1,23 @@
+"""Compiles the inner loops of route planning if numba is installed (extra `slam`); else they are plain Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, TypeVar, cast
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+try:
+    compiled: Callable[[_Function], _Function] = cast(Any, import_module("numba")).njit(cache=True, nogil=True)
+    COMPILED = True
+except ImportError:  # the extra `slam` is not installed
+
+    def compiled(function: _Function, /) -> _Function:
+        """As it is."""
+        return function
+
+    COMPILED = False
+
+NOTICE = "numba is not installed: planning a route takes a hundred times as long; pip install 'artemis-robot[slam]'"
+"""For people, where `COMPILED` is false."""

@@ -1,0 +1,110 @@
+"""What stands on a floor beside what its map shows, by the scans of the last minute."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from math import cos, sin
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from artemis.motion.beams import seeing
+from artemis.motion.poses import placed
+from artemis.mounting import Mounting
+from artemis.route_planning.floor import CELL, Array, Floor, clearance
+from artemis.scan import Scan
+from artemis.values import Pose
+
+EVERY = 0.5
+"""A scan is kept so often [s]."""
+STANDS, GAP = 2.0, 1.6
+"""What was seen in a cell for so long, never missed for longer than the second, stands there [s]."""
+KEPT = 60.0
+"""It counts for so long [s]."""
+RANGE = 4.0
+"""Farther away nothing counts [m]."""
+NEW = 0.10
+"""What is seen nearer to what the map shows than this is that [m]."""
+THROUGH = 0.15
+"""A beam that reaches so much farther than a cell has seen through it [m]."""
+_BESIDE = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)]
+
+
+class PlacedScan(Struct, frozen=True):
+    """A scan, and where the robot was."""
+
+    time: float
+    """Run time [s]."""
+    pose: Pose
+    """In the frame of the map."""
+    scan: Scan
+
+
+def standing(placed_scans: Sequence[PlacedScan], scanners: Mapping[str, Mounting], floor: Floor) -> NDArray[np.int64]:
+    """Rows and columns of the cells of a floor in which something stands that its map does not show, shape (2, n).
+
+    A return counts for the cells beside its own, too: returns and poses vary. What a scanner's last scan sees through
+    does not stand there any more.
+    """
+    if not placed_scans:
+        return np.empty((2, 0), np.int64)
+    columns = floor.occupied.shape[1]
+    met, times = [], []
+    for each in placed_scans:
+        row, column = floor.cells_of(placed_returns(each, scanners[each.scan.source]))
+        cells = np.unique(row * columns + column)
+        met.append(cells)
+        times.append(np.full(len(cells), each.time))
+    found, time = np.concatenate(met), np.concatenate(times)
+    around = np.concatenate([found + row * columns + column for row, column in _BESIDE])
+    stood = _lasting(around, np.tile(time, len(_BESIDE)))
+    cells = np.intersect1d(found, stood)
+    row, column = cells // columns, cells % columns
+    new = clearance(floor.occupied)[row, column] > NEW
+    for last in {each.scan.source: each for each in placed_scans}.values():
+        new &= ~_seen_through(row, column, last, scanners[last.scan.source], floor)
+    return np.array([row[new], column[new]])
+
+
+def _seen_through(
+    row: NDArray[np.int64], column: NDArray[np.int64], last: PlacedScan, mounting: Mounting, floor: Floor
+) -> NDArray[np.bool_]:
+    """Of each cell whether its beam goes on behind it; one that does not return tells nothing."""
+    scan = last.scan
+    ranges = scan.millimetres / 1000.0
+    scanner = placed(last.pose, Pose(x=mounting.x_m, y=mounting.y_m, heading=mounting.heading))
+    x, y, heading = floor.local(scanner)
+    dx, dy = (column + 0.5) * CELL - x, (row + 0.5) * CELL - y
+    bearing = np.arctan2(dy, dx) - heading - scan.start_angle
+    bearing = (bearing if scan.increment > 0 else -bearing) % math.tau
+    beam = np.rint(bearing / abs(scan.increment)).astype(np.int64)
+    within = beam < len(ranges)
+    reached = np.where(within, ranges[np.where(within, beam, 0)], 0.0)
+    bearings = np.degrees(scan.start_angle + scan.increment * beam)
+    return np.asarray(seeing(bearings, mounting.mask) & (reached > np.hypot(dx, dy) + THROUGH))
+
+
+def _lasting(cells: NDArray[np.int64], times: Array) -> NDArray[np.int64]:
+    """Cells that were seen for `STANDS`, without a gap."""
+    order = np.lexsort((times, cells))
+    cells, times = cells[order], times[order]
+    begins = np.ones(len(cells), bool)
+    begins[1:] = (cells[1:] != cells[:-1]) | (times[1:] - times[:-1] > GAP)
+    first = np.flatnonzero(begins)
+    last = np.append(first[1:], len(cells)) - 1
+    return np.unique(cells[first[times[last] - times[first] >= STANDS]])
+
+
+def placed_returns(placed: PlacedScan, mounting: Mounting) -> Array:
+    """Returns that count in the frame of the map, x and y [m], shape (n, 2)."""
+    scan, pose = placed.scan, placed.pose
+    ranges = scan.millimetres / 1000.0
+    bearings = scan.start_angle + scan.increment * np.arange(len(ranges))
+    counts = (ranges >= mounting.least_range_m) & (ranges <= RANGE)
+    counts &= seeing(np.degrees(bearings), mounting.mask)
+    angle, c, s = bearings[counts] + mounting.heading + pose.heading, cos(pose.heading), sin(pose.heading)
+    x = pose.x + c * mounting.x_m - s * mounting.y_m + ranges[counts] * np.cos(angle)
+    y = pose.y + s * mounting.x_m + c * mounting.y_m + ranges[counts] * np.sin(angle)
+    return np.column_stack([x, y])

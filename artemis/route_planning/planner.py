@@ -1,0 +1,349 @@
+"""A route from where the robot is to a pose on a floor: found, fitted to the robot, and looked at again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from artemis.errors import ConfigError
+from artemis.motion.angles import wrap
+from artemis.motion.planned_route import packed, planned_route
+from artemis.motion.poses import placed
+from artemis.motion.route import Route
+from artemis.motion.spline import Array
+from artemis.route_planning.floor import (
+    BESIDE,
+    CELL,
+    MARGIN,
+    NEARNESS,
+    SPARE,
+    Field,
+    Floor,
+    clearance,
+    covered,
+    outline_box,
+)
+from artemis.route_planning.obstacle_layer import PlacedScan, standing
+from artemis.route_planning.search import (
+    FINEST,
+    FIRST,
+    FOUND,
+    NO_WAY,
+    SPACING,
+    UNREACHABLE,
+    cost_to_go,
+    is_free,
+    search,
+)
+from artemis.values import Pose
+from artemis.vehicle import RobotFile
+
+RADII = (1.55, 1.24, 1.053)
+"""Least radius of the rear axle's path, as multiples of the robot's own, wheelbase / tan(steering): wide ones
+are tried first, for the steering is to have something left. Of ARTEMIS they are 0.50, 0.40 and 0.34 m."""
+MOST = 30_000
+"""Poses that are expanded for each radius."""
+GREEDY, GREEDIER = 1.5, 3.0
+"""The heuristic counts so many times: routes are up to so much longer than the best, and found far sooner."""
+BY_TURNS = (
+    (False, GREEDY, 3_000),
+    (False, GREEDIER, 2_000),
+    (True, GREEDIER, 1_000),
+    (False, GREEDIER, 12_000),
+    (True, GREEDIER, MOST - 18_000),
+)
+"""Whether they are sought from the goal, how greedily, and among how many: at a narrow end the search from the other
+floods all that is in front of it."""
+FIRST_MARGIN = 0.01
+"""Around the outline in the first metre, if something is nearer at the start [m]; what the map shows under it then does
+not count."""
+WIDE, WIDE_TURNS = 0.15, 3
+"""First a route with so much more around the outline [m] is sought, in so many of these turns."""
+NARROW_SPEED = 0.2
+"""Where there is less room, the robot is no faster [m/s]: on the arc on which it would stop it must touch nothing."""
+END_DISTANCE, END_ANGLE = 0.03, math.radians(3.0)
+"""The robot is at the goal if it is at most so far from it [m, rad]."""
+EXACT_ANGLE = math.radians(1.5)
+"""A fitted route ends rather no more askew [rad]: to follow it takes the rest."""
+RECOVERY = 0.5
+"""Where no route begins, the robot may first go back so far along what it has just driven [m]."""
+ON_ROUTE, ALONG_ROUTE = 0.1, math.radians(20.0)
+"""A robot that is farther off its present route, or more askew, is not on it [m, rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RouteRequest:
+    """What is asked of the planner; poses in the frame of the map."""
+
+    floor: Floor
+    robot: RobotFile
+    start: Pose
+    goal: Pose
+    speed: float
+    """Highest, of the virtual front wheel [m/s]."""
+    margin: float = MARGIN
+    """Around the outline [m]."""
+    placed_scans: tuple[PlacedScan, ...] = ()
+    """What the scanners saw of late."""
+    forward_first: bool = False
+    """Rather not backwards in the first metre: nobody looks there."""
+    driven: tuple[Pose, ...] = ()
+    """What the robot has just driven, the oldest first: forwards, up to where it is."""
+    present: tuple[int, ...] = ()
+    """The route that it is on, as of `PlannedRoute`: kept if the rest of it is free."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedRoute:
+    """What came of it."""
+
+    values: tuple[int, ...] = ()
+    """As of `artemis.motion.planned_route.packed`; empty: there is no route, or none is needed."""
+    arrived: bool = False
+    """The robot is at the goal."""
+    detail: str
+    """The route, or why there is none, in words."""
+    expanded: int = 0
+    """Poses that were looked at."""
+
+
+class _Try(NamedTuple):
+    """How a route is sought."""
+
+    radius: float
+    """Least of the rear axle's path [m]."""
+    box: Array
+    """As of `outline_box`."""
+    from_goal: bool
+    """The search begins at the goal."""
+    greedy: float
+    most: int
+    forward_first: bool = False
+
+
+def plan_route(request: RouteRequest) -> PlannedRoute:
+    """Plan a route; the robot needs an outline."""
+    return _Planning(request).result()
+
+
+def _fits(pose: Array, clear: Field, box: Array) -> bool:
+    """Whether an outline at a pose of the floor is free."""
+    x, y, heading = pose.tolist()
+    return is_free(x, y, heading, clear, CELL, box, np.empty((64, 4)))
+
+
+def _turned_round(points: Array) -> Array:
+    """A route as `search` gives it, driven from its last pose to its first."""
+    back = points[::-1].copy()
+    back[1:, 3] = -points[:0:-1, 3]
+    back[0, 3] = back[1, 3] if len(back) > 1 else 0.0
+    return back
+
+
+class _Planning:
+    def __init__(self, request: RouteRequest) -> None:
+        self._request, self._floor = request, request.floor
+        self._start, self._goal = self._floor.local(request.start), self._floor.local(request.goal)
+        self._box = outline_box(request.robot, request.margin + SPARE)
+        self._least = float(self._box[2]) - 2.0 * CELL
+        self._wide = outline_box(request.robot, request.margin + WIDE)
+        self._checked = outline_box(request.robot, request.margin + FINEST)
+        occupied = self._floor.occupied.copy()
+        row, column = standing(request.placed_scans, request.robot.scanners, self._floor)
+        occupied[row, column] = True
+        self._clear = clearance(occupied)
+        self._begun, self._first_box, self._first_checked = self._clear, self._box, self._checked
+        if covered(occupied, self._start, self._box).any():
+            self._first_box = self._first_checked = outline_box(request.robot, FIRST_MARGIN)
+            under = covered(self._floor.occupied, self._start, self._first_box)
+            under |= covered(occupied, self._start, outline_box(request.robot, 0.0), reach=0.0)
+            self._begun = clearance(occupied & ~under)
+        self._expanded = 0
+        self._reasons: list[str] = []
+        self._askew: PlannedRoute | None = None
+        """The first route that ends within the bars, but not exactly: taken if nothing better is found at once."""
+
+    def result(self) -> PlannedRoute:
+        request = self._request
+        away, turn = self._off_goal(request.start)
+        if away <= END_DISTANCE and turn <= END_ANGLE:
+            return PlannedRoute(arrived=True, detail="the robot is there already")
+        if request.present and self._rest_is_free():
+            return PlannedRoute(values=request.present, detail="the rest of the route is free")
+        if not _fits(self._goal, self._clear, self._checked):
+            return PlannedRoute(detail="something stands at the goal")
+        nearness = 1.0 + NEARNESS * np.maximum(0.0, 1.0 - self._clear / BESIDE)
+        slow = np.maximum(1.0, request.speed / self._floor.speed)
+        cost = (self._floor.factor * nearness * slow).astype(np.float32)
+        row, column = self._cell_ahead(self._goal)
+        to_go = cost_to_go(self._begun, cost, row, column, CELL, self._least)
+        found = self._from(self._start, to_go, cost, [])
+        if found is None and (back := self._back()):
+            found = self._from(self._floor.local(back[-1]), to_go, cost, back)
+        return found or PlannedRoute(detail=self._reasons[-1], expanded=self._expanded)
+
+    def _from(self, start: Array, to_go: Field, cost: Field, back: Sequence[Pose]) -> PlannedRoute | None:
+        """A route from a pose, after driving back to it."""
+        row, column = self._cell_ahead(start)
+        rows, columns = to_go.shape
+        if not (0 <= row < rows and 0 <= column < columns):
+            self._reasons.append("the robot is outside of the map")
+            return None
+        if to_go[row, column] > UNREACHABLE:
+            self._reasons.append("no way leads there, however the robot turns")
+            return None
+        begun, first_box = (self._clear, self._box) if back else (self._begun, self._first_box)
+        forward_first, from_start = not back and self._request.forward_first, None
+        for each in self._tries(forward_first=forward_first):
+            if not each.from_goal:
+                ends, field, first, sense = (start, self._goal), to_go, first_box, 1.0
+            elif begun is self._clear:
+                if from_start is None:
+                    from_start = cost_to_go(self._clear, cost, row, column, CELL, self._least)
+                ends, field, first, sense = (self._goal, start), from_start, each.box, -1.0
+            else:
+                continue  # what does not count at the start is known only to a search that begins there
+            points, why, expanded = search(
+                self._clear, begun, cost, field, *ends, each.box, first, each.radius, CELL, each.most,
+                each.forward_first and not each.from_goal, sense, each.greedy,
+            )  # fmt: skip
+            self._expanded += expanded
+            if why != FOUND:
+                among = "" if why == NO_WAY else f" among {MOST} poses"
+                self._reasons.append(f"no route was found{among} with a radius of {each.radius:.2f} m")
+                if self._askew is not None:
+                    break
+                continue
+            if each.from_goal:
+                points = _turned_round(points)
+                if each.forward_first and (points[: round(FIRST / SPACING), 3] < 0.0).any():
+                    continue
+            if (found := self._taken(points, back, each.radius)) is not None:
+                return found
+        return self._askew and replace(self._askew, expanded=self._expanded)
+
+    def _tries(self, *, forward_first: bool) -> Iterator[_Try]:
+        """First with much room around, then with as little as may be; on wide curves, then on narrow ones."""
+        robot = self._request.robot
+        least = robot.geometry.wheelbase_m / math.tan(math.radians(robot.limits.steering_deg))
+        widest = least * RADII[0]
+        for first in (True, False) if forward_first else (False,):
+            if _fits(self._goal, self._clear, self._wide):
+                yield from (_Try(widest, self._wide, *turn, first) for turn in BY_TURNS[:WIDE_TURNS])
+            yield from (_Try(widest, self._box, *turn, first) for turn in BY_TURNS)
+        for share in RADII[1:] if self._askew is None else ():
+            yield from (_Try(least * share, self._box, *turn) for turn in BY_TURNS)
+
+    def _taken(self, points: Array, back: Sequence[Pose], radius: float) -> PlannedRoute | None:
+        """A route that was found, fitted to the robot; None: then it is none."""
+        if back:
+            backwards = [[*self._floor.local(pose), -1.0] for pose in back]
+            points = np.concatenate([backwards, points[1:]])
+        request = self._request
+        rows = [[*self._on_map(*pose), self._speed(pose) * way] for *pose, way in points.tolist()]
+        values = packed(np.array(rows))
+        try:
+            route = planned_route(values, request.robot, request.speed)
+            problems = route.problems(request.robot, request.speed)
+        except ConfigError as error:
+            problems = list(error.problems)
+        if not problems:
+            problems = list(self._off(route))
+        if problems:
+            self._reasons.append(f"a route with a radius of {radius:.2f} m cannot be driven: {problems[0]}")
+            return None
+        reversals = len(route.parts) - 1
+        words = f"{route.length:.1f} m, {reversals} reversal{'s' * (reversals != 1)}, radius {radius:.2f} m"
+        found = PlannedRoute(values=values, detail=words, expanded=self._expanded)
+        if self._end(route)[1] <= EXACT_ANGLE:
+            return found
+        self._askew = self._askew or found
+        return None
+
+    def _end(self, route: Route) -> tuple[float, float]:
+        """As of `_off_goal`, where a fitted route ends."""
+        last = route.parts[-1]
+        end = last.path.at(last.path.length)
+        return self._off_goal(Pose(x=end.x, y=end.y, heading=last.heading_at(last.path.length)))
+
+    def _off(self, route: Route) -> Iterator[str]:
+        """Where a fitted route is not what was asked for."""
+        away, turn = self._end(route)
+        if away > END_DISTANCE or turn > END_ANGLE:
+            yield f"it ends {100 * away:.1f} cm and {math.degrees(turn):.1f} degrees from the goal"
+        for driven, place in self._places(route):
+            if driven >= CELL and not self._is_free(place, driven):  # nearer: the robot is there
+                yield f"it is not free at {driven:.2f} m"
+                return
+
+    def _places(self, route: Route) -> Iterator[tuple[float, Pose]]:
+        """Poses on a route, and how far it is to each [m]."""
+        driven = 0.0
+        for part in route.parts:
+            places = np.linspace(0.0, part.path.length, max(2, math.ceil(part.path.length / CELL) + 1))
+            for place in places.tolist():
+                point = part.path.at(place)
+                yield driven + place, Pose(x=point.x, y=point.y, heading=part.heading_at(place))
+            driven += part.path.length
+
+    def _is_free(self, pose: Pose, driven: float) -> bool:
+        """Whether the outline is free at a pose of the map, after so far a drive."""
+        local = self._floor.local(pose)
+        return self._fits_first(local) if driven < FIRST + CELL else _fits(local, self._clear, self._checked)
+
+    def _rest_is_free(self) -> bool:
+        """Whether the present route is free from where the robot is: where it first comes by, if that is unclear."""
+        request, begun = self._request, -1.0
+        for driven, place in self._places(planned_route(request.present, request.robot, request.speed)):
+            if begun < 0.0:
+                away = math.hypot(place.x - request.start.x, place.y - request.start.y)
+                if away < ON_ROUTE and abs(wrap(place.heading - request.start.heading)) < ALONG_ROUTE:
+                    begun = driven
+            elif not self._is_free(place, driven - begun):
+                return False
+        return begun >= 0.0
+
+    def _off_goal(self, pose: Pose) -> tuple[float, float]:
+        """How far a pose is from the goal [m], and by how much it is turned [rad]."""
+        goal = self._request.goal
+        return math.hypot(pose.x - goal.x, pose.y - goal.y), abs(wrap(pose.heading - goal.heading))
+
+    def _on_map(self, x: float, y: float, heading: float) -> tuple[float, float]:
+        pose = placed(self._floor.origin, Pose(x=x, y=y, heading=heading))
+        return pose.x, pose.y
+
+    def _speed(self, pose: Sequence[float]) -> float:
+        """Highest speed at a pose [m/s]: by the zones, and slow where there is little room."""
+        rows, columns = self._floor.speed.shape
+        row, column = min(max(int(pose[1] / CELL), 0), rows - 1), min(max(int(pose[0] / CELL), 0), columns - 1)
+        narrow = not _fits(np.array(pose), self._clear, self._wide)
+        return min(self._request.speed, float(self._floor.speed[row, column]), NARROW_SPEED if narrow else math.inf)
+
+    def _cell_ahead(self, pose: Array) -> tuple[int, int]:
+        """The cell of the point on the outline's middle line that is half a width ahead of its rear."""
+        ahead = self._box[1] + self._box[2]
+        x, y = pose[0] + ahead * math.cos(pose[2]), pose[1] + ahead * math.sin(pose[2])
+        return math.floor(y / CELL), math.floor(x / CELL)
+
+    def _fits_first(self, pose: Array) -> bool:
+        """Whether the outline is free at a pose in the first metre."""
+        return _fits(pose, self._begun, self._first_checked)
+
+    def _back(self) -> list[Pose]:
+        """From where the robot is back along what it has just driven; empty: it has not, or something stands there."""
+        back, length = [self._request.start], 0.0
+        for pose in reversed(self._request.driven):
+            step = math.hypot(pose.x - back[-1].x, pose.y - back[-1].y)
+            if step < CELL:
+                continue
+            if not self._fits_first(self._floor.local(pose)):
+                break
+            back.append(pose)
+            length += step
+            if length >= RECOVERY:
+                break
+        return back if length > RECOVERY / 2 else []

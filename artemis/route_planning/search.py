@@ -1,0 +1,352 @@
+"""Hybrid A* on a grid: poses of a car, expanded by short arcs, with the way of a point robot as heuristic.
+
+After D. Dolgov, S. Thrun, M. Montemerlo and J. Diebel, Practical search techniques in path planning for autonomous
+driving, AAAI workshop 2008. All lengths in metres, in the frame of the grid: cell (row, column) reaches from
+(column, row) * resolution to the next.
+"""
+
+from __future__ import annotations
+
+import math
+from heapq import heappop, heappush
+
+import numpy as np
+from numpy.typing import NDArray
+
+from artemis.route_planning import kernels
+from artemis.route_planning.curves import TURN, Array, rolled, shortest, wrapped
+from artemis.route_planning.floor import Field
+from artemis.route_planning.kernels import compiled
+
+Nodes = tuple[Array, Array, Array, Array, NDArray[np.int8], NDArray[np.int64]]
+"""Poses, what was spent to them, the distance driven, the curvature, the direction, and the pose before."""
+Table = tuple[NDArray[np.int64], NDArray[np.float32]]
+"""Cells that were reached, and at what cost."""
+
+HEADINGS = 72
+"""Poses whose headings lie in the same of so many sectors count as the same."""
+STEP, PIECES = 0.15, 3
+"""Length of an arc [m], and in how many places it is looked whether the outline is free."""
+CURVATURES = 5
+"""From hard right to hard left."""
+BACK, CUSP, TURNING = 2.0, 0.5, 0.05
+"""A length driven backwards costs so many times as much; a change of direction so much [m]; steering from straight to
+the limit so much [m]."""
+SHORTEST = 0.1
+"""Between two changes of direction, and before the goal [m]."""
+NEAR = 0.6
+"""So near the goal [m] each pose is joined to it by a curve if that is free; farther away only some."""
+SPACING = 0.05
+"""Of the points of a route [m]."""
+AT_GOAL = 0.01
+"""A curve that ends farther from the goal [m] is none."""
+FINEST = 0.01
+"""Pieces of the outline are not divided below this radius [m]."""
+FIRST = 1.0
+"""So much of the distance counts as its beginning [m]."""
+FOUND, NO_WAY, TOO_LONG = 0, 1, 2
+MOST_POINTS = 20_000
+_FAR = 1e9
+
+
+@compiled
+def is_free(x: float, y: float, heading: float, clear: Field, resolution: float, box: Array, stack: Array) -> bool:
+    """Whether the outline at a pose is free of obstacles, and within the grid.
+
+    The rectangle is divided until each piece lies in a circle that is free by the distance at its middle, or is so
+    small that the cell at its middle says it: a corner may reach into an obstacle by `FINEST`.
+
+    Args:
+        x: of the centre of the rear axle.
+        y: likewise.
+        heading: [rad].
+        clear: distance from each cell's middle to the nearest obstacle, at most the true one; 0 only within.
+        resolution: side of a cell.
+        box: front, rear (negative behind the axle) and half width of the outline.
+        stack: room for pieces, shape (64, 4).
+    """
+    rows, columns = clear.shape
+    c, s = math.cos(heading), math.sin(heading)
+    stack[0, 0], stack[0, 1] = (box[0] + box[1]) / 2.0, 0.0
+    stack[0, 2], stack[0, 3] = (box[0] - box[1]) / 2.0, box[2]
+    left = 1
+    while left:
+        left -= 1
+        u, v, a, b = stack[left, 0], stack[left, 1], stack[left, 2], stack[left, 3]
+        px, py = (x + u * c - v * s) / resolution, (y + u * s + v * c) / resolution
+        column, row = math.floor(px), math.floor(py)
+        if column < 0 or row < 0 or column >= columns or row >= rows:
+            return False
+        off = resolution * math.hypot(px - column - 0.5, py - row - 0.5)
+        free, radius = clear[row, column] - off, math.hypot(a, b)
+        if free >= radius:
+            continue
+        if clear[row, column] == 0.0:
+            return False
+        if radius <= FINEST:
+            continue
+        if a >= b:
+            first_u, first_v, a = u - a / 2.0, v, a / 2.0
+        else:
+            first_u, first_v, b = u, v - b / 2.0, b / 2.0
+        stack[left, 0], stack[left, 1], stack[left, 2], stack[left, 3] = first_u, first_v, a, b
+        stack[left + 1, 0], stack[left + 1, 1] = 2.0 * u - first_u, 2.0 * v - first_v
+        stack[left + 1, 2], stack[left + 1, 3] = a, b
+        left += 2
+    return True
+
+
+@compiled
+def _cost_to_go(clear: Field, cost: Field, row: int, column: int, resolution: float, least: float) -> Field:
+    """See `cost_to_go`."""
+    rows, columns = clear.shape
+    found = np.full((rows, columns), np.float32(_FAR), np.float32)
+    found[row, column] = 0.0
+    heap = [(0.0, row * columns + column)]
+    while heap:
+        here, cell = heappop(heap)
+        j, i = cell // columns, cell % columns
+        if here > found[j, i] + 1e-4:
+            continue
+        for dj in range(-1, 2):
+            for di in range(-1, 2):
+                y, x = j + dj, i + di
+                if y < 0 or x < 0 or y >= rows or x >= columns or clear[y, x] < least:
+                    continue
+                step = resolution * (1.4142135 if di and dj else 1.0)
+                there = here + step * (cost[j, i] + cost[y, x]) / 2.0
+                if there < found[y, x] - 1e-4:
+                    found[y, x] = there
+                    heappush(heap, (there, y * columns + x))
+    return found
+
+
+def _cost_to_go_plain(clear: Field, cost: Field, row: int, column: int, resolution: float, least: float) -> Field:
+    """See `cost_to_go`."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    passable, (rows, columns) = clear >= least, clear.shape
+    passable[row, column] = True
+    number, begins, ends, lengths = np.arange(rows * columns).reshape(rows, columns), [], [], []
+    for dj, di in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        one = slice(0, rows - dj), slice(max(-di, 0), columns - max(di, 0))
+        two = slice(dj, rows), slice(max(di, 0), columns + min(di, 0))
+        both = passable[one] & passable[two]
+        begins.append(number[one][both])
+        ends.append(number[two][both])
+        lengths.append(resolution * math.hypot(dj, di) * (cost[one] + cost[two])[both] / 2.0)
+    places = np.concatenate(begins), np.concatenate(ends)
+    graph = coo_array((np.concatenate(lengths), places), shape=(rows * columns, rows * columns)).tocsr()
+    found = dijkstra(graph, directed=False, indices=row * columns + column)
+    return np.asarray(np.minimum(found, _FAR), np.float32).reshape(rows, columns)
+
+
+def cost_to_go(clear: Field, cost: Field, row: int, column: int, resolution: float, least: float) -> Field:
+    """What the way of a round robot from each cell to one of them costs [m]; `UNREACHABLE` or more: there is none.
+
+    Args:
+        clear: distance from each cell's middle to the nearest obstacle [m].
+        cost: of a metre in each cell.
+        row: of the goal.
+        column: likewise.
+        resolution: side of a cell [m].
+        least: radius of the robot [m].
+    """
+    return (_cost_to_go if kernels.COMPILED else _cost_to_go_plain)(clear, cost, row, column, resolution, least)
+
+
+UNREACHABLE = 0.9 * _FAR
+
+
+@compiled
+def _slot(keys: NDArray[np.int64], key: int) -> int:
+    """Where a key is in a table of hashes, or would be; empty places hold -1. Its size is a power of two."""
+    mask = len(keys) - 1
+    place = ((key * 2654435761) >> 7) & mask
+    while keys[place] != -1 and keys[place] != key:
+        place = (place + 1) & mask
+    return place
+
+
+@compiled
+def _key(x: float, y: float, heading: float, resolution: float, columns: int) -> int:
+    """The number of a pose: poses that count as the same have the same."""
+    cell = int(y / resolution) * columns + int(x / resolution)
+    return cell * HEADINGS + int(heading % TURN / TURN * HEADINGS) % HEADINGS
+
+
+@compiled
+def _left(to_go: Field, x: float, y: float, heading: float, ahead: float, resolution: float) -> float:
+    """What is left to go from a pose, by the point so far ahead of it."""
+    column, row = (x + ahead * math.cos(heading)) / resolution, (y + ahead * math.sin(heading)) / resolution
+    return float(to_go[int(row), int(column)])
+
+
+@compiled
+def search(
+    clear: Field, begun: Field, cost: Field, to_go: Field, start: Array, goal: Array, box: Array, first_box: Array,
+    radius: float, resolution: float, most: int, forward_first: bool, sense: float, greedy: float,
+) -> tuple[Array, int, int]:  # fmt: skip
+    """A route of a car from pose to pose.
+
+    Args:
+        clear: distance from each cell's middle to the nearest obstacle.
+        begun: the same in the first metre, where what the outline covers at the start does not count.
+        cost: of a metre in each cell.
+        to_go: as `cost_to_go` gives it for the goal, of the point on the outline's middle line that is half a width
+            ahead of its rear.
+        start: x, y, heading of the centre of the rear axle.
+        goal: likewise.
+        box: front, rear (negative behind the axle) and half width of the outline.
+        first_box: in the first metre.
+        radius: least one of the rear axle's path.
+        resolution: side of a cell.
+        most: poses that are expanded.
+        forward_first: nothing is driven backwards in the first metre.
+        sense: -1: the route will be driven from its last pose to its first; what costs more is then forwards here.
+        greedy: the heuristic counts so many times.
+
+    Returns:
+        Points about `SPACING` apart (x, y, heading, direction: 1 forwards, -1 backwards), shape (n, 4); `FOUND` or why
+        not; how many poses were expanded.
+    """
+    columns, ahead, stack, word, shot = clear.shape[1], box[1] + box[2], np.empty((64, 4)), np.zeros(6), np.zeros(6)
+    prices = np.array([BACK, CUSP / radius, SHORTEST / radius])
+    if sense < 0.0:
+        prices[0], prices[1] = 1.0 / BACK, prices[1] / BACK
+    room = 6 * most + 16
+    poses, spent, driven = np.empty((room, 3)), np.empty(room), np.empty(room)
+    steered, direction, parent = np.empty(room), np.empty(room, np.int8), np.empty(room, np.int64)
+    size = 2 ** int(math.log2(2 * room) + 1.0)
+    keys, best, count, expanded, last = np.full(size, -1, np.int64), np.empty(size, np.float32), 1, 0, -1
+    poses[0], spent[0], driven[0], steered[0], direction[0], parent[0] = start, 0.0, 0.0, 0.0, 0, -1
+    nodes, heap = (poses, spent, driven, steered, direction, parent), [(0.0, 0)]
+    while heap and expanded < most and count + 2 * CURVATURES < room:
+        _, number = heappop(heap)
+        x, y, heading = poses[number, 0], poses[number, 1], poses[number, 2]
+        place = _slot(keys, _key(x, y, heading, resolution, columns))
+        if keys[place] != -1 and spent[number] > best[place] + 1e-4:
+            continue
+        expanded += 1
+        left = _left(to_go, x, y, heading, ahead, resolution)
+        if left < NEAR or expanded % max(1, int(left * left)) == 0:
+            c, s, dx, dy = math.cos(heading), math.sin(heading), goal[0] - x, goal[1] - y
+            turn = wrapped(goal[2] - heading)
+            shortest((c * dx + s * dy) / radius, (c * dy - s * dx) / radius, turn, direction[number], prices, word)
+            if _joins(poses[number], driven[number], clear, begun, goal, box, first_box, radius, resolution, word,
+                      stack, forward_first):  # fmt: skip
+                last, shot = number, word
+                break
+        count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go), box, first_box, radius,
+                        resolution, stack, forward_first, sense, greedy)  # fmt: skip
+    if last < 0:
+        return np.empty((0, 4)), (TOO_LONG if heap else NO_WAY), expanded
+    return _route(poses, steered, direction, parent, last, shot, radius), FOUND, expanded
+
+
+@compiled
+def _expand(  # a call for each arc would cost a third of its time
+    number: int, count: int, nodes: Nodes, table: Table, heap: list[tuple[float, int]],
+    fields: tuple[Field, Field, Field, Field], box: Array, first_box: Array, radius: float, resolution: float,
+    stack: Array, forward_first: bool, sense: float, greedy: float,
+) -> int:  # fmt: skip
+    """Add the ends of all free arcs from a pose that are better than what led there before; how many poses then."""
+    poses, spent, driven, steered, direction, parent = nodes
+    (keys, best), (clear, begun, cost, to_go) = table, fields
+    columns, ahead = clear.shape[1], box[1] + box[2]
+    x, y, heading = poses[number, 0], poses[number, 1], poses[number, 2]
+    for way in (1, -1):
+        if way < 0 and forward_first and driven[number] < FIRST:
+            continue
+        for choice in range(CURVATURES):
+            bend = (2.0 * choice / (CURVATURES - 1) - 1.0) / radius
+            nx, ny, nh, free = x, y, heading, True
+            for piece in range(PIECES):
+                nx, ny, nh = rolled(nx, ny, nh, way * STEP / PIECES, bend)
+                first = driven[number] + (piece + 1) * STEP / PIECES < FIRST
+                field, outline = (begun, first_box) if first else (clear, box)
+                if not is_free(nx, ny, nh, field, resolution, outline, stack):
+                    free = False
+                    break
+            left = _left(to_go, nx, ny, nh, ahead, resolution) if free else _FAR
+            if left > UNREACHABLE:
+                continue
+            step = STEP * (BACK if sense * way < 0 else 1.0)
+            price = spent[number] + step * cost[int(ny / resolution), int(nx / resolution)]
+            price += TURNING * abs(bend - steered[number]) * radius
+            price += CUSP if direction[number] * way < 0 else 0.0
+            key = _key(nx, ny, nh, resolution, columns)
+            place = _slot(keys, key)
+            if keys[place] == key and price >= best[place] - 1e-4:
+                continue
+            keys[place], best[place] = key, price
+            poses[count, 0], poses[count, 1], poses[count, 2] = nx, ny, nh
+            spent[count], driven[count], steered[count] = price, driven[number] + STEP, bend
+            direction[count], parent[count] = way, number
+            heappush(heap, (price + greedy * left, count))
+            count += 1
+    return count
+
+
+@compiled
+def _joins(
+    pose: Array, driven: float, clear: Field, begun: Field, goal: Array, box: Array, first_box: Array, radius: float,
+    resolution: float, word: Array, stack: Array, forward_first: bool,
+) -> bool:  # fmt: skip
+    """Whether a word leads from a pose to the goal, the outline always free."""
+    x, y, heading = pose[0], pose[1], pose[2]
+    for piece in range(3):
+        length, bend = abs(word[piece]) * radius, word[3 + piece] / radius
+        parts = int(length / SPACING) + 1
+        step = (1.0 if word[piece] >= 0.0 else -1.0) * length / parts
+        for _ in range(parts):
+            if step < -1e-9 and forward_first and driven < FIRST:
+                return False
+            x, y, heading = rolled(x, y, heading, step, bend)
+            driven += abs(step)
+            first = driven < FIRST
+            field, outline = (begun, first_box) if first else (clear, box)
+            if not is_free(x, y, heading, field, resolution, outline, stack):
+                return False
+    return math.hypot(x - goal[0], y - goal[1]) < AT_GOAL
+
+
+@compiled
+def _route(
+    poses: Array, steered: Array, direction: NDArray[np.int8], parent: NDArray[np.int64], last: int, shot: Array,
+    radius: float,
+) -> Array:  # fmt: skip
+    """The points from the first pose to the last one, and of the word from there."""
+    order = np.empty(len(parent), np.int64)
+    count, number = 0, last
+    while number >= 0:
+        order[count] = number
+        count, number = count + 1, parent[number]
+    route = np.empty((MOST_POINTS, 4))
+    route[0, :3], route[0, 3] = poses[order[count - 1]], 0.0
+    made = 1
+    for place in range(count - 2, -1, -1):
+        number = order[place]
+        made = _add(route, made, direction[number] * STEP, steered[number])
+    for piece in range(3):
+        made = _add(route, made, shot[piece] * radius, shot[3 + piece] / radius)
+    if made > 1:
+        route[0, 3] = route[1, 3]
+    return route[:made].copy()
+
+
+@compiled
+def _add(route: Array, made: int, length: float, bend: float) -> int:
+    """Go on by an arc; how many points there are then."""
+    parts = int(abs(length) / SPACING + 0.5)
+    if parts == 0 and abs(length) > 1e-6:
+        parts = 1
+    for _ in range(min(parts, len(route) - made)):
+        step = length / parts
+        route[made, 0], route[made, 1], route[made, 2] = rolled(
+            route[made - 1, 0], route[made - 1, 1], route[made - 1, 2], step, bend
+        )
+        route[made, 3] = 1.0 if step > 0.0 else -1.0
+        made += 1
+    return made

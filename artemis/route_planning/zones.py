@@ -1,0 +1,57 @@
+"""Zones and places on a map: the file `hall.zones.yaml` beside `hall.yaml`."""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from artemis.config import Config, Quantity
+
+SUFFIX = ".zones.yaml"
+Coordinate = Annotated[float, Quantity(0.0, 1e6, "m", signed=True)]
+Corner = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
+
+
+class MapZone(Config):
+    """A polygon on the floor."""
+
+    kind: Literal["keep-out", "slow", "prefer"]
+    """keep-out: no route leads through it; slow: no faster than `speed_m_s` in it; prefer: routes like to."""
+    corners: Annotated[tuple[Corner, ...], Field(strict=False, min_length=3)]
+    """[x, y] of each in the frame of the map [m], one way around."""
+    speed_m_s: Annotated[float, Field(gt=0, le=10)] | None = None
+    """Of the virtual front wheel, in a slow zone."""
+    name: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+    """For people."""
+
+    @model_validator(mode="after")
+    def _speed(self) -> Self:
+        if (self.kind == "slow") != (self.speed_m_s is not None):
+            raise ValueError("kind: slow and speed_m_s belong together")
+        return self
+
+
+class MapPose(Config):
+    """A pose of the robot on a map: of the centre of its rear axle."""
+
+    x_m: Coordinate
+    """In the frame of the map."""
+    y_m: Coordinate
+    """Likewise."""
+    heading_deg: Annotated[float, Quantity(0.0, 360.0, "degrees", signed=True)]
+    """Counter-clockwise from the map's x axis."""
+
+
+class MapZones(Config):
+    """What people know of a map."""
+
+    zones: Annotated[tuple[MapZone, ...], Field(strict=False)] = ()
+    places: dict[Annotated[str, Field(pattern="^[a-z0-9-]{1,64}$")], MapPose] = Field(default_factory=dict)
+    """By name: small letters, digits and hyphens."""
+
+
+def zones_file(map_file: str) -> str:
+    """Name of the file beside a map's YAML file."""
+    return str(PurePath(map_file).with_suffix(SUFFIX))

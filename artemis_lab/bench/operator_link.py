@@ -1,0 +1,223 @@
+"""How soon what a far hand does is on the robot's wire, how soon a cut is noticed, and what a flood costs a tick."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import subprocess
+import sys
+import threading
+from bisect import bisect_left
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest.mock import patch
+
+from artemis import clock
+from artemis.app import run_mission
+from artemis.bridges.operator.link_process import _ENCODER, LinkProcess, LinkSettings, serve
+from artemis.bridges.operator.operator_end import OperatorEnd
+from artemis.bridges.operator.pairing import write_secret
+from artemis.clock import cpu_time, stopwatch, until
+from artemis.commands.operator_drive import _RobotProtocol
+from artemis.devices.can_bus import Traffic
+from artemis.errors import ArtemisError
+from artemis.mission.loading import load_mission, load_model
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.inputs import network
+from artemis.plugins.inputs.network import NetworkConfig, NetworkInput
+from artemis.values import Mode, OperatorInput, Tick
+from artemis.vehicle import RobotFile
+from artemis_lab.injections.damaged_link import DamagingProxy
+
+PERIOD = 0.02
+"""Of a tick [s]."""
+SECRET = bytes(range(32))
+
+
+@dataclass(slots=True)
+class Ticks:
+    """What was seen of a run's ticks, in their order."""
+
+    times: list[float] = field(default_factory=list)
+    """When a tick's frames had been written."""
+    late: list[float] = field(default_factory=list)
+    """How long after its time on the schedule it began [s]."""
+    speeds: list[float] = field(default_factory=list)
+    """What was commanded [m/s]."""
+    cpu: list[float] = field(default_factory=list)
+    """Processor time that the run's process has used [s]."""
+    faults: dict[str, float] = field(default_factory=dict)
+    """What went wrong, and when [s]."""
+    reports: list[tuple[float, float]] = field(default_factory=list)
+    floods: list[tuple[float, float]] = field(default_factory=list)
+
+    def see(self, tick: Tick, traffic: Traffic) -> None:
+        """Write a tick down."""
+        for fault in tick.snapshot.verdict.faults:
+            self.faults.setdefault(f"{fault.id} {fault.text}", tick.snapshot.time)
+        if tick.mode is Mode.TELEOP:
+            self.times.append(stopwatch())
+            self.late.append(tick.snapshot.sensed.late)
+            self.speeds.append(tick.wish.command.speed)
+            self.cpu.append(cpu_time())
+
+    def latencies(self) -> list[float]:
+        """From each report that came in no flood to the frames that carry it [s], but for what the tick was late."""
+        found = []
+        for time, speed in self.reports:
+            if any(begun - 0.5 <= time <= ended + 0.5 for begun, ended in self.floods):
+                continue
+            place = bisect_left(self.times, time)
+            if not place or self.speeds[place - 1] == speed:
+                continue  # the one before never came: this one changes nothing
+            after = [n for n in range(place, min(place + 50, len(self.times))) if self.speeds[n] == speed]
+            if after:
+                found.append(self.times[after[0]] - self.late[after[0]] - time)
+        return found
+
+    def split(self, values: list[float]) -> tuple[list[float], list[float]]:
+        """Values of ticks without and with a flood."""
+        apart: tuple[list[float], list[float]] = [], []
+        for time, value in zip(self.times, values, strict=True):
+            apart[any(begun <= time <= ended for begun, ended in self.floods)].append(value)
+        return apart
+
+    @property
+    def cpu_per_tick(self) -> list[float]:
+        """Processor time of the run's process since the tick before [s]."""
+        return [0.0, *(after - before for before, after in zip(self.cpu, self.cpu[1:], strict=False))]
+
+
+class LinkThread(LinkProcess):
+    """The same link in a thread of the run's process: what it is compared with."""
+
+    def __init__(self, listening: socket.socket, settings: LinkSettings) -> None:
+        self._ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        for each in (self._ours, theirs):
+            each.setblocking(False)
+        self._loop = None
+        self._thread = threading.Thread(target=self._serve, args=(listening, theirs), daemon=True)
+        self._thread.start()
+        self._ours.send(_ENCODER.encode(settings))
+
+    def close(self) -> None:
+        """End it."""
+        self._forget()
+        self._ours.close()
+        self._thread.join(5.0)
+
+    @staticmethod
+    def _serve(listening: socket.socket, port: socket.socket) -> None:
+        with listening, port:
+            asyncio.run(serve(listening, port))
+
+
+def drive(robot: Path, seconds: float, seed: int, *, flood: bool, thread: bool = False) -> Ticks:
+    """A run in real time on simulated drives, driven over the network by a hand in another process."""
+    ticks = Ticks()
+    with TemporaryDirectory() as made, _link(thread=thread):
+        folder = Path(made)
+        secret, out, port = folder / "operator.secret", folder / "hand.json", _free_port()
+        write_secret(secret, SECRET)
+        (folder / "robot.yaml").write_bytes(robot.read_bytes())
+        mission = folder / "mission.yaml"
+        given = {"remote": {"plugin": "network", "port": port, "secret": "operator.secret"}}
+        steps = [{"teleop": {"input": "remote", "until": {"button": "done"}}}]
+        words = {"mission": "bench", "robot": "robot.yaml", "bus": "simulation", "inputs": given, "steps": steps}
+        mission.write_text(json.dumps(words))
+        command = [sys.executable, "-m", "artemis_lab.bench.operator_hand"]
+        arguments = [str(port), str(secret), str(out), str(seconds), str(seed), "flood" if flood else "quiet"]
+        hand = subprocess.Popen([*command, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        try:
+            outcome = run_mission(load_mission(mission), mission, watch=ticks.see)
+            if outcome.failed:
+                raise ArtemisError(f"the run failed: {ticks.faults}")
+            _, errors = hand.communicate(timeout=20)
+        finally:
+            hand.kill()
+            hand.wait()
+        if not out.exists():
+            raise ArtemisError(errors.decode())
+        told = json.loads(out.read_text())
+        ticks.reports, ticks.floods = told["reports"], [tuple(each) for each in told["floods"]]
+    return ticks
+
+
+def cuts(robot: Path, times: int) -> list[float]:
+    """From a link that is cut without a word to the tick that finds it lost [s]; ticks at 50 Hz, in real time."""
+    return clock.run(_cuts(load_model(robot, RobotFile), times), simulated=False)
+
+
+async def _cuts(robot: RobotFile, times: int) -> list[float]:
+    loop, found = asyncio.get_running_loop(), []
+    with TemporaryDirectory() as made:
+        write_secret(Path(made) / "secret", SECRET)
+        config = NetworkConfig(port=_free_port(), secret="secret")
+        device = NetworkInput(config, PluginContext(name="remote", robot=robot, folder=Path(made), real_time=True))
+        proxy = DamagingProxy(config.port)
+        await proxy.begin()
+        try:
+            await until(loop.time() + 0.5)
+            for number in range(times):
+                found.append(await _one_cut(device, proxy, number / times))
+        finally:
+            await proxy.close()
+            device.close()
+    return found
+
+
+async def _one_cut(device: NetworkInput, proxy: DamagingProxy, phase: float) -> float:
+    loop = asyncio.get_running_loop()
+    proxy.to_robot.cut = proxy.to_operator.cut = False
+    _, protocol = await loop.create_connection(
+        lambda: _RobotProtocol(OperatorEnd(SECRET, "hand")), "127.0.0.1", proxy.port
+    )
+    sending = asyncio.ensure_future(_send(protocol))
+    cut, deadline, index = 0.0, loop.time(), 0
+    while True:
+        deadline += PERIOD
+        await until(deadline)
+        sample = device.read(loop.time())
+        rows = {row for row, _ in device.take_problems()}
+        if cut and "NET-01" in rows:
+            break
+        index += sample.age is not None and sample.age < 0.2
+        if index == 25:
+            await until(loop.time() + phase * PERIOD)
+            proxy.to_robot.cut = proxy.to_operator.cut = True
+            cut = loop.time()
+            index += 1
+    found = loop.time() - cut
+    sending.cancel()
+    protocol.abort()
+    await protocol.closed
+    while device._report.seat == "held":  # noqa: SLF001 (nobody else needs to know)
+        await until(loop.time() + PERIOD)
+        device.read(loop.time())
+    return found
+
+
+async def _send(protocol: _RobotProtocol) -> None:
+    loop = asyncio.get_running_loop()
+    hand = OperatorInput(source="hand", age=0.0)
+    while True:
+        protocol.end.command(hand, loop.time())
+        protocol.flush()
+        await until(loop.time() + PERIOD)
+
+
+@contextmanager
+def _link(*, thread: bool) -> Iterator[None]:
+    with patch.object(network, "LinkProcess", LinkThread if thread else LinkProcess):
+        yield
+
+
+def _free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        port: int = found.getsockname()[1]
+        return port

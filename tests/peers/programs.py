@@ -1,0 +1,24 @@
+"""Programs that a test has begun."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+
+def until(process: subprocess.Popen[str], words: str) -> list[str]:
+    """The lines of a process up to one with these words."""
+    lines = []
+    assert process.stdout is not None
+    for line in process.stdout:
+        lines.append(line.rstrip())
+        if words in line:
+            return lines
+    raise AssertionError("\n".join(lines))
+
+
+def bridge_of(run: subprocess.Popen[str]) -> int:
+    """The process of the run's observer."""
+    children = [pid for of in Path(f"/proc/{run.pid}/task").glob("*/children") for pid in of.read_text().split()]
+    (bridge,) = [pid for pid in children if b"own_process" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    return int(bridge)

@@ -1,0 +1,171 @@
+"""ROS' own tools hear and drive artemis. `scripts/ros_peers` installs them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
+sys.path.append(str(Path(__file__).parents[1] / "unit"))
+from programs import bridge_of, until
+from ros1_rig import free_port
+
+from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types, ros1_name
+from artemis.bridges.topics import Topics
+from artemis.mapping.occupancy import OccupancyMap, ShownMap
+from artemis.mission.loading import load_model
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.observers.ros1 import Ros1Observer, Ros1ObserverConfig
+from artemis.testing.observers import ObserverContract
+from artemis.vehicle import RobotFile
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+TF_ECHO = Path("/usr/lib/tf/tf_echo")
+RATE, DURATION = 20, 60.0
+"""Of the commands [Hz]; longest time that anything may take [s]."""
+FAR = 1.5
+"""So far drives the node of rospy [m]."""
+STEPS = """
+steps:
+  - teleop: {input: remote, until: {button: done}}
+"""
+
+pytestmark = [
+    pytest.mark.exhaustive,  # ../unit/test_ros1.py and test_ros1_input.py speak the same protocol without them
+    pytest.mark.realtime,
+    pytest.mark.skipif(shutil.which("rosmaster") is None, reason="installed by scripts/ros_peers"),
+]
+
+
+class Ros:
+    """A master on a free port, and tools that know it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port = free_port()
+        self.environment = {**os.environ, "ROS_MASTER_URI": f"http://127.0.0.1:{self.port}", "ROS_IP": "127.0.0.1"}
+        self.environment |= {"ROS_HOME": str(folder), "PYTHONUNBUFFERED": "1"}
+        self.running: list[subprocess.Popen[str]] = []
+
+    def begin(self, *command: str) -> subprocess.Popen[str]:
+        pipe = subprocess.PIPE
+        process = subprocess.Popen(command, env=self.environment, stdout=pipe, stderr=subprocess.STDOUT, text=True)
+        self.running.append(process)
+        return process
+
+    def told(self, *command: str) -> str:
+        """What a tool prints until it ends by itself."""
+        pipe = subprocess.PIPE
+        done = subprocess.run(command, env=self.environment, stdout=pipe, text=True, timeout=DURATION, check=False)
+        return done.stdout
+
+    def close(self) -> None:
+        for process in self.running:
+            if process.poll() is None:
+                process.terminate()
+        for process in self.running:
+            process.communicate(timeout=DURATION)
+
+
+@pytest.fixture
+def ros(tmp_path: Path) -> Iterator[Ros]:
+    made = Ros(tmp_path)
+    made.begin("rosmaster", "--core", "-p", str(made.port))
+    yield made
+    made.close()
+
+
+def test_types_have_the_sums_that_ros_has(ros: Ros) -> None:
+    types = Ros1Types()
+    robot = load_model(MISSIONS / "robots/artemis.yaml", RobotFile)
+    used = {topic.type for topic in Topics(robot).topics} | {"sensor_msgs/msg/LaserScan", "geometry_msgs/msg/Twist"}
+    used |= {"geometry_msgs/msg/TwistStamped", "std_msgs/msg/Bool", "std_msgs/msg/Empty"}
+    assert {type: ros.told("rosmsg", "md5", ros1_name(type)).strip() for type in sorted(used)} == {
+        type: types.definition(type)[1] for type in sorted(used)
+    }
+    assert ros.told("rossrv", "md5", "std_srvs/Trigger").strip() == TRIGGER_MD5
+
+
+def test_a_map_is_latched_for_the_tools_of_ros(ros: Ros) -> None:
+    cells = np.full((30, 40), -1, np.int8)
+    cells[0, :7] = 100
+    known = ShownMap(content=OccupancyMap(cells=cells, resolution=0.05, origin=(-2.0, -1.0, 0.0)))
+    robot = load_model(MISSIONS / "robots/artemis.yaml", RobotFile)
+    context = PluginContext(name="ros", robot=robot, folder=MISSIONS, map=lambda: known)
+    observer = Ros1Observer(Ros1ObserverConfig(master=ros.environment["ROS_MASTER_URI"]), context)
+    try:
+        tick = next(ObserverContract().ticks())
+        observer.see(tick, (), 0.0)
+        told = ros.told("rostopic", "echo", "-n", "1", "/map")
+    finally:
+        observer.close()
+    assert all(line in told for line in ('frame_id: "map"', "width: 40", "height: 30", "x: -2.0"))
+    assert (told.count("100"), told.count("-1,")) == (7, 30 * 40 - 8)
+
+
+def running(ros: Ros, folder: Path) -> subprocess.Popen[str]:
+    """A run that waits for commands."""
+    shutil.copytree(MISSIONS / "robots", folder / "robots")
+    head, _, rest = (MISSIONS / "ros_teleop.yaml").read_text().partition("steps:")
+    mission = folder / "mission.yaml"
+    mission.write_text(head + STEPS + rest[rest.index("simulation:") :])
+    run = ros.begin(str(Path(sys.executable).with_name("artemis")), "run", str(mission))
+    until(run, "hold the enable button")
+    return run
+
+
+@pytest.mark.exhaustive
+def test_a_node_of_rospy_hears_and_drives_while_the_bridge_is_killed(ros: Ros, tmp_path: Path) -> None:
+    run = running(ros, tmp_path)
+    driver = ros.begin("/usr/bin/python3", str(Path(__file__).with_name("rospy_node.py")), str(FAR))
+    until(run, "driving")
+    os.kill(bridge_of(run), signal.SIGKILL)
+    until(run, "it is back")
+    until(run, "quick stop")
+    told = until(driver, "stop")
+    assert told[-2:] == ["gaps 0 begun again 1", "stop True"]
+    run.send_signal(signal.SIGINT)
+    until(run, "result")
+
+
+def test_is_driven_and_heard_by_the_tools_of_ros(ros: Ros, tmp_path: Path) -> None:
+    run = running(ros, tmp_path)
+    assert "/odom [nav_msgs/Odometry] 1 publisher" in ros.told("rostopic", "list", "-v")
+    assert "xmlrpc reply" in ros.told("rosnode", "ping", "-c", "1", "/artemis")
+    info = ros.told("rosnode", "info", "/artemis_remote")
+    assert "/cmd_vel" in info
+    assert "/stop" in info
+    bag = tmp_path / "run.bag"
+    recorder = ros.begin("rosbag", "record", "--duration=3", "-O", str(bag), "/odom", "/tf", "/joint_states")
+    command = "{linear: {x: 0.3}, angular: {z: 0.2}}"
+    hand = ros.begin("rostopic", "pub", "-r", str(RATE), "/cmd_vel", "geometry_msgs/Twist", command)
+    until(run, "driving")
+    assert "base_link" in ros.told("rostopic", "echo", "-n", "1", "/odom")
+    assert "front_left_steering" in ros.told("rostopic", "echo", "-n", "1", "/joint_states")
+    assert "ARTEMIS: traction-left" in ros.told("rostopic", "echo", "-n", "1", "/diagnostics")
+    assert "rear_left_wheel" in ros.told("rostopic", "echo", "-n", "1", "/tf_static")
+    recorder.wait(DURATION)
+    recorded = ros.told("rosbag", "info", str(bag))
+    assert all(type in recorded for type in ("nav_msgs/Odometry", "tf2_msgs/TFMessage", "sensor_msgs/JointState"))
+    if TF_ECHO.exists():
+        echo = ros.begin(str(TF_ECHO), "odom", "front_left_wheel")
+        until(echo, "Translation")
+    assert "success: True" in ros.told("rosservice", "call", "/stop")
+    until(run, "quick stop")
+    hand.terminate()
+    until(run, "stopped: arm to continue")
+    ros.told("rosservice", "call", "/arm")
+    until(run, "armed again")
+    until(run, "hold the enable button")
+    ros.told("rosservice", "call", "/done")
+    lines = until(run, "result")
+    assert lines[-1].split() == ["result", "done"]
+    assert run.wait(DURATION) == 0
+    assert "/odom" not in ros.told("rostopic", "list")

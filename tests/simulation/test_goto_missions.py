@@ -1,0 +1,143 @@
+"""Missions that drive to places on a map: checked, driven, replayed, resumed."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import resuming
+from mcap.reader import make_reader
+from rig import CALIBRATE, MISSIONS, run, write_mission
+
+from artemis.errors import ConfigError
+from artemis.mapping.map_file import map_files, write_bytes
+from artemis.mapping.occupancy import OccupancyMap
+from artemis.mission.loading import load_mission
+from artemis.mission.walking import walk
+from artemis.motion.planned_route import unpacked
+from artemis.planning import plan_for
+from artemis.values import JobKind
+from artemis_lab.bench.goals import drive
+from artemis_lab.commands.bench_goto import problem
+
+pytestmark = pytest.mark.short_alignment
+
+OUTLINE = "\noutline: {front_m: 0.68, rear_m: 0.12, half_width_m: 0.27}\n"
+
+ZONES = """
+zones: [{kind: keep-out, corners: [[2.8, 1.4], [4.0, 1.4], [4.0, 2.4], [2.8, 2.4]]}]
+places:
+  gate: {x_m: 2.5, y_m: 0.8, heading_deg: 0}
+  crane: {x_m: 3.2, y_m: 1.9, heading_deg: 0}
+"""
+TRACKER = {"plugin": "simulated_tracker", "noise_m": 0.003}
+
+
+def mission(folder: Path, to: object = "gate", *, localizer: object = TRACKER, **keys: Any) -> Path:  # noqa: ANN401
+    steps = [CALIBRATE, {"goto": {"map": "floor.yaml", "to": to, "speed_m_s": 0.5, **keys}}]
+    simulation = {"seed": 3, "true_robot": {"x_m": 0.8, "y_m": 0.8}, "localizer": localizer}
+    path = write_mission(folder, steps, {"floor.zones.yaml": ZONES}, simulation=simulation)
+    with (folder / "artemis.yaml").open("a") as robot:
+        robot.write(OUTLINE)
+    cells = np.zeros((52, 88), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    content = OccupancyMap(cells=cells, resolution=0.05, origin=(0.0, 0.0, 0.0))
+    write_bytes(map_files(folder / "floor.yaml", content))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("to", "keys", "refused"),
+    [
+        ("gat", {}, "no such place on floor.yaml: gat; did you mean gate?"),
+        ("crane", {}, "crane: the robot cannot stand there"),
+        ({"x_m": 9.0, "y_m": 1.0, "heading_deg": 0.0}, {}, "lies outside of the map"),
+        ("gate", {"localizer": None}, "a localizer has to tell"),
+        ("gate", {"map": "flor.yaml"}, "did you mean floor.yaml?"),
+        ("gate", {"follower": {"plugin": "frenet", "speed_m_s": 0.3}}, "is a key of the step itself"),
+        ("gate", {"follower": {"plugin": "frenett"}}, "frenett"),
+        ("gate", {"speed_m_s": 3.0}, "is above the robot's limits"),
+    ],
+)
+def test_what_cannot_be_driven_to_is_refused(tmp_path: Path, to: object, keys: dict[str, Any], refused: str) -> None:
+    with pytest.raises(ConfigError) as raised:
+        load_mission(mission(tmp_path, to, **keys))
+    assert refused in str(raised.value)
+
+
+def test_the_localizer_of_a_simulation_counts_where_the_run_is_simulated(tmp_path: Path) -> None:
+    path = mission(tmp_path)
+    words = json.loads(path.read_text()) | {"bus": {"interface": "virtual", "channel": "goto"}}
+    path.write_text(json.dumps(words))
+    with pytest.raises(ConfigError, match="a localizer has to tell"):
+        load_mission(path)
+    loaded = load_mission(path, simulate=True)
+    assert [plan_for(loaded, simulated, None).localized for simulated in (True, False)] == [True, False]
+
+
+def test_a_robot_without_outline_is_refused(tmp_path: Path) -> None:
+    path = mission(tmp_path)
+    robot = tmp_path / "artemis.yaml"
+    robot.write_text(robot.read_text().replace(OUTLINE, ""))
+    with pytest.raises(ConfigError, match="routes are planned for the robot's outline"):
+        load_mission(path)
+
+
+def test_a_walk_knows_how_it_may_end(tmp_path: Path) -> None:
+    path = mission(tmp_path)
+    assert walk(path, "done", "no-path").ended == "no-path"
+    assert walk(path, "done", "blocked").ended == "blocked"
+    assert walk(path, "done").at == "goto gate"
+
+
+def test_drives_to_a_place_and_replays_bit_for_bit(tmp_path: Path) -> None:
+    seen = run(mission(tmp_path))
+
+    assert seen.status == 0
+    pose = seen.seen[-1].pose
+    assert math.hypot(pose.x - 2.5, pose.y - 0.8) < 0.03
+    assert abs(pose.heading) < math.radians(3)
+    (result,) = [each for tick in seen.ticks for each in tick.snapshot.sensed.results if each.kind is JobKind.PLAN]
+    assert result.detail == "1.7 m, 0 reversals, radius 0.50 m"
+    assert seen.recompute().difference is None
+    assert seen.outcome is not None
+    with seen.outcome.run.recording.open("rb") as file:
+        (message,) = [json.loads(each.data) for _, _, each in make_reader(file).iter_messages(["/path"])]
+    assert message["frame_id"] == "map"
+    assert message["poses"][0]["position"]["x"] == pytest.approx(0.8, abs=0.05)
+    assert message["poses"][-1]["position"]["x"] == pytest.approx(2.5, abs=0.03)
+
+
+def test_a_goto_that_was_interrupted_is_planned_anew_from_where_it_stands(tmp_path: Path) -> None:
+    path = mission(tmp_path)
+    first = resuming.run(path, until=lambda tick: bool(tick.wish.tracking and tick.wish.tracking.arc_length > 0.8))
+    second = resuming.run(path, first.folder)
+
+    assert (first.outcome.exit_status, second.outcome.exit_status) == (1, 0)
+    results = [each for tick in second.ticks for each in tick.snapshot.sensed.results if each.kind is JobKind.PLAN]
+    assert len(results) == 1
+    x, y = unpacked(results[0].values)[0, :2]
+    assert 0.7 < x - 0.8 < 1.3
+    assert abs(y - 0.8) < 0.05
+
+
+@pytest.mark.exhaustive
+def test_a_crate_behind_the_door_is_driven_around() -> None:
+    seen = run(MISSIONS / "goto_blocked.yaml", longest=200.0)
+    assert seen.status == 0
+    assert "LAS-08" in seen.fault_ids
+    plans = [each for tick in seen.ticks for each in tick.snapshot.sensed.results if each.kind is JobKind.PLAN]
+    assert len(plans) >= 2
+    assert seen.recompute().difference is None
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("kind", ["clutter", "rooms", "lanes"])
+def test_random_goals_are_reached_without_contact(tmp_path: Path, kind: str) -> None:
+    legs = drive(tmp_path, kind, 7, 4)
+    assert [problem(leg) for leg in legs] == [""] * 5
+    assert [leg.closed for leg in legs] == [False] * 4 + [True]

@@ -1,0 +1,128 @@
+"""Zones and places of a map on the command line; routes between them."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from artemis.cli import app
+from artemis.commands.map_zones import ZoneEdits, edited_zones, zones_of
+from artemis.errors import ConfigError
+from artemis.yaml_edit import with_line, without_line
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+ROBOT = MISSIONS / "robots" / "artemis_lms100.yaml"
+
+
+@pytest.fixture
+def workshop(tmp_path: Path) -> Path:
+    for file in (MISSIONS / "maps").glob("workshop.*"):
+        shutil.copy(file, tmp_path)
+    return tmp_path / "workshop.yaml"
+
+
+def call(*words: str | Path) -> str:
+    done = CliRunner().invoke(app, ["map", *map(str, words)], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def refused(*words: str | Path) -> str:
+    with pytest.raises(ConfigError) as caught:
+        CliRunner().invoke(app, ["map", *map(str, words)], catch_exceptions=False, standalone_mode=False)
+    return str(caught.value)
+
+
+def test_zones_and_places_are_added_and_removed_in_place(workshop: Path) -> None:
+    told = call(
+        "edit", workshop, "--zone", "ramp=slow@0.2:5,5,6,5,6,6", "--place", "desk=2,2,90",
+        "--remove-zone", "lane", "--remove-zone", "1", "--remove-place", "gate",
+    )  # fmt: skip
+    known = zones_of(workshop)
+    assert [zone.name for zone in known.zones] == ["doors", "ramp"]
+    assert known.zones[1].speed_m_s == 0.2
+    assert list(known.places) == ["charger", "bench", "store", "desk"]
+    assert "place       desk: x 2 m, y 2 m, 90 degrees" in told
+    text = workshop.with_name("workshop.zones.yaml").read_text()
+    assert text.startswith("# Zones and places of the workshop, in the frame of its map.\nzones:\n")
+
+
+def test_a_file_is_begun_and_emptied(workshop: Path) -> None:
+    workshop.with_name("workshop.zones.yaml").unlink()
+    call("edit", workshop, "--zone", "k=keep-out:1,1,2,1,2,2", "--place", "a=1,1,0")
+    call("edit", workshop, "--remove-zone", "k", "--remove-place", "a")
+    assert not zones_of(workshop).zones
+    call("edit", workshop, "--zone", "k=prefer:1,1,2,1,2,2", "--place", "a=1,1,0")
+    assert (zones_of(workshop).zones[0].kind, list(zones_of(workshop).places)) == ("prefer", ["a"])
+
+
+def test_a_rotated_map_takes_them_along(workshop: Path, tmp_path: Path) -> None:
+    call("edit", workshop, "-o", tmp_path / "turned.yaml", "--rotate", "90", "--place", "desk=-2,2,0")
+    turned = zones_of(tmp_path / "turned.yaml")
+    assert turned.zones[0].corners[0] == (-5.6, 3.6)
+    store, desk = turned.places["store"], turned.places["desk"]
+    assert (store.x_m, store.y_m, store.heading_deg) == (-1.8, 8.0, 90.0)
+    assert (desk.x_m, desk.y_m) == (-2.0, 2.0)
+    assert list(zones_of(workshop).places) == ["charger", "bench", "store", "gate"]
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ([], "nothing to be done"),
+        (["--rotate", "3"], "--output MAP: name the corrected map"),
+        (["--zone", "x=slow:1,1,2,2,3,3"], "kind: slow and speed_m_s belong together"),
+        (["--zone", "x=keep-out:1,1,2,2"], "--zone x 1,1,2,2: expected 6 numbers or more"),
+        (["--zone", "keep-out:1,1,2,2,3,3"], "expected NAME=KIND"),
+        (["--zone", "lane=keep-out:1,1,2,2,3,3"], "there is a zone 'lane' already"),
+        (["--place", "store=1,1,1"], "there is a place 'store' already"),
+        (["--place", "Big=1,1,1"], "--place Big: places"),
+        (["--place", "a"], "expected NAME=X,Y,DEG"),
+        (["--remove-zone", "lan"], "no zone 'lan'; nearest is 'lane'"),
+        (["--remove-place", "stor"], "no place 'stor'; nearest is 'store'"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_nothing_changed(workshop: Path, words: list[str], problem: str) -> None:
+    before = workshop.with_name("workshop.zones.yaml").read_bytes()
+    assert problem in refused("edit", workshop, *words)
+    assert workshop.with_name("workshop.zones.yaml").read_bytes() == before
+
+
+def test_a_block_that_is_not_written_line_by_line_is_left_alone() -> None:
+    raw = b"zones: [{name: a, kind: prefer, corners: [[1, 1], [2, 1], [2, 2]]}]\n"
+    with pytest.raises(ConfigError, match="not written line by line"):
+        edited_zones(raw, "hall", ZoneEdits(remove_zones=["a"]))
+    with pytest.raises(ConfigError, match="not written line by line"):
+        edited_zones(raw, "hall", ZoneEdits(zones=["b=prefer:1,1,2,1,2,2"]))
+
+
+def test_lines_come_and_go_and_leave_the_others_as_they_were() -> None:
+    raw = b"# head\nplaces:   # known\n  a: {x: 1}   # first\n  # of b\n  b:\n    x: 2\nlast: 1"
+    added = with_line(raw, "f", "places", "c: 3")
+    assert added == raw.replace(b"    x: 2\n", b"    x: 2\n  c: 3\n")
+    assert without_line(added, "f", "places", "b") == raw.replace(b"  b:\n    x: 2\n", b"  c: 3\n")
+    assert with_line(b"", "f", "a", "- 1") == b"a:\n  - 1\n"
+    assert with_line(b"a: []\nb: 1\n", "f", "a", "- 1") == b"a:\n  - 1\nb: 1\n"
+    assert with_line(b"a:\n- 1\n", "f", "a", "- 2") == b"a:\n- 1\n- 2\n"
+    assert without_line(b"a:\n  - 1\nb: 1\n", "f", "a", 0) == b"a: []\nb: 1\n"
+
+
+def test_a_route_is_planned_told_and_drawn(workshop: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "route.png"
+    told = call("show", workshop, "--from", "1,1.5,0", "--to", "store", "--robot", ROBOT, "-o", figure)
+    assert "route       7.0 m, 0 reversals" in told
+    assert "zone        2 doors: slow 0.25 m/s" in told
+    assert figure.stat().st_size > 10_000
+
+
+def test_a_route_that_cannot_be_is_refused(workshop: Path) -> None:
+    def route(begin: str, end: str, robot: Path = ROBOT) -> str:
+        return refused("show", workshop, "--from", begin, "--to", end, "--robot", robot)
+
+    assert "--from chager: no such place; nearest is 'charger'" in route("chager", "store")
+    assert "--to 3,3.5,0: the robot cannot stand there" in route("store", "3,3.5,0")
+    assert "for the robot's outline: it has none" in route("store", "bench", MISSIONS / "robots" / "artemis.yaml")
+    assert "needs all of --from, --to and --robot" in refused("show", workshop, "--from", "store")

@@ -1,0 +1,145 @@
+"""How a step goto gets its route, drives it, and gets another one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from core_builders import PERIOD, StubFollower, fault_of, shared, snapshot
+from msgspec.structs import replace
+
+from artemis.motion.planned_route import PLANNER, packed
+from artemis.progress import BLOCKED, NO_PATH
+from artemis.scan import Clearance, ObstacleRules
+from artemis.states.blocked import REPLAN_AFTER, held_up
+from artemis.states.follow import FollowMode
+from artemis.states.plan import GotoStep, Shared, WaitStep
+from artemis.states.ready import ReadyMode
+from artemis.values import Event, JobKind, JobResult, LocatedPose, Mode, SetPoints, Wish
+
+X = np.linspace(0.0, 2.0, 41)
+VALUES = packed(np.column_stack([X, 0 * X, np.full(41, 0.4)]))
+OTHER = packed(np.column_stack([X, 0.1 * X * X, np.full(41, 0.4)]))
+
+
+def step(**options: Any) -> GotoStep:  # noqa: ANN401 (keys of the step)
+    return GotoStep(route="", place="gate", follower=StubFollower(), speed=0.4, **options)
+
+
+class Standing:
+    """Mode ready of a robot whose step is a goto."""
+
+    def __init__(self, *steps: GotoStep | WaitStep) -> None:
+        self.shared = shared(*(steps or (step(),)))
+        self.mode, self.time = ReadyMode(self.shared), 0.0
+        self.mode.enter(snapshot(0.0))
+
+    def tick(self, *results: JobResult, **changes: Any) -> Wish:  # noqa: ANN401 (of the snapshot)
+        self.time += PERIOD
+        seen = snapshot(self.time, results=results, **changes)
+        wish = self.mode.step(seen)
+        self.shared.advance(wish, seen, standing=True)
+        return wish
+
+    def planned(self, values: tuple[int, ...], *, ok: bool = True) -> Wish:
+        """Order a route, and get it."""
+        (job,) = self.tick().jobs
+        return self.tick(JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, values=values))
+
+
+def test_a_route_is_ordered_once_and_driven_when_it_is_there() -> None:
+    robot = Standing()
+    first = robot.tick()
+    assert [(job.kind, job.drive, job.value) for job in first.jobs] == [(JobKind.PLAN, PLANNER, 0.0)]
+    assert first.phase == "planning a route to gate"
+    assert robot.tick().jobs == ()
+    result = JobResult(id=first.jobs[0].id, kind=JobKind.PLAN, drive=PLANNER, ok=True, values=VALUES)
+    assert robot.tick(result).event is Event.FOLLOW
+    assert robot.shared.planned == VALUES
+
+
+def test_a_robot_that_is_there_is_done_and_one_without_a_route_says_so() -> None:
+    assert Standing().planned(()).over
+    assert Standing().planned((), ok=False).outcome == NO_PATH
+
+
+def test_a_lost_pose_is_a_fault_and_nothing_is_ordered() -> None:
+    wish = Standing().tick(pose=LocatedPose(lost=True))
+    assert fault_of(wish)[0] == "RUN-08"
+    assert wish.jobs == ()
+
+
+def test_what_was_ordered_before_a_stop_does_not_count() -> None:
+    robot = Standing()
+    (old,) = robot.tick().jobs
+    robot.mode.enter(snapshot(robot.time))
+    wish = robot.tick(JobResult(id=old.id, kind=old.kind, drive=old.drive, ok=True, values=VALUES))
+    assert len(wish.jobs) == 1
+    assert wish.event is None
+
+
+def test_where_no_other_route_leads_it_drives_on_along_the_one_it_has() -> None:
+    robot = Standing()
+    robot.planned(VALUES)
+    assert robot.shared.replan(0.5, 2.5)
+    robot.mode.enter(snapshot(robot.time))
+    wish = robot.planned((), ok=False)
+    assert (wish.event, wish.outcome, robot.shared.planned) == (Event.FOLLOW, "", VALUES)
+    assert not robot.shared.replanning
+
+
+def test_a_route_that_is_free_again_is_gone_on_with_and_uses_up_no_other_one() -> None:
+    robot = Standing()
+    robot.planned(VALUES)
+    robot.shared.position = replace(robot.shared.position, done=0.5)
+    for _ in range(5):
+        assert robot.shared.replan(0.5, 2.5)
+        robot.mode.enter(snapshot(robot.time))
+        (job,) = robot.tick().jobs
+        assert job.values == VALUES
+        wish = robot.tick(JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True, values=(*VALUES,)))
+        assert (wish.event, wish.done) == (Event.FOLLOW, None)
+    assert robot.shared.replans == 0
+    assert robot.shared.waited(0.55) == 12.5
+    assert robot.shared.waited(0.7) == 0.0
+
+
+def test_a_step_that_begins_anew_forgets_the_route_and_what_was_tried() -> None:
+    robot = Standing()
+    robot.planned(VALUES)
+    robot.shared.replan(0.5, 2.5)
+    robot.shared.entry += 1
+    robot.tick()
+    assert (robot.shared.planned, robot.shared.replans, robot.shared.replanning) == ((), 0, False)
+
+
+def blocked(steps: Shared, seconds: float, *, standing: bool = True) -> Wish:
+    clearance = Clearance(speed=0.0, distance=0.02, blocked=seconds)
+    seen = replace(snapshot(10.0, set_points=SetPoints(clearance=clearance)), standing=standing)
+    return held_up(steps, Mode.FOLLOW, Wish(done=1.0), seen)
+
+
+def test_another_route_is_sought_after_some_seconds_so_often_as_the_step_says() -> None:
+    steps = shared(step(replans=1, obstacles=ObstacleRules(mode="stop", blocked_after=5.0)))
+
+    assert fault_of(blocked(steps, REPLAN_AFTER - 0.1))[0] == "LAS-08"
+    assert fault_of(blocked(steps, REPLAN_AFTER, standing=False))[0] == "LAS-08"
+    asked = blocked(steps, REPLAN_AFTER)
+    assert (asked.event, asked.outcome, asked.done, steps.replanning) == (Event.DONE, "", 1.0, True)
+    assert fault_of(blocked(steps, 5.0 - REPLAN_AFTER - 0.1))[0] == "LAS-08"
+    assert blocked(steps, 5.0 - REPLAN_AFTER).outcome == BLOCKED  # with what it waited before
+
+
+def test_steps_that_follow_a_given_path_wait() -> None:
+    assert not shared(WaitStep(seconds=1.0)).replan(0.5, 2.5)
+
+
+def test_a_new_route_is_begun_and_the_same_one_gone_on_with() -> None:
+    follower = StubFollower()
+    steps = shared(replace(step(), follower=follower))
+    mode = FollowMode(steps)
+    for values, starts in ((VALUES, 1), (VALUES, 1), (OTHER, 2)):
+        steps.planned = values
+        mode.enter(snapshot(0.0))
+        mode.step(snapshot(0.0))
+        assert follower.starts == starts

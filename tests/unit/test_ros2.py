@@ -1,0 +1,372 @@
+"""The node of ROS 2 and its plugins, among programs of our own; tests/peers/test_ros2_fast_dds.py has one of others."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import socket
+import subprocess
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+from ros2_rig import LONGEST, Program, own_address, own_domain, until
+
+pytest.importorskip("rosbags", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
+pytest.importorskip("cyclonedds", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
+
+from artemis.bridges.ros2 import process
+from artemis.bridges.ros2.settings import MOST_DOMAIN, check_ros2_name, unicast_ports
+from artemis.bridges.ros_types import STORES, Ros2Types
+from artemis.errors import ConfigError, DeviceLost
+from artemis.mission.loading import load_mission, load_model
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.inputs.ros2 import Ros2Input, Ros2InputConfig
+from artemis.plugins.observers.ros2 import Ros2Observer, Ros2ObserverConfig
+from artemis.testing.contracts import InputContract
+from artemis.testing.observers import ObserverContract
+from artemis.values import OperatorInput, Request
+from artemis.vehicle import RobotFile
+
+ROBOT = load_model(Path(__file__).parents[2] / "missions/robots/artemis.yaml", RobotFile)
+CONTRACT = ObserverContract()
+CONTRACT.duration = 10 * LONGEST
+TICKS = list(CONTRACT.ticks())
+ODOMETRY, TWIST, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/Twist", "tf2_msgs/msg/TFMessage"
+BOOL, EMPTY = "std_msgs/msg/Bool", "std_msgs/msg/Empty"
+
+
+class TestRos2Observer(ObserverContract):
+    plugin = Ros2Observer
+    options: Mapping[str, object] = {"domain": MOST_DOMAIN}
+
+
+@pytest.mark.exhaustive  # that of ros1 shares all but the network
+class TestRos2Input(InputContract):
+    plugin = Ros2Input
+    duration = 2.5
+    options: Mapping[str, object] = {"domain": MOST_DOMAIN}
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    with own_domain() as number:
+        yield number
+
+
+@pytest.fixture
+def closing() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+class Seen:
+    """An observer at work: each step shows it the next tick."""
+
+    def __init__(self, domain: int, closing: ExitStack, **options: Any) -> None:  # noqa: ANN401 (keys of the plugin)
+        context = PluginContext(name="dds", robot=ROBOT, folder=Path())
+        self.observer = Ros2Observer(Ros2ObserverConfig(domain=domain, **options), context)
+        closing.callback(self.observer.close)
+        self.node = self.observer._node
+        self.problems: list[str] = []
+        self._ticks = iter(TICKS)
+
+    def tick(self) -> None:
+        tick = next(self._ticks)
+        self.observer.see(tick, (), tick.snapshot.time)
+        for id, name, words in self.observer.take_problems():
+            assert (id, name) == ("NET-12", "dds")
+            self.problems.append(words)
+
+
+def program(domain: int, closing: ExitStack, *heard: tuple[str, str]) -> Program:
+    made = Program(domain)
+    closing.callback(made.node.close)
+    for topic, type in heard:
+        made.hear(topic, type)
+    return made
+
+
+Make = Callable[..., Ros2Input]
+
+
+@pytest.fixture
+def make(domain: int, closing: ExitStack) -> Make:
+    def made(wake: Callable[[], None] = lambda: None, **options: Any) -> Ros2Input:  # noqa: ANN401 (keys)
+        context = PluginContext(name="remote", robot=ROBOT, folder=Path(), wake=wake)
+        device = Ros2Input(Ros2InputConfig(domain=domain, **options), context)
+        closing.callback(device.close)
+        device.read(0.0)
+        return device
+
+    return made
+
+
+def devices(pid: int | None) -> list[str]:
+    """The network devices to which the UDP sockets of a process are bound; empty for one of every device."""
+    rows = subprocess.run(["ss", "-uanpH"], stdout=subprocess.PIPE, text=True, check=True).stdout.splitlines()
+    ours = [row.split()[3] for row in rows if f"pid={pid}," in row]
+    return [address.partition("%")[2].partition(":")[0] for address in ours]
+
+
+@pytest.mark.skipif(not own_address(), reason="this computer has no network")
+def test_nothing_is_taken_at_an_address_that_the_mission_does_not_say(domain: int, closing: ExitStack) -> None:
+    seen, (port, _) = Seen(domain, closing), unicast_ports(domain)
+    until(lambda: seen.node.state.heard, seen.tick)
+    refused = []
+    for address in ("127.0.0.1", own_address()):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.connect((address, port))
+            other.send(b"no RTPS")
+            try:  # what nobody listens for is answered at once
+                other.send(b"no RTPS")
+            except ConnectionRefusedError:
+                refused.append(address)
+    assert (refused, seen.problems) == ([own_address()], [])
+
+
+@pytest.mark.parametrize("name", ["", "a b", "1st", "a__b", "~a", "a//b", "ä", "/"])
+def test_a_name_that_ros_2_forbids_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="is no name in ROS"):
+        check_ros2_name(name)
+
+
+def test_a_private_name_is_one() -> None:
+    assert check_ros2_name("~/odom") == "~/odom"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"domain": 233}, "less than or equal to 232"),
+        ({"domain": -1}, "greater than or equal to 0"),
+        ({"distribution": "foxy"}, "humble"),
+        ({"type": "geometry_msgs/Twist"}, "geometry_msgs/msg/Twist"),
+        ({"type": "ackermann_msgs/msg/AckermannDrive", "angular_is": "velocity"}, "has a steering angle"),
+        ({"topic": "cmd__vel"}, "is no name in ROS 2"),
+        ({"remap": {"stop": "~halt"}}, "is no name in ROS 2"),
+        ({"listen": "robot"}, "robot"),
+        ({"listen": "::1"}, "an address of IPv4"),
+        ({"allow": ["everything"]}, "acknowledge"),
+    ],
+)
+def test_wrong_keys_are_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        Ros2InputConfig.model_validate(options)
+
+
+@pytest.mark.parametrize(
+    ("variables", "words"),
+    [
+        ({"ROS_DOMAIN_ID": "233"}, "dds: ROS_DOMAIN_ID: '233' is no domain: a number from 0 to 232"),
+        ({"ROS_DOMAIN_ID": "one"}, "dds: ROS_DOMAIN_ID: 'one' is no domain"),
+        ({"ROS_DISTRO": "foxy"}, "dds: ROS_DISTRO: 'foxy' is not known: write `distribution:`, one of humble, iron"),
+    ],
+)
+def test_wrong_variables_of_ros_are_refused(variables: dict[str, str], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        process.NodeProcess(Ros2ObserverConfig(), "dds", "artemis", variables)
+
+
+def test_variables_of_ros_are_followed_where_the_mission_is_silent() -> None:
+    variables = {"ROS_DOMAIN_ID": "7", "ROS_DISTRO": "humble"}
+    silent, said = Ros2ObserverConfig(), Ros2ObserverConfig(domain=3, distribution="kilted")
+    assert [(each.domain_id(variables), each.peers(variables)) for each in (silent, said)] == [
+        (7, "humble"),
+        (3, "kilted"),
+    ]
+    assert (silent.domain_id({}), silent.peers({})) == (0, "jazzy")
+    assert [unicast_ports(number) for number in (0, 1, MOST_DOMAIN)] == [(7410, 7609), (7660, 7859), (65410, 65535)]
+
+
+def test_an_address_that_this_computer_does_not_have_is_refused_at_the_start(closing: ExitStack) -> None:
+    with pytest.raises(ConfigError, match=r"dds: listen: 192\.0\.2\.77: Cannot assign"):
+        Seen(0, closing, listen="192.0.2.77").tick()
+
+
+def test_without_its_extra_the_plugins_say_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    from artemis.bridges import ros_types
+
+    monkeypatch.setattr(ros_types, "find_spec", lambda package: None if package == "cyclonedds" else object())
+    context, wanted = PluginContext(name="dds", robot=ROBOT, folder=Path()), r"pip install 'artemis-robot\[ros2\]'"
+    with pytest.raises(ConfigError, match=f"dds: plugin: ros2 needs the package cyclonedds: {wanted}"):
+        Ros2Observer(Ros2ObserverConfig(), context)
+    with pytest.raises(ConfigError, match=wanted):
+        Ros2Input(Ros2InputConfig(), context)
+    mission = Path(__file__).parents[2] / "missions/ros2_teleop.yaml"
+    with pytest.raises(ConfigError, match=rf"ros2_teleop\.yaml:8:\d+: inputs\.remote\.plugin: ros2 needs .*{wanted}"):
+        load_mission(mission)
+    assert load_mission(mission, tried=False)  # as a replay does
+
+
+@pytest.mark.parametrize("distribution", STORES)
+def test_every_distribution_has_every_type(distribution: str) -> None:
+    types = Ros2Types(distribution)
+    node = process.NodeProcess(Ros2ObserverConfig(distribution=distribution), "dds", "artemis", {})  # type: ignore[arg-type]
+    for type in ("ackermann_msgs/msg/AckermannDriveStamped", "nav_msgs/msg/OccupancyGrid", ODOMETRY, EMPTY):
+        types.prepare(type)
+        node.publish("/a", type)
+    parts = node.parts()
+    assert parts.types["rmw_dds_common/msg/Gid"] == [("data", ["char", 24 if distribution == "humble" else 16])]
+    assert [bool(each.hash) for each in parts.writers] == 4 * [distribution != "humble"]
+
+
+def test_the_hash_of_a_type_is_that_which_its_package_states() -> None:
+    """As `ros2 topic info -v` shows it: std_msgs' String of Iron and later (REP 2016)."""
+    assert Ros2Types("jazzy").hash("std_msgs/msg/String") == (
+        "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+    )
+
+
+def test_a_run_is_heard_and_nothing_listens_but_on_the_loopback_device(domain: int, closing: ExitStack) -> None:
+    seen = Seen(domain, closing, namespace="robot", remap={"odom": "odometry"})
+    other = program(domain, closing, ("/robot/odometry", ODOMETRY), ("/tf", TF))
+    other.begin()
+    until(lambda: other.heard["/robot/odometry"] and other.heard["/tf"], seen.tick)
+    odometry = other.heard["/robot/odometry"][0]
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+    assert odometry.twist.twist.linear.x == 0.2
+    assert seen.problems == []
+    assert devices(seen.node.pid) == 3 * ["lo"]  # of two ports, and of the one that it sends from
+
+
+def test_a_process_that_is_killed_is_told_once_and_comes_back(domain: int, closing: ExitStack) -> None:
+    seen, other = Seen(domain, closing), program(domain, closing, ("/odom", ODOMETRY))
+    other.begin()
+    until(lambda: other.heard["/odom"], seen.tick)
+    before = len(other.heard["/odom"])
+    assert seen.node.pid is not None
+    os.kill(seen.node.pid, signal.SIGKILL)
+    until(lambda: seen.problems, seen.tick)
+    until(lambda: len(other.heard["/odom"]) > before and not seen.node.problem, seen.tick)
+    assert seen.problems == ["its process has ended (signal 9)"]
+
+
+def test_a_process_that_hangs_is_replaced(domain: int, closing: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "SILENCE", 0.5)
+    seen = Seen(domain, closing)
+    until(lambda: seen.node.state.heard, seen.tick)
+    hung = seen.node.pid
+    assert hung is not None
+    os.kill(hung, signal.SIGSTOP)
+    until(lambda: seen.problems, seen.tick)
+    until(lambda: seen.node.state.heard and seen.node.pid != hung, seen.tick)
+    assert seen.problems == ["its process does not answer"]
+
+
+def test_processes_that_have_nothing_to_do_do_nothing(domain: int, closing: ExitStack, make: Make) -> None:
+    seen, device = Seen(domain, closing), make()
+    until(lambda: seen.node.state.heard and device._node.state.senders, seen.tick)
+
+    def used() -> float:
+        """Seconds of a processor that both have used."""
+        stats = [
+            Path(f"/proc/{node.pid}/stat").read_text().rpartition(")")[2].split() for node in (seen.node, device._node)
+        ]
+        return math.fsum(int(each) for stat in stats for each in stat[11:13]) / os.sysconf("SC_CLK_TCK")
+
+    before, steps = used(), iter(range(50))
+    until(lambda: next(steps, None) is None)  # a second
+    assert used() - before < 0.2
+
+
+def test_ports_that_are_all_in_use_are_told(domain: int, closing: ExitStack) -> None:
+    first, last = unicast_ports(domain)
+    for port in range(first, last + 1):
+        closing.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)).bind(("", port))
+    seen = Seen(domain, closing)
+    until(lambda: seen.problems, seen.tick)
+    assert seen.problems == [f"every port of domain {domain} is in use: {first} to {last}"]
+
+
+def test_the_process_ends_with_the_run(domain: int, closing: ExitStack) -> None:
+    seen = Seen(domain, closing)
+    until(lambda: seen.node.state.heard, seen.tick)
+    pid = seen.node.pid
+    seen.observer.close()
+    assert not Path(f"/proc/{pid}").exists()
+    assert seen.problems == []
+
+
+def sample(device: Ros2Input, now: float) -> OperatorInput:
+    """The one after something has arrived."""
+    until(lambda: device._arrived or device._enables or device._asked)
+    return device.read(now)
+
+
+@pytest.mark.parametrize("reliable", [True, pytest.param(False, marks=pytest.mark.exhaustive)])
+def test_a_command_drives_while_it_is_fresh(domain: int, closing: ExitStack, make: Make, reliable: bool) -> None:
+    device, other = make(enabled_by="command", max_speed_m_s=0.4), program(domain, closing)
+    other.has("/cmd_vel", TWIST, reliable=reliable)
+    other.begin()
+    until(lambda: other.meets("/cmd_vel") and device._heard()[0])
+    other.say("/cmd_vel", linear={"x": 2.0})
+    first = sample(device, 2.0)
+    assert (first.speed, first.enabled, first.neutral, first.age) == (0.4, True, False, 0.0)
+    assert device.read(2.3).age == pytest.approx(0.3)
+    gone = device.read(2.6)
+    assert (gone.speed, gone.enabled, gone.neutral, gone.age) == (0.0, False, True, 0.0)
+
+
+def test_a_stop_is_always_obeyed_and_the_rest_where_it_is_allowed(domain: int, closing: ExitStack, make: Make) -> None:
+    woken: list[bool] = []
+    device, other = make(lambda: woken.append(True), allow=["arm"]), program(domain, closing)
+    topics = [("/stop", EMPTY), ("/arm", EMPTY), ("/enable", BOOL), ("/acknowledge", EMPTY)]
+    for topic, type in topics:
+        other.has(topic, type, reliable=topic != "/stop")
+    other.begin()
+    until(lambda: all(other.meets(topic) for topic, _ in topics[:3]))
+    assert not other.meets("/acknowledge")
+    other.say("/stop")
+    assert (sample(device, 1.0).requests, woken) == ((Request.QUICKSTOP,), [True])
+    other.say("/arm")
+    assert sample(device, 1.1).requests == (Request.ARM,)
+    other.say("/enable", data=True)
+    assert sample(device, 1.2).buttons == (True,)
+
+
+def test_a_publisher_that_offers_less_is_refused_and_told(domain: int, closing: ExitStack, make: Make) -> None:
+    device, other = make(allow=["arm"]), program(domain, closing)
+    other.has("/arm", EMPTY, reliable=False)
+    other.begin()
+    words: list[str] = []
+    until(lambda: words, lambda: words.extend(filter(None, [device.show(TICKS[0])])))
+    assert words == ["a publisher of /arm is refused: more reliability is asked for than it offers"]
+    assert (device.show(TICKS[0]), other.meets("/arm")) == ("", False)
+
+
+def test_a_command_that_is_too_long_is_dropped_and_told(domain: int, closing: ExitStack, make: Make) -> None:
+    kind = "geometry_msgs/msg/TwistStamped"
+    device, other = make(enabled_by="command", type=kind), program(domain, closing)
+    other.has("/cmd_vel", kind)
+    other.begin()
+    until(lambda: other.meets("/cmd_vel") and device._heard()[0])
+    other.say("/cmd_vel", header={"frame_id": "x" * 20_000}, twist={"linear": {"x": 0.1}})
+    words: list[str] = []
+    until(lambda: words, lambda: words.extend(filter(None, [device.show(TICKS[0])])))
+    assert words == ["a message of /cmd_vel is dropped: it has more than 16384 bytes"]
+    other.say("/cmd_vel", twist={"linear": {"x": 0.2}})
+    assert sample(device, 1.0).raw == (0.2, 0.0)
+
+
+def test_without_its_process_an_input_is_lost(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "AGAIN", 30.0)
+    device = make()
+    until(lambda: device._node.pid)
+    os.kill(device._node.pid or 0, signal.SIGKILL)
+    until(lambda: device._node.problem)
+    assert not device.read(1.0).enabled
+    with pytest.raises(DeviceLost, match="its process has ended"):
+        device.read(5.0)
+    device._ask(Request.QUICKSTOP)
+    assert device.read(5.1).requests == (Request.QUICKSTOP,)
+
+
+def test_two_inputs_of_one_topic_are_one_device() -> None:
+    one, other, third = (Ros2InputConfig(topic=topic) for topic in (None, "cmd_vel", "nav_vel"))
+    assert Ros2Input.may_share(one, other, {})
+    assert not Ros2Input.may_share(one, third, {})

@@ -1,0 +1,223 @@
+"""Routes on small maps: free by the outline, at the goal, with zones, obstacles and a start that is not free."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from artemis.mapping.occupancy import OccupancyMap
+from artemis.mission.loading import load_model
+from artemis.motion.planned_route import planned_route
+from artemis.route_planning.curves import rolled, shortest
+from artemis.route_planning.floor import CELL, Floor, floor_from, goal_problem, resampled
+from artemis.route_planning.obstacle_layer import PlacedScan, standing
+from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
+from artemis.route_planning.zones import MapZone
+from artemis.scan import Scan
+from artemis.values import Pose
+from artemis.vehicle import RobotFile
+from artemis_lab.bench.goals import drawn
+
+ROBOT = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis_lms100.yaml", RobotFile)
+FRONT, REAR, HALF = 0.68, 0.12, 0.27
+START, GOAL = Pose(x=0.8, y=1.0), Pose(x=4.1, y=1.0)
+
+
+def floor(*boxes: tuple[float, float, float, float], zones: tuple[MapZone, ...] = (), turned: float = 0.0) -> Floor:
+    """5 x 3 m with walls around; boxes by their corners [m]."""
+    cells = np.zeros((60, 100), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    for x0, y0, x1, y1 in boxes:
+        cells[round(y0 / CELL) : round(y1 / CELL), round(x0 / CELL) : round(x1 / CELL)] = 100
+    return floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, turned)), zones)
+
+
+def planned(on: Floor, start: Pose = START, goal: Pose = GOAL, **keys: object) -> PlannedRoute:
+    return plan_route(RouteRequest(floor=on, robot=ROBOT, start=start, goal=goal, speed=0.5, **keys))  # type: ignore[arg-type]
+
+
+def room(occupied: NDArray[np.bool_], pose: Pose) -> float:
+    """From the outline to the nearest corner, edge or middle of an occupied cell [m]."""
+    rows, columns = np.nonzero(occupied)
+    points = np.concatenate(
+        [np.column_stack([columns + a, rows + b]) * CELL for a in (0.0, 0.5, 1.0) for b in (0.0, 0.5, 1.0)]
+    ) - (pose.x, pose.y)
+    c, s = math.cos(pose.heading), math.sin(pose.heading)
+    ahead, beside = points @ (c, s), np.abs(points @ (-s, c)) - HALF
+    ahead = np.maximum(ahead - FRONT, -REAR - ahead)
+    outside = np.hypot(np.maximum(ahead, 0), np.maximum(beside, 0))
+    return float(np.where((ahead > 0) | (beside > 0), outside, np.maximum(ahead, beside)).min())
+
+
+@pytest.mark.parametrize(
+    ("boxes", "goal"),
+    [
+        ((), Pose(x=2.0, y=2.2, heading=math.pi)),
+        (((2.0, 0.0, 2.2, 1.5),), GOAL),
+        (((2.0, 0.0, 2.2, 1.5),), Pose(x=1.0, y=2.0, heading=-2.0)),
+    ],
+)
+def test_a_route_is_free_drivable_and_ends_at_the_goal(
+    boxes: tuple[tuple[float, float, float, float], ...], goal: Pose
+) -> None:
+    on = floor(*boxes)
+    found = planned(on, goal=goal)
+    route = planned_route(found.values, ROBOT, 0.5)
+
+    poses = route.poses(0.02)
+    assert min(room(on.occupied, pose) for pose in poses) >= 0.05
+    assert route.problems(ROBOT, 0.5) == []
+    assert math.hypot(poses[-1].x - goal.x, poses[-1].y - goal.y) <= 0.03
+    assert abs(math.remainder(poses[-1].heading - goal.heading, math.tau)) <= math.radians(3)
+    assert "radius 0.50 m" in found.detail
+
+
+def test_a_goal_behind_a_wall_is_told_without_a_search() -> None:
+    found = planned(floor((2.5, 0.0, 2.7, 3.0)))
+    assert (found.values, found.expanded) == ((), 0)
+    assert found.detail == "no way leads there, however the robot turns"
+
+
+def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
+    """From the start alone it is not found among 30,000 poses."""
+    cells = np.where(drawn("clutter", 113), 100, 0).astype(np.int8)
+    on = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
+    start = Pose(x=4.406474801287613, y=5.403271395871308, heading=1.3283234343261283)
+    goal = Pose(x=7.771846070216147, y=7.349908002249883, heading=-1.8058398171609729)
+    found = planned(on, start, goal)
+    assert found.values, found.detail
+    assert found.expanded < 10_000
+    poses = planned_route(found.values, ROBOT, 0.5).poses(0.02)
+    assert min(room(on.occupied, pose) for pose in poses) >= 0.05
+    assert math.hypot(poses[0].x - start.x, poses[0].y - start.y) <= 0.01
+    assert math.hypot(poses[-1].x - goal.x, poses[-1].y - goal.y) <= 0.03
+
+
+def test_a_route_leaves_the_robot_something_to_miss_its_end_by() -> None:
+    """A last piece shorter than the steering takes, and the fit turns the end by 2.4 degrees of the 3 allowed."""
+    cells = np.where(drawn("rooms", 116), 100, 0).astype(np.int8)
+    on = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
+    start = Pose(x=1.617878598375188, y=5.591013487833701, heading=2.191913411926841)
+    goal = Pose(x=2.51555369885, y=3.504490745792145, heading=-0.4879766055650946)
+    end = planned_route(planned(on, start, goal).values, ROBOT, 0.5).poses(0.02)[-1]
+    assert abs(math.remainder(end.heading - goal.heading, math.tau)) <= math.radians(1.5)
+
+
+def test_a_robot_at_its_goal_has_arrived() -> None:
+    assert planned(floor(), goal=Pose(x=0.82, y=1.0, heading=0.02)).arrived
+
+
+def test_a_keep_out_zone_is_driven_around_and_a_slow_one_slowly() -> None:
+    left = ((2.0, 0.0), (2.4, 0.0), (2.4, 1.5), (2.0, 1.5))
+    around = planned(floor(zones=(MapZone(kind="keep-out", corners=left),)))
+    slow = planned(
+        floor(zones=(MapZone(kind="slow", speed_m_s=0.2, corners=((2.0, 0.0), (3.0, 0.0), (3.0, 3.0), (2.0, 3.0))),))
+    )
+
+    assert max(pose.y for pose in planned_route(around.values, ROBOT, 0.5).poses(0.05)) > 1.7
+    path = planned_route(slow.values, ROBOT, 0.5).parts[0].path
+    speeds, x = path.speeds(0.5), path.x
+    assert speeds[(x > 2.1) & (x < 2.9)].max() <= 0.2 + 1e-6
+    assert speeds[(x > 1.2) & (x < 1.5)].max() > 0.4
+
+
+def test_routes_like_a_zone_that_is_preferred() -> None:
+    lane = MapZone(kind="prefer", corners=((0.5, 1.6), (4.5, 1.6), (4.5, 2.2), (0.5, 2.2)))
+    far = [
+        max(p.y for p in planned_route(planned(on).values, ROBOT, 0.5).poses(0.05))
+        for on in (floor(), floor(zones=(lane,)))
+    ]
+    assert far[0] < 1.3 < far[1]
+
+
+def test_a_start_in_a_zone_or_at_a_wall_is_left() -> None:
+    zone = MapZone(kind="keep-out", corners=((0.5, 0.5), (1.0, 0.5), (1.0, 1.5), (0.5, 1.5)))
+    assert planned(floor(zones=(zone,))).values
+    assert planned(floor(), start=Pose(x=0.8, y=0.05 + HALF + 0.02)).values
+
+
+def test_what_stands_on_the_floor_is_driven_around() -> None:
+    ranges = np.full(541, 1500, "<u2")
+    ranges[:250] = ranges[291:] = 0
+    scan = Scan(
+        source="front", time=0.0, start_angle=-math.radians(135), increment=math.radians(0.5), ranges=ranges.tobytes()
+    )
+    seen = [PlacedScan(0.5 * number, START, scan) for number in range(6)]
+    on = floor()
+
+    rows, columns = standing(seen, ROBOT.scanners, on)
+    assert len(rows)
+    assert np.all(np.abs(np.hypot((columns + 0.5) * CELL - 1.4, (rows + 0.5) * CELL - 1.0) - 1.5) < 0.2)
+    assert standing(seen[:3], ROBOT.scanners, on).size == 0  # for a second only
+    assert standing([*seen[:2], replace(seen[2], time=9.0)], ROBOT.scanners, on).size == 0  # with a gap
+    free, beside = planned(on), planned(on, placed_scans=tuple(seen))
+    assert planned_route(beside.values, ROBOT, 0.5).length > planned_route(free.values, ROBOT, 0.5).length + 0.05
+
+
+def seen_at(metres: float, time: float, half: int = 20) -> PlacedScan:
+    """What so many beams to both sides of the one ahead meet."""
+    ranges = np.full(541, 0, "<u2")
+    ranges[270 - half : 271 + half] = round(1000 * metres)
+    first, step = -math.radians(135), math.radians(0.5)
+    return PlacedScan(
+        time, START, Scan(source="front", time=time, start_angle=first, increment=step, ranges=ranges.tobytes())
+    )
+
+
+def test_what_was_seen_through_since_does_not_stand_there_any_more() -> None:
+    stood = [seen_at(1.5, 0.5 * number) for number in range(6)]
+    on = floor()
+    assert standing([*stood, seen_at(0.9, 3.0)], ROBOT.scanners, on).size  # hidden by something nearer
+    assert standing([*stood, seen_at(0.0, 3.0)], ROBOT.scanners, on).size  # nothing returned
+    assert not standing([*stood, seen_at(2.5, 3.0, 30)], ROBOT.scanners, on).size
+
+
+def test_a_route_that_is_free_again_is_kept_and_one_that_is_not_is_planned_anew() -> None:
+    on = floor()
+    present, under_way = planned(on).values, Pose(x=1.0, y=1.0)
+    stood = tuple(seen_at(1.5, 0.5 * number) for number in range(6))
+    kept = planned(on, start=under_way, present=present, placed_scans=(*stood, seen_at(2.5, 3.0, 30)))
+    assert (kept.values, kept.expanded) == (present, 0)
+    assert kept.detail == "the rest of the route is free"
+    assert planned(on, start=under_way, present=present, placed_scans=stood).values != present
+    beside = planned(on, start=Pose(x=1.0, y=1.4), present=present)
+    assert beside.values != present  # somebody has moved the robot
+
+
+def test_goals_are_refused_in_walls_and_outside() -> None:
+    assert goal_problem(floor(), ROBOT, GOAL, 0.05) is None
+    assert "cannot stand there" in str(goal_problem(floor(), ROBOT, Pose(x=4.6, y=1.0), 0.05))
+    assert "outside" in str(goal_problem(floor(), ROBOT, Pose(x=7.0, y=1.0), 0.05))
+
+
+def test_masks_keep_what_they_hold_in_cells_of_another_size() -> None:
+    fine, rough = np.zeros((20, 20), bool), np.zeros((4, 4), bool)
+    fine[7, 13], rough[1, 2] = True, True
+    assert np.argwhere(resampled(fine, 0.02)).tolist() == [[2, 5], [3, 5]]
+    assert np.argwhere(resampled(rough, 0.10)).tolist() == [[2, 4], [2, 5], [3, 4], [3, 5]]
+
+
+def test_zones_say_what_they_need() -> None:
+    corners = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    with pytest.raises(ValidationError, match="belong together"):
+        MapZone(kind="slow", corners=corners)
+    with pytest.raises(ValidationError, match="belong together"):
+        MapZone(kind="prefer", corners=corners, speed_m_s=0.2)
+
+
+def test_curves_lead_where_they_should() -> None:
+    dice, word = np.random.default_rng(4), np.zeros(6)
+    for _ in range(300):
+        x, y, heading = dice.uniform(-5, 5), dice.uniform(-5, 5), dice.uniform(-3, 3)
+        assert shortest(x, y, heading, 0.0, np.array([2.0, 1.0, 0.2]), word) < 1e8
+        pose = 0.0, 0.0, 0.0
+        for length, bend in zip(word[:3], word[3:], strict=True):
+            pose = rolled(*pose, length, bend)
+        assert math.hypot(pose[0] - x, pose[1] - y) < 1e-6
+        assert abs(math.remainder(pose[2] - heading, math.tau)) < 1e-6

@@ -1,0 +1,51 @@
+"""What one scanner makes of its scans: only what stands there, and in the end all of it."""
+
+import numpy as np
+import pytest
+
+from artemis.motion.sweep import Rectangle
+from artemis.motion.view import View, placed_points
+from artemis.scan import Scan
+from artemis.values import Pose
+from artemis_lab.bench.obstacle_scenes import ANGLES, BEAMS, FARTHEST, FIELD, OUTLINE, PERIOD, SCANNER, Scene
+
+BOX = Rectangle(-OUTLINE.rear_m, OUTLINE.front_m, OUTLINE.half_width_m)
+SLIT = np.array([[-2.0, 1.0, 1.8, 1.0], [2.2, 1.0, 6.0, 1.0], [-2.0, 2.0, 6.0, 2.0]])
+"""A wall with a slit in it, through which one sees another wall: now this part of it, now that."""
+CORRIDOR = np.array([[-2.0, 0.45, 6.0, 0.45], [-2.0, -0.45, 6.0, -0.45]])
+"""Beside the robot it is too near to be seen: pieces of it that go along with the robot are all that one sees there."""
+SPEED = 0.5
+
+
+def seen(scene: Scene, pose: Pose, time: float, dice: np.random.Generator) -> Scan:
+    """From a pose of the robot, with noise."""
+    x, y = placed_points(pose, np.array([[SCANNER.x_m], [SCANNER.y_m]]))[:, 0]
+    ranges = scene.ranges(x, y, pose.heading)
+    measured = np.where(ranges < FARTHEST, ranges + dice.normal(0.0, 0.012, BEAMS), 0.0)
+    packed = np.where(measured >= 0.5, np.round(1000.0 * measured), 0.0).astype("<u2").tobytes()
+    return Scan(source="front", time=time, start_angle=-FIELD, increment=ANGLES[1] - ANGLES[0], ranges=packed)
+
+
+def moves(scene: Scene, seconds: float) -> bool:
+    """Whether anything seems to, to a robot that drives straight ahead."""
+    view, dice = View(SCANNER, BOX, 1.65, 1.1), np.random.default_rng(1)
+    found = False
+    for tick in range(round(seconds / PERIOD)):
+        pose = Pose(x=SPEED * PERIOD * tick)
+        view.move(pose, replaced=True)
+        view.take(seen(scene, pose, tick * PERIOD, dice), tick * PERIOD, SPEED, 0.0, creeping=False)
+        found = found or view.sees_motion
+        scene.move(PERIOD)
+    return found
+
+
+@pytest.mark.parametrize(("walls", "seconds"), [(SLIT, 4.0), (CORRIDOR, 2.0)])
+def test_what_comes_into_view_does_not_move(walls: np.ndarray, seconds: float) -> None:
+    assert not moves(Scene(walls), seconds)
+
+
+@pytest.mark.parametrize("walk", [(-1.0, 0.0), (0.0, -0.6), (-0.5, -0.5), (1.5, 0.0)])
+def test_a_person_before_a_wall_moves(walk: tuple[float, float]) -> None:
+    person = np.array([[2.0 - walk[0], 0.6 - walk[1], 0.15]])
+
+    assert moves(Scene(SLIT[2:], person, np.array([walk])), 1.5)
