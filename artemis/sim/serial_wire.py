@@ -45,8 +45,8 @@ class SerialWire:
         """Takes what arrives at the drive."""
         self.host: Take = lambda data: None
         """Takes what arrives at the computer."""
-        self.bytes = 0
-        """That were on the wire."""
+        self.busy = 0.0
+        """So long the wire has carried bytes [s]."""
         self._free = [self._loop.time(), self._loop.time()]
         self._adapter = bytearray()
         self._handed_over = self._loop.time()
@@ -61,9 +61,9 @@ class SerialWire:
         self._later(1, data, self._reach_adapter)
 
     def _later(self, direction: int, data: bytes, take: Take) -> None:
-        self.bytes += len(data)
-        begin = max(self._loop.time(), self._free[direction])
-        self._free[direction] = end = begin + len(data) * self._byte_time
+        duration = len(data) * self._byte_time
+        self.busy += duration
+        self._free[direction] = end = max(self._loop.time(), self._free[direction]) + duration
         self._loop.call_at(end, take, data)
 
     def _reach_adapter(self, data: bytes) -> None:
