@@ -24,6 +24,7 @@ from artemis.mission.injector import Simulated
 from artemis.mission.loading import LoadedMission
 from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import (
+    check_drivable,
     inputs_used,
     is_fast,
     is_simulated,
@@ -287,10 +288,13 @@ def run_mission(
         parts: What is to be another than the mission says.
 
     Raises:
+        ConfigError: nothing is driven over its bus; nothing has moved.
         DeviceLost: the bus cannot be opened.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
     parts, simulated = parts or Parts(), is_simulated(loaded, simulate)
+    if parts.machine is None:
+        check_drivable(loaded, source, simulated)
     loop = parts.loop or (clock.SimulatedLoop if is_fast(loaded, simulated) else asyncio.SelectorEventLoop)
     virtual = issubclass(loop, clock.SimulatedLoop)
     injector = loaded.injector if simulated else None

@@ -46,12 +46,14 @@ TRIES = 3
 
 OUT_OF_STEP, DAMAGED, SILENT, HALF, LOST = "SER-01", "SER-02", "SER-03", "SER-04", "SER-05"
 
-_ADVICE = {
+ADVICE = {
     OUT_OF_STEP: "is the baud rate right, and the protocol? does another program use this port?",
     DAMAGED: "cable, shield, ground between computer and drive",
     SILENT: "is the drive powered, the cable crossed, the baud rate right?",
     HALF: "loose plug? did the drive restart?",
+    LOST: "is its adapter plugged in?",
 }
+"""Where to look, as the fault table says it."""
 
 
 class _Broken(Exception):
@@ -184,7 +186,7 @@ class SerialLine:
             if broken.row != DAMAGED:  # then both sides know that the exchange is over
                 await self._fall_silent()
         times = f"{tries} tries" if tries > 1 else "one try"
-        problem = f"{broken.problem}, {times} ({broken.row}); {_ADVICE[broken.row]}"
+        problem = f"{broken.problem}, {times} ({broken.row}); {ADVICE[broken.row]}"
         if broken.row in (SILENT, HALF):
             raise DeviceTimeout(self.name, problem)
         raise ProtocolError(problem, self.name)
@@ -283,7 +285,7 @@ class SerialLine:
 
     def _unplugged(self, error: DeviceLost) -> DeviceLost:
         self.faults[LOST] += 1
-        return DeviceLost(self.name, f"{error.problem} ({LOST}); is its adapter plugged in?")
+        return DeviceLost(self.name, f"{error.problem} ({LOST}); {ADVICE[LOST]}")
 
     def _fill(self) -> None:
         try:

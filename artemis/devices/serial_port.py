@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
-from artemis.errors import ConfigError, DeviceLost
+from artemis.errors import DeviceLost
 
 BAUD_RATES = (9600, 14400, 19200, 38400, 57600, 115200)
 """Rates of an EPOS [bit/s] (object 0x2002, EPOS firmware specification 2010, 14.34)."""
@@ -62,14 +62,13 @@ class TtyPort:
         """Open it, and have its driver hand bytes on at once where it can: some hold them back for 16 ms.
 
         Raises:
-            ConfigError: pyserial is not installed.
-            DeviceLost: it cannot be opened, or does not know the rate.
+            DeviceLost: it cannot be opened, or does not know the rate; or pyserial is not installed.
         """
+        self.name = f"serial {path}"
         try:
             import serial
         except ImportError as error:
-            raise ConfigError(f"a serial line needs pyserial ({error}): {INSTALL}") from None
-        self.name = f"serial {path}"
+            raise DeviceLost(self.name, f"needs pyserial ({error}): {INSTALL}") from None
         self._loop = asyncio.get_running_loop()
         self._arrived = bytearray()
         self._problem: str | None = None
@@ -78,8 +77,9 @@ class TtyPort:
             self._port = serial.Serial(path, baud, timeout=0, exclusive=True)
         except (OSError, ValueError) as error:  # a SerialException is an OSError
             code = getattr(error, "errno", None)
-            advice = _ADVICE.get(code, "is it a serial port of this computer?") if code else "is this rate possible?"
-            raise DeviceLost(self.name, f"cannot be opened: {error}; {advice}") from error
+            problem = os.strerror(code) if code else str(error)
+            advice = _ADVICE.get(code or 0, "is it a serial port, and does it know this rate?")
+            raise DeviceLost(self.name, f"cannot be opened: {problem}; {advice}") from error
         self._descriptor = self._port.fileno()
         with suppress(OSError, ValueError, AttributeError, NotImplementedError):  # of few drivers
             self._port.set_low_latency_mode(True)

@@ -205,6 +205,8 @@ class _Loading(SurroundingsChecks):
 
     def _check_bus(self) -> None:
         words = self._data.get("bus")
+        if isinstance(words, dict) and "serial" in words and not self._simulated:
+            self._remarks.append("bus: a serial line; `artemis run` drives over CAN, or with --simulate")
         if isinstance(words, dict) and isinstance(words.get("interface"), str):
             from artemis.devices.can_bus import check_bus_words
 

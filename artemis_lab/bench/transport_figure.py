@@ -28,7 +28,7 @@ def transport_figure(run: Measured, rows: Sequence[Comparison], parameters: Para
         right.text(1e3 * row.serial, place - 0.2, f" 1:{row.ratio:.3g}{thesis}", va="center", fontsize=8)
     right.set_yticks(list(places), [row.short for row in rows])
     right.invert_yaxis()
-    right.set(xscale="log", xlim=(1.0, 30000.0), xlabel="time for all 32 messages [ms]", title="every cause in its turn")
+    right.set(xscale="log", xlim=(1.0, 3e4), xlabel="time for all 32 messages [ms]", title="every cause in its turn")
     right.legend(loc="upper right", fontsize=8)
     return figure
 
