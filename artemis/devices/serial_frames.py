@@ -49,6 +49,8 @@ OPCODES = {
 _OBJECT = {Protocol.EPOS1: struct.Struct("<HBB"), Protocol.EPOS4: struct.Struct("<BHB")}
 _NMT = struct.Struct("<HH")
 _ERROR = struct.Struct("<I")
+ERROR_SIZE = _ERROR.size
+"""Every answer begins with an error code of so many bytes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,6 +21,7 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT, SDO_TIMEOUT, SdoAbort
 from artemis.devices.serial_frames import (
     ANSWER,
+    ERROR_SIZE,
     READY,
     REFUSED,
     Command,
@@ -179,12 +180,14 @@ class SerialLine:
         broken = _Broken(SILENT, "")
         for _ in range(tries):
             try:
-                return await once(command, patience)
+                data = await once(command, patience)
+                if command.answered and len(data) < ERROR_SIZE:  # a frame of zeros alone has the checksum zero
+                    raise _Broken(DAMAGED, "answers without an error code")
+                return data
             except _Broken as error:
                 broken = error
             self.faults[broken.row] += 1
-            if broken.row != DAMAGED:  # then both sides know that the exchange is over
-                await self._fall_silent()
+            await self._fall_silent()
         times = f"{tries} tries" if tries > 1 else "one try"
         problem = f"{broken.problem}, {times} ({broken.row}); {ADVICE[broken.row]}"
         if broken.row in (SILENT, HALF):
@@ -255,6 +258,7 @@ class SerialLine:
 
     async def _fall_silent(self) -> None:
         """Throw bytes away until none has come for so long that the drive waits for a command."""
+        self._arrived.clear()
         while self._loop.time() < self._last_byte + SILENCE:
             await until(self._last_byte + SILENCE)
             self._fill()
