@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 
-from artemis.devices.serial_frames import Protocol
+from artemis.devices.serial_frames import SerialProtocol
 from artemis.devices.serial_line import SerialLine
 from artemis.devices.serial_port import SerialPort, TtyPort
 from artemis.mission.loading import LoadedMission
@@ -18,12 +18,12 @@ def open_line(loaded: LoadedMission, words: SerialWords, simulated: bool) -> Ser
     Raises:
         DeviceLost: its port cannot be opened.
     """
-    protocol = Protocol(words.protocol)
+    protocol = SerialProtocol(words.protocol)
     port: SerialPort = simulated_port(loaded, words, protocol) if simulated else TtyPort(words.serial, words.baud)
     return SerialLine(port, protocol)
 
 
-def simulated_port(loaded: LoadedMission, words: SerialWords, protocol: Protocol) -> SerialPort:
+def simulated_port(loaded: LoadedMission, words: SerialWords, protocol: SerialProtocol) -> SerialPort:
     """A port with simulated drives behind it."""
     from artemis.sim.serial_drive import serial_port
     from artemis.sim.serial_wire import SerialSettings

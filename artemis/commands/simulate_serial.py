@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from artemis import clock
-from artemis.devices.serial_frames import Protocol
+from artemis.devices.serial_frames import SerialProtocol
 from artemis.devices.serial_port import BAUD_RATES
 from artemis.errors import ConfigError, DeviceLost
 from artemis.mission.loading import load_model
@@ -35,8 +35,8 @@ def simulate_serial(robot: Path, protocol: str, baud: int, latency: float, seed:
         DeviceLost: the system has no pseudo-terminal left.
     """
     problems = []
-    if protocol not in [each.value for each in Protocol]:
-        problems.append(f"--serial {protocol}: write {' or '.join(each.value for each in Protocol)}")
+    if protocol not in [each.value for each in SerialProtocol]:
+        problems.append(f"--serial {protocol}: write {' or '.join(each.value for each in SerialProtocol)}")
     if baud not in BAUD_RATES:
         problems.append(f"--baud {baud}: an EPOS knows {', '.join(map(str, BAUD_RATES))}")
     if problems:
@@ -44,11 +44,11 @@ def simulate_serial(robot: Path, protocol: str, baud: int, latency: float, seed:
     described = load_model(robot, RobotFile)
     machine = load_model(true, PlantParameters) if true is not None else PlantParameters()
     settings = SerialSettings(baud=baud, latency_s=latency)
-    clock.run(_serve(described, machine, Protocol(protocol), settings, seed), simulated=False)
+    clock.run(_serve(described, machine, SerialProtocol(protocol), settings, seed), simulated=False)
 
 
 async def _serve(
-    robot: RobotFile, true: PlantParameters, protocol: Protocol, settings: SerialSettings, seed: int
+    robot: RobotFile, true: PlantParameters, protocol: SerialProtocol, settings: SerialSettings, seed: int
 ) -> None:
     loop = asyncio.get_running_loop()
     world = World(robot, true, seed=seed, start=loop.time())

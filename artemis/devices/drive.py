@@ -12,7 +12,6 @@ from artemis.devices.device import Readings, Report
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.epos_state import Controlword, controlword
-from artemis.devices.serial_line import SerialLine
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceLost
 from artemis.values import DriveFeedback, Job, JobResult, Tick
@@ -22,16 +21,12 @@ _QUICK_STOP = Controlword.QUICK_STOP
 
 
 class Drives:
-    """The drives of a robot on a CAN bus: its `Actuators`. Heartbeat, SYNC and process data are nobody else's.
-
-    On a serial line they do their jobs, and nothing else.
-    """
+    """The drives of a robot on a CAN bus: its `Actuators`. Heartbeat, SYNC and process data are nobody else's."""
 
     def __init__(self, robot: RobotFile, bus: FrameBus) -> None:
         self.drives = tuple(robot.drives)
         self.wire = BusGateway(robot, bus)
-        access = bus.objects if isinstance(bus, SerialLine) else None
-        self.nodes = [EposDrive(name, robot, self.wire.send, access) for name in robot.drives]
+        self.nodes = [EposDrive(name, robot, self.wire) for name in robot.drives]
         self._jobs = {node.name: EposJobs(node) for node in self.nodes}
         self._heartbeat = heartbeat_frame(robot.host_node_id, Nmt.OPERATIONAL)
         for node in self.nodes:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 from artemis.devices.can_bus import Frame
 
@@ -32,7 +31,3 @@ class ObjectAccess(Protocol):
 
     def receive(self, frame: Frame) -> None:
         """Take in a CAN frame on the node's SDO answer identifier."""
-
-
-Access: TypeAlias = Callable[[str, int], ObjectAccess]
-"""Makes the access to a drive's objects, of its name and node id."""

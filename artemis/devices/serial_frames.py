@@ -24,14 +24,14 @@ MOST_WORDS = 0x90
 """No frame has more words of data: 64 of the first generation (6.3), 143 of an EPOS4 (2.2.1)."""
 
 
-class Protocol(Enum):
+class SerialProtocol(Enum):
     """How a drive speaks on its serial line."""
 
     EPOS1 = "epos1"
     EPOS4 = "epos4"
 
 
-class Service(IntEnum):
+class SerialService(IntEnum):
     """What a host may want; the numbers are the operation codes of the first generation (6.3)."""
 
     READ = 0x10
@@ -41,12 +41,12 @@ class Service(IntEnum):
 
 
 OPCODES = {
-    Protocol.EPOS1: {service: service.value for service in Service},
-    Protocol.EPOS4: {Service.READ: 0x60, Service.WRITE: 0x68, Service.NMT: 0x70},
+    SerialProtocol.EPOS1: {service: service.value for service in SerialService},
+    SerialProtocol.EPOS4: {SerialService.READ: 0x60, SerialService.WRITE: 0x68, SerialService.NMT: 0x70},
 }
 """Operation codes; an EPOS4 sends no CAN frames of the host's (2.1)."""
 
-_OBJECT = {Protocol.EPOS1: struct.Struct("<HBB"), Protocol.EPOS4: struct.Struct("<BHB")}
+_OBJECT = {SerialProtocol.EPOS1: struct.Struct("<HBB"), SerialProtocol.EPOS4: struct.Struct("<BHB")}
 _NMT = struct.Struct("<HH")
 _ERROR = struct.Struct("<I")
 ERROR_SIZE = _ERROR.size
@@ -54,7 +54,7 @@ ERROR_SIZE = _ERROR.size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+class SerialCommand:
     """What is asked of a drive: an operation code with its data, a whole number of words."""
 
     opcode: int
@@ -63,39 +63,41 @@ class Command:
     """The first generation confirms some commands by its hand-shake alone."""
 
 
-def read_command(protocol: Protocol, node_id: int, index: int, subindex: int) -> Command:
+def read_command(protocol: SerialProtocol, node_id: int, index: int, subindex: int) -> SerialCommand:
     """Read an object of at most four bytes. Raises ProtocolError for a number that does not fit its field."""
     place = _place(protocol, node_id, index, subindex)
-    return Command(opcode=OPCODES[protocol][Service.READ], data=place)
+    return SerialCommand(opcode=OPCODES[protocol][SerialService.READ], data=place)
 
 
-def write_command(protocol: Protocol, node_id: int, index: int, subindex: int, data: bytes) -> Command:
+def write_command(protocol: SerialProtocol, node_id: int, index: int, subindex: int, data: bytes) -> SerialCommand:
     """Write an object of at most four bytes, which is filled up with zeros. Raises as `read_command` does."""
     if not 1 <= len(data) <= 4:
         raise ProtocolError(f"{len(data)} bytes do not fit a write over a serial line, which takes 1 to 4", "serial")
     place = _place(protocol, node_id, index, subindex)
-    return Command(opcode=OPCODES[protocol][Service.WRITE], data=place + data.ljust(4, b"\0"))
+    return SerialCommand(opcode=OPCODES[protocol][SerialService.WRITE], data=place + data.ljust(4, b"\0"))
 
 
-def nmt_command(protocol: Protocol, node_id: int, nmt: int) -> Command:
+def nmt_command(protocol: SerialProtocol, node_id: int, nmt: int) -> SerialCommand:
     """Order a node, or all of them (0), into another NMT state."""
     data = _NMT.pack(node_id, nmt)
-    return Command(opcode=OPCODES[protocol][Service.NMT], data=data, answered=protocol is Protocol.EPOS4)
+    return SerialCommand(
+        opcode=OPCODES[protocol][SerialService.NMT], data=data, answered=protocol is SerialProtocol.EPOS4
+    )
 
 
-def _place(protocol: Protocol, node_id: int, index: int, subindex: int) -> bytes:
+def _place(protocol: SerialProtocol, node_id: int, index: int, subindex: int) -> bytes:
     try:
-        if protocol is Protocol.EPOS1:
+        if protocol is SerialProtocol.EPOS1:
             return _OBJECT[protocol].pack(index, subindex, node_id)
         return _OBJECT[protocol].pack(node_id, index, subindex)
     except struct.error as error:
         raise ProtocolError(f"node {node_id}, object 0x{index:X}:{subindex}: {error}", "serial") from None
 
 
-def place_of_object(protocol: Protocol, data: bytes) -> tuple[int, int, int]:
+def place_of_object(protocol: SerialProtocol, data: bytes) -> tuple[int, int, int]:
     """Node, index and sub-index that the data of a read or a write begins with."""
     first, second, third = _OBJECT[protocol].unpack_from(data)
-    return (third, first, second) if protocol is Protocol.EPOS1 else (first, second, third)
+    return (third, first, second) if protocol is SerialProtocol.EPOS1 else (first, second, third)
 
 
 def content_of(answer: bytes) -> tuple[int, bytes]:

@@ -24,9 +24,9 @@ from artemis.devices.serial_frames import (
     ERROR_SIZE,
     READY,
     REFUSED,
-    Command,
     Epos4Splitter,
-    Protocol,
+    SerialCommand,
+    SerialProtocol,
     content_of,
     epos1_body,
     epos1_data,
@@ -68,7 +68,7 @@ class _Broken(Exception):
 class SerialLine:
     """Commands over a serial port, in the order in which they were given; to `Drives` it is a `FrameBus`."""
 
-    def __init__(self, port: SerialPort, protocol: Protocol) -> None:
+    def __init__(self, port: SerialPort, protocol: SerialProtocol) -> None:
         self.name = port.name
         self.error_frames = 0
         """As of a `FrameBus`; errors of this line are in `faults`."""
@@ -78,7 +78,7 @@ class SerialLine:
         """Commands that were given so far, repeated ones counted once."""
         self._port, self._protocol = port, protocol
         self._loop = asyncio.get_running_loop()
-        self._waiting: deque[tuple[Command, float, int, asyncio.Future[bytes]]] = deque()
+        self._waiting: deque[tuple[SerialCommand, float, int, asyncio.Future[bytes]]] = deque()
         self._worker: asyncio.Task[None] | None = None
         self._arrived = bytearray()
         self._woken = asyncio.Event()
@@ -90,7 +90,7 @@ class SerialLine:
         """The objects of a node on the line, or behind its gateway."""
         return SerialObjects(self, name, node_id, self._protocol)
 
-    async def perform(self, command: Command, patience: float | None = None) -> bytes:
+    async def perform(self, command: SerialCommand, patience: float | None = None) -> bytes:
         """Data of the answer to a command, once those before it are done; empty where there is none.
 
         `patience` [s] is for what takes the drive long: one try, with so much time.
@@ -138,7 +138,7 @@ class SerialLine:
 
     # ------------------------------------------------------------------------------------------ one after the other
 
-    def _give(self, command: Command, patience: float, tries: int) -> asyncio.Future[bytes]:
+    def _give(self, command: SerialCommand, patience: float, tries: int) -> asyncio.Future[bytes]:
         done: asyncio.Future[bytes] = self._loop.create_future()
         if self._lost is not None:
             done.set_exception(self._lost)
@@ -175,8 +175,8 @@ class SerialLine:
         self._waiting.clear()
         self._worker = None
 
-    async def _tried(self, command: Command, patience: float, tries: int) -> bytes:
-        once = self._exchange_epos1 if self._protocol is Protocol.EPOS1 else self._exchange_epos4
+    async def _tried(self, command: SerialCommand, patience: float, tries: int) -> bytes:
+        once = self._exchange_epos1 if self._protocol is SerialProtocol.EPOS1 else self._exchange_epos4
         broken = _Broken(SILENT, "")
         for _ in range(tries):
             try:
@@ -196,7 +196,7 @@ class SerialLine:
 
     # ------------------------------------------------------------------------------------------ one exchange
 
-    async def _exchange_epos1(self, command: Command, patience: float) -> bytes:
+    async def _exchange_epos1(self, command: SerialCommand, patience: float) -> bytes:
         """Operation code, frame and answer, each confirmed by a byte (communication guide 6.2.2)."""
         self._discard()
         self._write(bytes((command.opcode,)))
@@ -227,7 +227,7 @@ class SerialLine:
             raise _Broken(OUT_OF_STEP, f"confirms {what} with 0x{byte.hex()}")
         return byte
 
-    async def _exchange_epos4(self, command: Command, patience: float) -> bytes:
+    async def _exchange_epos4(self, command: SerialCommand, patience: float) -> bytes:
         """Request and answer, each one frame (EPOS4 communication guide 2.2)."""
         self._discard()
         splitter, deadline = Epos4Splitter(), self._loop.time() + patience
@@ -304,7 +304,7 @@ class SerialLine:
 class SerialObjects:
     """Objects of one node over a serial line: there what an `SdoClient` is on a CAN bus. At most four bytes each."""
 
-    def __init__(self, line: SerialLine, name: str, node_id: int, protocol: Protocol) -> None:
+    def __init__(self, line: SerialLine, name: str, node_id: int, protocol: SerialProtocol) -> None:
         self.name = name
         self.late_answers = 0
         """As of an `ObjectAccess`; the line counts what is wrong on it."""

@@ -9,7 +9,7 @@ from artemis.devices.serial_frames import (
     READY,
     REFUSED,
     Epos4Splitter,
-    Protocol,
+    SerialProtocol,
     epos1_body,
     epos1_data,
     epos1_length,
@@ -26,11 +26,11 @@ from artemis.sim.world import World
 class SerialDrive:
     """The first drive of a world, on a serial line; always a slave: it says nothing by itself."""
 
-    def __init__(self, gateway: Gateway, wire: SerialWire, protocol: Protocol, settings: SerialSettings) -> None:
+    def __init__(self, gateway: Gateway, wire: SerialWire, protocol: SerialProtocol, settings: SerialSettings) -> None:
         self._gateway, self._wire, self._settings = gateway, wire, settings
         self._bytes: asyncio.Queue[int] = asyncio.Queue()
         wire.drive = self._take
-        serve = self._serve_epos1 if protocol is Protocol.EPOS1 else self._serve_epos4
+        serve = self._serve_epos1 if protocol is SerialProtocol.EPOS1 else self._serve_epos4
         self._task = asyncio.get_running_loop().create_task(serve())
 
     def close(self) -> None:
@@ -100,7 +100,7 @@ class SerialDrive:
 
 
 def serial_drive(
-    world: World, bitrate: int, protocol: Protocol, settings: SerialSettings
+    world: World, bitrate: int, protocol: SerialProtocol, settings: SerialSettings
 ) -> tuple[SerialWire, SerialDrive]:
     """The world's first drive on a serial line, the others behind it on CAN; needs a running loop."""
     first: SimEpos = world.nodes[0]
@@ -110,6 +110,6 @@ def serial_drive(
     return wire, SerialDrive(gateway, wire, protocol, settings)
 
 
-def serial_port(world: World, bitrate: int, protocol: Protocol, settings: SerialSettings) -> SimSerialPort:
+def serial_port(world: World, bitrate: int, protocol: SerialProtocol, settings: SerialSettings) -> SimSerialPort:
     """A computer's port on such a line."""
     return SimSerialPort(serial_drive(world, bitrate, protocol, settings)[0])

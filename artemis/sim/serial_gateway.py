@@ -6,7 +6,7 @@ import asyncio
 from contextlib import suppress
 
 from artemis.devices.can_bus import Frame
-from artemis.devices.serial_frames import OPCODES, Protocol, Service, place_of_object
+from artemis.devices.serial_frames import OPCODES, SerialProtocol, SerialService, place_of_object
 from artemis.drive_states import Nmt
 from artemis.sim.bus import SimBus
 from artemis.sim.epos import SimEpos
@@ -21,7 +21,7 @@ MEANINGLESS = b"\x5a\xc3\x5a\xc3"
 class Gateway:
     """The drive on the line, and through it the nodes on its bus: one command at a time, one SDO transfer for each."""
 
-    def __init__(self, node: SimEpos, bus: SimBus, protocol: Protocol, time_limit: float) -> None:
+    def __init__(self, node: SimEpos, bus: SimBus, protocol: SerialProtocol, time_limit: float) -> None:
         """`bus`: its host is the controller of `node` (`speaker`). A node has `time_limit` [s] to answer."""
         self._node, self._bus, self._time_limit = node, bus, time_limit
         self._loop = asyncio.get_running_loop()
@@ -43,17 +43,17 @@ class Gateway:
     async def perform(self, opcode: int, data: bytes) -> bytes | None:
         """Data of the answer to a known command; None: it has none."""
         match self._services[opcode]:
-            case Service.NMT:
+            case SerialService.NMT:
                 self._command(data[0], data[2])
-                return None if self._protocol is Protocol.EPOS1 else bytes(4)
-            case Service.SEND_CAN:
+                return None if self._protocol is SerialProtocol.EPOS1 else bytes(4)
+            case SerialService.SEND_CAN:
                 length = min(8, int.from_bytes(data[2:4], "little"))
                 self._bus.send(Frame(int.from_bytes(data[:2], "little") & 0x7FF, data[4 : 4 + length]))
                 return None
-            case Service.READ:
+            case SerialService.READ:
                 code, content = await self._transfer(b"\x40", data[:4])
                 return code.to_bytes(4, "little") + content + MEANINGLESS[len(content) :]
-            case Service.WRITE:  # how long the object is, nobody told
+            case SerialService.WRITE:  # how long the object is, nobody told
                 code, _ = await self._transfer(b"\x22", data[:4], data[4:8])
                 return code.to_bytes(4, "little")
 

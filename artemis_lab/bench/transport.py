@@ -24,7 +24,7 @@ from artemis.devices.canopen import (
     encode_request,
 )
 from artemis.devices.epos_objects import CONTROLWORD, STATUSWORD
-from artemis.devices.serial_frames import Protocol
+from artemis.devices.serial_frames import SerialProtocol
 from artemis.devices.serial_line import SerialLine
 from artemis.sim.bus import SimBus
 from artemis.sim.epos import SimSettings
@@ -60,7 +60,7 @@ class Parameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Passage:
+class BytesPassed:
     """Bytes that reached the drive, or were handed to the computer."""
 
     to_drive: bool
@@ -75,7 +75,7 @@ class Measured:
 
     total: float
     wire: float
-    passages: tuple[Passage, ...] = ()
+    passages: tuple[BytesPassed, ...] = ()
 
 
 def over_can(parameters: Parameters) -> Measured:
@@ -99,11 +99,12 @@ async def _over_can(parameters: Parameters) -> Measured:
 
     async def transfer(node_id: int, controlword: int | None) -> None:
         place = CONTROLWORD if controlword is not None else STATUSWORD
-        where = {"index": place.index, "subindex": place.subindex}
+        index, subindex = place.index, place.subindex
         if controlword is None:
-            request = encode_request(Upload(**where))
+            request = encode_request(Upload(index=index, subindex=subindex))
         else:
-            request = encode_request(Expedited(**where, data=place.type.encode(controlword)))
+            data = place.type.encode(controlword)
+            request = encode_request(Expedited(index=index, subindex=subindex, data=data))
         bus.send(Frame(SDO_REQUEST + node_id, request))
         while True:
             arrived.clear()
@@ -122,9 +123,9 @@ async def _over_can(parameters: Parameters) -> Measured:
 async def _over_serial(parameters: Parameters) -> Measured:
     loop = asyncio.get_running_loop()
     settings = SerialSettings(baud=parameters.baud, latency_s=parameters.latency_s, ready_time_s=parameters.answer_s)
-    wire, drive = serial_drive(_world(parameters), ROBOT.bitrate, Protocol.EPOS1, settings)
-    line = SerialLine(SimSerialPort(wire), Protocol.EPOS1)
-    passages: list[Passage] = []
+    wire, drive = serial_drive(_world(parameters), ROBOT.bitrate, SerialProtocol.EPOS1, settings)
+    line = SerialLine(SimSerialPort(wire), SerialProtocol.EPOS1)
+    passages: list[BytesPassed] = []
     wire.drive = _noted(wire.drive, passages, to_drive=True)
     wire.host = _noted(wire.host, passages, to_drive=False)
     await clock.until(BEGIN)
@@ -152,17 +153,17 @@ def _world(parameters: Parameters) -> World:
     return World(ROBOT, settings=SimSettings(answer_time_s=parameters.answer_s))
 
 
-def _noted(take: Callable[[bytes], None], passages: list[Passage], *, to_drive: bool) -> Callable[[bytes], None]:
+def _noted(take: Callable[[bytes], None], passages: list[BytesPassed], *, to_drive: bool) -> Callable[[bytes], None]:
     def note(data: bytes) -> None:
         time = asyncio.get_running_loop().time() - BEGIN
-        passages.append(Passage(to_drive=to_drive, time=time, count=len(data)))
+        passages.append(BytesPassed(to_drive=to_drive, time=time, count=len(data)))
         take(data)
 
     return note
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class TransportTimes:
     """One row: what is taken into account, and how long the sequence takes then [s]."""
 
     what: str
@@ -179,21 +180,21 @@ class Comparison:
         return self.serial / self.can
 
 
-def compared(parameters: Parameters) -> list[Comparison]:
+def compared(parameters: Parameters) -> list[TransportTimes]:
     """From the bits on the wires alone to all that is known, each row with one more cause."""
     can, whole = over_can(parameters), over_serial(parameters)
     rows = [
-        Comparison(what="bits on the wire alone", short="wire", can=can.wire, serial=whole.wire, thesis=THESIS_WIRE)
+        TransportTimes(what="bits on the wire alone", short="wire", can=can.wire, serial=whole.wire, thesis=THESIS_WIRE)
     ]
     for what, short, latency in (
         ("and the drives' answers, CAN behind the gateway", "+ answers", 0.0),
         ("and a USB adapter that hands bytes over every 1 ms", "+ adapter, 1 ms", 0.001),
     ):
         total = over_serial(replace(parameters, latency_s=latency)).total
-        rows.append(Comparison(what=what, short=short, can=can.total, serial=total))
+        rows.append(TransportTimes(what=what, short=short, can=can.total, serial=total))
     period = f"{1e3 * parameters.latency_s:g} ms"
     rows.append(
-        Comparison(
+        TransportTimes(
             what=f"and one that hands them over every {period}",
             short=f"+ adapter, {period}",
             can=can.total,
@@ -210,7 +211,7 @@ def answer_times(parameters: Parameters) -> list[tuple[float, float, float]]:
     return [(case.answer_s, over_can(case).total, over_serial(case).total) for case in cases]
 
 
-def comparison_grid(rows: list[Comparison]) -> Grid:
+def comparison_grid(rows: list[TransportTimes]) -> Grid:
     """The rows of `compared` as a table."""
     cells = [
         (

@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 
 from artemis.report.figures import ESTIMATED, INK, PATH, TRUE, WIDTH
 from artemis.sim.serial_wire import BITS
-from artemis_lab.bench.transport import Comparison, Measured, Parameters
+from artemis_lab.bench.transport import Measured, Parameters, TransportTimes
 
 COMMAND = 5
 """Shown is the fifth command: the first to another drive than the one on the line, through its gateway."""
 
 
-def transport_figure(run: Measured, rows: Sequence[Comparison], parameters: Parameters) -> Figure:
+def transport_figure(run: Measured, rows: Sequence[TransportTimes], parameters: Parameters) -> Figure:
     """One command over RS232 as it happens; the durations of all rows. Call inside `style`."""
     figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable
 from core_builders import ROBOT
 
 from artemis.clock import run
-from artemis.devices.serial_frames import Protocol
+from artemis.devices.serial_frames import SerialProtocol
 from artemis.devices.serial_line import SerialLine, SerialObjects
 from artemis.sim.epos import SimSettings
 from artemis.sim.serial_drive import SerialDrive, serial_drive
@@ -24,7 +24,7 @@ STRAIGHT = PlantParameters(start_steering_left_deg=0.0, start_steering_right_deg
 class SerialRig:
     """Powered drives, the first of them on a line, and our end of it."""
 
-    def __init__(self, protocol: Protocol, settings: SerialSettings, drives: SimSettings | None) -> None:
+    def __init__(self, protocol: SerialProtocol, settings: SerialSettings, drives: SimSettings | None) -> None:
         self.loop = asyncio.get_running_loop()
         self.world = World(ROBOT, STRAIGHT, start=self.loop.time(), settings=drives)
         self.wire: SerialWire
@@ -41,7 +41,7 @@ class SerialRig:
 
 def on_line(
     test: Callable[[SerialRig], Awaitable[None]],
-    protocol: Protocol = Protocol.EPOS1,
+    protocol: SerialProtocol = SerialProtocol.EPOS1,
     settings: SerialSettings | None = None,
     drives: SimSettings | None = None,
 ) -> None:

@@ -20,7 +20,7 @@ from artemis.commands.simulate_serial import simulate_serial
 from artemis.devices.can_bus import FrameBus
 from artemis.devices.inventory import ask_nodes
 from artemis.devices.memory import configure, read_gains, store
-from artemis.devices.serial_frames import Protocol
+from artemis.devices.serial_frames import SerialProtocol
 from artemis.devices.serial_line import SerialLine
 from artemis.devices.serial_port import TtyPort
 from artemis.drive_states import DriveState, Nmt
@@ -69,7 +69,7 @@ def over_can(work: Work) -> World:
     return clock.run(main(), simulated=True)
 
 
-def over_serial(work: Work, protocol: Protocol) -> World:
+def over_serial(work: Work, protocol: SerialProtocol) -> World:
     worlds: list[World] = []
 
     async def test(rig: SerialRig) -> None:
@@ -84,8 +84,8 @@ def over_serial(work: Work, protocol: Protocol) -> World:
 # ---------------------------------------------------------------------------------------------- the same jobs
 
 
-@pytest.mark.parametrize("protocol", Protocol)
-def test_drives_are_configured_as_over_can(protocol: Protocol) -> None:
+@pytest.mark.parametrize("protocol", SerialProtocol)
+def test_drives_are_configured_as_over_can(protocol: SerialProtocol) -> None:
     async def work(bus: FrameBus) -> None:
         done: list[str] = []
         await configure(ROBOT, bus, done.append, keep=True)
@@ -106,7 +106,7 @@ def test_calibration_is_stored_and_gains_are_read_as_over_can() -> None:
         await store(ROBOT, bus, JobKind.WRITE_CALIBRATION, {"steer-left": (1, 2, 3, 4)}, lambda name: None)
         told.append(await read_gains(ROBOT, bus))
 
-    assert contents(over_serial(work, Protocol.EPOS1)) == contents(over_can(work))
+    assert contents(over_serial(work, SerialProtocol.EPOS1)) == contents(over_can(work))
     assert told[0] == told[1]
     assert all(isinstance(gains, tuple) for gains in told[0].values())
 
@@ -117,7 +117,7 @@ def test_drives_are_asked_who_they_are_as_over_can() -> None:
     async def work(bus: FrameBus) -> None:
         reports.append(await ask_nodes(ROBOT, bus))
 
-    over_serial(work, Protocol.EPOS1)
+    over_serial(work, SerialProtocol.EPOS1)
     over_can(work)
     for serial, can in zip(*reports, strict=True):
         assert (serial.vendor, serial.product, serial.serial, serial.history) == (
@@ -203,7 +203,7 @@ def on_terminal(test: Callable[[PseudoTerminal, World], Awaitable[None]]) -> Non
 
     async def main() -> None:
         world = World(ROBOT, STRAIGHT, start=asyncio.get_running_loop().time())
-        wire, drive = serial_drive(world, ROBOT.bitrate, Protocol.EPOS1, SerialSettings(time_limit_s=30.0))
+        wire, drive = serial_drive(world, ROBOT.bitrate, SerialProtocol.EPOS1, SerialSettings(time_limit_s=30.0))
         terminal = PseudoTerminal(wire)
         async with asyncio.timeout(20.0):
             while world.nodes[0].nmt is not Nmt.PRE_OPERATIONAL:
@@ -265,7 +265,7 @@ def test_a_port_of_this_computer_is_opened_alone_and_lost_with_its_adapter() -> 
         port = TtyPort(terminal.path, 115200)
         with pytest.raises(DeviceLost, match=r"cannot be opened: .*another program"):
             TtyPort(terminal.path, 115200)
-        line = SerialLine(port, Protocol.EPOS1)
+        line = SerialLine(port, SerialProtocol.EPOS1)
         assert await line.objects("drive", 3).read(0x1018, 4, 4) == b"\x03\0\0\0"
         terminal.close()
         with pytest.raises(DeviceLost, match=r"\(SER-05\); is its adapter plugged in"):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from artemis.devices.serial_frames import (
     START,
     Epos4Splitter,
-    Protocol,
+    SerialProtocol,
     content_of,
     epos1_body,
     epos1_data,
@@ -46,7 +46,7 @@ def words_of(data: bytes) -> list[int]:
 
 def test_read_of_the_first_generation_is_the_guides() -> None:
     """EPOS communication guide 2006, 6.2.4: object 0x2003:1 of node 2."""
-    command = read_command(Protocol.EPOS1, 2, 0x2003, 1)
+    command = read_command(SerialProtocol.EPOS1, 2, 0x2003, 1)
     assert command.opcode == 0x10
     assert epos1_body(command.opcode, command.data) == bytes.fromhex("01 03 20 01 02 88 A8")
 
@@ -62,7 +62,7 @@ def test_answer_of_the_first_generation_is_understood() -> None:
 
 def test_read_of_an_epos4_is_the_guides() -> None:
     """EPOS4 communication guide rel8759, 2.2.9: object 0x30B0:0 of node 1."""
-    command = read_command(Protocol.EPOS4, 1, 0x30B0, 0)
+    command = read_command(SerialProtocol.EPOS4, 1, 0x30B0, 0)
     assert epos4_frame(command.opcode, command.data) == bytes.fromhex("90 02 60 02 01 B0 30 00 2E 62")
 
 
@@ -135,8 +135,8 @@ def test_a_start_byte_that_is_not_doubled_ends_a_frame() -> None:
     assert not splitter.half
 
 
-@pytest.mark.parametrize("protocol", Protocol)
-def test_a_command_says_which_object_of_which_node(protocol: Protocol) -> None:
+@pytest.mark.parametrize("protocol", SerialProtocol)
+def test_a_command_says_which_object_of_which_node(protocol: SerialProtocol) -> None:
     for command in read_command(protocol, 3, 0x6041, 2), write_command(protocol, 3, 0x6041, 2, b"\x06\x00"):
         assert place_of_object(protocol, command.data) == (3, 0x6041, 2)
     assert write_command(protocol, 3, 0x6040, 0, b"\x06\x00").data[4:] == bytes((6, 0, 0, 0))
@@ -145,9 +145,9 @@ def test_a_command_says_which_object_of_which_node(protocol: Protocol) -> None:
 
 def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ProtocolError, match="5 bytes do not fit"):
-        write_command(Protocol.EPOS1, 1, 0x2004, 0, bytes(5))
+        write_command(SerialProtocol.EPOS1, 1, 0x2004, 0, bytes(5))
     with pytest.raises(ProtocolError, match="node 256"):
-        read_command(Protocol.EPOS1, 256, 0x1000, 0)
+        read_command(SerialProtocol.EPOS1, 256, 0x1000, 0)
     for wrong in (b"", b"\0", bytes(300)):
         with pytest.raises(ProtocolError):
             epos1_body(0x10, wrong)

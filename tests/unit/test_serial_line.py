@@ -11,14 +11,14 @@ from serial_rig import BEHIND, FIRST, SerialRig, on_line
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NmtCommand, SdoAbort, nmt_frame
-from artemis.devices.serial_frames import OPCODES, Command, Protocol, Service
+from artemis.devices.serial_frames import OPCODES, SerialCommand, SerialProtocol, SerialService
 from artemis.devices.serial_line import ADVICE, PATIENCE, SILENCE, TRIES
 from artemis.drive_states import DriveState, Nmt
 from artemis.errors import DeviceError, DeviceLost, DeviceTimeout, ProtocolError
 from artemis.sim.serial_wire import SerialSettings
 from artemis.supervision.catalogue import ROWS
 
-both = pytest.mark.parametrize("protocol", Protocol)
+both = pytest.mark.parametrize("protocol", SerialProtocol)
 either = pytest.mark.parametrize("node_id", [FIRST, BEHIND])
 STATUSWORD, GAIN, CONTROLWORD = (0x6041, 0), (0x60F9, 1), (0x6040, 0)
 OFF = bytes((0x40, 0x01))
@@ -30,7 +30,7 @@ OFF = bytes((0x40, 0x01))
 
 @both
 @either
-def test_objects_are_read_and_written(protocol: Protocol, node_id: int) -> None:
+def test_objects_are_read_and_written(protocol: SerialProtocol, node_id: int) -> None:
     async def test(rig: SerialRig) -> None:
         objects = rig.objects(node_id)
         assert await objects.read(*STATUSWORD, 2) == OFF
@@ -45,7 +45,7 @@ def test_objects_are_read_and_written(protocol: Protocol, node_id: int) -> None:
 
 @both
 @either
-def test_what_a_drive_refuses_is_an_abort_with_its_code(protocol: Protocol, node_id: int) -> None:
+def test_what_a_drive_refuses_is_an_abort_with_its_code(protocol: SerialProtocol, node_id: int) -> None:
     async def test(rig: SerialRig) -> None:
         with pytest.raises(SdoAbort, match="0x06020000 at 0x3000:0: object does not exist"):
             await rig.objects(node_id).read(0x3000, 0, 2)
@@ -56,7 +56,9 @@ def test_what_a_drive_refuses_is_an_abort_with_its_code(protocol: Protocol, node
 
 
 @both
-def test_a_node_that_the_gateway_does_not_hear_is_told_from_a_drive_that_does_not_answer(protocol: Protocol) -> None:
+def test_a_node_that_the_gateway_does_not_hear_is_told_from_a_drive_that_does_not_answer(
+    protocol: SerialProtocol,
+) -> None:
     async def test(rig: SerialRig) -> None:
         rig.world.nodes[BEHIND - 1].power_off()
         with pytest.raises(DeviceTimeout, match="node 3 does not answer the drive on the serial line, its gateway"):
@@ -75,7 +77,7 @@ def test_commands_to_several_nodes_at_once_take_their_turns() -> None:
 
 
 @both
-def test_nmt_commands_reach_the_drive_on_the_line_and_those_behind_it(protocol: Protocol) -> None:
+def test_nmt_commands_reach_the_drive_on_the_line_and_those_behind_it(protocol: SerialProtocol) -> None:
     async def test(rig: SerialRig) -> None:
         for number in (FIRST, BEHIND):
             rig.line.send(nmt_frame(NmtCommand.START, number))
@@ -131,7 +133,9 @@ def test_only_drives_behind_the_gateway_can_watch_a_computer_on_the_line() -> No
         for number in (1, 2, 3, 4):
             await rig.objects(number).write(0x1016, 1, watched.to_bytes(4, "little"))
         heartbeat = (0x77F).to_bytes(2, "little") + b"\x01\x00\x05" + bytes(7)
-        command = Command(opcode=OPCODES[Protocol.EPOS1][Service.SEND_CAN], data=heartbeat, answered=False)
+        command = SerialCommand(
+            opcode=OPCODES[SerialProtocol.EPOS1][SerialService.SEND_CAN], data=heartbeat, answered=False
+        )
         rig.world.nodes[0].receive(Frame(0x77F, b"\x05"), rig.loop.time())  # once from elsewhere: its watch begins
         for _ in range(10):
             await rig.line.perform(command)
@@ -155,7 +159,7 @@ async def still_works(rig: SerialRig, row: str, times: int = 1) -> None:
 
 
 @both
-def test_bytes_out_of_step_are_thrown_away_and_the_command_repeated(protocol: Protocol) -> None:
+def test_bytes_out_of_step_are_thrown_away_and_the_command_repeated(protocol: SerialProtocol) -> None:
     """SER-01."""
 
     async def test(rig: SerialRig) -> None:
@@ -209,7 +213,7 @@ def test_a_damaged_command_is_not_executed(place: int) -> None:
 
 
 @both
-def test_a_drive_that_does_not_answer_is_asked_three_times(protocol: Protocol) -> None:
+def test_a_drive_that_does_not_answer_is_asked_three_times(protocol: SerialProtocol) -> None:
     """SER-03."""
 
     async def test(rig: SerialRig) -> None:
@@ -247,11 +251,11 @@ def test_half_an_answer_of_an_epos4_is_asked_for_again() -> None:
         rig.port.to_host.pass_first, rig.port.to_host.drop = 6, 8
         await still_works(rig, "SER-04")
 
-    on_line(test, Protocol.EPOS4)
+    on_line(test, SerialProtocol.EPOS4)
 
 
 @both
-def test_a_port_that_is_unplugged_ends_all_commands_at_once(protocol: Protocol) -> None:
+def test_a_port_that_is_unplugged_ends_all_commands_at_once(protocol: SerialProtocol) -> None:
     """SER-05."""
 
     async def test(rig: SerialRig) -> None:
@@ -273,7 +277,9 @@ def test_a_port_that_is_unplugged_ends_all_commands_at_once(protocol: Protocol) 
 @both
 @settings(max_examples=8)
 @given(seed=st.integers(0, 1000), chance=st.sampled_from([0.01, 0.03, 0.1]))
-def test_whatever_happens_to_the_bytes_no_wrong_value_is_taken(protocol: Protocol, seed: int, chance: float) -> None:
+def test_whatever_happens_to_the_bytes_no_wrong_value_is_taken(
+    protocol: SerialProtocol, seed: int, chance: float
+) -> None:
     async def test(rig: SerialRig) -> None:
         rig.port._dice.seed(seed)
         rig.port.to_drive.chance = rig.port.to_host.chance = chance
