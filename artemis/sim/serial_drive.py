@@ -106,7 +106,7 @@ def serial_drive(
     first: SimEpos = world.nodes[0]
     bus = SimBus(world, bitrate, asyncio.get_running_loop(), speaker=first)
     wire = SerialWire(settings)
-    gateway = Gateway(first, bus, protocol, settings.time_limit_s)
+    gateway = Gateway(first, bus, protocol, settings.node_time_s)
     return wire, SerialDrive(gateway, wire, protocol, settings)
 
 

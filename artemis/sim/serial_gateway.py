@@ -21,9 +21,9 @@ MEANINGLESS = b"\x5a\xc3\x5a\xc3"
 class Gateway:
     """The drive on the line, and through it the nodes on its bus: one command at a time, one SDO transfer for each."""
 
-    def __init__(self, node: SimEpos, bus: SimBus, protocol: SerialProtocol, time_limit: float) -> None:
-        """`bus`: its host is the controller of `node` (`speaker`). A node has `time_limit` [s] to answer."""
-        self._node, self._bus, self._time_limit = node, bus, time_limit
+    def __init__(self, node: SimEpos, bus: SimBus, protocol: SerialProtocol, node_time: float) -> None:
+        """`bus`: its host is the controller of `node` (`speaker`). A node has `node_time` [s] to answer."""
+        self._node, self._bus, self._node_time = node, bus, node_time
         self._loop = asyncio.get_running_loop()
         self._protocol = protocol
         self._services = {opcode: service for service, opcode in OPCODES[protocol].items()}
@@ -92,7 +92,7 @@ class Gateway:
             node.outbox.remove(entry)
         self._bus.settle()
         if not answers:
-            await asyncio.sleep(self._time_limit)
+            await asyncio.sleep(self._node_time)
             return None
         ready, frame = answers[-1]
         await asyncio.sleep(max(0.0, ready - now))
@@ -103,7 +103,7 @@ class Gateway:
         self._bus.send(Frame(SDO_REQUEST + node_id, request))
         try:
             with suppress(TimeoutError):
-                async with asyncio.timeout(self._time_limit):
+                async with asyncio.timeout(self._node_time):
                     return await self._pending
         finally:
             self._pending = None

@@ -31,7 +31,9 @@ class SerialSettings(Config):
     ready_time_s: Seconds = 0.0001
     """From the end of a byte or a frame to the drive's confirmation: an assumption."""
     time_limit_s: Seconds = 0.5
-    """The drive waits so long for the next part of an exchange, and its gateway for a node (object 0x2005)."""
+    """The drive waits so long for the next part of an exchange (object 0x2005)."""
+    node_time_s: Seconds = 0.2
+    """Its gateway waits so long for a node: an assumption. After the time limit nobody would hear of it."""
 
 
 class SerialWire:
