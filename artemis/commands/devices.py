@@ -19,6 +19,7 @@ from artemis.devices.hid.port import HidInfo, HidPort
 from artemis.devices.inputs import InputPorts, layout_of
 from artemis.devices.inventory import NodeReport, ask_nodes
 from artemis.devices.serial_line import SerialLine
+from artemis.devices.serial_port import detected_ports
 from artemis.errors import ConfigError, DeviceError, DeviceLost, HidError
 from artemis.mission.actions import PluginUse
 from artemis.mission.loading import LoadedMission, load_mission
@@ -58,6 +59,10 @@ def _show_adapters() -> None:
         _say(f"  bus: {{{', '.join(f'{word}: {value}' for word, value in words.items())}}}")
     if not found:
         _say("  none that python-can can detect; it works with many that it cannot")
+    if ports := detected_ports():
+        _say("serial ports")
+    for path, description in ports:
+        _say(f"  bus: {{serial: {path}}}  {description}")
 
 
 def show_inputs(port: HidPort) -> None:

@@ -27,6 +27,15 @@ _ADVICE = {
 }
 
 
+def detected_ports() -> list[tuple[str, str]]:
+    """Path and description of each port of this computer that some hardware stands behind; none without pyserial."""
+    try:
+        from serial.tools import list_ports
+    except ImportError:
+        return []
+    return sorted((port.device, port.description) for port in list_ports.comports() if port.hwid != "n/a")
+
+
 class SerialPort(Protocol):
     """A line of bytes to a drive. What arrives waits until it is read."""
 

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 from core_builders import ROBOT
+from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
 from serial_rig import STRAIGHT, SerialRig, on_line
 
 from artemis import clock
@@ -274,3 +276,17 @@ def test_a_port_of_this_computer_is_opened_alone_and_lost_with_its_adapter() -> 
         line.close()
 
     on_terminal(test)
+
+
+def test_ports_with_hardware_behind_them_are_listed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = [ListPortInfo(path, skip_link_detection=True) for path in ("/dev/ttyUSB0", "/dev/ttyS0")]
+    found[0].hwid, found[0].description = "USB VID:PID=0403:6001", "FT232R USB UART"
+    monkeypatch.setattr(list_ports, "comports", lambda: found)
+    monkeypatch.setattr(devices, "detected_adapters", lambda: [])
+    devices._show_adapters()
+    assert capsys.readouterr().out.splitlines()[2:] == [
+        "serial ports",
+        "  bus: {serial: /dev/ttyUSB0}  FT232R USB UART",
+    ]
