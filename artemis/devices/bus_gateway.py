@@ -115,6 +115,11 @@ class BusGateway:
             return self._bus.objects(name, node_id)
         return SdoClient(name, node_id, self.send)
 
+    async def sent(self) -> None:
+        """Return once the bus may be closed: an adapter sends what it was given, a serial line does that by itself."""
+        if isinstance(self._bus, SerialLine):
+            await self._bus.sent()
+
     def receive(self) -> list[Frame]:
         """Every frame that waits, oldest first; those that only we may send are noticed.
 

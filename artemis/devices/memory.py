@@ -80,6 +80,7 @@ async def configure(robot: RobotFile, bus: FrameBus, told: Callable[[str], None]
         _check_alone(drives, robot, name)
         for kind in kinds:
             await jobs[name].perform(Job(id=0, kind=kind, drive=name))
+        await drives.wire.sent()
         told(name)
 
 

@@ -104,6 +104,11 @@ class SerialLine:
             return await self._give(command, PATIENCE, TRIES)
         return await self._give(command, max(patience, PATIENCE), 1)
 
+    async def sent(self) -> None:
+        """Return once every command that was given is done, or has failed."""
+        if self._waiting:
+            await asyncio.wait([self._waiting[-1][3]])
+
     # ------------------------------------------------------------------------------------------ as a FrameBus
 
     def send(self, frame: Frame) -> None:

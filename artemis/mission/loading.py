@@ -207,7 +207,7 @@ class _Loading(SurroundingsChecks):
         words = self._data.get("bus")
         if isinstance(words, dict) and "serial" in words and not self._simulated:
             self._remarks.append("bus: a serial line; `artemis run` drives over CAN, or with --simulate")
-        if isinstance(words, dict) and isinstance(words.get("interface"), str):
+        if isinstance(words, dict) and isinstance(words.get("interface"), str) and "serial" not in words:
             from artemis.devices.can_bus import check_bus_words
 
             for problem in check_bus_words(words):

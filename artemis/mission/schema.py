@@ -38,8 +38,10 @@ class SerialWords(Config):
 
 
 def _kind_of_bus(bus: object) -> str | None:
-    if isinstance(bus, SerialWords) or (isinstance(bus, dict) and "serial" in bus):
+    if isinstance(bus, SerialWords) or (isinstance(bus, dict) and "serial" in bus and "interface" not in bus):
         return "<serial>"
+    if isinstance(bus, dict) and "serial" in bus:
+        return None
     if isinstance(bus, dict | BusWords):
         return "<words>"
     return "<simulation>" if bus == "simulation" else None

@@ -17,6 +17,8 @@ from serial_rig import STRAIGHT, SerialRig, on_line
 from artemis import clock
 from artemis.app import run_mission
 from artemis.commands import devices
+from artemis.commands.calibrate_gains import Wanted, calibrate_gains
+from artemis.commands.calibrate_steering import calibrate_steering
 from artemis.commands.configure import configure_drives
 from artemis.commands.simulate_serial import simulate_serial
 from artemis.devices.can_bus import FrameBus
@@ -101,6 +103,16 @@ def test_drives_are_configured_as_over_can(protocol: SerialProtocol) -> None:
         assert node.read(0x1016, 1) == 0, "nobody keeps it alive"
 
 
+def test_drives_are_left_pre_operational_though_the_line_is_closed_at_once() -> None:
+    async def test(rig: SerialRig) -> None:
+        await configure(ROBOT, rig.line, lambda name: None, keep=False)
+        rig.line.close()
+        await asyncio.sleep(0.1)
+        assert {node.nmt for node in rig.world.nodes} == {Nmt.PRE_OPERATIONAL}
+
+    on_line(test)
+
+
 def test_calibration_is_stored_and_gains_are_read_as_over_can() -> None:
     told: list[dict[str, tuple[int, ...] | str]] = []
 
@@ -160,6 +172,7 @@ def test_nothing_is_driven_over_a_serial_line(mission: Path) -> None:
         ("{serial: /dev/ttyUSB0, protocol: epos3}", "bus.protocol"),
         ("{serial: ''}", "bus.serial"),
         ("{port: /dev/ttyUSB0}", "bus"),
+        ("{serial: /dev/ttyUSB0, interface: socketcan}", "bus: expected simulation, python-can's words"),
     ],
 )
 def test_wrong_words_are_named(mission: Path, words: str, problem: str) -> None:
@@ -167,6 +180,18 @@ def test_wrong_words_are_named(mission: Path, words: str, problem: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load_mission(mission)
     assert f": {problem}" in caught.value.problems[0]
+
+
+def test_calibrations_that_move_a_wheel_are_refused_with_the_mission(mission: Path) -> None:
+    wanted = Wanted(drives=("steer-left",), gains={}, tried=True, yes=True)
+    given = {"left": 0.0, "right": 0.0}
+    for act in (
+        lambda: calibrate_gains(mission, wanted),
+        lambda: calibrate_steering(mission, None, given, new=False, yes=True, simulate=False, write_simulated=False),
+    ):
+        with pytest.raises(ConfigError, match="nothing is driven over a serial line") as caught:
+            act()
+        assert caught.value.problems[0].startswith(f"{mission}:3:1: bus")
 
 
 def test_configure_tells_each_drive(mission: Path, capsys: pytest.CaptureFixture[str]) -> None:
