@@ -23,7 +23,6 @@ from artemis.devices.canopen import (
     decode_answer,
     encode_request,
 )
-from artemis.devices.epos_objects import CONTROLWORD, STATUSWORD
 from artemis.devices.serial_frames import SerialProtocol
 from artemis.devices.serial_line import SerialLine
 from artemis.sim.bus import SimBus
@@ -34,6 +33,8 @@ from artemis.sim.world import World
 from artemis.testing.contracts import ROBOT
 from artemis_lab.bench.tables import Grid
 
+CONTROLWORD, STATUSWORD = 0x6040, 0x6041
+"""Objects of two bytes (CiA 402)."""
 SHUTDOWN, SWITCH_ON, ENABLE_OPERATION = 0x06, 0x07, 0x0F
 """Controlwords (EPOS firmware specification 2010, 14.59)."""
 SEQUENCE = (None, SHUTDOWN, SWITCH_ON, ENABLE_OPERATION)
@@ -98,13 +99,11 @@ async def _over_can(parameters: Parameters) -> Measured:
     before = bus.busy
 
     async def transfer(node_id: int, controlword: int | None) -> None:
-        place = CONTROLWORD if controlword is not None else STATUSWORD
-        index, subindex = place.index, place.subindex
         if controlword is None:
-            request = encode_request(Upload(index=index, subindex=subindex))
+            request = encode_request(Upload(index=STATUSWORD, subindex=0))
         else:
-            data = place.type.encode(controlword)
-            request = encode_request(Expedited(index=index, subindex=subindex, data=data))
+            data = controlword.to_bytes(2, "little")
+            request = encode_request(Expedited(index=CONTROLWORD, subindex=0, data=data))
         bus.send(Frame(SDO_REQUEST + node_id, request))
         while True:
             arrived.clear()
@@ -133,9 +132,9 @@ async def _over_serial(parameters: Parameters) -> Measured:
     async def transfer(node_id: int, controlword: int | None) -> None:
         objects = line.objects("drive", node_id)
         if controlword is None:
-            await objects.read(STATUSWORD.index, STATUSWORD.subindex)
+            await objects.read(STATUSWORD, 0, 2)
         else:
-            await objects.write(CONTROLWORD.index, CONTROLWORD.subindex, CONTROLWORD.type.encode(controlword))
+            await objects.write(CONTROLWORD, 0, controlword.to_bytes(2, "little"))
 
     await _sequence(transfer)
     total = loop.time() - BEGIN
