@@ -143,7 +143,7 @@ class _Loading(SurroundingsChecks):
         self._check_policies()
         if robot is not None and tried:
             self._check_inputs(robot)
-        tree = self._tree(mission)
+        tree = self._tree(mission, robot)
         if self._problems or mission is None or robot is None or true_robot is None or tree is None:
             raise ConfigError(sorted(dict.fromkeys(self._problems), key=by_position))
         return LoadedMission(
