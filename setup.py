@@ -36,6 +36,7 @@ artemis/sim/epos_parameters.py
 artemis/sim/epos_pdo.py
 artemis/sim/epos_power.py
 artemis/sim/epos_sdo.py
+artemis/sim/servo.py
 artemis/sim/truth.py
 artemis/sim/vehicle.py
 artemis/sim/wheels.py

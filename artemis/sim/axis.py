@@ -6,7 +6,7 @@ Everything is told of the motor shaft in the drive's own units: counts, rpm, rpm
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache
@@ -87,6 +87,19 @@ class Failure:
         return min(after, before + most) if before < 0.0 else after
 
 
+def rolled(load: Load, before: float, push: float, dt: float) -> float:
+    """Velocity [rpm] of a load after `dt` [s] under a `push` [mA], against its friction."""
+    drag = load.friction + load.viscous * abs(before)
+    if before == 0.0:
+        if abs(push) <= load.friction:
+            return 0.0
+        return (push - math.copysign(load.friction, push)) * dt / load.inertia
+    after = before + (push - math.copysign(drag, before)) * dt / load.inertia
+    if after * before < 0.0 and abs(push) <= load.friction:
+        return 0.0  # friction stops a shaft, it never turns it back
+    return after
+
+
 class Axis:
     """A motor shaft with its sensor under the regulators of its drive; the world steps it.
 
@@ -155,6 +168,15 @@ class Axis:
         """Change what is wrong: the fields of `Failure`."""
         failure = replace(self.failure or Failure(), **changes)
         self.failure = None if failure == Failure() else failure
+
+    def tune(self, gains: Sequence[int], regulators: Regulators | None) -> None:
+        """Take over gains, in the order of the objects, and what is assumed of loops that have them."""
+        self.fail(regulators=regulators)
+
+    @property
+    def top_rpm(self) -> float:
+        """Speed that the supply allows."""
+        return self.no_load_rpm * _SPEED_SHARE_PER_VOLT * self.supply_voltage
 
     @property
     def limiting(self) -> bool:
@@ -274,17 +296,7 @@ class Axis:
 
     def _rolled(self, before: float, current: float, dt: float) -> float:
         """Velocity after `dt` with this motor current against load and friction."""
-        load = self.load
-        push = current - self.load_current
-        drag = load.friction + load.viscous * abs(before)
-        if before == 0.0:
-            if abs(push) <= load.friction:
-                return 0.0
-            return (push - math.copysign(load.friction, push)) * dt / load.inertia
-        after = before + (push - math.copysign(drag, before)) * dt / load.inertia
-        if after * before < 0.0 and abs(push) <= load.friction:
-            return 0.0  # friction stops a shaft, it never turns it back
-        return after
+        return rolled(self.load, before, current - self.load_current, dt)
 
     def _ramped(self, velocity: float, target: float, dt: float) -> float:
         """`velocity` moved towards `target`; a change of sign brakes to 0 first."""

@@ -194,7 +194,7 @@ class Motion:
 
     def _tune(self, gains: tuple[int, ...]) -> None:
         """Take over the regulators' gains."""
-        self.axis.fail(regulators=regulators_for(gains, self._nominal_gains))
+        self.axis.tune(gains, regulators_for(gains, self._nominal_gains))
 
     def _count_from(self, zero: int) -> None:
         """Make `zero`, as the axis counts, the place at which the position actual value is 0."""

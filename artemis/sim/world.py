@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -14,6 +14,7 @@ from artemis.config import Config, Quantity
 from artemis.mounting import Degrees, Mounting, Offset
 from artemis.sim.axis import NOMINAL_VOLTAGE, Axis
 from artemis.sim.epos import SimEpos, SimSettings
+from artemis.sim.servo import ServoAxis, TrueLoad
 from artemis.sim.vehicle import Chassis, Vehicle
 from artemis.sim.wheels import DrivenWheel, SteeredWheel
 from artemis.values import Pose
@@ -113,6 +114,8 @@ class PlantParameters(Config):
     start_steering_left_deg: WheelAngle = 7.0
     """True wheel angle at power-up."""
     start_steering_right_deg: WheelAngle = -4.0
+    loads: dict[Literal["steering", "traction"], TrueLoad] = {}  # noqa: RUF012 (as `scanners`)
+    """What drives truly move; those of a role that is not named are simulated as tuned for their load."""
     x_m: float = 0.0
     """True place of the rear axle's centre at power-up."""
     y_m: float = 0.0
@@ -155,7 +158,10 @@ class World:
             self._idle = robot.battery.idle_w if supply.idle_w is None else supply.idle_w
         self._true = true
         self._dice = random.Random(seed)
-        axes = {name: Axis(drive) for name, drive in robot.drives.items()}
+        axes = {
+            name: ServoAxis(drive, true.loads[drive.role]) if drive.role in true.loads else Axis(drive)
+            for name, drive in robot.drives.items()
+        }
         self.nodes = [SimEpos(drive, axes[name], name=name, settings=settings) for name, drive in robot.drives.items()]
         """The drives, in the order of the robot file."""
         self._axes = list(axes.values())
