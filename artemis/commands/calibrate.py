@@ -123,6 +123,7 @@ def calibrate_gains(
     velocity: Annotated[str | None, typer.Option(metavar="P,I", help="Gains of the velocity to try.")] = None,
     position: Annotated[str | None, typer.Option(metavar="P,I,D", help="Gains of the position to try.")] = None,
     try_: Annotated[bool, typer.Option("--try", help="Try those of the robot file alone.")] = False,
+    auto: Annotated[bool, typer.Option("--auto", help="Find gains to try: identify, propose, try, compare.")] = False,
     step: Annotated[float | None, typer.Option(metavar="DEG|M_S", help="Of the trial: degrees, or m/s.")] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Move, and keep gains that settle, without asking.")] = False,
     simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
@@ -134,4 +135,8 @@ def calibrate_gains(
     given = {"current": current, "velocity": velocity, "position": position}
     gains = {kind: words for kind, words in given.items() if words is not None}
     wanted = Wanted(drives=drive or (), gains=gains, tried=try_, step=step, yes=yes, simulate=simulate)
+    if auto:
+        from artemis.commands.gains_auto import calibrate_auto
+
+        raise typer.Exit(calibrate_auto(mission, wanted))
     raise typer.Exit(calibrate(mission, wanted))

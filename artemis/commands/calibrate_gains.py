@@ -7,7 +7,7 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from artemis import clock
@@ -70,33 +70,54 @@ def calibrate_gains(mission: Path, wanted: Wanted) -> int:
         return _show(loaded, wanted, simulated)
     check_drivable(loaded, mission, simulated)
     trial = trial_from(loaded, wanted)
-    if not (simulated or wanted.yes) and not confirmed("calibrate gains", f"{_announced(trial)}: go?"):
-        _say("nothing was moved")
+    if not (simulated or wanted.yes) and not confirmed("calibrate gains", f"{announced(trial)}: go?"):
+        say("nothing was moved")
         return FAILED
+    status, found, _ = attempt(loaded, mission, trial, wanted.simulate)
+    if status or trial.new is None or found is None:
+        return status
+    if simulated:
+        say("kept        nothing: simulated drives do not know what gains do to a machine")
+        return 0
+    return decide(loaded, trial, found, wanted.yes)
+
+
+def attempt(
+    loaded: LoadedMission, mission: Path, trial: Trial, simulate: bool, predicted: Findings | None = None
+) -> tuple[int, Findings | None, Outcome]:
+    """Run a trial and tell what it shows: the exit status, 0 only where all of it was seen and is as it was before.
+
+    `predicted`: is shown between what was measured of both gains.
+
+    Raises:
+        ConfigError: the mission is refused; nothing has moved.
+        DeviceError: the bus cannot be opened; nothing has moved.
+    """
     watch = GainsWatch()
     with tempfile.TemporaryDirectory() as folder:
         made, source = write_mission(loaded, mission, trial, Path(folder))
-        outcome = run_in_sight(made, source, wanted.simulate, watch=watch.see)
+        outcome = run_in_sight(made, source, simulate, watch=watch.see)
     try:
         found = findings(Recording(outcome.run.path), trial)
+        if predicted is not None and set(trial.places) <= set(found.responses):
+            found = replace(
+                found,
+                traces={"now": found.traces["now"], **predicted.traces, "new": found.traces["new"]},
+                responses={"now": found.responses["now"], **predicted.responses, "new": found.responses["new"]},
+            )
         _tell(loaded, trial, found, outcome)
     except RecordingError as error:  # the disk failed
-        _say(f"kept        nothing: {error}")
-        return outcome.exit_status or FAILED
+        say(f"kept        nothing: {error}")
+        return outcome.exit_status or FAILED, None, outcome
     finally:
         _tell_gains(trial, watch)
     if outcome.exit_status or watch.stopped:
-        _say("trial       aborted: nothing is kept")
-        return outcome.exit_status or FAILED
+        say("trial       aborted: nothing is kept")
+        return outcome.exit_status or FAILED, found, outcome
     if problem := _unproven(trial, watch, found, outcome):
-        _say(f"{'trial       not whole' if trial.new is None else 'kept        nothing'}: {problem}")
-        return FAILED
-    if trial.new is None:
-        return 0
-    if simulated:
-        _say("kept        nothing: simulated drives do not know what gains do to a machine")
-        return 0
-    return _decide(loaded, trial, found, wanted)
+        say(f"{'trial       not whole' if trial.new is None else 'kept        nothing'}: {problem}")
+        return FAILED, found, outcome
+    return 0, found, outcome
 
 
 # ---------------------------------------------------------------------------------------------- what is asked for
@@ -127,7 +148,7 @@ def trial_from(loaded: LoadedMission, wanted: Wanted) -> Trial:
     if roles and not low <= step <= high:
         unit = "degrees" if role == "steering" else "m/s"
         problems.append(f"--step {step:g}: expected {low:g} to {high:g} {unit}")
-    if new is not None and not problems and all(_merged(loaded, name, new) == known[name].gains for name in names):
+    if new is not None and not problems and all(merged_gains(loaded, name, new) == known[name].gains for name in names):
         problems.append("these are the gains of the robot file already; to see how the drives follow with them: --try")
     if problems:
         raise ConfigError([f"calibrate gains: {problem}" for problem in problems])
@@ -149,14 +170,14 @@ def _new_gains(words: Mapping[str, str], problems: list[str]) -> NewGains | None
     return NewGains.model_validate(gains) if gains and not problems else None
 
 
-def _merged(loaded: LoadedMission, name: str, new: NewGains | None) -> Gains:
+def merged_gains(loaded: LoadedMission, name: str, new: NewGains | None) -> Gains:
     """Gains of a drive that has some in the robot file, with the new ones."""
     known = loaded.robot.drives[name].gains
     assert known is not None
     return known if new is None else merged(new, known)
 
 
-def _announced(trial: Trial) -> str:
+def announced(trial: Trial) -> str:
     """What will move."""
     who, times = (
         ", ".join(trial.drives),
@@ -179,17 +200,17 @@ def _show(loaded: LoadedMission, wanted: Wanted, simulated: bool) -> int:
             raise ConfigError(f"calibrate gains: --drive {shown(name)}: {problem}")
     found = clock.run(_read(loaded, simulated), simulated=simulated)
     drives = {name: gains for name, gains in found.items() if not wanted.drives or name in wanted.drives}
-    _say(f"gains of {loaded.robot.robot} in the robot file, and in the drives{' (simulated)' * simulated} now")
-    _say(f"{'':16}{'':12}{'current P,I':14}{'velocity P,I':14}position P,I,D")
+    say(f"gains of {loaded.robot.robot} in the robot file, and in the drives{' (simulated)' * simulated} now")
+    say(f"{'':16}{'':12}{'current P,I':14}{'velocity P,I':14}position P,I,D")
     differs = False
     for name, gains in drives.items():
         known = loaded.robot.drives[name].gains
         file = None if known is None else known.numbers
-        _say(f"{name:16}{'robot file':12}{'none' if file is None else _columns(file)}")
-        _say(f"{'':16}{'drive':12}{gains if isinstance(gains, str) else _columns(gains, file)}")
+        say(f"{name:16}{'robot file':12}{'none' if file is None else _columns(file)}")
+        say(f"{'':16}{'drive':12}{gains if isinstance(gains, str) else _columns(gains, file)}")
         differs = differs or (not isinstance(gains, str) and file not in (None, gains))
     if differs:
-        _say("* differs. A drive has what was stored in it when its power came; each run writes the robot file's gains")
+        say("* differs. A drive has what was stored in it when its power came; each run writes the robot file's gains")
     return int(any(isinstance(gains, str) for gains in drives.values()))
 
 
@@ -211,33 +232,33 @@ def _columns(gains: tuple[int, ...], known: tuple[int, ...] | None = None) -> st
 
 def _tell(loaded: LoadedMission, trial: Trial, found: Findings, outcome: Outcome) -> None:
     """Numbers and figure."""
-    _say("")
+    say("")
     if found.responses:
         gains = {
-            label: {name: words_of(_merged(loaded, name, new).numbers) for name in trial.drives}
-            for label, new in (("now", None), ("new", trial.new))
+            label: {name: words_of(merged_gains(loaded, name, new).numbers) for name in trial.drives}
+            for label, new in (("now", None), ("predicted", trial.new), ("new", trial.new))
         }
         for line in table(found, trial, gains):
-            _say(line)
+            say(line)
         figure = outcome.run.path / "gains.png"
         _draw(found, figure)
-        _say(f"figure      {figure}")
+        say(f"figure      {figure}")
     if trial.role == "traction":
         distance = 1000.0 * SPEED_DISTANCE
-        _say(
+        say(
             f"            speeds are means over {distance:.0f} mm, the counts are so coarse: faster swings are not seen"
         )
-    _say("            the current is sampled once a tick: what its own regulator does in a millisecond is not seen")
+    say("            the current is sampled once a tick: what its own regulator does in a millisecond is not seen")
     if missing := [label for label in trial.places if label not in found.responses]:
-        _say(f"trial       nothing was seen of the gains {' and '.join(missing)}")
+        say(f"trial       nothing was seen of the gains {' and '.join(missing)}")
 
 
 def _tell_gains(trial: Trial, watch: GainsWatch) -> None:
     """Which gains the drives have now."""
     for name, why in watch.unrestored.items():
-        _say(f"WARNING     {name} may have the gains on trial while it has power ({why}); the next run writes its own")
+        say(f"WARNING     {name} may have the gains on trial while it has power ({why}); the next run writes its own")
     if restored := [name for name in trial.drives if name in watch.restored]:
-        _say(f"restored    {', '.join(restored)}: the gains of the robot file")
+        say(f"restored    {', '.join(restored)}: the gains of the robot file")
 
 
 def _draw(found: Findings, file: Path) -> None:
@@ -255,24 +276,24 @@ def _unproven(trial: Trial, watch: GainsWatch, found: Findings, outcome: Outcome
     """Why nothing can be kept, whoever wants it; empty: all was tried and recorded whole, and is as it was before."""
     if lacks := (*outcome.troubles, *([found.missing] if found.missing else ())):
         return f"the trial was not recorded whole: {lacks[0]}"
-    if len(found.responses) < len(trial.places):
+    if not set(trial.places) <= set(found.responses):
         return "not all of the trial was seen"
     if trial.new is not None and (left := [name for name in trial.drives if name not in watch.restored]):
         return f"{', '.join(left)} did not take the robot file's gains back"
     return ""
 
 
-def _decide(loaded: LoadedMission, trial: Trial, found: Findings, wanted: Wanted) -> int:
+def decide(loaded: LoadedMission, trial: Trial, found: Findings, yes: bool) -> int:
     """Keep the new gains or not, as a person says, or `--yes` does of drives that settled."""
     file = loaded.folder / loaded.mission.robot
-    if wanted.yes and not found.settled:
-        _say("kept        nothing: a drive did not settle with the new gains")
+    if yes and not found.settled:
+        say("kept        nothing: a drive did not settle with the new gains")
         return FAILED
     question = f"keep the new gains: in {file}, and stored in {', '.join(trial.drives)}?"
-    if not wanted.yes and not confirmed("calibrate gains", question):
-        _say("kept        nothing: the robot file is as it was")
+    if not yes and not confirmed("calibrate gains", question):
+        say("kept        nothing: the robot file is as it was")
         return 0
-    return _keep(loaded, file, {name: _merged(loaded, name, trial.new) for name in trial.drives})
+    return _keep(loaded, file, {name: merged_gains(loaded, name, trial.new) for name in trial.drives})
 
 
 def _keep(loaded: LoadedMission, file: Path, new: Mapping[str, Gains]) -> int:
@@ -294,15 +315,15 @@ def _keep(loaded: LoadedMission, file: Path, new: Mapping[str, Gains]) -> int:
     except KeyboardInterrupt:
         status, problem = INTERRUPTED, "interrupted"
     if str(file) in kept:
-        _say(f"kept        {', '.join(new)}: stored, and in {file}")
+        say(f"kept        {', '.join(new)}: stored, and in {file}")
         return status
-    _say(f"kept        {'not all' if kept else 'nothing'}: {problem}")
+    say(f"kept        {'not all' if kept else 'nothing'}: {problem}")
     if kept:
-        _say(f"            {', '.join(kept)}: stored")
+        say(f"            {', '.join(kept)}: stored")
     if status == INTERRUPTED and len(kept) < len(new):
-        _say(f"            {next(name for name in new if name not in kept)}: may have stored them, it was about to")
+        say(f"            {next(name for name in new if name not in kept)}: may have stored them, it was about to")
     if kept or status == INTERRUPTED:
-        _say(f"            {file}: has the old gains still, and each run writes those")
+        say(f"            {file}: has the old gains still, and each run writes those")
     return status
 
 
@@ -317,6 +338,7 @@ async def _store(
     kept.append(str(file))
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
+    """A line for the person at the terminal."""
     sys.stdout.write(text + "\n")
     sys.stdout.flush()

@@ -38,15 +38,18 @@ class Trial:
     """[degrees] of a steered wheel, [m/s] of a driven one."""
     new: NewGains | None
     """None: the gains of the robot file alone."""
+    repetitions: int = 1
+    """Of the test, with each of the gains."""
 
     @property
     def steps(self) -> list[dict[str, object]]:
         """The steps of its mission: the same test with the robot file's gains, and with the new ones."""
-        steps = self._test if self.role == "steering" else [_ALIGN, *self._test]  # a path wants that before
+        test = self._test * self.repetitions
+        steps = test if self.role == "steering" else [_ALIGN, *test]  # a path wants that before
         if self.new is None:
             return steps
         gains = self.new.model_dump(exclude_none=True)
-        return [*steps, {"calibrate": {"gains": dict.fromkeys(self.drives, gains)}}, *self._test]
+        return [*steps, {"calibrate": {"gains": dict.fromkeys(self.drives, gains)}}, *test]
 
     @property
     def _test(self) -> list[dict[str, object]]:
@@ -60,7 +63,13 @@ class Trial:
         """The step of the mission, counted from 0, in which the drives are tried with each of the gains."""
         first = 0 if self.role == "steering" else 1
         now = {"now": first}
-        return now if self.new is None else {**now, "new": first + len(self._test) + 1}
+        return now if self.new is None else {**now, "new": first + len(self._test) * self.repetitions + 1}
+
+    @property
+    def tests(self) -> dict[str, list[int]]:
+        """The steps of the mission in which the drives move, by gains: all repetitions."""
+        moves = len(self._test) * self.repetitions
+        return {label: list(range(place, place + moves)) for label, place in self.places.items()}
 
 
 _ALIGN: dict[str, object] = {"calibrate": {"steering": "from_potentiometers"}}
@@ -168,7 +177,9 @@ def table(found: Findings, trial: Trial, gains: dict[str, dict[str, str]]) -> It
         for name, words in _rows(columns, unit):
             yield _row(name, words)
         for label in labels:
-            yield f"  {label:<5}{gains[label][drive]}"
+            yield (
+                f"  {label:<10}{gains[label][drive]}" if "predicted" in labels else f"  {label:<5}{gains[label][drive]}"
+            )
 
 
 def _step(response: StepResponse, unit: str) -> str:

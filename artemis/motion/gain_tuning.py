@@ -2,9 +2,8 @@
 
 A drive that follows a step under known gains shows what it moves: a model of inertia, Coulomb friction and dead time in
 the same loop is fitted to what was recorded (output error, Ljung, System Identification, 2nd edition, 7.2; Levenberg
-1944, Marquardt 1963). Gains follow by the SIMC rules for an integrating and a double integrating process with dead time
-(Skogestad, Simple analytic rules for model reduction and PID controller tuning, Journal of Process Control 13, 2003),
-for one time constant that is found by its margins and by the response that the model predicts.
+1944, Marquardt 1963). Gains follow by pole placement; how fast the poles may be is decided by the margins and by the
+response that the model predicts.
 
 Everything is told of the motor shaft: rad, rad/s, A.
 """
@@ -13,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import ceil, copysign, degrees, pi
 
 import numpy as np
@@ -32,9 +32,12 @@ LIGHTEST = 0.5
 """A motor in its play, or without the load, has so much of its inertia left."""
 TIMES = tuple(float(time) for time in np.geomspace(0.002, 0.3, 22))
 """Of the closed loop [s], from stiff to soft: those that are looked at."""
+SLOWER = (4.0, 12.0)
+"""By so much is the pole of the integral part slower than the others: the slower, the less it overshoots."""
 ENOUGH = 1.1
 """No stiffer than needed: the softest gains are proposed that settle within so many times the shortest time."""
 LARGEST = 32767
+"""Of what a gain can be."""
 WINDOW = 2.5
 """So much of a recording is used [s]."""
 MOST_DELAY = 0.02
@@ -232,9 +235,7 @@ def _guess(records: Sequence[StepRecord], peak: float) -> tuple[float, float]:
 def _load(values: Array) -> MovedLoad:
     inertia, friction, scale = np.exp(np.clip(values[:3], -40.0, 10.0))
     delay = float(np.clip(values[3], 0.0, 1e3 * MOST_DELAY)) * 1e-3
-    return MovedLoad(
-        inertia=float(inertia), friction=float(friction), delay=delay, scale=float(scale), unexplained=0.0
-    )
+    return MovedLoad(inertia=float(inertia), friction=float(friction), delay=delay, scale=float(scale), unexplained=0.0)
 
 
 def _fitted(misfit: Callable[[Array], Array], values: Array) -> tuple[Array, float]:
@@ -264,19 +265,20 @@ def _fitted(misfit: Callable[[Array], Array], values: Array) -> tuple[Array, flo
 # ---------------------------------------------------------------------------------------------- gains
 
 
-def simc(load: MovedLoad, time_constant: float, is_position: bool) -> tuple[int, ...]:
-    """Gains by the SIMC rules; `time_constant`: of the closed loop, dead time included [s].
+def placed(load: MovedLoad, time_constant: float, slower: float, is_position: bool) -> tuple[int, ...]:
+    """Gains that place the poles of the closed loop on a load without friction and dead time.
 
-    A velocity is an integrating process: P = J / t, I = P / (4 t). A position is a double integrating one, whose series
-    PID has the gain J / (4 t)², and 4 t as its integral and as its derivative time; here it is in parallel form.
+    With w = 1 / `time_constant`: one pole of a velocity loop, two of a position loop at -w, and that of the integral
+    part at -w / `slower`, all real, so the loop does not swing (pole placement by comparing coefficients: Astrom and
+    Murray, Feedback Systems, 11.2).
     """
-    inertia, t = load.inertia / load.scale, time_constant
-    if not is_position:
-        wanted: tuple[float, ...] = (inertia / t, inertia / (4.0 * t * t))
-        return tuple(round(gain / unit) for gain, unit in zip(wanted, VELOCITY_UNITS, strict=True))
-    gain, lasting = inertia / (4.0 * t * t), 4.0 * t
-    wanted = (2.0 * gain, gain / lasting, gain * lasting)
-    return tuple(round(each / unit) for each, unit in zip(wanted, POSITION_UNITS, strict=True))
+    inertia, w = load.inertia / load.scale, 1.0 / time_constant
+    a = w / slower
+    if is_position:
+        wanted: tuple[float, ...] = (inertia * (w * w + 2.0 * w * a), inertia * w * w * a, inertia * (2.0 * w + a))
+        return tuple(round(gain / unit) for gain, unit in zip(wanted, POSITION_UNITS, strict=True))
+    wanted = (inertia * (w + a), inertia * w * a)
+    return tuple(round(gain / unit) for gain, unit in zip(wanted, VELOCITY_UNITS, strict=True))
 
 
 def margins(load: MovedLoad, loop: Loop) -> tuple[float, float]:
@@ -312,9 +314,9 @@ def proposals(
     """
     lightest = min(loads, key=lambda load: load.inertia / load.scale)
     found = []
-    for time_constant in TIMES:
-        gains = simc(lightest, time_constant, present.is_position)
-        if any(gain > top for gain, top in zip(gains, most, strict=True)) or not gains[0]:
+    for time_constant, slower in product(TIMES, SLOWER):
+        gains = placed(lightest, time_constant, slower, present.is_position)
+        if any(gain > top for gain, top in zip(gains, most, strict=True)) or not all(gains):
             continue
         loop = loop_of(gains, present.limit, present.top)
         all_margins = [margins(each, loop) for load in loads for each in (load, _lighter(load))]
@@ -354,21 +356,3 @@ def in_order(found: Sequence[Proposal]) -> list[Proposal]:
     first = max(index for index, each in enumerate(found) if each.settled <= enough)
     order = [first, min(first + 2, len(found) - 1), max(first - 2, 0)]
     return [found[index] for index in dict.fromkeys(order)]
-
-
-# ---------------------------------------------------------------------------------------------- judging
-
-
-def reversals(values: Array, size: float) -> int:
-    """How often values turned back by `size` or more."""
-    farthest, sense, turned = float(values[0]), 0.0, 0
-    for value in values.tolist():
-        away = value - farthest
-        if sense == 0.0:
-            if abs(away) >= size:
-                farthest, sense = value, copysign(1.0, away)
-        elif sense * away > 0.0:
-            farthest = value
-        elif abs(away) >= size:
-            farthest, sense, turned = value, -sense, turned + 1
-    return turned

@@ -8,7 +8,9 @@ which the set-point begins to change.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import copysign, inf
 
 import numpy as np
 
@@ -25,6 +27,13 @@ MOVED = 0.1
 """A drive that goes less than this part of the step does not follow."""
 FEWEST = 10
 """Samples from the beginning of the step on."""
+
+
+MOST_OVERSHOOT, MOST_SWINGS = 0.1, 3
+"""Of a step, and how often the error may turn back after the set-point is there, by `SWING` of the step or more."""
+SWING = 0.05
+BESIDE, NEARLY = 0.01, 0.035
+"""Predicted gains rest within the first part of a step from the set-point; the second is nearly an overshoot of 5 %."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,3 +148,52 @@ def _settled(since: Array, shares: Array, band: float) -> float | None:
     if since[last] >= (1.0 - TAIL) * since[-1]:
         return None
     return float(since[last] + (since[last + 1] - since[last]) * (away[last] - band) / (away[last] - away[last + 1]))
+
+
+def reversals(values: Array, size: float) -> int:
+    """How often values turned back by `size` or more."""
+    farthest, sense, turned = float(values[0]), 0.0, 0
+    for value in values.tolist():
+        away = value - farthest
+        if sense == 0.0:
+            if abs(away) >= size:
+                farthest, sense = value, copysign(1.0, away)
+        elif sense * away > 0.0:
+            farthest = value
+        elif abs(away) >= size:
+            farthest, sense, turned = value, -sense, turned + 1
+    return turned
+
+
+def quickness(response: StepResponse) -> float | None:
+    """When a predicted response has settled [s], with a reserve: within 2 % where it nearly overshoots 5 %.
+
+    None: it does not settle, or rests beside the set-point.
+    """
+    if abs(response.steady_error) > BESIDE * abs(response.step) or response.overshoot is None:
+        return None
+    return response.settled_5 if response.overshoot < NEARLY else response.settled_2
+
+
+def unsteady(responses: Sequence[StepResponse], swings: Sequence[int]) -> str:
+    """Why gains with these responses are not kept, whatever others do; empty: they may be. `swings`: their reversals."""
+    if any(each.settled_5 is None for each in responses):
+        return "a drive did not settle"
+    if max(swings) > MOST_SWINGS:
+        return f"a drive oscillates: its error turned back {max(swings)} times"
+    overshoot = max(each.overshoot or 0.0 for each in responses)
+    return f"a drive overshoots by {overshoot:.0%}" if overshoot > MOST_OVERSHOOT else ""
+
+
+def compared(now: Sequence[StepResponse], new: Sequence[StepResponse], swings: Sequence[int]) -> str:
+    """Why the new gains are not kept; empty: they are steady, and the slowest new response is quicker than any before.
+
+    Each: of all drives, repetitions and directions; `swings`: reversals of the errors with the new gains.
+    """
+    if problem := unsteady(new, swings):
+        return problem
+    before = min((each.settled_5 for each in now if each.settled_5 is not None), default=inf)
+    after = max(each.settled_5 or 0.0 for each in new)
+    if any(each.settled_5 is None for each in now):
+        return ""
+    return "" if after < before else f"no better: settled after up to {after:.3f} s, now after {before:.3f} s"

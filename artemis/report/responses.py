@@ -47,6 +47,8 @@ class Trace:
     value: Array
     current: Array
     """[A]."""
+    position: Array
+    """[m] or [rad] of the wheel."""
     width: float = 0.0
     """Each value belongs to so long a time [s]."""
 
@@ -102,20 +104,38 @@ def _trace(name: str, robot: RobotFile, table: Array) -> Trace:
     if robot.drives[name].role == "traction":
         width = SPEED_DISTANCE / max(float(np.max(np.abs(told))), SLOWEST)
         value = slope(time, position, width)
-        return Trace(drive=name, unit="m/s", time=time, set_point=told, value=value, current=current, width=width)
+        return Trace(
+            drive=name,
+            unit="m/s",
+            time=time,
+            set_point=told,
+            value=value,
+            current=current,
+            position=position,
+            width=width,
+        )
     scale = degrees(1.0)
-    return Trace(drive=name, unit="deg", time=time, set_point=scale * told, value=scale * position, current=current)
+    return Trace(
+        drive=name,
+        unit="deg",
+        time=time,
+        set_point=scale * told,
+        value=scale * position,
+        current=current,
+        position=position,
+    )
 
 
 def response_figure(traces: Mapping[str, Sequence[Trace]]) -> Figure:
-    """One column a drive, by what was tried: set-point and value, error, current over the time since the step began.
+    """One column a drive, by what was tried (now, predicted, new): set-point and value, error, current over time.
 
     Call inside `figures.style`. All traces of a drive were asked for the same step.
     """
     from matplotlib.figure import Figure
 
-    from artemis.report.figures import ESTIMATED, MARGIN_BOTTOM, MARGIN_TOP, TRUE, WIDTH
+    from artemis.report.figures import ALARM, ESTIMATED, MARGIN_BOTTOM, MARGIN_TOP, TRUE, WIDTH
 
+    colors = {"now": ESTIMATED, "predicted": ALARM, "new": TRUE}
     labels, columns = list(traces), list(zip(*traces.values(), strict=True))
     height = MARGIN_TOP + len(PANELS) * (HEIGHT + 0.2) + MARGIN_BOTTOM
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
@@ -123,8 +143,8 @@ def response_figure(traces: Mapping[str, Sequence[Trace]]) -> Figure:
     for column, shown in enumerate(columns):
         panels: list[Axes] = list(grid[:, column])
         responses = [trace.response() for trace in shown]
-        for label, color, trace, response in zip(labels, (ESTIMATED, TRUE), shown, responses, strict=False):
-            _draw(panels, label, color, trace, response)
+        for label, trace, response in zip(labels, shown, responses, strict=True):
+            _draw(panels, label, colors[label], trace, response)
         _finish(panels, shown[0], responses)
     return figure
 

@@ -1,4 +1,4 @@
-"""Simulated drives with hidden loads that follow a step as a trial has them do it, without a bus: hundreds in a minute."""
+"""Simulated drives with hidden loads that follow a step as in a trial, without a bus: hundreds in a minute."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from artemis.vehicle import Drive, RobotFile
 from artemis.mission.loading import load_model
 from artemis.motion.gain_tuning import StepRecord
 from artemis.motion.spline import Array
 from artemis.sim.axis import Regulation
 from artemis.sim.servo import ServoAxis, TrueLoad
-
+from artemis.vehicle import Drive, RobotFile
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml", RobotFile)
 DRIVES = {"traction": ROBOT.drives["traction-left"], "steering": ROBOT.drives["steer-left"]}

@@ -8,11 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from gains_rig import LEFT, NEW, POSITION, RIGHT, ROBOT, SETTLED, mission, robot_file, storing
+from gains_rig import LEFT, NEW, RIGHT, ROBOT, SETTLED, mission, robot_file, storing
 
 from artemis import clock
 from artemis.commands import calibrate_gains as command
-from artemis.commands.calibrate_gains import Wanted
 from artemis.commands.gains_trial import Findings, Trial
 from artemis.devices.can_bus import Frame
 from artemis.errors import ConfigError, DeviceTimeout
@@ -30,7 +29,7 @@ def decide(
     loaded = load_mission(mission(folder))
     trial = Trial(drives=drives, role="steering", side="left", step=5.0, new=NewGains(position=(600, 10, 200)))
     found = Findings(traces={}, responses={"now": [SETTLED], "new": [response]})
-    return command._decide(loaded, trial, found, Wanted(drives=drives, gains=POSITION, yes=yes))
+    return command.decide(loaded, trial, found, yes)
 
 
 def test_gains_that_are_kept_are_stored_and_written_for_their_drive_alone(

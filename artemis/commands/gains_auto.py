@@ -1,0 +1,292 @@
+"""`artemis calibrate gains --auto`: finds the gains to try, tries them several times both ways, and compares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import radians, tau
+from pathlib import Path
+
+import numpy as np
+
+from artemis.commands.calibrate_gains import FAILED, Wanted, announced, attempt, decide, say, trial_from
+from artemis.commands.gains_trial import Findings, Trial
+from artemis.commands.terminal import confirmed
+from artemis.devices.epos_objects import Units
+from artemis.errors import CalibrationError, ConfigError
+from artemis.mission.actions import NewGains
+from artemis.mission.gains import MOST
+from artemis.mission.loading import load_mission
+from artemis.motion.gain_tuning import (
+    LARGEST,
+    Loop,
+    MovedLoad,
+    Proposal,
+    StepRecord,
+    followed,
+    identified,
+    in_order,
+    loop_of,
+    proposals,
+)
+from artemis.motion.step_response import SWING, StepResponse, compared, quickness, reversals, slope
+from artemis.planning import check_drivable, is_simulated
+from artemis.recording.mcap_reader import Recording
+from artemis.report.responses import Trace, read_traces
+from artemis.vehicle import Gains, RobotFile
+
+REPETITIONS = 3
+WORTH = 0.6
+"""Gains that settle within so many times the time are what this is for; of others it is told why not."""
+VOLTAGE_SHARE = 0.9
+"""Of the no-load speed: what the drives' highest output voltage allows (EPOS hardware reference, 6.1)."""
+
+
+def calibrate_auto(mission: Path, wanted: Wanted) -> int:
+    """Identify what drives move, propose gains, try them, and keep them if they are better. Returns the exit status.
+
+    Raises:
+        ConfigError: the mission is refused, or the options are wrong; nothing has moved.
+        DeviceError: the bus cannot be opened; nothing has moved.
+        RecordingError: the run's folder cannot be made; nothing has moved.
+    """
+    if wanted.gains or wanted.tried:
+        raise ConfigError("calibrate gains: --auto finds the gains itself: no others, and no --try")
+    loaded = load_mission(mission)
+    simulated = is_simulated(loaded, wanted.simulate)
+    check_drivable(loaded, mission, simulated)
+    trial = replace(trial_from(loaded, wanted), repetitions=1)
+    asks = not (simulated or wanted.yes)
+    if asks and not confirmed("calibrate gains", f"{announced(trial)}: go?"):
+        say("nothing was moved")
+        return FAILED
+    status, _, outcome = attempt(loaded, mission, trial, wanted.simulate)
+    if status:
+        return status
+    machine = Identified(loaded.robot, trial)
+    try:
+        machine.identify(answers(Recording(outcome.run.path), trial)["now"])
+    except CalibrationError as error:
+        say(f"proposed    nothing: {error}")
+        return FAILED
+    for line in machine.lines():
+        say(line)
+    for proposal in machine.proposals():
+        new = NewGains.model_validate({machine.kind: proposal.gains})
+        trial = replace(trial, new=new, repetitions=REPETITIONS)
+        say(f"proposed    {_words(machine.kind, proposal)}")
+        if asks and not confirmed("calibrate gains", f"{announced(trial)}, {REPETITIONS} times each: go?"):
+            say("kept        nothing: the new gains were not tried")
+            return FAILED
+        status, found, outcome = attempt(loaded, mission, trial, wanted.simulate, machine.predicted(proposal))
+        if status or found is None:
+            return status
+        machine.compare(answers(Recording(outcome.run.path), trial))
+        if not machine.reason:
+            if simulated:
+                say("kept        nothing: simulated drives do not know what gains do to a machine")
+                return 0
+            return decide(loaded, trial, found, wanted.yes)
+    say(f"kept        nothing: {machine.reason}")
+    return 0
+
+
+# ---------------------------------------------------------------------------------------------- what was measured
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """One drive, one way."""
+
+    trace: Trace
+    response: StepResponse
+
+    @property
+    def swings(self) -> int:
+        """How often the error turned back after the set-point was there."""
+        time = self.trace.time - self.response.begin
+        rest = (time >= self.response.ramp) & (time <= self.response.watched)
+        return reversals((self.trace.set_point - self.trace.value)[rest], SWING * abs(self.response.step))
+
+
+def answers(recording: Recording, trial: Trial) -> dict[str, list[Answer]]:
+    """Every repetition, both ways, of all drives, by gains.
+
+    Raises:
+        CalibrationError: a step was not seen whole.
+        RecordingError: the recording is not understood.
+    """
+    tests = trial.tests
+    found = read_traces(recording, trial.drives, [step for steps in tests.values() for step in steps])
+    return {
+        label: [
+            Answer(trace=part, response=part.response())
+            for step in steps
+            for drive in trial.drives
+            if (drive, step) in found
+            for part in ways(found[drive, step])
+        ]
+        for label, steps in tests.items()
+    }
+
+
+def ways(trace: Trace) -> Iterator[Trace]:
+    """A step, and a step back where the set-point returns from rest; a path has a trace of its own for each."""
+    yield trace
+    if trace.unit != "deg":
+        return
+    away = np.abs(trace.set_point - trace.set_point[0])
+    back = int(np.flatnonzero(away >= np.max(away) - 1e-9)[-1])
+    kept = slice(max(0, back - 20), None)
+    yield replace(
+        trace,
+        time=trace.time[kept],
+        set_point=trace.set_point[kept],
+        value=trace.value[kept],
+        current=trace.current[kept],
+        position=trace.position[kept],
+    )
+
+
+# ---------------------------------------------------------------------------------------------- what follows from it
+
+
+class Identified:
+    """What the drives of a trial move, and the gains that suit it."""
+
+    def __init__(self, robot: RobotFile, trial: Trial) -> None:
+        """Nothing is identified yet."""
+        self.kind = "position" if trial.role == "steering" else "velocity"
+        self.reason = ""
+        """Why there are no proposals, or none that is better."""
+        self._robot, self._trial = robot, trial
+        self._present: dict[str, Loop] = {}
+        self._loads: dict[str, MovedLoad] = {}
+        self._first: dict[str, Trace] = {}
+        self._most = tuple(
+            min(LARGEST, *(MOST * self._gains(name)[index] or LARGEST for name in trial.drives))
+            for index in range(len(self._gains(trial.drives[0])))
+        )
+
+    def _gains(self, name: str) -> tuple[int, ...]:
+        gains: Gains | None = self._robot.drives[name].gains
+        assert gains is not None  # the trial was checked
+        return tuple(gains.position if self.kind == "position" else gains.velocity)
+
+    def _per_unit(self, name: str) -> float:
+        """Radians of the motor per metre or radian of the wheel."""
+        drive = self._robot.drives[name]
+        return abs(Units(self._robot, drive).counts) * tau / drive.sensor.counts_per_turn
+
+    def identify(self, measured: Sequence[Answer]) -> None:
+        """Fit a load to what each drive did.
+
+        Raises:
+            CalibrationError: a drive followed as no such load does.
+        """
+        for name in self._trial.drives:
+            traces = [each.trace for each in measured if each.trace.drive == name]
+            motor = self._robot.drives[name].motor
+            top = VOLTAGE_SHARE * motor.max_speed_rpm * tau / 60.0
+            self._present[name] = loop_of(self._gains(name), 1e-3 * motor.output_current_ma, top)
+            self._first[name] = traces[0]
+            try:
+                self._loads[name] = identified([self._record(trace) for trace in traces], self._present[name])
+            except CalibrationError as error:
+                raise CalibrationError(f"{name}: {error}") from error
+
+    def _record(self, trace: Trace) -> StepRecord:
+        per_unit = self._per_unit(trace.drive)
+        told = per_unit * (trace.set_point * radians(1.0) if trace.unit == "deg" else trace.set_point)
+        return StepRecord(time=trace.time, told=told, position=per_unit * trace.position, current=trace.current)
+
+    def _expected(self, name: str, load: MovedLoad, loop: Loop) -> Trace:
+        """The first trace of a drive, as the model has it with other gains."""
+        trace, per_unit = self._first[name], self._per_unit(name)
+        record = self._record(trace)
+        position, current = followed(load, loop, record.time, record.told - record.told[0])
+        position = position / per_unit + trace.position[0]
+        if trace.unit == "deg":
+            value = position / radians(1.0)
+        else:
+            value = slope(trace.time, position, trace.width)
+        return replace(trace, value=value, position=position, current=current)
+
+    def lines(self) -> Iterator[str]:
+        """What was identified, for people."""
+        for name, load in self._loads.items():
+            per_unit = self._per_unit(name)
+            unit = "A s²/rad" if self.kind == "position" else "A s²/m"
+            yield (
+                f"{name:<16}inertia {load.inertia * per_unit:.3g} {unit}, friction {load.friction:.2f} A, "
+                f"dead time {1e3 * load.delay:.1f} ms; {load.unexplained:.0%} of the lag unexplained"
+            )
+        yield "            the current regulator is too fast to be identified from one sample a tick: it stays as it is"
+
+    def proposals(self) -> list[Proposal]:
+        """Gains to try, in that order."""
+        names = list(self._loads)
+        by_load = {id(load): name for name, load in self._loads.items()}
+
+        def settled(load: MovedLoad, loop: Loop) -> float | None:
+            return quickness(self._expected(by_load[id(load)], load, loop).response())
+
+        found = proposals([self._loads[name] for name in names], self._most, self._present[names[0]], settled)
+        present = [self._first[name].response().settled_5 for name in names]
+        if not found:
+            self.reason = "no gains within the limits of a trial have the margins"
+        elif None not in present:
+            best, slowest = min(each.settled for each in found), max(time for time in present if time is not None)
+            if best >= slowest:
+                self.reason = f"no gains are predicted to settle sooner than {best:.3f} s, now {slowest:.3f} s"
+                ramp = max(self._first[name].response().ramp for name in names)
+                self.reason += f"; the ramp that the gate makes of the step takes {ramp:.2f} s of it"
+                return []
+        return in_order(found)
+
+    def compare(self, measured: Mapping[str, Sequence[Answer]]) -> None:
+        """Tell what several repetitions showed, and why the new gains are not kept, if so."""
+        for label, each in measured.items():
+            times = [answer.response.settled_5 for answer in each]
+            settled = [time for time in times if time is not None]
+            missing = f", {len(times) - len(settled)} not settled" if len(settled) < len(times) else ""
+            span = f"{min(settled):.3f} to {max(settled):.3f} s" if settled else "-"
+            turns = max(answer.swings for answer in each)
+            say(f"{label:<12}{len(times)} responses: settled within 5 % after {span}{missing}; {turns} swings at most")
+        now, new = ([answer.response for answer in measured[label]] for label in ("now", "new"))
+        self.reason = compared(now, new, [answer.swings for answer in measured["new"]])
+        if self.reason:
+            say(f"not better  {self.reason}")
+            return
+        before = [each.settled_5 for each in now if each.settled_5 is not None]
+        if len(before) < len(now):
+            say("better      the present gains did not settle each time")
+            return
+        share = max(each.settled_5 or 0.0 for each in new) / min(before)
+        say(f"better      settles in {share:.0%} of the time" + f"; not less: {self.why(new)}" * (share > WORTH))
+
+    def why(self, new: Sequence[StepResponse]) -> str:
+        """Why it is not much quicker than before."""
+        after, ramp = max(each.settled_5 or 0.0 for each in new), max(each.ramp for each in new)
+        limit = min(loop.limit for loop in self._present.values())
+        if after < 1.3 * ramp:
+            return f"the ramp that the gate makes of the step takes {ramp:.2f} s"
+        if max(each.peak_current for each in new) >= 0.99 * limit:
+            return f"the current reaches its limit of {limit:.1f} A"
+        return "stiffer gains lack the margins, or exceed what a trial allows"
+
+    def predicted(self, proposal: Proposal) -> Findings:
+        """What the model says of gains, as a trial would show it."""
+        traces = []
+        for name, load in self._loads.items():
+            present = self._present[name]
+            traces.append(self._expected(name, load, loop_of(proposal.gains, present.limit, present.top)))
+        return Findings(traces={"predicted": traces}, responses={"predicted": [trace.response() for trace in traces]})
+
+
+def _words(kind: str, proposal: Proposal) -> str:
+    gains = ",".join(map(str, proposal.gains))
+    return (
+        f"{kind} {gains}: phase margin {proposal.phase_margin:.0f} degrees, gain margin {proposal.gain_margin:.1f} "
+        f"(at half of the inertia, too); predicted to settle within 5 % after {proposal.settled:.3f} s"
+    )
