@@ -191,14 +191,16 @@ class Identified:
             self._present[name] = loop_of(self._gains(name), 1e-3 * motor.output_current_ma, top)
             self._first[name] = traces[0]
             try:
-                self._loads[name] = identified([self._record(trace) for trace in traces], self._present[name])
+                # the first alone surely begins at rest: a loop that swings still does when it goes back
+                self._loads[name] = identified([self._record(traces[0])], self._present[name])
             except CalibrationError as error:
                 raise CalibrationError(f"{name}: {error}") from error
 
     def _record(self, trace: Trace) -> StepRecord:
         per_unit = self._per_unit(trace.drive)
         told = per_unit * (trace.set_point * radians(1.0) if trace.unit == "deg" else trace.set_point)
-        return StepRecord(time=trace.time, told=told, position=per_unit * trace.position, current=trace.current)
+        current = -trace.current if self._robot.drives[trace.drive].mirrored else trace.current  # it is the motor's
+        return StepRecord(time=trace.time, told=told, position=per_unit * trace.position, current=current)
 
     def _expected(self, name: str, load: MovedLoad, loop: Loop) -> Trace:
         """The first trace of a drive, as the model has it with other gains."""
@@ -210,6 +212,7 @@ class Identified:
             value = position / radians(1.0)
         else:
             value = slope(trace.time, position, trace.width)
+        current = -current if self._robot.drives[name].mirrored else current
         return replace(trace, value=value, position=position, current=current)
 
     def lines(self) -> Iterator[str]:

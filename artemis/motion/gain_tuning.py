@@ -44,6 +44,8 @@ MOST_DELAY = 0.02
 """[s]."""
 SIZES, DELAYS = tuple(np.arange(-4.0, 4.1, 0.5).tolist()), (0.5, 3.0)
 """Where the fit may begin: logarithms of the inertia as a multiple of a guess, dead times [ms]."""
+LARGEST_SCALE = 3.0
+"""Logarithm of how far the units of the gains may be off."""
 UNEXPLAINED = 0.3
 """A model that leaves more than this part of what the drive lagged behind is refused."""
 
@@ -233,7 +235,8 @@ def _guess(records: Sequence[StepRecord], peak: float) -> tuple[float, float]:
 
 
 def _load(values: Array) -> MovedLoad:
-    inertia, friction, scale = np.exp(np.clip(values[:3], -40.0, 10.0))
+    inertia, friction = np.exp(np.clip(values[:2], -40.0, 10.0))
+    scale = np.exp(np.clip(values[2], -LARGEST_SCALE, LARGEST_SCALE))
     delay = float(np.clip(values[3], 0.0, 1e3 * MOST_DELAY)) * 1e-3
     return MovedLoad(inertia=float(inertia), friction=float(friction), delay=delay, scale=float(scale), unexplained=0.0)
 

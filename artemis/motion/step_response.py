@@ -176,7 +176,7 @@ def quickness(response: StepResponse) -> float | None:
 
 
 def unsteady(responses: Sequence[StepResponse], swings: Sequence[int]) -> str:
-    """Why gains with these responses are not kept, whatever others do; empty: they may be. `swings`: their reversals."""
+    """Why gains with these responses are never kept; empty: they may be. `swings`: reversals of their errors."""
     if any(each.settled_5 is None for each in responses):
         return "a drive did not settle"
     if max(swings) > MOST_SWINGS:
