@@ -27,6 +27,7 @@ from artemis.motion.gain_tuning import (
     identified,
     in_order,
     loop_of,
+    obstacle,
     proposals,
 )
 from artemis.motion.step_response import SWING, StepResponse, compared, quickness, reversals, slope
@@ -235,17 +236,19 @@ class Identified:
             return quickness(self._expected(by_load[id(load)], load, loop).response())
 
         found = proposals([self._loads[name] for name in names], self._most, self._present[names[0]], settled)
-        present = [self._first[name].response().settled_5 for name in names]
+        present = [self._first[name].response() for name in names]
+        order = in_order(found, [each.settled_5 for each in present])
         if not found:
-            self.reason = "no gains within the limits of a trial have the margins"
-        elif None not in present:
-            best, slowest = min(each.settled for each in found), max(time for time in present if time is not None)
-            if best >= slowest:
-                self.reason = f"no gains are predicted to settle sooner than {best:.3f} s, now {slowest:.3f} s"
-                ramp = max(self._first[name].response().ramp for name in names)
-                self.reason += f"; the ramp that the gate makes of the step takes {ramp:.2f} s of it"
-                return []
-        return in_order(found)
+            self.reason = "no gains within the limits of a trial have the margins, and settle"
+        elif not order:
+            best, now = min(each.settled for each in found), max(each.settled_5 or 0.0 for each in present)
+            self.reason = f"no gains are predicted to settle sooner than now, {now:.3f} s (the best: {best:.3f} s); "
+            self.reason += self._obstacle(present)
+        return order
+
+    def _obstacle(self, responses: Sequence[StepResponse]) -> str:
+        slowest = max(responses, key=lambda each: each.settled_5 or 0.0)
+        return obstacle(slowest, slowest.settled_5 or 0.0, min(loop.limit for loop in self._present.values()))
 
     def compare(self, measured: Mapping[str, Sequence[Answer]]) -> None:
         """Tell what several repetitions showed, and why the new gains are not kept, if so."""
@@ -266,17 +269,7 @@ class Identified:
             say("better      the present gains did not settle each time")
             return
         share = max(each.settled_5 or 0.0 for each in new) / min(before)
-        say(f"better      settles in {share:.0%} of the time" + f"; not less: {self.why(new)}" * (share > WORTH))
-
-    def why(self, new: Sequence[StepResponse]) -> str:
-        """Why it is not much quicker than before."""
-        after, ramp = max(each.settled_5 or 0.0 for each in new), max(each.ramp for each in new)
-        limit = min(loop.limit for loop in self._present.values())
-        if after < 1.3 * ramp:
-            return f"the ramp that the gate makes of the step takes {ramp:.2f} s"
-        if max(each.peak_current for each in new) >= 0.99 * limit:
-            return f"the current reaches its limit of {limit:.1f} A"
-        return "stiffer gains lack the margins, or exceed what a trial allows"
+        say(f"better      settles in {share:.0%} of the time" + f"; not less: {self._obstacle(new)}" * (share > WORTH))
 
     def predicted(self, proposal: Proposal) -> Findings:
         """What the model says of gains, as a trial would show it."""

@@ -13,13 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from math import ceil, copysign, degrees, pi
+from math import ceil, copysign, degrees, inf, pi
 
 import numpy as np
 
 from artemis.errors import CalibrationError
 from artemis.motion.gain_units import POSITION_UNITS, VELOCITY_UNITS
 from artemis.motion.spline import Array
+from artemis.motion.step_response import StepResponse
 
 PERIOD = 1e-3
 """Of the velocity and position regulators [s] (EPOS hardware reference)."""
@@ -36,6 +37,8 @@ SLOWER = (4.0, 12.0)
 """By so much is the pole of the integral part slower than the others: the slower, the less it overshoots."""
 ENOUGH = 1.1
 """No stiffer than needed: the softest gains are proposed that settle within so many times the shortest time."""
+NEAR_RAMP, AT_LIMIT = 1.5, 0.98
+"""A drive that settles within so many times its ramp, or reaches so much of its largest current, is held up by that."""
 LARGEST = 32767
 """Of what a gain can be."""
 WINDOW = 2.5
@@ -44,6 +47,8 @@ MOST_DELAY = 0.02
 """[s]."""
 SIZES, DELAYS = tuple(np.arange(-4.0, 4.1, 0.5).tolist()), (0.5, 3.0)
 """Where the fit may begin: logarithms of the inertia as a multiple of a guess, dead times [ms]."""
+KNOWN_UNITS = 0.5
+"""Weight of the documented units of the gains: what a loop at its current limit does hardly depends on them."""
 LARGEST_SCALE = 3.0
 """Logarithm of how far the units of the gains may be off."""
 UNEXPLAINED = 0.3
@@ -183,7 +188,7 @@ def identified(records: Sequence[StepRecord], loop: Loop) -> MovedLoad:
                 (position - (record.position - record.position[0])) / (0.02 * scale),
                 (current - record.current) / (0.2 * peak),
             ]
-        return np.concatenate([part / np.sqrt(len(part)) for part in parts])
+        return np.concatenate([*(part / np.sqrt(len(part)) for part in parts), KNOWN_UNITS * values[2:3]])
 
     inertia, friction = _guess(records, peak)
     starts = [np.array([inertia + size, friction, 0.0, delay]) for size in SIZES for delay in DELAYS]
@@ -351,11 +356,25 @@ def _lighter(load: MovedLoad) -> MovedLoad:
     )
 
 
-def in_order(found: Sequence[Proposal]) -> list[Proposal]:
-    """What to try first: the softest that is about as quick as any, then softer, then stiffer ones."""
+def in_order(found: Sequence[Proposal], present: Sequence[float | None]) -> list[Proposal]:
+    """What to try first: the softest that is about as quick as any, then softer, then stiffer ones.
+
+    `present`: when the drives settle now [s]; None: not. What is not predicted to be quicker is left out.
+    """
+    slowest = inf if None in present else max(time for time in present if time is not None)
+    found = [each for each in found if each.settled < slowest]
     if not found:
         return []
     enough = ENOUGH * min(each.settled for each in found)
     first = max(index for index, each in enumerate(found) if each.settled <= enough)
     order = [first, min(first + 2, len(found) - 1), max(first - 2, 0)]
     return [found[index] for index in dict.fromkeys(order)]
+
+
+def obstacle(response: StepResponse, after: float, limit: float) -> str:
+    """Why a drive does not settle much sooner than `after` [s]; `limit`: of its current [A]."""
+    if after < NEAR_RAMP * response.ramp:
+        return f"the ramp that the gate makes of the step takes {response.ramp:.2f} s"
+    if response.peak_current >= AT_LIMIT * limit:
+        return f"the current reaches its limit of {limit:.1f} A"
+    return "stiffer gains lack the margins, or exceed what a trial allows"

@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from artemis.mission.loading import load_model
-from artemis.motion.gain_tuning import StepRecord
+from artemis.motion.gain_tuning import (
+    Loop,
+    MovedLoad,
+    StepRecord,
+    followed,
+    identified,
+    in_order,
+    loop_of,
+    obstacle,
+    proposals,
+)
 from artemis.motion.spline import Array
+from artemis.motion.step_response import SWING, StepResponse, compared, quickness, reversals, slope, step_response
 from artemis.sim.axis import Regulation
 from artemis.sim.servo import ServoAxis, TrueLoad
 from artemis.vehicle import Drive, RobotFile
@@ -75,3 +86,57 @@ def machine(seed: int, role: str) -> Machine:
             delay_ms=dice.uniform(0.0, 1.5) if steering else dice.uniform(0.0, 8.0),
         ),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuned:
+    """What became of a machine."""
+
+    now: list[StepResponse]
+    new: list[StepResponse]
+    """With the gains that are kept; empty: those of the robot file are kept."""
+    why: str
+    """It does not settle within 60 % of the time, because of this; empty: it does."""
+    resting: float = 0.0
+    """Largest true speed of the motor in the last half second with the new gains, against the set-point's [rad/s]."""
+
+
+def tuned(machine: Machine) -> Tuned:
+    """Identify, propose, try three times both ways, compare: as the command does it."""
+    steering = machine.drive.role == "steering"
+    file = machine.drive.gains
+    assert file is not None
+    present = tuple(file.position if steering else file.velocity)
+
+    def response(record: StepRecord) -> StepResponse:
+        value = record.position if steering else slope(record.time, record.position, 0.06)
+        return step_response(record.time, record.told, value, record.current, 0.0 if steering else 0.03)
+
+    def swings(record: StepRecord) -> int:
+        shown, value = response(record), record.position if steering else slope(record.time, record.position, 0.06)
+        rest = record.time - shown.begin >= shown.ramp
+        return reversals((record.told - value)[rest], SWING * abs(shown.step))
+
+    before = [machine.moved(file.numbers, sense)[0] for sense in (1.0, -1.0)]
+    now = [response(record) for record in before]
+    motor = machine.drive.motor
+    loop = loop_of(present, 1e-3 * motor.output_current_ma, 0.9 * motor.max_speed_rpm * math.tau / 60.0)
+    load = identified(before[:1], loop)
+
+    def settled(load: MovedLoad, loop: Loop) -> float | None:
+        position, current = followed(load, loop, before[0].time, before[0].told)
+        return quickness(response(replace(before[0], position=position, current=current)))
+
+    found = proposals([load], [10 * gain for gain in present], loop, settled)
+    for proposal in in_order(found, [now[0].settled_5]):
+        gains = (*file.numbers[:4], *proposal.gains) if steering else (*file.current, *proposal.gains, *file.position)
+        after = [machine.moved(gains, sense) for sense in (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)]
+        new = [response(record) for record, _ in after]
+        if not compared(now, new, [swings(record) for record, _ in after]):
+            slowest = max(each.settled_5 or 0.0 for each in new)
+            quick = any(each.settled_5 is None or slowest <= 0.6 * each.settled_5 for each in now)
+            told = 0.0 if steering else after[0][0].told[-1]
+            resting = max(float(np.max(np.abs(np.abs(velocity[-100:]) - told))) for _, velocity in after)
+            why = "" if quick else obstacle(new[0], slowest, loop.limit)
+            return Tuned(now=now, new=new, why=why, resting=resting)
+    return Tuned(now=now, new=[], why=obstacle(now[0], now[0].settled_5 or math.inf, loop.limit))
