@@ -33,7 +33,7 @@ from artemis.motion.gain_tuning import (
 from artemis.motion.step_response import SWING, StepResponse, compared, quickness, reversals, slope
 from artemis.planning import check_drivable, is_simulated
 from artemis.recording.mcap_reader import Recording
-from artemis.report.responses import Trace, read_traces
+from artemis.report.responses import REST, Trace, read_traces
 from artemis.vehicle import Gains, RobotFile
 
 REPETITIONS = 3
@@ -132,21 +132,21 @@ def answers(recording: Recording, trial: Trial) -> dict[str, list[Answer]]:
 
 
 def ways(trace: Trace) -> Iterator[Trace]:
-    """A step, and a step back where the set-point returns from rest; a path has a trace of its own for each."""
-    yield trace
+    """A step, and the step back where the same trace has it; a path has a trace of its own for each."""
     if trace.unit != "deg":
+        yield trace
         return
     away = np.abs(trace.set_point - trace.set_point[0])
     back = int(np.flatnonzero(away >= np.max(away) - 1e-9)[-1])
-    kept = slice(max(0, back - 20), None)
-    yield replace(
-        trace,
-        time=trace.time[kept],
-        set_point=trace.set_point[kept],
-        value=trace.value[kept],
-        current=trace.current[kept],
-        position=trace.position[kept],
-    )
+    for kept in slice(0, back + 1), slice(max(0, back - REST), None):
+        yield replace(
+            trace,
+            time=trace.time[kept],
+            set_point=trace.set_point[kept],
+            value=trace.value[kept],
+            current=trace.current[kept],
+            position=trace.position[kept],
+        )
 
 
 # ---------------------------------------------------------------------------------------------- what follows from it

@@ -41,7 +41,7 @@ NEAR_RAMP, AT_LIMIT = 1.5, 0.98
 """A drive that settles within so many times its ramp, or reaches so much of its largest current, is held up by that."""
 LARGEST = 32767
 """Of what a gain can be."""
-WINDOW = 2.5
+WINDOW = 1.5
 """So much of a recording is used [s]."""
 MOST_DELAY = 0.02
 """[s]."""

@@ -147,6 +147,14 @@ def test_shows_what_differs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert lines[-1].startswith("* differs")
 
 
+def test_repetitions_are_steps_of_one_run() -> None:
+    trial = Trial(
+        drives=(DRIVEN,), role="traction", side="left", step=0.2, new=NewGains(velocity=(1, 2)), repetitions=3
+    )
+    assert trial.tests == {"now": [1, 2, 3, 4, 5, 6], "new": [8, 9, 10, 11, 12, 13]}
+    assert len(trial.steps) == 14
+
+
 def test_nothing_to_try_is_no_trial(tmp_path: Path) -> None:
     path = mission(tmp_path)
     for wanted in (Wanted(gains={}, step=5.0), Wanted(gains={}, yes=True)):

@@ -54,16 +54,10 @@ def test_what_is_measured_late_swings() -> None:
 
 
 def test_a_motor_in_its_play_turns_alone() -> None:
-    play = 3.0
-    axis = ServoAxis(DRIVE, TrueLoad(play_deg=play, rotor_share=0.2))
+    axis = ServoAxis(DRIVE, TrueLoad(play_deg=3.0, rotor_share=0.2))
     whole = ServoAxis(DRIVE, TrueLoad())
     alone, together = turned(axis, 300.0, 0.01)[-1], turned(whole, 300.0, 0.01)[-1]
     assert alone > 2.0 * together
-    turned(axis, 300.0, 2.0)
-    forward = axis.position
-    turned(axis, -300.0, 0.1)
-    assert axis.position > forward - 1e9
-    assert 0.0 <= axis._place_in_play <= play / 360.0 * 72 * 50
 
 
 def test_without_gains_there_is_no_torque_and_a_blocked_shaft_stands() -> None:

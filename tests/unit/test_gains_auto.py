@@ -1,0 +1,67 @@
+"""`artemis calibrate gains --auto` on simulated drives whose regulators compute with their gains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from gains_rig import mission, robot_file
+
+from artemis.commands.calibrate_gains import Wanted
+from artemis.commands.gains_auto import calibrate_auto
+from artemis.errors import ConfigError
+
+DRIVEN = ("traction-left", "traction-right")
+
+
+@pytest.fixture(autouse=True)
+def _no_pages(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The report's page costs more than the run; the exhaustive test writes it."""
+    if request.node.get_closest_marker("exhaustive") is None:
+        monkeypatch.setattr("artemis.commands.run.write_report", lambda *_: None)
+
+
+def with_loads(folder: Path, **loads: dict[str, Any]) -> Path:
+    return mission(folder, simulation={"true_robot": {"loads": loads}})
+
+
+def test_gains_are_not_given_to_what_finds_them(tmp_path: Path) -> None:
+    path = mission(tmp_path)
+    for wanted in (Wanted(drives=DRIVEN, gains={"velocity": "1,2"}), Wanted(drives=DRIVEN, gains={}, tried=True)):
+        with pytest.raises(ConfigError, match="--auto finds the gains itself"):
+            calibrate_auto(path, wanted)
+    with pytest.raises(ConfigError, match="--drive is missing"):
+        calibrate_auto(path, Wanted(gains={}))
+
+
+def test_wheels_that_follow_the_ramp_keep_their_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = with_loads(tmp_path, steering={})
+    before = robot_file(tmp_path)
+    assert calibrate_auto(path, Wanted(drives=("steer-left",), gains={})) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("steer-left      inertia 0.049") for line in lines)
+    assert "the ramp that the gate makes of the step takes 0.15 s" in lines[-1]
+    assert robot_file(tmp_path) == before
+
+
+@pytest.mark.exhaustive
+def test_a_fault_in_the_first_trial_ends_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = with_loads(tmp_path, steering={"inertia_scale": 8.0})
+    assert calibrate_auto(path, Wanted(drives=("steer-left",), gains={})) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "trial       aborted: nothing is kept"
+
+
+@pytest.mark.exhaustive
+def test_driven_wheels_that_swing_get_gains_that_do_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = with_loads(
+        tmp_path, traction={"inertia_scale": 1.3, "friction_scale": 0.8, "play_deg": 0.2, "delay_ms": 3.0}
+    )
+    assert calibrate_auto(path, Wanted(drives=DRIVEN, gains={})) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("restored    traction-left, traction-right") for line in lines)
+    (share,) = (line for line in lines if line.startswith("better      settles in "))
+    assert float(share.split()[3].rstrip("%")) <= 60.0
+    assert lines[-1].startswith("kept        nothing: simulated drives")
+    figures = list((tmp_path / "runs").glob("*/gains.png"))
+    assert len(figures) == 2
