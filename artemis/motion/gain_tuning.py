@@ -229,7 +229,8 @@ def _lag(loop: Loop, record: StepRecord) -> Array:
     told = record.told
     if not loop.is_position:
         told = np.concatenate([[0.0], np.cumsum(record.told[:-1] * np.diff(record.time))])
-    return told - (record.position - record.position[0])
+    lag: Array = told - (record.position - record.position[0])
+    return lag
 
 
 def _guess(records: Sequence[StepRecord], peak: float) -> tuple[float, float]:

@@ -133,9 +133,9 @@ def response_figure(traces: Mapping[str, Sequence[Trace]]) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    from artemis.report.figures import ALARM, ESTIMATED, MARGIN_BOTTOM, MARGIN_TOP, TRUE, WIDTH
+    from artemis.report.figures import ESTIMATED, LEFT, MARGIN_BOTTOM, MARGIN_TOP, TRUE, WIDTH
 
-    colors = {"now": ESTIMATED, "predicted": ALARM, "new": TRUE}
+    colors = {"now": ESTIMATED, "predicted": LEFT, "new": TRUE}
     labels, columns = list(traces), list(zip(*traces.values(), strict=True))
     height = MARGIN_TOP + len(PANELS) * (HEIGHT + 0.2) + MARGIN_BOTTOM
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
