@@ -12,7 +12,8 @@ from pydantic import Field
 from artemis.config import Config, Quantity
 from artemis.mounting import Degrees, Mounting, Offset
 from artemis.sim.axis import NOMINAL_VOLTAGE, Axis
-from artemis.sim.epos import SimEpos, SimSettings
+from artemis.sim.epos import SimEpos
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.vehicle import Chassis, Vehicle
 from artemis.sim.wheels import DrivenWheel, SteeredWheel
 from artemis.values import Pose

@@ -7,7 +7,8 @@ import struct
 from artemis.devices.can_bus import Frame
 from artemis.drive_states import DriveState
 from artemis.sim.axis import Axis
-from artemis.sim.epos import SimEpos, SimSettings
+from artemis.sim.epos import SimEpos
+from artemis.sim.epos_settings import SimSettings
 from artemis.vehicle import Drive, Motor, Sensor
 
 STEP = 0.001

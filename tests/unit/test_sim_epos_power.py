@@ -6,7 +6,7 @@ import pytest
 from sim_epos_rig import STEERING, Rig
 
 from artemis.drive_states import DriveState
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.epos_errors import ERRORS, HISTORY_LENGTH, Reaction
 from artemis.sim.epos_power import PATTERNS, TRANSITIONS, DeviceCommand, command_of
 

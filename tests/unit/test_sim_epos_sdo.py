@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from sim_epos_rig import Aborted, Rig
 
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.epos_sdo import SdoServer
 
 
