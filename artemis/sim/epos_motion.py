@@ -8,12 +8,12 @@ from __future__ import annotations
 import math
 from math import floor
 
+from artemis.drive_schema import Gains
 from artemis.sim.axis import STILL_RPM, Axis, Regulation
 from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos_errors import FOLLOWING_ERROR, OVERLOADED, POSITION_LIMIT
 from artemis.sim.epos_objects import HIGHEST, LOWEST, OFF
 from artemis.sim.regulators import regulators_for
-from artemis.vehicle import Gains
 
 PROFILE_POSITION, PROFILE_VELOCITY, HOMING = 1, 3, 6
 POSITION, VELOCITY, CURRENT = -1, -2, -3

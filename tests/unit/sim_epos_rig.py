@@ -5,10 +5,10 @@ from __future__ import annotations
 import struct
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_schema import Drive, Motor, Sensor
 from artemis.drive_states import DriveState
 from artemis.sim.axis import Axis
 from artemis.sim.epos import SimEpos, SimSettings
-from artemis.vehicle import Drive, Motor, Sensor
 
 STEP = 0.001
 
