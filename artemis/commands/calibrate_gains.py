@@ -17,6 +17,7 @@ from artemis.commands.gains_trial import WAY, Findings, GainsWatch, Trial, findi
 from artemis.commands.run import run_in_sight
 from artemis.commands.terminal import confirmed
 from artemis.devices.memory import read_gains, store
+from artemis.drive_schema import Gains
 from artemis.errors import ConfigError, DeviceError, RecordingError, shown
 from artemis.mission.actions import NewGains
 from artemis.mission.gains import check_gains, merged
@@ -26,7 +27,6 @@ from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import SLOWEST, SPEED_DISTANCE
 from artemis.states.gains import words_of
 from artemis.values import JobKind
-from artemis.vehicle import Gains
 from artemis.yaml_edit import Keys, edit, edited
 from artemis.yaml_file import Data, read
 

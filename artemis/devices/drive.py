@@ -9,7 +9,7 @@ from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import FrameBus
 from artemis.devices.canopen import EMERGENCY, HEARTBEAT, SDO_ANSWER, SYNC_FRAME, TXPDO, heartbeat_frame
 from artemis.devices.device import Readings, Report
-from artemis.devices.epos import EposDrive
+from artemis.devices.epos import PERIOD, EposDrive
 from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.epos_state import Controlword, controlword
 from artemis.drive_states import Nmt
@@ -23,10 +23,11 @@ _QUICK_STOP = Controlword.QUICK_STOP
 class Drives:
     """The drives of a robot on a CAN bus: its `Actuators`. Heartbeat, SYNC and process data are nobody else's."""
 
-    def __init__(self, robot: RobotFile, bus: FrameBus) -> None:
+    def __init__(self, robot: RobotFile, bus: FrameBus, period: float = PERIOD) -> None:
+        """`period`: from one SYNC to the next [s]."""
         self.drives = tuple(robot.drives)
         self.wire = BusGateway(robot, bus)
-        self.nodes = [EposDrive(name, robot, self.wire.send) for name in robot.drives]
+        self.nodes = [EposDrive(name, robot, self.wire.send, period) for name in robot.drives]
         self._jobs = {node.name: EposJobs(node) for node in self.nodes}
         self._heartbeat = heartbeat_frame(robot.host_node_id, Nmt.OPERATIONAL)
         for node in self.nodes:

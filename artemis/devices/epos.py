@@ -1,4 +1,4 @@
-"""The process data of one EPOS node: SI at the wheel outside, drive units on the wire."""
+"""The process data of one drive: SI at the wheel outside, drive units on the wire, in the layout of its family."""
 
 from __future__ import annotations
 
@@ -8,20 +8,25 @@ from operator import attrgetter
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import RXPDO, PdoLayout, emergency_from_data, nmt_from_heartbeat
-from artemis.devices.epos_objects import RECEIVED, SENT, UNREADABLE, Units, wrapped
-from artemis.devices.epos_state import Controlword, state_from_statusword
+from artemis.devices.epos_objects import UNREADABLE, Units, wrapped
+from artemis.devices.epos_state import Controlword
 from artemis.devices.sdo import SdoClient
 from artemis.devices.tally import NOTHING, Tally
 from artemis.drive_states import DriveState, Nmt
+from artemis.families.objects import MODE_DISPLAY, Object
 from artemis.values import DriveFeedback
 from artemis.vehicle import RobotFile
+
+PERIOD = 0.02
+"""Of SYNC, where nobody says another [s]: outside of a run there is none."""
 
 
 class EposDrive:
     """A drive as the robot file describes it, on the bus behind `send`. SI at the wheel outside, drive units inside."""
 
-    def __init__(self, name: str, robot: RobotFile, send: Callable[[Frame], None]) -> None:
-        self.name, self.robot, self.drive = name, robot, robot.drives[name]
+    def __init__(self, name: str, robot: RobotFile, send: Callable[[Frame], None], period: float = PERIOD) -> None:
+        """`period` of SYNC [s]."""
+        self.name, self.robot, self.drive, self.period = name, robot, robot.drives[name], period
         self.node_id = self.drive.node_id
         self.is_traction = self.drive.role == "traction"
         self.own_set_point = attrgetter(f"{'speed' if self.is_traction else 'steering'}_{self.drive.side}")
@@ -29,8 +34,17 @@ class EposDrive:
         self.sdo = SdoClient(name, self.node_id, send)
         self.send = send
         self.units = Units(robot, self.drive)
-        self._set_point, self._stop = [PdoLayout([o.type for o in pdo]) for pdo in RECEIVED[self.drive.role]]
-        self._status, self._details = [PdoLayout([o.type for o in pdo]) for pdo in SENT[self.drive.role]]
+        self.family = family = self.drive.tables
+        received, sent = family.received[self.drive.role], family.sent[self.drive.role]
+        self._set_point, self._stop = [PdoLayout([o.type for o in pdo]) for pdo in received]
+        self._status, self._details = [PdoLayout([o.type for o in pdo]) for pdo in sent]
+        self._mode_in_status = MODE_DISPLAY in sent[0]
+        details = sent[1]
+        self._velocity_at = _place(family.velocity, details)
+        self._analog_at = _place(family.analog[0], details) if family.analog else -1  # the other one follows
+        self._current_at = _place(family.current, details)
+        self._mode_at = _place(MODE_DISPLAY, details)
+        self._per_volt, self._per_ampere = family.analog_scale, family.current_scale
         self._counts: int | None = None
         self._position = self._velocity = self._current = 0.0
         self._statusword = self._mode = self._jumps = self._stray = self._frames = 0
@@ -48,15 +62,18 @@ class EposDrive:
 
     def on_status(self, frame: Frame) -> None:
         """TxPDO 1: statusword and position. What is older than the last one, or no motion could reach, is dropped."""
-        statusword, counts = self._status.unpack(frame.data)
+        values = self._status.unpack(frame.data)
+        statusword, counts = values[0], values[1]
         last = self._status_time
         elapsed = inf if last is None else frame.time - last
         if elapsed < 0.0:
             self.tally.disordered += 1
             return
         self._frames += 1
+        if self._mode_in_status:
+            self._mode = values[2]
         if statusword != self._statusword or last is None:
-            self._statusword, self.state = statusword, state_from_statusword(statusword)
+            self._statusword, self.state = statusword, self.family.state(statusword)
         rolled = 0 if self._counts is None else wrapped(counts - self._counts)
         if last is None:
             rolled = min(rolled, counts, key=abs)  # not heard since it was configured: it counted on, or from zero
@@ -70,16 +87,20 @@ class EposDrive:
         self._counts, self._status_time, self._jumps = counts, frame.time, 0
 
     def on_details(self, frame: Frame) -> None:
-        """TxPDO 2: velocity (traction) or both analog inputs (steering), current, mode display."""
+        """TxPDO 2: velocity (traction) or both analog inputs (steering), and what else the family's layout has."""
         if self._details_time is not None and frame.time < self._details_time:
             self.tally.disordered += 1
             return
         values = self._details.unpack(frame.data)
-        if self.is_traction:
-            self._velocity = values[0] / self.units.rpm
-        else:
-            self._volts = (values[0] / 1000, values[1] / 1000)
-        self._current, self._mode = values[-2] / 1000, values[-1]
+        if self._velocity_at >= 0:
+            self._velocity = values[self._velocity_at] / self.units.velocity
+        if self._analog_at >= 0:
+            first, second = values[self._analog_at], values[self._analog_at + 1]
+            self._volts = (first / self._per_volt, second / self._per_volt)
+        if self._current_at >= 0:
+            self._current = values[self._current_at] / self._per_ampere
+        if self._mode_at >= 0:
+            self._mode = values[self._mode_at]
         self._details_time = frame.time
 
     def on_emergency(self, frame: Frame) -> None:
@@ -123,7 +144,7 @@ class EposDrive:
         """RxPDO 1: controlword and set-point (m/s, or wheel angle in rad), taken over at SYNC."""
         self.last_controlword = controlword
         if self.is_traction:
-            raw = round(value * self.units.rpm)
+            raw = round(value * self.units.velocity)
         else:
             raw = wrapped((self._counts or 0) + round((value - self._position) * self.units.counts))
         return Frame(RXPDO[0] + self.node_id, self._set_point.pack(controlword, raw))
@@ -141,3 +162,8 @@ class EposDrive:
     def rebase(self, position: float, counts: int) -> None:
         """`counts` stands for `position` from now on."""
         self._position, self._counts = position, counts
+
+
+def _place(wanted: Object | None, mapped: tuple[Object, ...]) -> int:
+    """Where an object stands in a PDO; -1: nowhere."""
+    return mapped.index(wanted) if wanted in mapped else -1

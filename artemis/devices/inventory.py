@@ -9,14 +9,13 @@ from artemis.devices.can_bus import FrameBus
 from artemis.devices.drive import Drives
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
-from artemis.devices.epos_objects import SERIAL_NUMBER, U32, VENDOR, Object
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceError
+from artemis.families.objects import DEVICE_TYPE, PRODUCT, REVISION, SERIAL_NUMBER, VENDOR
 from artemis.vehicle import RobotFile
 
 LISTEN = 0.5
 """Heartbeats are waited for so long [s]; those of a configured drive come in a fifth of it."""
-DEVICE_TYPE, PRODUCT, REVISION = Object(0x1000, 0, U32), Object(0x1018, 2, U32), Object(0x1018, 3, U32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from artemis.drive_schema import Gains
 from artemis.mission.actions import NewGains
 from artemis.mission.problems import nearest
-from artemis.vehicle import Gains, RobotFile
+from artemis.vehicle import RobotFile
 
 MOST = 10
 """No gain grows by more than this factor in one trial: a zero too many is refused, larger changes go by steps."""

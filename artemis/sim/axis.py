@@ -12,8 +12,8 @@ from enum import Enum
 from functools import lru_cache
 from typing import Any
 
+from artemis.drive_schema import Drive
 from artemis.sim.regulators import Regulators
-from artemis.vehicle import Drive
 
 NOMINAL_VOLTAGE = 24.0
 """Supply at which a motor reaches its no-load speed [V]."""

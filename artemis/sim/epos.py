@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Container
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_schema import Drive
 from artemis.drive_states import DriveState, Nmt
 from artemis.sim.axis import Axis
 from artemis.sim.dictionary import Dictionary, key_of
@@ -26,7 +27,6 @@ from artemis.sim.epos_pdo import ON_REQUEST, ProcessData, ReceivePdo, TransmitPd
 from artemis.sim.epos_power import PowerStage
 from artemis.sim.epos_sdo import SdoServer
 from artemis.sim.epos_settings import SimSettings
-from artemis.vehicle import Drive
 
 NMT_ID = 0x000
 EMCY_ID, SDO_ANSWER_ID, SDO_REQUEST_ID, ERROR_CONTROL_ID = 0x080, 0x580, 0x600, 0x700

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from math import floor
 
+from artemis.drive_schema import Gains
 from artemis.sim.axis import Axis, Regulation
 from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos_motion import Motion, int16
-from artemis.vehicle import Gains
 
 POSITION, VELOCITY, CURRENT = -1, -2, -3
 PRESENT_PLACE = 35

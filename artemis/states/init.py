@@ -7,6 +7,7 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from artemis.drive_states import DriveState, Goal, Nmt
+from artemis.families.objects import LOST_HEARTBEAT
 from artemis.states.alignment import align
 from artemis.states.keeping import contradiction
 from artemis.states.mode import (
@@ -26,8 +27,7 @@ from artemis.states.mode import (
 )
 from artemis.supervision import catalogue
 from artemis.supervision.measures import FAULT_STATES
-from artemis.supervision.supervisor import LOST_HEARTBEAT
-from artemis.values import DriveFeedback, Event, JobKind, Request, Snapshot, Wish
+from artemis.values import RESETS, DriveFeedback, Event, JobKind, Request, Snapshot, Wish
 
 ANSWER_TIME = 1.5
 """Longest time for a state to be reached that needs no motion [s]."""
@@ -63,7 +63,8 @@ class InitMode(RoutineMode):
         if fault := failure(results) or contradiction(shared, results):
             raise Failed(SILENT, fault)
         bring_up.connected = True
-        snapshot = yield from self._prove_watchdog(snapshot)
+        forgetful = [result.drive for result in results if result.kind is JobKind.CONFIGURE and result.values]
+        snapshot = yield from self._prove_watchdog(snapshot, forgetful)
         latest = snapshot.time + PATIENCE
         while (held := hands_on(snapshot.sensed.inputs)) or not (
             bring_up.armed or Request.ARM in snapshot.sensed.requests
@@ -80,10 +81,11 @@ class InitMode(RoutineMode):
         while True:
             yield stand
 
-    def _prove_watchdog(self, snapshot: Snapshot) -> Routine:
+    def _prove_watchdog(self, snapshot: Snapshot, forgetful: list[str]) -> Routine:
         """Withhold our heartbeat once, with no torque on: every drive must report it, then reset.
 
-        A drive that is in fault before it can miss our heartbeat has another reason, which no reset may hide.
+        A drive that is in fault before it can miss our heartbeat has another reason, which no reset may hide. Those
+        that are `forgetful` need their communication reset after it, and are configured again.
         """
         snapshot = yield from self._until(_off, WAKING, "COM-08", "no process data after configuration", snapshot)
         for _ in range(HEARTBEATS):
@@ -108,6 +110,13 @@ class InitMode(RoutineMode):
                         f"in fault for another reason: {', '.join(map(hex, result.values)) or result.detail or 'none'}"
                     )
                     raise Failed(SILENT, catalogue.fault("COM-30", result.drive, seen))
+        if forgetful:
+            jobs = self.bring_up.jobs
+            resets = [RESETS["communication"]] * len(forgetful)
+            for orders in jobs(JobKind.SECURE, forgetful, resets), jobs(JobKind.CONFIGURE, forgetful):
+                told, snapshot = yield from finish_jobs(RESETTING, orders)
+                if fault := failure(told):
+                    raise Failed(SILENT, fault)
         snapshot = yield from self._until(_off, RESETTING, "COM-08", "fault reset refused", snapshot)
         self.bring_up.proving = False
         return snapshot

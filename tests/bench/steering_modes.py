@@ -17,12 +17,13 @@ from dataclasses import dataclass
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import SYNC_FRAME, NmtCommand, nmt_frame
 from artemis.devices.epos_objects import CONTROLWORD, POSITION_SETTING, STATUSWORD, Object, settings
+from artemis.drive_schema import Drive
 from artemis.mission.loading import load_mission
 from artemis.motion.limits import Gate
 from artemis.sim.axis import Axis
 from artemis.sim.epos import SimEpos
 from artemis.values import DriveCommand, SetPoints
-from artemis.vehicle import Drive, RobotFile
+from artemis.vehicle import RobotFile
 
 from .composition import FIGURE_EIGHT
 from .measure import columns

@@ -30,7 +30,8 @@ from canopen.objectdictionary.datatypes import (
 from canopen.sdo.exceptions import SdoAbortedError
 
 from artemis.devices.can_bus import Frame
-from artemis.vehicle import Drive, RobotFile
+from artemis.drive_schema import Drive
+from artemis.vehicle import RobotFile
 
 SYNC, HEARTBEAT = 0x080, 0x700
 NOT_VALID = 1 << 31

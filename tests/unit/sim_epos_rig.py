@@ -5,11 +5,11 @@ from __future__ import annotations
 import struct
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_schema import Drive, Motor, Sensor
 from artemis.drive_states import DriveState
 from artemis.sim.axis import Axis
 from artemis.sim.epos import SimEpos
 from artemis.sim.epos_settings import SimSettings
-from artemis.vehicle import Drive, Motor, Sensor
 
 STEP = 0.001
 
