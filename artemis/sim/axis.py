@@ -333,7 +333,6 @@ class Axis:
         self.demand_position += (before + after) * 0.5 * dt * self.counts_per_rpm_s
         self.demand_velocity = after
 
-
     def _advance_evenly(self, dt: float) -> None:
         """One step towards the target at the profile's velocity [rpm]."""
         way = self.profile_velocity * dt * self.counts_per_rpm_s

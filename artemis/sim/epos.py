@@ -1,4 +1,4 @@
-"""A simulated EPOS: a CANopen node that is only frames in, frames out, and time. Here with the first generation's parts.
+"""A simulated EPOS: a CANopen node that is only frames in, frames out, and time; with the first generation's parts.
 
 What its parts do: `dictionary` and `epos_objects` hold the objects, `epos_sdo` serves them, `epos_pdo` maps them,
 `epos_power` is the device state machine, `epos_motion` the modes of operation, `epos_errors` the error memory,

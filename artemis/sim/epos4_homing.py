@@ -1,7 +1,7 @@
 """Homing of a simulated EPOS4: to a switch, an index pulse, a hard stop, or where it stands.
 
-Source: the methods that object 0x60E3 lists, as CiA 402 and the maker's negative numbers define them. Inferred: a switch
-is left again at the speed of 0x6099:2, and its edge is the place; after a hard stop the index is sought backwards.
+Source: the methods that object 0x60E3 lists, as CiA 402 and the maker's negative numbers define them. Inferred: a
+switch is left again at the speed of 0x6099:2, and its edge is the place; after a hard stop the index is sought backwards.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Method(NamedTuple):
     mark: Mark
     direction: int
     """In which the mark is sought, or the index, where there is no mark: 1 or -1; 0: nothing is."""
-    index: bool
+    to_index: bool
     """Then on to the next index pulse of the encoder."""
 
 
@@ -92,7 +92,7 @@ class Homing:
         axis = self._axis
         axis.acceleration = axis.deceleration = float(self._number(0x609A))
         if self._method.mark is Mark.NOTHING:
-            if self._method.index:
+            if self._method.to_index:
                 self._seek_index(self._method.direction)
             else:
                 self._move()
@@ -133,7 +133,7 @@ class Homing:
         self._turn_at(-self._method.direction, self._number(0x6099, 2))
 
     def _found(self) -> None:
-        if self._method.index:
+        if self._method.to_index:
             self._seek_index(-self._method.direction)
         else:
             self._move()

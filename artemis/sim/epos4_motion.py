@@ -1,8 +1,8 @@
 """What the EPOS4 adds to the drive function: cyclic synchronous modes, velocity units, its own objects.
 
-Sources: the EPOS4's EDS; its communication guide 2019; the maker's note "EPOS4 and ROS 2" 2024; public tables that quote
-its firmware specification. Inferred: set-points of SDO requests are taken without interpolation; numbers keep their
-digits when the unit 0x60A9 changes; position limits 0 and 0 are off, as from the factory.
+Sources: the EPOS4's EDS; its communication guide 2019; the maker's note "EPOS4 and ROS 2" 2024; public tables that
+quote its firmware specification. Inferred: set-points of SDO requests are taken without interpolation; numbers keep
+their digits when the unit 0x60A9 changes; position limits 0 and 0 are off, as from the factory.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from artemis.sim.axis import STILL_RPM, Axis, Regulation
 from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos4_errors import MISSED_SET_POINT, NEGATIVE_SWITCH, POSITION_LIMIT_4, POSITIVE_SWITCH
 from artemis.sim.epos4_homing import Homing
-from artemis.sim.epos_motion import BIT_10, BIT_12, HALT, HOMING, LIMIT_ACTIVE, NEW_SET_POINT, Motion, int16
+from artemis.sim.epos_motion import BIT_10, BIT_12, BIT_13, HALT, HOMING, LIMIT_ACTIVE, NEW_SET_POINT, Motion, int16
 
 CYCLIC_POSITION, CYCLIC_VELOCITY, CYCLIC_TORQUE = 8, 9, 10
 PRESENT_PLACE = 37
@@ -132,8 +132,11 @@ class Epos4Motion(Motion):
             bits &= ~BIT_10
             if -STILL_RPM < self.axis.velocity < STILL_RPM:
                 bits |= BIT_10
-        elif self.mode in _SET_POINTS and self._controlword & HALT:
-            bits &= ~BIT_12
+        elif self.mode in _SET_POINTS:
+            if self.commanded and not self._controlword & HALT:
+                bits |= BIT_12
+            if self._followed_badly:
+                bits |= BIT_13
         return bits
 
     def _shown(self, velocity: float) -> int:

@@ -1,7 +1,7 @@
 """What a simulated EPOS4 has around its motor: digital and analog inputs, outputs, STO, supply and temperature.
 
-Sources: the EPOS4's EDS; hardware references of the 50/5 and 50/8. Inferred: an open STO input reads 0 in object 0x3202;
-the heating of the power stage, of which nothing is published.
+Sources: the EPOS4's EDS; hardware references of the 50/5 and 50/8. Inferred: an open STO input reads 0 in object
+0x3202; the heating of the power stage, of which nothing is published.
 """
 
 from __future__ import annotations

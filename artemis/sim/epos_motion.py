@@ -18,8 +18,6 @@ from artemis.sim.epos_objects import HIGHEST, LOWEST, OFF
 from artemis.sim.regulators import regulators_for
 
 PROFILE_POSITION, PROFILE_VELOCITY, HOMING = 1, 3, 6
-CYCLIC = 8
-"""The first of the cyclic modes, 8 to 10."""
 
 NEW_SET_POINT, AT_ONCE, RELATIVE, HALT = 0x0010, 0x0020, 0x0040, 0x0100  # controlword bits 4, 5, 6, 8
 BIT_10, LIMIT_ACTIVE, BIT_12, BIT_13, REFERENCED = 0x0400, 0x0800, 0x1000, 0x2000, 0x8000  # statusword
@@ -55,8 +53,15 @@ class Motion(ABC):
         gains: tuple[int, ...],
         nominal_gains: tuple[int, ...] | None,
     ) -> None:
-        """`gains`: keys of the regulators' gains, in the order of `regulators_for`; `nominal_gains`: those with which
-        the loops of `axis` are tuned, None: the drive's own."""
+        """Stand still.
+
+        Args:
+            dictionary: Its objects.
+            axis: What it moves.
+            clip_position: Position limits clip the set-point.
+            gains: Keys of the regulators' gains, in the order of `regulators_for`.
+            nominal_gains: Those with which the loops of `axis` are tuned; None: the drive's own.
+        """
         self.axis = axis
         self.mode = PROFILE_POSITION
         self.commanded = False
@@ -118,11 +123,6 @@ class Motion(ABC):
             if self._homed:
                 bits |= BIT_10 | BIT_12
             if self._homing_failed:
-                bits |= BIT_13
-        elif mode >= CYCLIC:
-            if self.commanded:
-                bits |= BIT_12
-            if self._followed_badly:
                 bits |= BIT_13
         return bits
 

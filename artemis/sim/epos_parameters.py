@@ -23,6 +23,7 @@ class ParameterMemory:
         *,
         volatile: Collection[int],
         communication: Collection[int] = PROCESS_DATA,
+        restores: Collection[int] = (1,),
         restore_at_once: bool = True,
     ) -> None:
         """Remember nothing yet.
@@ -31,6 +32,7 @@ class ParameterMemory:
             dictionary: The drive's objects as they leave the factory.
             volatile: Indices of writable objects that are not kept.
             communication: Indices that a communication reset loads again.
+            restores: Sub-indices of object 0x1011 that restore everything.
             restore_at_once: Whether restored defaults act before a restart.
         """
         self._dictionary = dictionary
@@ -44,8 +46,9 @@ class ParameterMemory:
         checks, written = dictionary.checks, dictionary.written
         checks[key_of(0x1010, 1)] = _judge_signature(SAVE)
         written[key_of(0x1010, 1)] = lambda _: self._store()
-        checks[key_of(0x1011, 1)] = _judge_signature(LOAD)
-        written[key_of(0x1011, 1)] = lambda _: self._restore()
+        for sub in restores:
+            checks[key_of(0x1011, sub)] = _judge_signature(LOAD)
+            written[key_of(0x1011, sub)] = self._restorer(key_of(0x1011, sub))
 
     def restore_identifiers(self, pdos: ProcessData, node_id: int) -> None:
         """Give the drive object 0x1011:5, which sets the COB-IDs of `pdos` back to those of the node."""
@@ -72,6 +75,13 @@ class ParameterMemory:
         self._dictionary.values[key_of(0x1010, 1)] = self._defaults[key_of(0x1010, 1)]  # the signature is no value
         self._stored = {key: self._dictionary.values[key] for key in self._keys}
 
+    def _restorer(self, key: int) -> Callable[[int], None]:
+        def restore(_: int) -> None:
+            self._restore()
+            self._dictionary.values[key] = self._defaults[key]  # the signature is no value
+
+        return restore
+
     def _restore(self) -> None:
         """Nothing is stored any more; defaults take effect at once in the first generation, else with a restart.
 
@@ -85,7 +95,6 @@ class ParameterMemory:
             default = self._defaults[key]
             if self._dictionary.values[key] != default:
                 self._dictionary.poke(key >> 8, key & 0xFF, default)
-        self._dictionary.values[key_of(0x1011, 1)] = self._defaults[key_of(0x1011, 1)]
 
 
 def _judge_signature(signature: int) -> Callable[[int], None]:
