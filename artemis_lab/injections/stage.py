@@ -76,7 +76,7 @@ class Stage:
     def once_booted(self, drive: SimEpos, act: Callable[[], None]) -> None:
         """Do it now, or as soon as the drive has booted."""
         if drive.nmt is Nmt.INITIALISING:
-            self.loop.call_later(1.1 * drive.settings.boot_time_s, act)
+            self.loop.call_later(1.1 * drive.boot_time, act)
         else:
             act()
 

@@ -8,7 +8,8 @@ from artemis.devices.can_bus import Frame
 from artemis.drive_schema import Drive, Motor, Sensor
 from artemis.drive_states import DriveState
 from artemis.sim.axis import Axis
-from artemis.sim.epos import SimEpos, SimSettings
+from artemis.sim.drive_node import simulated_drive
+from artemis.sim.epos_settings import SimSettings
 
 STEP = 0.001
 
@@ -60,13 +61,13 @@ class Aborted(Exception):
 class Rig:
     def __init__(self, drive: Drive = TRACTION, *, boot: bool = True, settings: SimSettings | None = None) -> None:
         self.axis = Axis(drive)
-        self.node = SimEpos(drive, self.axis, name="rig", settings=settings)
+        self.node = simulated_drive(drive, self.axis, name="rig", settings=settings)
         self.id = drive.node_id
         self.now = 0.0
         self.heard: list[tuple[float, Frame]] = []
         self.node.power_on(0.0)
         if boot:
-            self.run(0.06)
+            self.run(self.node.boot_time + 0.01)
             self.heard.clear()
 
     def run(self, seconds: float) -> None:

@@ -16,7 +16,7 @@ from artemis.drive_states import DriveState, Nmt
 from artemis.errors import DeviceError, DeviceRestarted, DeviceTimeout, NotKept
 from artemis.families import EPOS1, FAMILIES
 from artemis.sim.dictionary import AbortCode, AccessRefused, key_of
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 from artemis.supervision.catalogue import ROWS
 from artemis.values import RESETS, Job, JobKind
 
