@@ -108,15 +108,25 @@ def _codes(id: str) -> str:
         for code, row in family.errors.items():
             if row == id:
                 families.setdefault(code, []).append(family.name)
-    told: dict[str, list[str]] = {}
+    told: dict[str, list[int]] = {}
     for code, names in families.items():
         whose = "" if len(names) == len(FAMILIES) else f" ({', '.join(names)})"
-        told.setdefault(whose, []).append(f"0x{code:04X}")
-    several = 4
-    return ", ".join(
-        (f"{codes[0]} to {codes[-1]}" if len(codes) > several else ", ".join(codes)) + whose
-        for whose, codes in told.items()
-    )
+        told.setdefault(whose, []).append(code)
+    return ", ".join(f"{_listed(codes)}{whose}" for whose, codes in told.items())
+
+
+def _listed(codes: list[int]) -> str:
+    """Codes in their order; three or more in a row as a range."""
+    rows: list[list[int]] = []
+    for code in sorted(codes):
+        if rows and code == rows[-1][-1] + 1:
+            rows[-1].append(code)
+        else:
+            rows.append([code])
+    words = [
+        [f"0x{row[0]:04X} to 0x{row[-1]:04X}"] if len(row) > 2 else [f"0x{code:04X}" for code in row] for row in rows
+    ]
+    return ", ".join(word for row in words for word in row)
 
 
 def _limit(stage: Threshold, row: Row) -> str:

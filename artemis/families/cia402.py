@@ -101,7 +101,7 @@ class OptionCodes(Config):
 
 
 class Cia402(Config):
-    """What CiA 402 leaves open. `hardware_version` is the product code 0x1018:2, `min_firmware` the revision 0x1018:3."""
+    """What CiA 402 leaves open. `hardware_version` is the product code 0x1018:2, `min_firmware` the revision :3."""
 
     vendor_id: Unsigned32
     """Object 0x1018:1."""

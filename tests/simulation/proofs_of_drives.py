@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from injection_rig import HEARTBEAT, LEFT, RIGHT, SDO_ANSWER, STEER, Host, proves
 
-from artemis.devices.epos_state import state_from_statusword
 from artemis.drive_states import DriveState, Nmt
+from artemis.families.epos1 import EPOS1
 
 
 @proves("DRV-30")
@@ -88,7 +88,7 @@ async def _mode(host: Host) -> None:
 async def _statusword(host: Host) -> None:
     host.inject("COM-05", LEFT)
     await host.tick(0.1)
-    assert state_from_statusword(host.statuswords(LEFT)[-1]) is DriveState.UNKNOWN
+    assert EPOS1.state(host.statuswords(LEFT)[-1]) is DriveState.UNKNOWN
     assert host.state(LEFT) is DriveState.OPERATION_ENABLE
 
 
