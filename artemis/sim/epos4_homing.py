@@ -112,7 +112,7 @@ class Homing:
             self._found()
         elif self._phase is Phase.INDEX and floor(position / self._axis.counts_per_turn) != self._turn:
             self._move()
-        elif self._phase is Phase.MOVE and self._axis.arrived:
+        elif self._phase is Phase.MOVE and self._axis.arrived and abs(self._axis.lag) < 1.0:
             self._phase = None
             return True
         return False

@@ -99,7 +99,21 @@ def test_every_object_is_mappable_as_it_should_be(node: BaseNode402) -> None:
 
 
 def test_what_only_the_first_generation_has_is_not_there(node: BaseNode402) -> None:
-    for index in (0x1020, 0x100C, 0x100D, 0x2003, 0x2008, 0x200C, 0x2028, 0x2062, 0x207C, 0x2210, 0x6078, 0x6410, 0x60F6):
+    for index in (
+        0x1020,
+        0x100C,
+        0x100D,
+        0x2003,
+        0x2008,
+        0x200C,
+        0x2028,
+        0x2062,
+        0x207C,
+        0x2210,
+        0x6078,
+        0x6410,
+        0x60F6,
+    ):
         with pytest.raises(SdoAbortedError) as caught:
             node.sdo.upload(index, 0)
         assert caught.value.code == ABSENT

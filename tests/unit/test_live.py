@@ -158,7 +158,10 @@ def test_output_that_nobody_reads_never_holds_up_a_tick(monkeypatch: pytest.Monk
     monkeypatch.setattr(sys, "stdout", os.fdopen(sink, "w"))
     with sys.stdout:
         view = Observation(
-            "live view", LiveView("title", "", lambda: lost.append("lost"), BITRATE, ROBOT.errors), threaded=True, patience=None
+            "live view",
+            LiveView("title", "", lambda: lost.append("lost"), BITRATE, ROBOT.errors),
+            threaded=True,
+            patience=None,
         )
         for number in range(5000):
             view.see(tick(float(number), requests=(Request.QUICKSTOP,)), (), float(number))
