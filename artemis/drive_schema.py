@@ -11,7 +11,7 @@ from pydantic import Field
 from artemis.config import Config, Quantity
 from artemis.families import FAMILIES, GENERATIONS
 from artemis.families.cia402 import Cia402, family_from
-from artemis.families.family import MAXON, Family
+from artemis.families.family import MAXON, TORQUE_CONSTANT, Family
 from artemis.families.objects import ObjectType
 from artemis.yaml_file import KeyPath
 
@@ -152,7 +152,7 @@ def _identity(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
 
 def _motor(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
     family, motor, sensor = drive.tables, drive.motor, drive.sensor
-    wants_torque = any(quantity == "torque constant" for _, quantity in family.configuration)
+    wants_torque = any(quantity == TORQUE_CONSTANT for _, quantity in family.configuration)
     if wants_torque != (motor.torque_constant_mnm_per_a is not None):
         text = "this key is missing: of the motor's data sheet" if wants_torque else "has no object for it"
         yield ("motor", "torque_constant_mnm_per_a"), f"{text} ({family.title})"

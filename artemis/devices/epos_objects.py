@@ -7,6 +7,7 @@ from math import pi
 
 from artemis.devices.canopen import RXPDO, TXPDO
 from artemis.drive_schema import Drive
+from artemis.families.family import SYNC_PERIOD, TORQUE_CONSTANT
 from artemis.families.objects import U8, U32, Object, Setting
 from artemis.vehicle import RobotFile
 
@@ -82,7 +83,7 @@ def quantities(robot: RobotFile, drive: Drive, period: float) -> dict[str, int]:
         "quick-stop deceleration": quick_stop,
         "node heartbeat": NODE_HEARTBEAT_MS,
         "host watch": robot.host_node_id << 16 | HOST_WATCH_MS,
-        "SYNC period": round(period * 1000),
+        SYNC_PERIOD: round(period * 1000),
         "mode": drive.operating_mode,
         **{f"gain {number}": gain for number, gain in enumerate(drive.gain_numbers)},
         **{name: table[motor.type, sensor.type] for name, table in family.choices.items()},
@@ -90,7 +91,7 @@ def quantities(robot: RobotFile, drive: Drive, period: float) -> dict[str, int]:
     if sensor.type != "hall":
         found["pulses"] = sensor.counts_per_turn // 4
     if motor.torque_constant_mnm_per_a is not None:
-        found["torque constant"] = round(motor.torque_constant_mnm_per_a * 1000)
+        found[TORQUE_CONSTANT] = round(motor.torque_constant_mnm_per_a * 1000)
     return found
 
 

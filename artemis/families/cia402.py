@@ -17,6 +17,7 @@ from artemis.families.family import (
     MOTORS,
     SENSORS,
     STEERING,
+    SYNC_PERIOD,
     TRACTION,
     Bits,
     Family,
@@ -162,7 +163,7 @@ def family_from(words: Cia402) -> Family:
     analog = tuple(each.object for each in words.analog_inputs or ())
     more = (current,) if current else ()
     interpolation = (
-        ((INTERPOLATION_EXPONENT, -3), (INTERPOLATION_TIME, "SYNC period")) if words.interpolation_period else ()
+        ((INTERPOLATION_EXPONENT, -3), (INTERPOLATION_TIME, SYNC_PERIOD)) if words.interpolation_period else ()
     )
     options = [
         OptionCode(setting=Setting(object, value), name=f"{name}: {value}")

@@ -124,7 +124,7 @@ def configuration(pulses: Object) -> tuple[tuple[Object, int | str], ...]:
 
 EPOS1 = Family(
     name="epos1",
-    title="EPOS (first generation)",
+    title="EPOS",
     vendor=MAXON,
     generation=1,
     hardware=Bits(object=Object(0x2003, 2, U16)),

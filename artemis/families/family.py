@@ -13,6 +13,8 @@ MOTORS = ("dc", "ec_sine", "ec_block")
 ENCODERS = ("encoder_3_channel", "encoder_2_channel")
 SENSORS = (*ENCODERS, "hall")
 MAXON = 0x000000FB
+SYNC_PERIOD, TORQUE_CONSTANT = "SYNC period", "torque constant"
+"""Quantities that a family may need."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,6 +120,11 @@ class Family:
     def forgets(self) -> bool:
         """After a lost heartbeat it goes on only with its communication reset and configured again."""
         return LOST_HEARTBEAT in self.resets
+
+    @property
+    def interpolates(self) -> bool:
+        """It is told how often set-points come."""
+        return any(quantity == SYNC_PERIOD for _, quantity in self.configuration)
 
     def drives(self, motor: str, sensor: str) -> bool:
         """Whether a motor of this type can be driven with a sensor of that type."""

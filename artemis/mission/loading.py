@@ -128,6 +128,8 @@ class _Loading(SurroundingsChecks):
     def result(self, tried: bool) -> LoadedMission:
         mission = self._validated(Mission, self._document)
         robot = self._robot()
+        if mission is not None and robot is not None:
+            self._check_rate(mission, robot)
         inputs = self._inputs()
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus()
@@ -177,6 +179,15 @@ class _Loading(SurroundingsChecks):
             self._problems += error.problems
             return None
         return self._validated(RobotFile, document)
+
+    def _check_rate(self, mission: Mission, robot: RobotFile) -> None:
+        """Drives that interpolate between set-points are told their period in whole milliseconds."""
+        names = [name for name, drive in robot.drives.items() if drive.tables.interpolates]
+        if names and 1000 % mission.tick_hz:
+            rates = ", ".join(str(rate) for rate in range(25, 201) if not 1000 % rate)
+            period = f"a period of {1000 / mission.tick_hz:.3g} ms"
+            text = f"{period}; {names[0]} interpolates over whole milliseconds: expected one of {rates}"
+            self._complain(("tick_hz",), text)
 
     def _inputs(self) -> dict[str, Config | None]:
         """Options of the mission's inputs by name; None where they are wrong."""

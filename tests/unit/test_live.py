@@ -5,6 +5,7 @@ import re
 import sys
 from pathlib import Path
 
+import core_builders
 import pytest
 from msgspec.structs import replace
 
@@ -64,7 +65,7 @@ def tick(
 
 
 def said(capsys: pytest.CaptureFixture[str], *ticks: Tick) -> list[str]:
-    view = LiveView("title", "", lambda: None, BITRATE, ROBOT.errors)
+    view = LiveView("title", "", lambda: None, BITRATE, core_builders.ROBOT.errors)
     for seen in ticks:
         view.see(seen, (), seen.snapshot.time)
     view.close()
@@ -159,7 +160,7 @@ def test_output_that_nobody_reads_never_holds_up_a_tick(monkeypatch: pytest.Monk
     with sys.stdout:
         view = Observation(
             "live view",
-            LiveView("title", "", lambda: lost.append("lost"), BITRATE, ROBOT.errors),
+            LiveView("title", "", lambda: lost.append("lost"), BITRATE, core_builders.ROBOT.errors),
             threaded=True,
             patience=None,
         )
