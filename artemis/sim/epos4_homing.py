@@ -1,7 +1,8 @@
 """Homing of a simulated EPOS4: to a switch, an index pulse, a hard stop, or where it stands.
 
 Source: the methods that object 0x60E3 lists, as CiA 402 and the maker's negative numbers define them. Inferred: a
-switch is left again at the speed of 0x6099:2, and its edge is the place; after a hard stop the index is sought backwards.
+switch is left again at the speed of 0x6099:2, and its edge is the place; from a hard stop the index is sought
+backwards.
 """
 
 from __future__ import annotations
