@@ -34,6 +34,7 @@ _DEVICE = "needs a device: `artemis.testing.fake_hid`"
 
 NOT_INJECTED: dict[str, str] = {
     **dict.fromkeys(("DRV-09", "DRV-10", "DRV-17", "DRV-29"), _EPOS4),
+    **{f"DRV-{number}": _EPOS4 for number in range(34, 42)},
     "RUN-07": "LOC-02 makes the localizer contradict the odometry",
     "RUN-08": "COM-26 makes it happen, where the robot moves",
     "INP-02": _DEVICE,
