@@ -42,8 +42,7 @@ class EposDrive:
         self._nmt: Nmt | None = None
         self._heard: float | None = None
         self.tally = Tally()
-        self.boots = 0
-        """Boot-up frames heard so far."""
+        self.boots = 0  # boot-up frames heard so far
         self.last_controlword = 0
 
     def on_status(self, frame: Frame) -> None:

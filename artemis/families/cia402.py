@@ -6,6 +6,7 @@ Sources: CiA 402 (states, modes, option codes, units); what drivers of several m
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -150,6 +151,7 @@ ERRORS = {
 """Codes that CiA 301 and CiA 402 give a meaning."""
 
 
+@cache
 def family_from(words: Cia402) -> Family:
     """The family of one drive that is described so."""
     set_points = {TRACTION: TARGET_VELOCITY, STEERING: TARGET_POSITION}
