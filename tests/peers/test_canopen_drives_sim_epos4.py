@@ -91,7 +91,7 @@ def test_every_object_is_mappable_as_it_should_be(node: BaseNode402) -> None:
     node.sdo.download(0x1600, 0, b"\0")
     node.sdo.download(0x1A00, 0, b"\0")
     for entry in known(1):
-        if not entry.size or entry.sub == 0 and entry.index < 0x2000:
+        if not entry.size or (entry.sub == 0 and entry.index < 0x2000):
             continue
         received, sent = [abort_of(node, index, 1, struct.pack("<I", entry.mapping)) for index in (0x1600, 0x1A00)]
         assert received == (0 if entry.access == "rwwP" else NOT_MAPPABLE), entry
