@@ -85,7 +85,8 @@ class InitMode(RoutineMode):
         """Withhold our heartbeat once, with no torque on: every drive must report it, then reset.
 
         A drive that is in fault before it can miss our heartbeat has another reason, which no reset may hide. Those
-        that are `forgetful` need their communication reset after it, and are configured again.
+        that are `forgetful`, or left the exchange of process data, have their communication reset and are configured
+        again.
         """
         snapshot = yield from self._until(_off, WAKING, "COM-08", "no process data after configuration", snapshot)
         for _ in range(HEARTBEATS):
@@ -96,7 +97,8 @@ class InitMode(RoutineMode):
         def is_lost(drive: DriveFeedback) -> bool:
             if LOST_HEARTBEAT in drive.emergencies:
                 missed.add(drive.name)
-            return drive.state is DriveState.FAULT
+            stopped = drive.name in missed and drive.nmt is Nmt.PRE_OPERATIONAL  # it may have left the exchange with it
+            return drive.state is DriveState.FAULT or stopped
 
         self.bring_up.proving = True
         earliest, problem = last_beat + WATCH_TIME, "no fault without our heartbeat"
@@ -110,10 +112,11 @@ class InitMode(RoutineMode):
                         f"in fault for another reason: {', '.join(map(hex, result.values)) or result.detail or 'none'}"
                     )
                     raise Failed(SILENT, catalogue.fault("COM-30", result.drive, seen))
-        if forgetful:
-            jobs = self.bring_up.jobs
-            resets = [RESETS["communication"]] * len(forgetful)
-            for orders in jobs(JobKind.SECURE, forgetful, resets), jobs(JobKind.CONFIGURE, forgetful):
+        stopped = {drive.name for drive in snapshot.sensed.drives if drive.nmt is not Nmt.OPERATIONAL}
+        again = [name for name in self.plan.drives() if name in stopped.union(forgetful)]
+        if again:
+            jobs, resets = self.bring_up.jobs, [RESETS["communication"]] * len(again)
+            for orders in jobs(JobKind.SECURE, again, resets), jobs(JobKind.CONFIGURE, again):
                 told, snapshot = yield from finish_jobs(RESETTING, orders)
                 if fault := failure(told):
                     raise Failed(SILENT, fault)
