@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -103,7 +102,7 @@ class Drive(Config):
     cia402: Cia402 | None = None
     """What the device profile leaves open; for `family: cia402` only."""
 
-    @cached_property
+    @property
     def tables(self) -> Family:
         """Those of its family."""
         return FAMILIES[self.family] if self.cia402 is None else family_from(self.cia402)

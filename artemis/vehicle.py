@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from functools import cached_property
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -129,7 +128,7 @@ class RobotFile(Config):
         places = [(role, side) for role in ("traction", "steering") for side in ("left", "right")]
         return tuple(names.index(self.drive_at(role, side)[0]) for role, side in places)
 
-    @cached_property
+    @property
     def errors(self) -> dict[str, Mapping[int, str]]:
         """Rows of the fault table by EMCY error code, for each drive: generations give a code different meanings."""
         return {name: drive.tables.errors for name, drive in self.drives.items()}

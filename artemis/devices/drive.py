@@ -9,8 +9,9 @@ from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import FrameBus
 from artemis.devices.canopen import EMERGENCY, HEARTBEAT, SDO_ANSWER, SYNC_FRAME, TXPDO, heartbeat_frame
 from artemis.devices.device import Readings, Report
-from artemis.devices.epos import PERIOD, EposDrive
+from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
+from artemis.devices.epos_objects import PERIOD
 from artemis.devices.epos_state import Controlword, controlword
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceLost
@@ -21,10 +22,9 @@ _QUICK_STOP = Controlword.QUICK_STOP
 
 
 class Drives:
-    """The drives of a robot on a CAN bus: its `Actuators`. Heartbeat, SYNC and process data are nobody else's."""
+    """The drives of a robot on a CAN bus: its `Actuators`. Heartbeat, SYNC every `period` [s], PDOs: nobody else's."""
 
     def __init__(self, robot: RobotFile, bus: FrameBus, period: float = PERIOD) -> None:
-        """`period`: from one SYNC to the next [s]."""
         self.drives = tuple(robot.drives)
         self.wire = BusGateway(robot, bus)
         self.nodes = [EposDrive(name, robot, self.wire.send, period) for name in robot.drives]

@@ -7,25 +7,20 @@ from math import inf
 from operator import attrgetter
 
 from artemis.devices.can_bus import Frame
-from artemis.devices.canopen import RXPDO, PdoLayout, emergency_from_data, nmt_from_heartbeat
-from artemis.devices.epos_objects import UNREADABLE, Units, wrapped
+from artemis.devices.canopen import RXPDO, emergency_from_data, nmt_from_heartbeat
+from artemis.devices.epos_objects import PERIOD, UNREADABLE, ProcessData, Units, wrapped
 from artemis.devices.epos_state import Controlword
 from artemis.devices.sdo import SdoClient
 from artemis.devices.tally import NOTHING, Tally
 from artemis.drive_states import DriveState, Nmt
-from artemis.families.objects import MODE_DISPLAY, Object
 from artemis.values import DriveFeedback
 from artemis.vehicle import RobotFile
 
-PERIOD = 0.02
-"""Of SYNC, where nobody says another [s]: outside of a run there is none."""
-
 
 class EposDrive:
-    """A drive as the robot file describes it, on the bus behind `send`. SI at the wheel outside, drive units inside."""
+    """A drive as the robot file describes it, on the bus behind `send`, with SYNC every `period` [s]."""
 
     def __init__(self, name: str, robot: RobotFile, send: Callable[[Frame], None], period: float = PERIOD) -> None:
-        """`period` of SYNC [s]."""
         self.name, self.robot, self.drive, self.period = name, robot, robot.drives[name], period
         self.node_id = self.drive.node_id
         self.is_traction = self.drive.role == "traction"
@@ -34,17 +29,8 @@ class EposDrive:
         self.sdo = SdoClient(name, self.node_id, send)
         self.send = send
         self.units = Units(robot, self.drive)
-        self.family = family = self.drive.tables
-        received, sent = family.received[self.drive.role], family.sent[self.drive.role]
-        self._set_point, self._stop = [PdoLayout([o.type for o in pdo]) for pdo in received]
-        self._status, self._details = [PdoLayout([o.type for o in pdo]) for pdo in sent]
-        self._mode_in_status = MODE_DISPLAY in sent[0]
-        details = sent[1]
-        self._velocity_at = _place(family.velocity, details)
-        self._analog_at = _place(family.analog[0], details) if family.analog else -1  # the other one follows
-        self._current_at = _place(family.current, details)
-        self._mode_at = _place(MODE_DISPLAY, details)
-        self._per_volt, self._per_ampere = family.analog_scale, family.current_scale
+        self.family = self.drive.tables
+        self._pdos = ProcessData(self.family, self.drive.role)
         self._counts: int | None = None
         self._position = self._velocity = self._current = 0.0
         self._statusword = self._mode = self._jumps = self._stray = self._frames = 0
@@ -56,13 +42,12 @@ class EposDrive:
         self._nmt: Nmt | None = None
         self._heard: float | None = None
         self.tally = Tally()
-        self.boots = 0
-        """Boot-up frames heard so far."""
+        self.boots = 0  # boot-up frames heard so far
         self.last_controlword = 0
 
     def on_status(self, frame: Frame) -> None:
         """TxPDO 1: statusword and position. What is older than the last one, or no motion could reach, is dropped."""
-        values = self._status.unpack(frame.data)
+        values = self._pdos.status.unpack(frame.data)
         statusword, counts = values[0], values[1]
         last = self._status_time
         elapsed = inf if last is None else frame.time - last
@@ -70,8 +55,7 @@ class EposDrive:
             self.tally.disordered += 1
             return
         self._frames += 1
-        if self._mode_in_status:
-            self._mode = values[2]
+        self._mode = values[2] if self._pdos.early_mode else self._mode
         if statusword != self._statusword or last is None:
             self._statusword, self.state = statusword, self.family.state(statusword)
         rolled = 0 if self._counts is None else wrapped(counts - self._counts)
@@ -91,22 +75,17 @@ class EposDrive:
         if self._details_time is not None and frame.time < self._details_time:
             self.tally.disordered += 1
             return
-        values = self._details.unpack(frame.data)
-        if self._velocity_at >= 0:
-            self._velocity = values[self._velocity_at] / self.units.velocity
-        if self._analog_at >= 0:
-            first, second = values[self._analog_at], values[self._analog_at + 1]
-            self._volts = (first / self._per_volt, second / self._per_volt)
-        if self._current_at >= 0:
-            self._current = values[self._current_at] / self._per_ampere
-        if self._mode_at >= 0:
-            self._mode = values[self._mode_at]
+        values, at = self._pdos.details.unpack(frame.data), self._pdos
+        if at.analog >= 0:
+            self._volts = (values[at.analog] / at.per_volt, values[at.analog + 1] / at.per_volt)
+        self._velocity = values[at.velocity] / self.units.velocity if at.velocity >= 0 else self._velocity
+        self._current = values[at.current] / at.per_ampere if at.current >= 0 else self._current
+        self._mode = values[at.mode] if at.mode >= 0 else self._mode
         self._details_time = frame.time
 
     def on_emergency(self, frame: Frame) -> None:
         """EMCY: kept until the next tick takes it."""
-        readable = len(frame.data) == 8
-        self.tally.emergencies.append(emergency_from_data(frame.data).code if readable else UNREADABLE)
+        self.tally.emergencies.append(emergency_from_data(frame.data).code if len(frame.data) == 8 else UNREADABLE)
 
     def on_heartbeat(self, frame: Frame) -> None:
         """Heartbeat or boot-up."""
@@ -147,23 +126,17 @@ class EposDrive:
             raw = round(value * self.units.velocity)
         else:
             raw = wrapped((self._counts or 0) + round((value - self._position) * self.units.counts))
-        return Frame(RXPDO[0] + self.node_id, self._set_point.pack(controlword, raw))
+        return Frame(RXPDO[0] + self.node_id, self._pdos.set_point.pack(controlword, raw))
 
     def stop_frame(self, controlword: int = Controlword.QUICK_STOP) -> Frame:
         """RxPDO 2: controlword alone, acts at once."""
         self.last_controlword = controlword
-        return Frame(RXPDO[1] + self.node_id, self._stop.pack(controlword))
+        return Frame(RXPDO[1] + self.node_id, self._pdos.stop.pack(controlword))
 
     def restart(self) -> None:
         """The drive's counter may begin anew, at zero."""
-        self._status_time = self._details_time = None
-        self._jumps = 0
+        self._status_time, self._details_time, self._jumps = None, None, 0
 
     def rebase(self, position: float, counts: int) -> None:
         """`counts` stands for `position` from now on."""
         self._position, self._counts = position, counts
-
-
-def _place(wanted: Object | None, mapped: tuple[Object, ...]) -> int:
-    """Where an object stands in a PDO; -1: nowhere."""
-    return mapped.index(wanted) if wanted in mapped else -1

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import pi
 
-from artemis.devices.canopen import RXPDO, TXPDO
+from artemis.devices.canopen import RXPDO, TXPDO, PdoLayout
 from artemis.drive_schema import Drive
-from artemis.families.family import SYNC_PERIOD, TORQUE_CONSTANT
-from artemis.families.objects import U8, U32, Object, Setting
+from artemis.families.family import SYNC_PERIOD, TORQUE_CONSTANT, Family
+from artemis.families.objects import MODE_DISPLAY, U8, U32, Object, Setting
 from artemis.vehicle import RobotFile
 
+PERIOD = 0.02
+"""Of SYNC, where nobody says another [s]: outside of a run there is none."""
 UNREADABLE = -1
 """Error code that stands for an emergency frame of the wrong length."""
 JITTER = 0.1
@@ -48,6 +50,27 @@ class Units:
     def farthest(self, elapsed: float) -> float:
         """Distance [m] or angle [rad] that no motor can pass in `elapsed` [s], and the jitter of a bus besides."""
         return self._fastest * (elapsed + JITTER)
+
+
+class ProcessData:
+    """The PDOs of a drive, and where in them stands what; -1: nowhere."""
+
+    def __init__(self, family: Family, role: str) -> None:
+        received, sent = family.received[role], family.sent[role]
+        self.set_point, self.stop = [PdoLayout([o.type for o in pdo]) for pdo in received]
+        self.status, self.details = [PdoLayout([o.type for o in pdo]) for pdo in sent]
+        self.early_mode = MODE_DISPLAY in sent[0]
+        """TxPDO 1 has the mode, in its third place. The others are places in TxPDO 2."""
+        self.velocity = _place(family.velocity, sent[1])
+        self.analog = _place(family.analog[0], sent[1]) if family.analog else -1
+        """Of the first analog input; the second follows."""
+        self.current = _place(family.current, sent[1])
+        self.mode = _place(MODE_DISPLAY, sent[1])
+        self.per_volt, self.per_ampere = family.analog_scale, family.current_scale
+
+
+def _place(wanted: Object | None, mapped: tuple[Object, ...]) -> int:
+    return mapped.index(wanted) if wanted in mapped else -1
 
 
 def wrapped(counts: int) -> int:

@@ -6,6 +6,7 @@ Sources: CiA 402 (states, modes, option codes, units); what drivers of several m
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -14,8 +15,6 @@ from artemis.config import Config, Quantity
 from artemis.families.family import (
     CIA402_MASK,
     CIA402_STATES,
-    MOTORS,
-    SENSORS,
     STEERING,
     SYNC_PERIOD,
     TRACTION,
@@ -54,6 +53,8 @@ from artemis.families.objects import (
     Setting,
 )
 
+PROFILE_VELOCITY = 3
+"""Mode of operation."""
 Unsigned32 = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
 OptionValue = Annotated[int, Field(ge=-128, le=127)]
 Scale = Annotated[float, Quantity(1e-6, 1e9, "")]
@@ -149,27 +150,14 @@ ERRORS = {
 }
 """Codes that CiA 301 and CiA 402 give a meaning."""
 
-_NAMES = (
-    (ABORT_CONNECTION, "abort_connection", "reaction to a lost connection"),
-    (QUICK_STOP_OPTION, "quick_stop", "quick stop"),
-    (FAULT_REACTION, "fault_reaction", "reaction to a fault"),
-)
 
-
+@cache
 def family_from(words: Cia402) -> Family:
     """The family of one drive that is described so."""
     set_points = {TRACTION: TARGET_VELOCITY, STEERING: TARGET_POSITION}
     current = words.current.object if words.current else None
     analog = tuple(each.object for each in words.analog_inputs or ())
     more = (current,) if current else ()
-    interpolation = (
-        ((INTERPOLATION_EXPONENT, -3), (INTERPOLATION_TIME, SYNC_PERIOD)) if words.interpolation_period else ()
-    )
-    options = [
-        OptionCode(setting=Setting(object, value), name=f"{name}: {value}")
-        for object, key, name in _NAMES
-        if (value := getattr(words.option_codes, key)) is not None
-    ]
     return Family(
         name="cia402",
         title="CiA 402 drive",
@@ -182,7 +170,7 @@ def family_from(words: Cia402) -> Family:
         usual_firmware=0,
         mask=CIA402_MASK,
         states=CIA402_STATES,
-        modes={TRACTION: words.operating_mode, STEERING: words.operating_mode},
+        modes=dict.fromkeys(set_points, words.operating_mode),
         set_points=set_points,
         received={role: ((CONTROLWORD, target), (CONTROLWORD,)) for role, target in set_points.items()},
         sent={
@@ -196,25 +184,43 @@ def family_from(words: Cia402) -> Family:
         acceleration_scale=words.acceleration_units_per_rpm_s,
         current_scale=words.current.units_per_a if words.current else 1.0,
         analog_scale=words.analog_inputs[0].units_per_v if words.analog_inputs else 1.0,
-        configuration=(
-            (FOLLOWING_ERROR, "following error"),
-            *zip(POSITION_LIMITS, LIMIT_OFF, strict=True),
-            (TOP_PROFILE_VELOCITY, "top velocity"),
-            (ACCELERATION, "acceleration"),
-            (DECELERATION, "deceleration"),
-            (QUICK_STOP_DECELERATION, "quick-stop deceleration"),
-            (PRODUCER_HEARTBEAT, "node heartbeat"),
-            (CONSUMER_HEARTBEAT, "host watch"),
-            *interpolation,
-            (MODE, "mode"),
-            *((each.object, each.value) for each in words.settings),
-        ),
-        choices={"motor": {(motor, sensor): 0 for motor in MOTORS for sensor in SENSORS}},
-        option_codes=tuple(options),
+        configuration=_configuration(words),
+        choices={},
+        option_codes=_option_codes(words.option_codes),
         moves_valid_pdos=False,
         errors=ERRORS,
         resets={LOST_HEARTBEAT: "communication"} if words.reset_after_lost_heartbeat else {},
         bit_rates={},
         reset_time=words.reset_time_s,
         state_time=words.state_time_s,
+    )
+
+
+def _configuration(words: Cia402) -> tuple[tuple[Object, int | str], ...]:
+    interpolates = words.interpolation_period and words.operating_mode != PROFILE_VELOCITY
+    interpolation = ((INTERPOLATION_EXPONENT, -3), (INTERPOLATION_TIME, SYNC_PERIOD)) if interpolates else ()
+    return (
+        (FOLLOWING_ERROR, "following error"),
+        *zip(POSITION_LIMITS, LIMIT_OFF, strict=True),
+        (TOP_PROFILE_VELOCITY, "top velocity"),
+        (ACCELERATION, "acceleration"),
+        (DECELERATION, "deceleration"),
+        (QUICK_STOP_DECELERATION, "quick-stop deceleration"),
+        (PRODUCER_HEARTBEAT, "node heartbeat"),
+        (CONSUMER_HEARTBEAT, "host watch"),
+        *interpolation,
+        (MODE, "mode"),
+        *((each.object, each.value) for each in words.settings),
+    )
+
+
+def _option_codes(words: OptionCodes) -> tuple[OptionCode, ...]:
+    return tuple(
+        OptionCode(setting=Setting(object, value), name=name)
+        for object, value, name in (
+            (ABORT_CONNECTION, words.abort_connection, "reaction to a lost connection"),
+            (QUICK_STOP_OPTION, words.quick_stop, "quick stop"),
+            (FAULT_REACTION, words.fault_reaction, "reaction to a fault"),
+        )
+        if value is not None
     )
