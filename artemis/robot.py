@@ -48,16 +48,9 @@ class Core:
         if wish.reset_pose:
             self._perception.reset()
         self._wish, self._points = wish, self._limit(wish, seen)
-        at, told, failed = self._shared.position, self._modes.events, self._modes.failed
+        at, told, points, failed = self._shared.position, self._modes.events, self._points, self._modes.failed
         return Tick(
-            snapshot=seen,
-            mode=mode,
-            cause=why,
-            position=at,
-            events=told,
-            wish=wish,
-            failed=failed,
-            set_points=self._points,
+            snapshot=seen, mode=mode, cause=why, position=at, events=told, wish=wish, failed=failed, set_points=points
         )
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
