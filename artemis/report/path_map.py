@@ -55,7 +55,8 @@ class PathMap:
                 *self._run(each.series, f"{each.name}: " if each.name else ""),
                 "</g>",
             ]
-        parts += [f'<path class="here" data-run="{number}" d="{PLACE}"/>' for number in range(len(runs))]
+        kinds = [f"here r{number}" for number in range(len(runs))] if len(runs) > 1 else ["here"]
+        parts += [f'<path class="{kind}" data-run="{number}" d="{PLACE}"/>' for number, kind in enumerate(kinds)]
         label = "; ".join(self.names)
         self.svg = (
             f'<svg class="map" viewBox="0 0 {WIDTH:g} {self._view.height:g}" role="img" '

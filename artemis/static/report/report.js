@@ -160,7 +160,7 @@
       series: [{ label: timed ? "t" : "s", value: (_, x) => (x == null ? "" : x.toFixed(2)) }, ...lines],
       axes: axes({}),
       scales: { y: { range: range(chart) } },
-      legend: { mount: (_, legend) => place.previousElementSibling.append(legend) },
+      legend: { markers: { dash: (u, at) => (u.series[at].dash?.length ? "dotted" : "solid") }, mount: (_, legend) => place.previousElementSibling.append(legend) },
       hooks: { drawAxes: marks },
     }, tableOf(chart), () => tableOf(chart));
   }
