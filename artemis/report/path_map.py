@@ -27,6 +27,8 @@ LEFT, BELOW = 62.0, 44.0
 """Room for the numbers of the axes [px]."""
 APART = 1.2
 """Points of a line are so far apart at least [px]."""
+JUMP, FASTEST = 0.25, 3.0
+"""A pose that moves farther [m], at more than this speed [m/s], was corrected."""
 LINES = 7
 """Of the grid in each direction, about."""
 PLACE = "M11 0L-8 7L-4 0L-8-7z"
@@ -87,10 +89,10 @@ class PathMap:
             yield self._line(route, "route", f"{name}planned route")
         yield self._dots(np.concatenate([np.empty((0, 2)), *run.around.seen]), "seen", f"{name}seen then", 1.5)
         if np.isfinite(run.true[:, 0]).any():
-            yield self._line(run.true, "true", f"{name}driven (true)")
+            yield self._line(run.true, "true", f"{name}driven (true)", run.time)
         if run.source != "odometry":
-            yield self._line(run.odometry, "odometry", f"{name}by odometry alone")
-        yield self._line(run.estimated, "estimated", f"{name}driven ({run.source or 'no pose'})")
+            yield self._line(run.odometry, "odometry", f"{name}by odometry alone", run.time)
+        yield self._line(run.estimated, "estimated", f"{name}driven ({run.source or 'no pose'})", run.time)
         slowed = run.estimated[np.isfinite(run.slowed), :2]
         yield self._dots(slowed, "slowed", f"{name}slowed for an obstacle", 3.5)
         known = run.estimated[np.isfinite(run.estimated[:, 0])]
@@ -103,12 +105,19 @@ class PathMap:
         for x, y, _ in run.estimated[rows[np.isfinite(run.estimated[rows, 0])]]:
             yield self._mark("M-7-7L7 7M-7 7L7-7", (x, y, 0.0), "fault", f"{name}fault")
 
-    def _line(self, points: Array, kind: str, name: str) -> str:
-        shown = self._view.thinned(points)
-        if not len(shown):
+    def _line(self, points: Array, kind: str, name: str, time: Array | None = None) -> str:
+        """With the time of each point [s] it is broken where no robot drove, but the pose was corrected."""
+        known = np.isfinite(points[:, 0])
+        points = points[known, :2]
+        if not len(points):
             return ""
         self.names.setdefault(name, (kind, self._which))
-        return f'<path class="{kind}" d="{_path(shown)}"/>'
+        pieces = [points]
+        if time is not None:
+            steps = np.hypot(*np.diff(points, axis=0).T)
+            pieces = np.split(points, np.flatnonzero(steps > JUMP + FASTEST * np.diff(time[known])) + 1)
+        drawn = "".join(_path(self._view.thinned(piece)) for piece in pieces)
+        return f'<path class="{kind}" d="{drawn}"/>'
 
     def _dots(self, points: Array, kind: str, name: str, size: float) -> str:
         if not len(points):
@@ -147,10 +156,8 @@ class _View:
         return np.column_stack([LEFT + x, self.height - BELOW - y])
 
     def thinned(self, points: Array) -> Array:
-        """Pixels of a line, without points that nobody could tell apart; what is unknown is left out.."""
-        shown = self.placed(points[np.isfinite(points[:, 0])])
-        if not len(shown):
-            return shown
+        """Pixels of a line, without points that nobody could tell apart."""
+        shown = self.placed(points)
         way = np.append(0.0, np.cumsum(np.hypot(*np.diff(shown, axis=0).T)))
         kept = np.unique(np.append(np.unique(way // APART, return_index=True)[1], len(shown) - 1))
         thin: Array = shown[kept]
@@ -191,8 +198,8 @@ class _View:
 def _path(points: Array) -> str:
     """A line of an SVG path, in tenths of pixels of which only the differences are written."""
     steps = np.diff(np.rint(10 * points), axis=0) / 10
-    begin = f"M{points[0, 0]:.1f} {points[0, 1]:.1f}l"
-    return begin + " ".join(f"{x:g} {y:g}" for x, y in steps.tolist())
+    rest = " ".join(f"{x:g} {y:g}" for x, y in steps.tolist())
+    return f"M{points[0, 0]:.1f} {points[0, 1]:.1f}l{rest or '0 0'}"
 
 
 def _png(content: OccupancyMap) -> str:
