@@ -65,6 +65,7 @@ fuzz: $(READY)
 
 picture: $(READY)
 	@$(BIN)/python docs/images/drive.py
+	@$(BIN)/python docs/images/report.py
 
 thesis: $(READY)
 	@$(BIN)/python docs/images/thesis.py

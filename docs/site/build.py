@@ -65,7 +65,7 @@ def adapted(page: Path) -> str:
 
 def commands() -> Iterator[str]:
     """Every command with its arguments and options."""
-    yield "# Commands\n"
+    yield "# Options of the commands\n"
     yield from _command(get_command(app), "artemis")
 
 
