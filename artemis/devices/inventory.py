@@ -9,6 +9,7 @@ from artemis.devices.can_bus import FrameBus
 from artemis.devices.drive import Drives
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
+from artemis.devices.serial_line import SerialLine
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceError
 from artemis.families.objects import DEVICE_TYPE, PRODUCT, REVISION, SERIAL_NUMBER, VENDOR
@@ -36,7 +37,9 @@ class NodeReport:
     bitrate: int | None = None
     """What it speaks once it is switched on again [bit/s]; 0: what it hears; None: it has no such setting."""
     nmt: Nmt | None = None
-    """By its heartbeat; None: it sends none."""
+    """By its heartbeat; None: none was heard."""
+    unheard: str = "sends no heartbeat"
+    """Why."""
     history: tuple[int, ...] = ()
     """Error codes of object 0x1003, newest first."""
 
@@ -47,10 +50,11 @@ async def ask_nodes(robot: RobotFile, bus: FrameBus) -> list[NodeReport]:
     drives.wire.listen()
     await asyncio.sleep(LISTEN)
     drives.wire.look()
-    return list(await asyncio.gather(*(_ask(drive) for drive in drives.nodes)))
+    serial_line = isinstance(bus, SerialLine)
+    return list(await asyncio.gather(*(_ask(drive, serial_line) for drive in drives.nodes)))
 
 
-async def _ask(drive: EposDrive) -> NodeReport:
+async def _ask(drive: EposDrive, serial_line: bool) -> NodeReport:
     nmt = drive.feedback(asyncio.get_running_loop().time()).nmt
     jobs = EposJobs(drive)
     try:
@@ -70,6 +74,7 @@ async def _ask(drive: EposDrive) -> NodeReport:
         revision=revision,
         serial=serial,
         bitrate=bitrate,
+        unheard="its heartbeat passes no serial line" if serial_line else "sends no heartbeat",
         nmt=Nmt.PRE_OPERATIONAL if nmt is Nmt.INITIALISING else nmt,  # a boot-up was its last word (CiA 301 7.3.2.2)
         history=history,
     )
