@@ -16,7 +16,9 @@ from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
 from artemis.plugins.guard import Problem
 from artemis.progress import Position
+from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.event_log import happened, values_of
+from artemis.recording.journal import Level
 from artemis.report.fault_words import DID, next_step
 from artemis.states.modes import RUNNING
 from artemis.states.requests import ignored
@@ -70,6 +72,7 @@ class LiveView:
         self._coloured = self._terminal and not os.environ.get("NO_COLOR")
         self._on_lost = on_lost
         self._lost = False
+        self._poses = AskedPoses()
         self._load = _BusLoad(bitrate)
         self._shown: tuple[Mode | None, str] = (None, "")
         self._verdict = Verdict()
@@ -84,6 +87,8 @@ class LiveView:
         sensed = tick.snapshot.sensed
         for answer in sensed.answers:
             self._say(sensed.time, "answer", answer)
+        for entry in self._poses.entries(tick):
+            self._say(sensed.time, entry.kind, entry.text, _YELLOW if entry.level is Level.WARNING else None)
         for request in sensed.requests:
             reason = ignored(request, tick)
             text = f"{request.value}: ignored, {reason}" if reason else request.value

@@ -10,6 +10,7 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT
 from artemis.motion.potentiometers import memory_words
 from artemis.progress import MissionEvent
+from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.journal import Entry, Level
 from artemis.states.requests import ignored
 from artemis.supervision.catalogue import EMERGENCIES, ROWS, emergency
@@ -53,6 +54,7 @@ class EventLog:
         self._recoveries = 0
         self._forgotten_by = "person"
         self._storms: dict[str, _Storm] = {}
+        self._poses = AskedPoses()
 
     @property
     def time(self) -> float:
@@ -77,6 +79,7 @@ class EventLog:
             entries += [Entry(time=sensed.time, kind="answer", text=answer) for answer in sensed.answers]
         if sensed.requests:
             entries += self._requests(tick, previous.mode if previous else tick.mode)
+        entries += self._poses.entries(tick)
         for drive in sensed.drives:
             if drive.emergencies or drive.boots:
                 entries += self._said(sensed.time, drive)

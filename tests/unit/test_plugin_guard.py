@@ -16,8 +16,9 @@ from robot_rig import StubInput
 from artemis.config import Config
 from artemis.errors import DeviceLost
 from artemis.motion.path import Path
+from artemis.plugins.answers import is_in_range, is_whole_input, plain_following
 from artemis.plugins.contracts import Acting, Following, State
-from artemis.plugins.guard import PluginGuard, is_in_range, is_whole_input, plain_following
+from artemis.plugins.guard import PluginGuard
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
