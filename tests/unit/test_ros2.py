@@ -29,7 +29,7 @@ from artemis.plugins.inputs.ros2 import Ros2Input, Ros2InputConfig
 from artemis.plugins.observers.ros2 import Ros2Observer, Ros2ObserverConfig
 from artemis.testing.contracts import InputContract
 from artemis.testing.observers import ObserverContract
-from artemis.values import OperatorInput, Request
+from artemis.values import OperatorInput, Pose, Request
 from artemis.vehicle import RobotFile
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions/robots/artemis.yaml", RobotFile)
@@ -327,6 +327,21 @@ def test_a_stop_is_always_obeyed_and_the_rest_where_it_is_allowed(domain: int, c
     assert sample(device, 1.1).requests == (Request.ARM,)
     other.say("/enable", data=True)
     assert sample(device, 1.2).buttons == (True,)
+
+
+def test_a_goal_is_passed_on_once(domain: int, closing: ExitStack, make: Make) -> None:
+    device, other = make(allow=["goal_pose"]), program(domain, closing)
+    other.has("/goal_pose", "geometry_msgs/msg/PoseStamped")
+    other.begin()
+    until(lambda: other.meets("/goal_pose"))
+    pose = {"position": {"x": 1.5}, "orientation": {"w": 1.0}}
+    other.say("/goal_pose", header={"frame_id": "map"}, pose=pose)
+    until(lambda: device._places["goal_pose"])
+    assert (device.read(1.0).goal, device.read(1.02).goal) == (Pose(x=1.5), None)
+    other.say("/goal_pose", header={"frame_id": "base_link"}, pose=pose)
+    until(lambda: device._places["goal_pose"])
+    assert device.read(1.04).goal is None
+    assert device.take_problems() == [("NET-14", "goal_pose: it is in the frame 'base_link', and map is needed")]
 
 
 def test_a_publisher_that_offers_less_is_refused_and_told(domain: int, closing: ExitStack, make: Make) -> None:

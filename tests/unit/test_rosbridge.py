@@ -28,7 +28,7 @@ from artemis.plugins.inputs.rosbridge import RosbridgeInput, RosbridgeInputConfi
 from artemis.plugins.observers.rosbridge import RosbridgeObserver, RosbridgeObserverConfig
 from artemis.testing.contracts import InputContract
 from artemis.testing.observers import ObserverContract
-from artemis.values import Request
+from artemis.values import Pose, Request
 from artemis.vehicle import RobotFile
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions/robots/artemis.yaml", RobotFile)
@@ -208,6 +208,19 @@ def test_a_client_drives_and_stops_and_asks_for_what_is_allowed(run: Run, throug
     client.say(op="publish", topic="/cmd_vel", msg={"linear": {"x": "fast"}})
     assert "x is 'fast'" in client.hear()["msg"]
     assert device.read(3.0).requests == (Request.QUICKSTOP,)
+
+
+def test_a_goal_is_passed_on_and_its_sender_told_why_one_is_refused(run: Run) -> None:
+    device = run.input(allow=["goal_pose"])
+    client = run.client(device)
+    client.say(op="advertise", topic="/goal_pose", type="geometry_msgs/PoseStamped")
+    pose = {"position": {"x": 1.5, "y": 2.0}, "orientation": {"w": 1.0}}
+    for frame in ("map", "odom"):
+        client.say(op="publish", topic="/goal_pose", msg={"header": {"frame_id": frame}, "pose": pose})
+    assert client.hear()["msg"] == "it is in the frame 'odom', and map is needed"
+    assert (device.read(1.0).goal, device.read(1.02).goal) == (Pose(x=1.5, y=2.0), None)
+    client.say(op="publish", topic="/initialpose", msg={})
+    assert client.hear()["msg"].startswith("/initialpose is not heard here")
 
 
 def test_of_two_clients_the_first_that_drives_has_the_robot(run: Run) -> None:
