@@ -138,6 +138,20 @@ def test_of_two_publishers_the_first_that_drives_has_the_robot(master: Master, m
     assert told(master, device, other, twist(-0.3, 0.0), 1.14).speed == -0.3
 
 
+def test_of_a_flood_the_newest_is_taken_now_and_then(master: Master, make: Make) -> None:
+    device = make(enabled_by="command")
+    subscription = device._thread.node.subscriptions["/cmd_vel"]  # type: ignore[union-attr]
+    peer, taken = publisher(master), list[bytes]()
+    subscription._take = lambda data, sender: taken.append(data)
+    flood = [twist(0.001 * number, 0.0) for number in range(3000)]
+    peer.say(flood[0])
+    master.until(lambda: taken)
+    peer.say_all(flood[1:])
+    master.until(lambda: taken[-1] == flood[-1])
+    assert len(taken) < len(flood) / 20
+    assert [flood.index(each) for each in taken] == sorted(flood.index(each) for each in taken)
+
+
 def test_an_ackermann_drive_is_speed_and_angle(master: Master, make: Make) -> None:
     device = make(enabled_by="command", type="ackermann_msgs/AckermannDriveStamped")
     kind = "ackermann_msgs/msg/AckermannDriveStamped"
