@@ -192,15 +192,16 @@ class Subscription:
             if self._links.get(uri) is task:
                 del self._links[uri]
 
-    async def _take_newest(self, reader: asyncio.StreamReader, transport: asyncio.Transport, sender: str) -> None:
+    async def _take_newest(self, reader: asyncio.StreamReader, transport: asyncio.WriteTransport, sender: str) -> None:
         """Take messages until the publisher leaves: the newest, now and then, so that a flood costs little."""
+        assert isinstance(transport, asyncio.Transport)
         blocks = NewestBlock(MOST_MESSAGE)
         while data := await reader.read(AT_ONCE):
-            transport.pause_reading()  # type: ignore[attr-defined]  # it is one that reads
+            transport.pause_reading()
             if (newest := blocks.feed(data)) is not None:
                 self._take(newest, sender)
             await asyncio.sleep(APART)
-            transport.resume_reading()  # type: ignore[attr-defined]
+            transport.resume_reading()
         raise ConnectionResetError("the publisher has closed the connection")
 
     async def _listen(self, uri: str) -> None:

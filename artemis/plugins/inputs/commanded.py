@@ -10,7 +10,6 @@ import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
-from datetime import datetime
 from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 
 from pydantic import Field, model_validator
@@ -119,7 +118,6 @@ class CommandedInput(ABC):
     contract: ClassVar[int] = 1
     pure: ClassVar[bool] = True
     live: bool = True
-    _wall: ClassVar[Callable[[], datetime]] = staticmethod(wall_date)
 
     def __init__(self, config: CommandKeys, context: PluginContext, types: Messages) -> None:
         """Take the robot.
@@ -271,7 +269,7 @@ class CommandedInput(ABC):
         Raises:
             ValueError: they are none, or why it cannot be used.
         """
-        message, now = self._types.unpack(POSE_TYPES[name], data), self._wall().timestamp()
+        message, now = self._types.unpack(POSE_TYPES[name], data), wall_date().timestamp()
         if name == INITIAL_POSE:
             return asked_initial_pose(message, now, self._name)
         return LocatedPose(pose=asked_pose(message, now), frame=FRAME, source=self._name)
