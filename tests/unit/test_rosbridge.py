@@ -220,6 +220,7 @@ def test_a_goal_is_passed_on_and_its_sender_told_why_one_is_refused(run: Run) ->
         client.say(op="publish", topic="/goal_pose", msg={"header": {"frame_id": frame}, "pose": pose})
     assert client.hear()["msg"] == "it is in the frame 'odom', and map is needed"
     assert (device.read(1.0).goal, device.read(1.02).goal) == (Pose(x=1.5, y=2.0), None)
+    assert device.take_problems() == [("NET-14", "goal_pose: it is in the frame 'odom', and map is needed")]
     client.say(op="publish", topic="/initialpose", msg={})
     assert client.hear()["msg"].startswith("/initialpose is not heard here")
 

@@ -260,8 +260,11 @@ class CommandedInput(ABC):
         try:
             return self._pose(name, waiting.popleft())
         except ValueError as error:
-            self._problems.append((REFUSED, f"{name}: {error}"))
+            self._refuse(name, error)
             return None
+
+    def _refuse(self, name: str, error: ValueError) -> None:
+        self._problems.append((REFUSED, f"{name}: {error}"))
 
     def _pose(self, name: str, data: bytes) -> LocatedPose:
         """A pose from its bytes.

@@ -68,7 +68,11 @@ class RosbridgeInput(CommandedInput):
 
     def _take_pose(self, name: str, take: Taker, data: bytes, sender: str) -> None:
         """Take a pose, or tell its sender why not (ValueError). Called in the server's thread."""
-        self._pose(name, data)
+        try:
+            self._pose(name, data)
+        except ValueError as error:
+            self._refuse(name, error)
+            raise
         take(data, sender)
 
     def _answer(self, name: str, _: Message) -> Message:
