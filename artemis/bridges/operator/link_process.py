@@ -76,7 +76,7 @@ class LinkProcess:
                 self._forget()
                 if reports:
                     return reports
-                raise DeviceLost("operator link", "its process has ended")
+                raise DeviceLost("operator link", f"its process has ended: {self._process.end()}")
             reports.append(_DECODER.decode(message))
 
     def tell(self, status: bytes) -> None:
