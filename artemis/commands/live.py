@@ -87,8 +87,7 @@ class LiveView:
         sensed = tick.snapshot.sensed
         for answer in sensed.answers:
             self._say(sensed.time, "answer", answer)
-        for entry in self._poses.entries(tick):
-            self._say(sensed.time, entry.kind, entry.text, _YELLOW if entry.level is Level.WARNING else None)
+        self._point(tick)
         for request in sensed.requests:
             reason = ignored(request, tick)
             text = f"{request.value}: ignored, {reason}" if reason else request.value
@@ -110,6 +109,13 @@ class LiveView:
         if self._lost:
             self._lost = False
             self._on_lost()
+
+    def _point(self, tick: Tick) -> None:
+        """Goals and initial poses that somebody gave."""
+        for sample in tick.snapshot.sensed.inputs:
+            for entry in self._poses.entries(tick, sample):
+                colour = _YELLOW if entry.level is Level.WARNING else None
+                self._say(entry.time, entry.kind, entry.text, colour)
 
     def take_problems(self) -> list[Problem]:
         """None: a lost terminal ends the run."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from artemis.bridges.poses import GOAL_POSE
 from artemis.errors import ConfigError
 from artemis.mission.files import read_data
-from artemis.mission.goto import BEYOND, Goto, goto_rules
+from artemis.mission.goto import BEYOND, AskedGoal, Goto, goto_rules
 from artemis.mission.obstacles import Obstacles
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs, MissionReading
@@ -88,7 +88,7 @@ class GotoChecks(MissionReading):
     def _goal(self, at: KeyPath, goto: Goto, zones: MapZones) -> Pose | None:
         """Where it leads, in the frame of the map."""
         place = zones.places.get(goto.to) if isinstance(goto.to, str) else goto.to
-        if place is None:
+        if place is None or isinstance(place, AskedGoal):
             self._complain(
                 (*at, "to"), f"no such place on {goto.map}: {goto.to}{nearest(str(goto.to), zones.places, 'places')}"
             )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from artemis.recording.journal import Entry, Level
 from artemis.states.goto import place_words
-from artemis.values import Pose, Tick
+from artemis.values import OperatorInput, Pose, Tick
 
 
 class AskedPoses:
@@ -15,18 +15,16 @@ class AskedPoses:
     def __init__(self) -> None:
         self._told: dict[tuple[str, str], Pose] = {}
 
-    def entries(self, tick: Tick) -> Iterator[Entry]:
-        """Those that are new in a tick. A goal that counts is an event of the mission."""
-        taken = {event.text for event in tick.events if event.kind == "goal"}
-        for sample in tick.snapshot.sensed.inputs:
-            if (goal := sample.goal) is not None and self._is_new("goal", sample.source, goal):
-                text = f"{place_words(goal)} (by {sample.source})"
-                if text not in taken:
-                    words = f"goal {text}: ignored, no step asks for it now"
-                    yield Entry(time=tick.snapshot.time, kind="goal", text=words, level=Level.WARNING)
-            if (initial := sample.initial_pose) is not None and self._is_new("pose", sample.source, initial.pose):
-                text = f"initial pose {place_words(initial.pose)} (by {sample.source})"
-                yield Entry(time=tick.snapshot.time, kind="pose", text=text)
+    def entries(self, tick: Tick, sample: OperatorInput) -> Iterator[Entry]:
+        """Those of one input that are new in a tick. A goal that counts is an event of the mission."""
+        if (goal := sample.goal) is not None and self._is_new("goal", sample.source, goal):
+            text = f"{place_words(goal)} (by {sample.source})"
+            if not any(event.kind == "goal" and event.text == text for event in tick.events):
+                words = f"goal {text}: ignored, no step asks for it now"
+                yield Entry(time=tick.snapshot.time, kind="goal", text=words, level=Level.WARNING)
+        if (initial := sample.initial_pose) is not None and self._is_new("pose", sample.source, initial.pose):
+            text = f"initial pose {place_words(initial.pose)} (by {sample.source})"
+            yield Entry(time=tick.snapshot.time, kind="pose", text=text)
 
     def _is_new(self, kind: str, source: str, pose: Pose) -> bool:
         known, self._told[kind, source] = self._told.get((kind, source)), pose

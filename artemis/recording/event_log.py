@@ -71,15 +71,14 @@ class EventLog:
         """
         previous, self._previous = self._previous, tick
         sensed = tick.snapshot.sensed
-        if previous is None:
-            self._origin = now - sensed.time
+        self._origin = self._origin if previous else now - sensed.time
         self._keep(sensed.time, frames)
         entries: list[Entry] = []
-        if sensed.answers:
-            entries += [Entry(time=sensed.time, kind="answer", text=answer) for answer in sensed.answers]
-        if sensed.requests:
-            entries += self._requests(tick, previous.mode if previous else tick.mode)
-        entries += self._poses.entries(tick)
+        if sensed.answers or sensed.requests:
+            entries += self._asked(tick, previous)
+        for sample in sensed.inputs:
+            if sample.goal is not None or sample.initial_pose is not None:
+                entries += self._poses.entries(tick, sample)
         for drive in sensed.drives:
             if drive.emergencies or drive.boots:
                 entries += self._said(sensed.time, drive)
@@ -126,6 +125,12 @@ class EventLog:
         return Entry(time=time, kind="frames", text=text, data={"drives": list(names), "frames": found})
 
     # -------------------------------------------------------------------------------------------------- requests
+
+    def _asked(self, tick: Tick, previous: Tick | None) -> Iterator[Entry]:
+        """Answers and requests."""
+        for answer in tick.snapshot.sensed.answers:
+            yield Entry(time=tick.snapshot.time, kind="answer", text=answer)
+        yield from self._requests(tick, previous.mode if previous else tick.mode)
 
     def _requests(self, tick: Tick, mode: Mode) -> Iterator[Entry]:
         """Who asked for what, in which mode; what it leads to, other entries tell, and if to nothing, why."""

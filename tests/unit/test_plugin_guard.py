@@ -623,7 +623,7 @@ def test_an_input_that_is_late_to_show_three_times_in_a_row_is_a_warning_once() 
         ({"goal": (1.0, 2.0)}, False, True),
         ({"goal": Pose(x="1")}, False, True),  # type: ignore[arg-type]
         ({"initial_pose": Pose()}, False, True),
-        ({"initial_pose": replace(INITIAL, covariance=("a",) * 6)}, False, True),  # type: ignore[arg-type]
+        ({"initial_pose": replace(INITIAL, covariance=("a",) * 6)}, False, True),
         ({"goal": Pose(x=math.nan)}, True, False),
         ({"goal": Pose(y=1e9)}, True, False),
         ({"goal": Pose(heading=math.inf)}, True, False),
