@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
+from artemis.motion.totals import total
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Behaviour, Declared, Follower
 from artemis.progress import DONE, MissionEvent, Position
@@ -68,8 +69,7 @@ class GotoStep(FollowStep, frozen=True, kw_only=True):
 
     place: str
     """For people."""
-    asks: str = ""
-    """The input that gives the goal while the step runs; empty: the planner knows it."""
+    asks: str = ""  # the input that gives the goal while the step runs; empty: the planner knows it
     replans: int = 3
     """So often another route is planned where an obstacle stands on the present one."""
 
@@ -216,6 +216,13 @@ class Plan(Struct, frozen=True, kw_only=True):
         steps = [step for step in self.steps if isinstance(step, TeleopStep)]
         return frozenset(name for step in steps for name in step.lower) - {step.input for step in steps}
 
+    def length_after(self, step: int) -> float:
+        """Of the paths that a list of steps follows after one of them [m], as far as they are known."""
+        later = self.steps[step + 1 :] if self.tree is None or self.tree.is_list else ()
+        return total(
+            each.route.length for each in later if isinstance(each, FollowStep) and isinstance(each.route, Route)
+        )
+
     def drives(self, role: str | None = None) -> list[str]:
         """Names of all drives, or of those with `role`."""
         return [name for name, drive in self.robot.drives.items() if role in (None, drive.role)]
@@ -297,8 +304,7 @@ class Shared:
         """So often it was planned anew for an obstacle; and whether it is to be, now that the robot stands."""
         self.stood = 0.0, 0.0
         """Where on it the robot stood when it looked for another one last [m], and for how long in all [s]."""
-        self.goals: dict[int, Pose] = {}
-        """What was asked for while a step ran that asks for its goal, by the step's number; until it begins anew."""
+        self.goals: dict[int, Pose] = {}  # that steps were given, by their numbers; until such a step begins anew
         self.beside: Mapping[int, str] = {}
         """Steps that run beside the present one, each with the state of its behaviour (JSON; empty: it begins)."""
         self._passive = [_passive(step) for step in plan.steps]
@@ -384,6 +390,9 @@ class Shared:
         }
         if sensed.battery_v is not None:
             signals["battery_v"] = sensed.battery_v
+        if (battery := snapshot.battery) is not None:
+            charge = 100.0 * battery.charge
+            signals |= {"charge_percent": charge, "range_m": battery.range_m, "time_left_s": battery.time_left_s}
         for sample in sensed.inputs:
             if sample.requests:
                 signals[f"{sample.source}.done"] = Request.DONE in sample.requests
