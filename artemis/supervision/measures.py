@@ -13,7 +13,7 @@ from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.perception import stale_age
 from artemis.motion.totals import total
 from artemis.values import DriveFeedback, OperatorInput, Sensed, Wish
-from artemis.vehicle import OPERATING_MODES, RobotFile
+from artemis.vehicle import RobotFile
 
 Reading = tuple[str, str, float, str]
 """Row, device, value, what was seen."""
@@ -68,7 +68,7 @@ class DriveMeasures:
         self._stale = stale_age(tick)
         self._slack = self._stale - stale_age(0.0)
         self._traction = {name for name, drive in robot.drives.items() if drive.role == "traction"}
-        self._modes = {name: OPERATING_MODES[drive.role] for name, drive in robot.drives.items()}
+        self._modes = {name: drive.operating_mode for name, drive in robot.drives.items()}
         self._enabled: set[str] = set()
 
     def forget(self) -> None:

@@ -23,12 +23,13 @@ from msgspec import structs
 from artemis import clock
 from artemis.devices import canopen
 from artemis.devices.can_bus import Frame
-from artemis.devices.canopen import ObjectType, PdoLayout
+from artemis.devices.canopen import PdoLayout
 from artemis.devices.drive import Drives
-from artemis.devices.epos_objects import SENT
 from artemis.devices.hid.descriptor import parse_descriptor
 from artemis.devices.sdo import SdoClient
 from artemis.errors import ConfigError, DeviceError, HidError, ProtocolError, RecordingError
+from artemis.families import FAMILIES
+from artemis.families.objects import ObjectType
 from artemis.mission import load_mission
 from artemis.recording.journal import Entry, Journal, read_journal
 from artemis.recording.mcap_file import MAGIC
@@ -96,7 +97,12 @@ _DECODERS: tuple[Callable[[bytes], object], ...] = (
     canopen.decode_answer,
     canopen.nmt_from_heartbeat,
     canopen.emergency_from_data,
-    *(PdoLayout([object_.type for object_ in pdo]).unpack for role in SENT.values() for pdo in role),
+    *(
+        PdoLayout([object_.type for object_ in pdo]).unpack
+        for family in FAMILIES.values()
+        for role in family.sent.values()
+        for pdo in role
+    ),
     *(type_.decode for type_ in ObjectType),
 )
 
@@ -164,7 +170,7 @@ def hear(data: bytes) -> None:
 def _spoken() -> list[bytes]:
     said: list[tuple[int, bytes]] = []
     for drive in ROBOT.drives.values():
-        status, details = (PdoLayout([object_.type for object_ in pdo]) for pdo in SENT[drive.role])
+        status, details = (PdoLayout([object_.type for object_ in pdo]) for pdo in drive.tables.sent[drive.role])
         values = [0] * (3 if drive.role == "traction" else 4)
         said += [
             (0x700 + drive.node_id, b"\x00"),

@@ -12,7 +12,7 @@ from artemis.clock import run
 from artemis.devices.can_bus import Frame
 from artemis.sim.axis import Axis, Regulation
 from artemis.sim.bus import SimBus
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.supply_meter import SupplyMeter
 from artemis.sim.world import PlantParameters, Supply, World
 from artemis.vehicle import RobotFile
