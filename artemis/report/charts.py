@@ -117,6 +117,20 @@ def _angles(run: Series) -> Iterator[Chart]:
     return _wheels(run, "steering", "angle [°]", DEGREES, 2)
 
 
+def _battery(run: Series) -> Iterator[Chart]:
+    std = (PERCENT * (run.charge + sign * run.charge_std) for sign in (1.0, -1.0))
+    charges = (
+        Line(name="charge", ink="estimated", values=PERCENT * run.charge),
+        *(Line(name="one standard deviation off", ink="reference", values=values) for values in std),
+    )
+    yield Chart(name="charge [%]", digits=2, x=run.time, lines=charges)
+    yield Chart(
+        name="voltage [V]", digits=3, x=run.time, lines=(Line(name="under load", ink="left", values=run.volts),)
+    )
+    watts = Line(name="power", ink="right", values=run.watts)
+    yield Chart(name="power [W]", digits=1, x=run.time, lines=(watts,), from_zero=True)
+
+
 def _bus(run: Series) -> Iterator[Chart]:
     load = Line(name="bus load", ink="estimated", values=PERCENT * run.bus_load)
     yield Chart(name="bus load [%]", digits=2, x=run.bus_time, lines=(load,), from_zero=True)
@@ -128,6 +142,7 @@ SECTIONS: tuple[tuple[str, str, Callable[[Series], Iterator[Chart]]], ...] = (
     ("Plan and feedback", "Speed and angle of the virtual front wheel, as the follower plans them.", _plan),
     ("Wheel speeds", "Rolling speed of the driven wheels: set-point and measured.", _speeds),
     ("Steering angles", "Angles of the steered wheels, left positive: set-point and measured.", _angles),
+    ("Battery", "What is left of it, by its voltage and by what was taken; its voltage, and the power.", _battery),
     ("Bus load", "Share of the time that the CAN bus is busy, each frame with its most stuff bits.", _bus),
 )
 """Title, caption and charts, in the order of the page."""

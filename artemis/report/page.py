@@ -23,7 +23,7 @@ from artemis.report.mission_times import MissionTimes
 from artemis.report.page_parts import chart_sections, folded, framed, map_section, table
 from artemis.report.path_map import PathMap
 from artemis.report.series import Series, read_series
-from artemis.report.summary import Summary, summary
+from artemis.report.summary import Summary, consumption, summary
 from artemis.report.truth_words import comparison_rows
 
 MAX_FAULTS = 20
@@ -168,6 +168,7 @@ def _rows(facts: Summary) -> list[tuple[str, str]]:
         ("highest speed: robot, a wheel", f"{facts.max_speed:.3f} m/s, {facts.max_wheel_speed:.3f} m/s"),
         ("largest steering angle of a wheel", f"{degrees(facts.max_steering):.1f}°"),
         ("stood for obstacles", _seconds(facts.waited) if facts.waited else ""),
+        ("battery", consumption(facts)),
         ("frames", str(facts.frames)),
         ("bus load: mean, highest", f"{100 * facts.bus_load_mean:.1f} %, {100 * facts.bus_load_max:.1f} %"),
     ]

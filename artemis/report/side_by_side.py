@@ -31,6 +31,7 @@ _ROWS: tuple[tuple[str, float, int, Callable[[Summary], float | None]], ...] = (
     ("cross-track largest, true [mm]", _MILLI, 2, lambda facts: facts.true_cross_track_max),
     ("error of the pose at the end [mm]", _MILLI, 2, lambda facts: facts.position_error_end),
     ("stood for obstacles [s]", 1.0, 2, lambda facts: facts.waited or None),
+    ("energy taken [J]", 1.0, 0, lambda facts: facts.joules),
     ("bus load, mean [%]", _PERCENT, 2, lambda facts: facts.bus_load_mean),
     ("latest tick [ms]", _MILLI, 2, lambda facts: facts.max_late),
 )

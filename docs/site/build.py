@@ -36,7 +36,7 @@ def main() -> int:
         shutil.copytree(ROOT / name, source / name, ignore=LEFT_OUT)
     for file in (*ROOT.glob("*.md"), *ROOT.glob("*.toml"), ROOT / "LICENSE", ROOT / "Makefile", ROOT / "setup.py"):
         shutil.copy(file, source)
-    shutil.copy(source / "docs/site/index.md", source / "index.md")
+    shutil.copy(source / "docs/site/index.txt", source / "index.md")
     reference = source / "reference"
     reference.mkdir()
     (reference / "commands.md").write_text("\n".join(commands()))

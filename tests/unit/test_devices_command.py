@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -20,7 +21,7 @@ from artemis.devices.inventory import NodeReport, ask_nodes
 from artemis.drive_states import Nmt
 from artemis.errors import ConfigError, DeviceLost
 from artemis.sim.bus import SimBus
-from artemis.sim.world import PlantParameters, World
+from artemis.sim.world import World
 from artemis.testing.fake_hid import FakeHid
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
@@ -234,13 +235,12 @@ async def _asked(silent: str) -> tuple[list[NodeReport], list[Frame]]:
 def test_a_drive_that_will_speak_another_bit_rate_says_so(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, mission: str, code: int, told: str
 ) -> None:
-    make = World.__init__
+    class Stored(World):
+        def __init__(self, *given: Any, **words: Any) -> None:  # noqa: ANN401 (as of a World)
+            super().__init__(*given, **words)
+            self.nodes[-1].poke(0x2001, 0, code)
 
-    def stored(world: World, robot: RobotFile, true: PlantParameters, *, seed: int, start: float) -> None:
-        make(world, robot, true, seed=seed, start=start)
-        world.nodes[-1].poke(0x2001, 0, code)
-
-    monkeypatch.setattr(World, "__init__", stored)
+    monkeypatch.setattr("artemis.sim.world.World", Stored)
     devices.show_devices(MISSIONS / mission)
     assert capsys.readouterr().out.splitlines()[-1].endswith(f"past errors: none{told}")
 
