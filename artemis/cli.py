@@ -38,6 +38,13 @@ app.add_typer(maps, name="map")
 app.add_typer(paths, name="path")
 app.add_typer(calibrate, name="calibrate")
 
+PagePort = Annotated[int | None, typer.Option("--page-port", metavar="N", min=1, max=65535, help="Its port (8480).")]
+PageAddress = Annotated[
+    str | None, typer.Option("--page-address", metavar="A", help="Address of this computer to serve it at (127.0.0.1).")
+]
+PageTls = Annotated[
+    tuple[Path, Path] | None, typer.Option("--page-tls", metavar="CERT KEY", help="Files of TLS, for other computers.")
+]
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.mcap.")]
 
 
@@ -63,11 +70,17 @@ def run(
     mission: MissionFile,
     simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
     resume: Annotated[Path | None, typer.Option(metavar="RUN", help="Resume that run where it stopped.")] = None,
+    page: Annotated[bool, typer.Option("--page", help="Serve a page for operators: see, stop, drive.")] = False,
+    page_port: PagePort = None,
+    page_address: PageAddress = None,
+    page_tls: PageTls = None,
 ) -> None:
     """Run a mission: bring the drives up, align, do its steps, stop, leave a recording and a report."""
+    from artemis.commands.page import page_options
     from artemis.commands.run import run_and_report
 
-    raise typer.Exit(run_and_report(mission, simulate, resume))
+    options = page_options(page_port, page_address, page_tls)
+    raise typer.Exit(run_and_report(mission, simulate, resume, options if page or options else None))
 
 
 @app.command()

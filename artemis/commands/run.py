@@ -11,9 +11,11 @@ from math import degrees
 from pathlib import Path
 from shlex import quote
 from textwrap import shorten
+from typing import Any
 
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
+from artemis.commands.page import announce, page_of
 from artemis.commands.terminal import ANSWER_KEYS, ANSWERING, DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
 from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
@@ -33,17 +35,20 @@ from artemis.states.whereabouts import counts
 from artemis.values import Request
 
 
-def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> int:
-    """Run the mission in `source`, print the summary, write its page. Returns the exit status.
+def run_and_report(
+    source: Path, simulate: bool, resume: Path | None = None, page: Mapping[str, Any] | None = None
+) -> int:
+    """Run the mission in `source`, print the summary, write its report. Returns the exit status.
 
-    `resume` is an earlier run of it, to go on with where that stopped.
+    `resume` is an earlier run of it, to go on with where that stopped; `page`: serve a page for operators, with these
+    keys of its observer.
 
     Raises:
         ConfigError: the mission, or its resume_point, is refused; nothing has moved.
         DeviceLost: the bus cannot be opened; nothing has moved.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
-    loaded = load_mission(source, simulate)
+    loaded = load_mission(source, simulate, page=page)
     resume_point = _resumption(loaded, source, resume, simulate)
     outcome = run_in_sight(loaded, source, simulate, resume_point)
     if outcome.failed:
@@ -91,6 +96,8 @@ def run_in_sight(
     driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
     hint = f"{hint}; {DRIVING}" if driving else hint
     keys_work = hint if operator else ""
+    if (served := page_of(loaded)) is not None:
+        announce(served)
     view = LiveView(_title(loaded, simulated), keys_work, terminate, loaded.robot.bitrate, partial(_where, loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")

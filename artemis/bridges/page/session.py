@@ -143,6 +143,10 @@ class PageSession(Session):
             self._seats.tell("NET-09", f"{self.who}: {error}", now)
             self._part(now, "it sent what cannot be read")
 
+    def tell(self, message: dict[str, Any]) -> None:
+        """Have it told something."""
+        self._send(message)
+
     def left(self, now: float) -> None:
         """It is gone."""
         self._seats.disconnected(self, now)

@@ -18,6 +18,7 @@ from artemis.config import Config
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.hands import Grip, Hands
 from artemis.plugins.inputs.linked import LinkedInput, LinkPort
+from artemis.values import OperatorInput
 from artemis.vehicle import WishedSpeed
 
 
@@ -28,6 +29,8 @@ class PageInputConfig(Config):
     """Speed of the virtual front wheel at full deflection; None: the robot's limit."""
     expo: Annotated[float, Field(ge=0, le=1)] = 0.3
     """How much finer small deflections are: 0 not at all."""
+    required: bool = True
+    """The drives are not enabled before somebody took control; False: the mission can do without."""
 
 
 class PageInput(LinkedInput):
@@ -67,6 +70,7 @@ class PageInput(LinkedInput):
             deceleration=limits.deceleration_m_s2,
             expo=config.expo,
         )
+        self._required = config.required
         self._hands = Hands(context.name, grip, speed_range=1.0)
         if port is None and context.real_time:
             port = PagePort(context.name)
@@ -81,6 +85,13 @@ class PageInput(LinkedInput):
         """End the link."""
         if self._port is not None:
             self._port.close()
+
+    def _sample(self, now: float) -> OperatorInput:
+        """As of every link; where nobody is required, nobody has a hand on it."""
+        if not self._required and self._report.seat == "free":
+            self._released = False
+            return OperatorInput(source=self._name, age=0.0)
+        return super()._sample(now)
 
     def _wish(self, arrived: Arrived, now: float) -> tuple[float, float]:
         """Steering by the one axis, speed by the other; a hand that let go wishes nothing."""

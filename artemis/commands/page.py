@@ -1,0 +1,54 @@
+"""The page for operators, as the command line knows it: its options, and how a browser is paired with it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from artemis.errors import ConfigError
+from artemis.mission.loading import LoadedMission, plugin_from
+from artemis.mission.page import PAGE
+from artemis.page.access import grouped, key_place, new_code, read_key
+from artemis.page.observer import PageObserverConfig, url_of
+
+
+def page_options(port: int | None, address: str | None, tls: tuple[Path, Path] | None) -> dict[str, Any]:
+    """Keys of the page's observer, from the command line; those that were not given are left out."""
+    given: dict[str, Any] = {} if port is None else {"port": port}
+    if address is not None:
+        given["listen"] = address
+    if tls is not None:
+        certificate, key = tls
+        given["tls"] = {"certificate": str(certificate.absolute()), "key": str(key.absolute())}
+    return given
+
+
+def page_of(loaded: LoadedMission) -> PageObserverConfig | None:
+    """The page that a run of the mission serves; None: it serves none."""
+    for use in loaded.mission.observers.values():
+        if use.plugin == PAGE:
+            _, config = plugin_from("artemis.observers", use)
+            return config if isinstance(config, PageObserverConfig) else None
+    return None
+
+
+def announce(config: PageObserverConfig) -> None:
+    """Say how a browser is paired: an address with a code that is good once, in a terminal also as a QR code.
+
+    Raises:
+        ConfigError: the extra is not installed, or the page's key is bad.
+    """
+    try:
+        import segno
+    except ImportError:
+        from artemis.page.observer import INSTALL
+
+        raise ConfigError(f"the page needs the package segno: {INSTALL}") from None
+    code, url = new_code(read_key(key_place())), url_of(config)
+    address = f"{url}/pair#{code}"
+    sys.stdout.write(f"page          {address}\n")
+    if sys.stdout.isatty():
+        segno.make(address, error="l").terminal(sys.stdout, border=1, compact=True)
+    sys.stdout.write(f"              or {url} and the code {grouped(code)}; it is good once, for ten minutes\n")
+    sys.stdout.flush()
