@@ -38,17 +38,17 @@ Id = Annotated[str, Meta(min_length=1, max_length=40)]
 Send = Callable[[dict[str, Any]], None]
 
 
-class Take(Struct, frozen=True, tag="take", forbid_unknown_fields=True):
+class Take(Struct, frozen=True, tag_field="t", tag="take", forbid_unknown_fields=True):
     """Wants the seat."""
 
     who: Annotated[str, Meta(max_length=40)] = ""
 
 
-class GiveBack(Struct, frozen=True, tag="release", forbid_unknown_fields=True):
+class GiveBack(Struct, frozen=True, tag_field="t", tag="release", forbid_unknown_fields=True):
     """Gives it back."""
 
 
-class Hold(Struct, frozen=True, tag="hold", forbid_unknown_fields=True):
+class Hold(Struct, frozen=True, tag_field="t", tag="hold", forbid_unknown_fields=True):
     """What the hand does; sent every 50 ms by who has the seat."""
 
     seq: Count
@@ -65,7 +65,7 @@ class Hold(Struct, frozen=True, tag="hold", forbid_unknown_fields=True):
     ask: Annotated[tuple[Literal["acknowledge", "arm", "end", "done", "record"], ...], Meta(max_length=8)] = ()
 
 
-class Stop(Struct, frozen=True, tag="stop", forbid_unknown_fields=True):
+class Stop(Struct, frozen=True, tag_field="t", tag="stop", forbid_unknown_fields=True):
     """The robot shall stop."""
 
     id: Id
@@ -74,7 +74,7 @@ class Stop(Struct, frozen=True, tag="stop", forbid_unknown_fields=True):
     """The page had not heard of the robot for a while when it was pressed."""
 
 
-class Ping(Struct, frozen=True, tag="ping", forbid_unknown_fields=True):
+class Ping(Struct, frozen=True, tag_field="t", tag="ping", forbid_unknown_fields=True):
     """How long is the way there and back?"""
 
     at: float

@@ -7,11 +7,13 @@ const dash = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
 
 export async function begin(about) {
   names = about.series;
-  columns = names.map(() => []);
+  columns = [];
+  const early = names.map(() => []);
   try {
-    const answer = await fetch('/history');
-    if (answer.ok) for (const row of await answer.json()) push(row);
-  } catch { /* only what comes from now on */ }
+    const answer = await fetch('/history'), rows = answer.ok ? await answer.json() : [];
+    columns = early;
+    rows.forEach(push);
+  } catch { columns = early; /* only what comes from now on */ }
   if (visible) show(true);
 }
 export function see(sample) {

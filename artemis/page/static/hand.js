@@ -32,7 +32,7 @@ export function hand() {
 export function bindStick(element, knob, allowed) {
   let pointer = null;
   const move = event => {
-    const box = element.getBoundingClientRect(), reach = Math.min(box.width, box.height) / 2 - 28;
+    const box = element.getBoundingClientRect(), reach = Math.min(box.width, box.height) / 2 - 46;
     const bound = value => Math.max(-1, Math.min(1, value / reach));
     stick.x = bound(event.clientX - box.left - box.width / 2);
     stick.y = -bound(event.clientY - box.top - box.height / 2);
@@ -60,7 +60,7 @@ export function bindStick(element, knob, allowed) {
   element.addEventListener('contextmenu', event => event.preventDefault());
   element.addEventListener('touchstart', event => event.preventDefault(), {passive: false});
   onHand(() => {
-    const {held, x, y, by} = hand(), box = element.getBoundingClientRect(), reach = Math.min(box.width, box.height) / 2 - 28;
+    const {held, x, y, by} = hand(), box = element.getBoundingClientRect(), reach = Math.min(box.width, box.height) / 2 - 46;
     const shown = by === 'stick' ? stick.y : y;
     knob.style.transform = `translate(${x * reach}px, ${-shown * reach}px)`;
     element.classList.toggle('held', held);

@@ -41,6 +41,7 @@ function hear(message) {
   if (message.trail) map.showTrail(message.trail);
   if ('map' in message) map.showMap(message.map);
   if ('path' in message) map.showPath(message.path);
+  if (message.about && map.hasPlace()) follow(false);
   if (message.faults) panels.showFaults(message.faults);
   if (message.log) panels.showLog(message.log);
   if (message.state) {
@@ -101,7 +102,9 @@ function showHand() {
   const {held, x, y} = hand(), counts = stats.state?.mode === 'teleop' && stats.state.phase.startsWith('driving');
   let words = held ? `${y > 0.02 ? 'forward' : y < -0.02 ? 'backward' : 'stand'} ${Math.round(Math.abs(y) * 100)} %` : reason() || 'released';
   if (held && Math.abs(x) > 0.02) words += `, ${x < 0 ? 'left' : 'right'} ${Math.round(Math.abs(x) * 100)} %`;
-  if (held && !counts) words += ' (does not count now)';
+  $('wish').classList.toggle('idle', held && !counts);
+  $('wish').title = held && !counts ? 'The robot does not drive by hand at present.' : '';
+  if (held && !counts) words = `not driving: ${words}`;
   if ($('wish').textContent !== words) $('wish').textContent = words;
 }
 function showAsks(state) {

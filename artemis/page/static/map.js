@@ -29,6 +29,7 @@ export function showState(state) {
   dirty = true;
 }
 export function showPath(part) { world.path = part?.points ?? []; if (!world.moved) fit(); dirty = true; }
+export const hasPlace = () => world.path.length > 0 || world.map !== null;
 export function showTrail(points) { world.trail = points; dirty = true; }
 export function showScan(packed) {
   if (!packed) { world.scan = null; dirty = true; return; }

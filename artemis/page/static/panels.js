@@ -35,7 +35,7 @@ export function showState(state) {
   $('mode-name').textContent = mode;
   $('mode-name').dataset.mode = mode;
   let words = phase;
-  if (track) words = `${track[0].toFixed(1)} of ${track[1].toFixed(1)} m, ${signed(sample[4] * 1000, 0)} mm beside the path`;
+  if (track) words = `${track[0].toFixed(1)} of ${track[1].toFixed(1)} m, ${Math.abs(sample[4] * 1000).toFixed(0)} mm ${sample[4] < 0 ? 'right' : 'left'} of the path`;
   if (clear && clear[2] > 0) words = `stands for an obstacle since ${clear[2].toFixed(0)} s`;
   $('phase').textContent = words;
   if (mode !== lastMode && lastMode) announce(`Mode ${mode}. ${phase}`);
@@ -86,7 +86,7 @@ export function showFaults(faults) {
       ([term, words]) => [element('dt', {}, term), element('dd', {}, words)])))));
   if (!faults.length) panel.replaceChildren(element('p', {class: 'calm'}, '✓ Nothing is wrong.'));
   const fresh = faults.filter(fault => !known.has(`${fault.id} ${fault.device}`) && fault.severity >= 3);
-  if (fresh.length) { announce(fresh.map(fault => `${SEVERITY[fault.severity]}: ${fault.id} ${fault.text}`).join('. ')); navigator.vibrate?.(200); }
+  if (fresh.length) { $('tab-faults').click(); announce(fresh.map(fault => `${SEVERITY[fault.severity]}: ${fault.id} ${fault.text}`).join('. ')); navigator.vibrate?.(200); }
   known = now;
 }
 
