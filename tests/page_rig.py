@@ -75,7 +75,11 @@ class PageRig:
     place: int = 0
     playing: bool = False
     reading: bool = True
+    times: dict[str, float] = field(default_factory=dict)
+    """From an event to the first sample that did not drive [s]."""
+    _seen: int = 0
     _over: threading.Event = field(default_factory=threading.Event)
+    _news: threading.Condition = field(default_factory=threading.Condition)
 
     @property
     def url(self) -> str:
@@ -84,6 +88,30 @@ class PageRig:
     def pairing(self) -> str:
         """An address that pairs one browser."""
         return f"{self.url}/pair#{new_code(read_key(key_place()))}"
+
+    def now(self) -> float:
+        """By the clock of the samples [s]."""
+        return self.samples[-1][0]
+
+    def problems(self) -> list[tuple[str, str]]:
+        return [problem for _, _, problems in self.samples for problem in problems]
+
+    def note(self, event: str, begun: float) -> None:
+        """How long after `begun` no sample drove any more."""
+        self.times[event] = next(time for time, sample, _ in self.samples if time > begun and not sample.enabled) - begun
+
+    def wait(self, wanted: Callable[[OperatorInput], bool], patience: float = 20.0) -> OperatorInput:
+        """The first sample that is as wanted, from the one on that was waited for before. Raises TimeoutError."""
+
+        def found() -> bool:
+            while self._seen < len(self.samples) and not wanted(self.samples[self._seen][1]):
+                self._seen += 1
+            return self._seen < len(self.samples)
+
+        with self._news:
+            if not self._news.wait_for(found, patience):
+                raise TimeoutError(f"never; the last is {self.samples[-1]}")
+            return self.samples[self._seen][1]
 
     def show(self, place: int) -> None:
         """Show all ticks until this one."""
@@ -110,7 +138,9 @@ class PageRig:
         try:
             while not self._over.is_set():
                 sample = device.read(loop.time())
-                self.samples.append((loop.time(), sample, device.take_problems()))
+                with self._news:
+                    self.samples.append((loop.time(), sample, device.take_problems()))
+                    self._news.notify_all()
                 await asyncio.sleep(PERIOD)
         finally:
             device.close()

@@ -17,7 +17,7 @@ const newId = () => Array.from(crypto.getRandomValues(new Uint8Array(8)), byte =
 
 function say(message) {
   if (socket?.readyState !== WebSocket.OPEN || socket.bufferedAmount > 4096) return false;
-  socket.send(JSON.stringify(message));
+  try { socket.send(JSON.stringify(message)); } catch { return false; } // whatever fails here: Stop has a second way
   return true;
 }
 
@@ -115,6 +115,7 @@ export function stop() {
     method: 'POST', keepalive: true, priority: 'high', headers: {'content-type': 'application/json'}, body: JSON.stringify(message),
   }).then(answer => { if (answer.status === 202) confirmed(id, 'request'); }, () => {});
   release('Stop was pressed');
+  hold();
   changed('stop');
   return id;
 }

@@ -1,5 +1,6 @@
 // What the hand does: a stick on the screen, the arrow keys, a gamepad. Whoever lets go, in whatever way, drives no more.
 const STEER = 1.6, BACK = 4; // how fast the arrow keys turn the wheels, and how fast these go back [of the way, per second]
+const KNOB = 46; // half of the knob and the rim [px]
 const stick = {held: false, x: 0, y: 0}, keys = {down: new Set(), x: 0, at: 0}, pad = {held: false, x: 0, y: 0, armed: false, stop: false};
 const listeners = new Set();
 let range = 0.4, why = '', padStop = () => {};
@@ -32,10 +33,10 @@ export function hand() {
 export function bindStick(element, knob, allowed) {
   let pointer = null;
   const move = event => {
-    const box = element.getBoundingClientRect(), reach = Math.min(box.width, box.height) / 2 - 46;
-    const bound = value => Math.max(-1, Math.min(1, value / reach));
-    stick.x = bound(event.clientX - box.left - box.width / 2);
-    stick.y = -bound(event.clientY - box.top - box.height / 2);
+    const box = element.getBoundingClientRect();
+    const share = (way, length) => Math.max(-1, Math.min(1, way / (length / 2 - KNOB)));
+    stick.x = share(event.clientX - box.left - box.width / 2, box.width);
+    stick.y = -share(event.clientY - box.top - box.height / 2, box.height);
     changed();
   };
   const end = words => event => {
@@ -60,9 +61,8 @@ export function bindStick(element, knob, allowed) {
   element.addEventListener('contextmenu', event => event.preventDefault());
   element.addEventListener('touchstart', event => event.preventDefault(), {passive: false});
   onHand(() => {
-    const {held, x, y, by} = hand(), box = element.getBoundingClientRect(), reach = Math.min(box.width, box.height) / 2 - 46;
-    const shown = by === 'stick' ? stick.y : y;
-    knob.style.transform = `translate(${x * reach}px, ${-shown * reach}px)`;
+    const {held, x, y, by} = hand(), box = element.getBoundingClientRect(), shown = by === 'stick' ? stick.y : y;
+    knob.style.transform = `translate(${x * (box.width / 2 - KNOB)}px, ${-shown * (box.height / 2 - KNOB)}px)`;
     element.classList.toggle('held', held);
   });
 }

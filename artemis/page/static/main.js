@@ -132,7 +132,7 @@ window.addEventListener('keydown', event => {
 
 $('take').addEventListener('click', take);
 $('give').addEventListener('click', giveBack);
-let sure = 0;
+let sure = -Infinity;
 for (const button of document.querySelectorAll('[data-ask]')) {
   const words = button.textContent;
   button.addEventListener('click', () => {

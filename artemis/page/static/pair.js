@@ -17,5 +17,9 @@ async function pair(code) {
 }
 
 document.getElementById('form').addEventListener('submit', event => { event.preventDefault(); pair(field.value); });
-const given = location.hash.slice(1);
-if (given) { history.replaceState(null, '', '/pair'); pair(given); }
+function pairByAddress() {
+  const given = location.hash.slice(1);
+  if (given) { history.replaceState(null, '', '/pair'); pair(given); }
+}
+window.addEventListener('hashchange', pairByAddress); // pasted where this page is open already
+pairByAddress();

@@ -45,7 +45,8 @@ export function showState(state) {
   $('battery-box').hidden = battery === null;
   if (battery !== null) $('battery').textContent = `${battery.toFixed(1)} V`;
   const doubt = std ? ` ± ${(Math.sqrt(Math.max(std[0], std[2])) * 100).toFixed(0)} cm, ± ${degrees(Math.sqrt(std[3])).toFixed(1)}°` : '';
-  $('pose').textContent = state.lost ? 'position lost' : `x ${pose[0].toFixed(2)} m, y ${pose[1].toFixed(2)} m, ${degrees(pose[2]).toFixed(0)}°${doubt} (${state.source}), driven ${state.distance.toFixed(1)} m`;
+  $('pose').firstChild.textContent = state.lost ? 'position lost' : `x ${pose[0].toFixed(2)} m, y ${pose[1].toFixed(2)} m, ${degrees(pose[2]).toFixed(0)}°`;
+  $('pose').lastChild.textContent = state.lost ? '' : `${doubt} (${state.source}), driven ${state.distance.toFixed(1)} m`;
   showDrives(drives, sample);
   showInputs(state.inputs);
   if (state.step !== lastStep) { lastStep = state.step; markStep(); }
