@@ -10,7 +10,7 @@ FAST := build/fast
 # Where it is set, every worker and every `artemis` that the tests start would compile everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture thesis clean
+.PHONY: demo test test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture page-pictures thesis clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
@@ -64,6 +64,9 @@ fuzz: $(READY)
 
 picture: $(READY)
 	@$(BIN)/python docs/images/drive.py
+
+page-pictures: $(READY)
+	@$(BIN)/python docs/images/page.py
 
 thesis: $(READY)
 	@$(BIN)/python docs/images/thesis.py

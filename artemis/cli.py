@@ -84,6 +84,24 @@ def run(
 
 
 @app.command()
+def page(
+    what: Annotated[str, typer.Argument(metavar="pair|certificate", help="pair: a code for one more browser.")],
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME...]", help="certificate: also for these.")] = None,
+    page_port: PagePort = None,
+    page_address: PageAddress = None,
+) -> None:
+    """Pair one more browser with the page of `run --page`, or make certificates for pages that other computers open."""
+    from artemis.commands.page import certify, pair
+
+    if what == "certificate":
+        certify(names or [])
+    elif what == "pair" and not names:
+        pair(page_port, page_address)
+    else:
+        raise ConfigError(f"page: expected pair, or certificate with names; found {' '.join([what, *(names or [])])}")
+
+
+@app.command()
 def check(
     missions: Annotated[list[Path], typer.Argument(metavar="MISSION...", help="Mission files (YAML).")],
     walk: Annotated[

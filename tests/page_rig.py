@@ -18,8 +18,9 @@ from types import MappingProxyType
 from artemis.app import run_mission
 from artemis.devices.can_bus import Traffic
 from artemis.mission.loading import LoadedMission, load_mission
+from artemis.mission.schema import Operation
 from artemis.page.access import key_place, new_code, read_key
-from artemis.page.observer import PageObserver, PageObserverConfig
+from artemis.page.observer import PageObserver, PageObserverConfig, PageTls
 from artemis.planning import localizer_of, setup_for
 from artemis.plugins.inputs.page import PageInput, PageInputConfig
 from artemis.run_record import known_map
@@ -45,7 +46,8 @@ class Recorded:
 def recorded(mission: str, until: float, folder: Path) -> Recorded:
     """The first so many seconds of a run of a mission of this repository; its folder is made in `folder`."""
     loaded = load_mission(MISSIONS / mission)
-    loaded = replace(loaded, mission=loaded.mission.model_copy(update={"record": str(folder)}))
+    ends = loaded.mission.simulation.model_copy(update={"operator": (Operation(at_s=until, do="end"),)})
+    loaded = replace(loaded, mission=loaded.mission.model_copy(update={"record": str(folder), "simulation": ends}))
     ticks: list[tuple[Tick, Traffic]] = []
 
     def watch(tick: Tick, traffic: Traffic) -> None:
@@ -75,8 +77,6 @@ class PageRig:
     place: int = 0
     playing: bool = False
     reading: bool = True
-    times: dict[str, float] = field(default_factory=dict)
-    """From an event to the first sample that did not drive [s]."""
     _seen: int = 0
     _over: threading.Event = field(default_factory=threading.Event)
     _news: threading.Condition = field(default_factory=threading.Condition)
@@ -97,8 +97,9 @@ class PageRig:
         return [problem for _, _, problems in self.samples for problem in problems]
 
     def note(self, event: str, begun: float) -> None:
-        """How long after `begun` no sample drove any more."""
-        self.times[event] = next(time for time, sample, _ in self.samples if time > begun and not sample.enabled) - begun
+        """Print how long after `begun` no sample drove any more: `pytest -rP` shows it."""
+        stopped = next(time for time, sample, _ in self.samples if time > begun and not sample.enabled)
+        print(f"{event}: no sample drives after {(stopped - begun) * 1e3:.0f} ms")
 
     def wait(self, wanted: Callable[[OperatorInput], bool], patience: float = 20.0) -> OperatorInput:
         """The first sample that is as wanted, from the one on that was waited for before. Raises TimeoutError."""
@@ -133,7 +134,7 @@ class PageRig:
     async def _read(self) -> None:
         loop = asyncio.get_running_loop()
         use = self.run.loaded
-        context = replace(setup_for(use, "page"), real_time=True, wake=lambda: None)
+        context = replace(setup_for(use, f"page {self.port}"), real_time=True)
         device = PageInput(PageInputConfig(max_speed_m_s=0.7, required=False), context)
         try:
             while not self._over.is_set():
@@ -147,7 +148,7 @@ class PageRig:
 
 
 @contextmanager
-def page_rig(run: Recorded, folder: Path) -> Iterator[PageRig]:
+def page_rig(run: Recorded, folder: Path, tls: PageTls | None = None) -> Iterator[PageRig]:
     """The page of such a run. The page's key is where XDG_CONFIG_HOME says."""
     loaded, port = run.loaded, free_port()
     use = localizer_of(loaded, simulated=True)
@@ -159,7 +160,7 @@ def page_rig(run: Recorded, folder: Path) -> Iterator[PageRig]:
         mission=loaded.mission.model_dump_json(by_alias=True).encode(),
         map=lambda: shown,
     )
-    observer = PageObserver(PageObserverConfig(port=port), context)
+    observer = PageObserver(PageObserverConfig(port=port, tls=tls, input=f"page {port}"), context)
     rig = PageRig(run, port, observer)
     threads = [
         threading.Thread(target=rig._feed, daemon=True),

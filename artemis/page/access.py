@@ -12,7 +12,7 @@ import hmac
 import os
 import secrets
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from datetime import datetime
 from ipaddress import ip_address
@@ -69,8 +69,12 @@ def new_code(key: bytes, now: datetime | None = None) -> str:
 class Access:
     """Remembers which codes were used."""
 
-    def __init__(self, key: bytes, port: int, *, tls: bool, date: Callable[[], datetime] = wall_date) -> None:
-        """A page at `port`, with or without TLS; `date` is that on the wall."""
+    def __init__(
+        self, key: bytes, port: int, *, tls: bool, names: Iterable[str] = (), date: Callable[[], datetime] = wall_date
+    ) -> None:
+        """A page at `port`, with or without TLS, that browsers reach by these `names`, too; `date` on the wall."""
+        own = gethostname().lower()
+        self._names = {"localhost", own, f"{own.split('.')[0]}.local", *map(str.lower, names)}
         self._key, self._date, self._tls = key, date, tls
         self.cookie = f"artemis-{port}"
         """Its name: browsers share cookies between the ports of a computer."""
@@ -103,8 +107,7 @@ class Access:
         """
         name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
         name = name.strip("[]").lower()
-        own = gethostname().lower()
-        if name in ("localhost", own, f"{own.split('.')[0]}.local"):
+        if name in self._names:
             return True
         with suppress(ValueError):
             ip_address(name)

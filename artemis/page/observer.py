@@ -1,4 +1,4 @@
-"""The observer `page`: shows browsers what the robot does, and passes on what their operators want to the input `page`."""
+"""The observer `page`: shows browsers what the robot does, and tells the input `page` what operators want."""
 
 from __future__ import annotations
 
@@ -49,13 +49,17 @@ class PageObserverConfig(Config):
     port: Annotated[int, Field(ge=1, le=65535)] = PORT
     tls: PageTls | None = None
     """Encrypt the connection; browsers must trust the certificate."""
+    names: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """Names by which browsers reach it besides this computer's own; addresses in numbers always do."""
     input: str = "page"
     """The name of the mission's input with `plugin: page` that is given what operators want."""
 
     @model_validator(mode="after")
     def _encrypted(self) -> Self:
         if self.tls is None and not ip_address(self.listen).is_loopback:
-            raise ValueError(f"listen: {self.listen} is reached from other computers: tls: {{certificate: FILE, key: FILE}} is needed")
+            raise ValueError(
+                f"listen: other computers reach {self.listen}: needs `tls`; `artemis page certificate` makes its files"
+            )
         return self
 
 
@@ -142,9 +146,7 @@ class PageObserver:
 class _ServerThread(LoopThread):
     """The server beside the ticks that are decoded here."""
 
-    def __init__(
-        self, config: PageObserverConfig, name: str, view: PageView, files: tuple[Path, Path] | None
-    ) -> None:
+    def __init__(self, config: PageObserverConfig, name: str, view: PageView, files: tuple[Path, Path] | None) -> None:
         key = read_key(key_place())
         try:
             self._socket = bound(config.listen, config.port, listening=True)
@@ -178,7 +180,7 @@ class _ServerThread(LoopThread):
         hub = Hub((os.getppid(), os.getpid()), config.input)
         hub.about = _JSON(self._view.about())
         hub.history, hub.trail = lambda: _JSON(self._view.history), lambda: _JSON(self._view.trail)
-        access = Access(self._key, config.port, tls=config.tls is not None)
+        access = Access(self._key, config.port, tls=config.tls is not None, names=config.names)
         server = PageServer(hub, access, self._key, url_of(config))
         self._hub = hub
         hub.begin()

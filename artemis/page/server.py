@@ -273,7 +273,9 @@ def _file(request: Request, name: str) -> Response:
     return Response(content, headers=headers, media_type=kind)
 
 
-async def serve(server: PageServer, listening: socket.socket, end: asyncio.Event, tls: tuple[Path, Path] | None) -> None:
+async def serve(
+    server: PageServer, listening: socket.socket, end: asyncio.Event, tls: tuple[Path, Path] | None
+) -> None:
     """Answer until `end` is set."""
     config = uvicorn.Config(
         server.app,

@@ -305,4 +305,3 @@ def mission_in(json: bytes) -> Mapping[str, Any]:
     """A mission as a run's context has it."""
     found: dict[str, Any] = msgspec.json.decode(json) if json else {}
     return found
-

@@ -101,5 +101,5 @@ def test_the_key_is_made_once_for_its_owner_alone(tmp_path: Path) -> None:
     place.write_text("no key")
     with pytest.raises(ConfigError, match="is no key of a page"):
         read_key(place)
-    with pytest.raises(ConfigError, match="page.key"):
+    with pytest.raises(ConfigError, match=r"page\.key"):
         read_key(tmp_path / "deep" / "page.key" / "page.key")

@@ -23,13 +23,13 @@ class Page:
         self.session = PageSession(seats, who, 0.0, self.told.append)
         self.sequence = 0
 
-    def say(self, now: float, **words: Any) -> None:
+    def say(self, now: float, **words: object) -> None:
         self.session.receive(json.dumps(words), now)
 
     def take(self, now: float = 0.0, who: str = "phone") -> None:
         self.say(now, t="take", who=who)
 
-    def hold(self, now: float, beat: int | None = None, **words: Any) -> None:
+    def hold(self, now: float, beat: int | None = None, **words: object) -> None:
         self.sequence += 1
         beats = [message["n"] for message in self.told if message["t"] == "beat"]
         self.say(now, t="hold", seq=self.sequence, beat=beats[-1] if beat is None else beat, **words)

@@ -58,7 +58,7 @@ class RobotEnd(Seats):
     def end(self, words: str) -> None:
         """The run is over."""
         for link in self.links:
-            if link is self.owner:
+            if link is self.owner and isinstance(link, RobotLink):
                 link.send(frames.worded(frames.BYE, words))
             link.closing = True
 

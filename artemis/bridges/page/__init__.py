@@ -1,1 +1,1 @@
-"""The page for operators, as far as a run knows of it: the local socket by which its process reports, and its sessions."""
+"""The page for operators, as far as a run knows of it: the local socket to its process, and its sessions."""

@@ -14,7 +14,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from artemis.bridges.operator.frames import MalformedFrame, SentCommand
-from artemis.bridges.operator.session import Seats, Session
+from artemis.bridges.operator.session import Seat, Seats, Session
 from artemis.values import Request
 
 FRESH = 0.3
@@ -87,9 +87,10 @@ _DECODER = msgspec.json.Decoder(Said)
 def said(text: str | bytes) -> Said:
     """What a page says. Raises MalformedFrame."""
     try:
-        return _DECODER.decode(text)
+        found: Said = _DECODER.decode(text)
     except (msgspec.DecodeError, UnicodeEncodeError) as error:
         raise MalformedFrame(str(error)) from None
+    return found
 
 
 class PageSeats(Seats):
@@ -116,8 +117,9 @@ class PageSeats(Seats):
         if press.stale:
             self.tell(STALE_PAGE, f"{who} pressed Stop while the page was not told of the robot", now)
 
-    def _leave(self, seat: Any, now: float, why: str) -> None:  # noqa: ANN401 (a Seat)
-        self.links.discard(self.owner)  # type: ignore[arg-type]
+    def _leave(self, seat: Seat, now: float, why: str) -> None:
+        if self.owner is not None:
+            self.links.discard(self.owner)
         super()._leave(seat, now, why)
         self._changed()
 

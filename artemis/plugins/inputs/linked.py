@@ -47,9 +47,7 @@ class LinkedInput(ABC):
     stale_s: ClassVar[float] = FRESH
     """A command counts until the beat that it quotes is so old [s]."""
 
-    def __init__(
-        self, context: PluginContext, port: LinkPort | None, clock: Callable[[], float] | None = None
-    ) -> None:
+    def __init__(self, context: PluginContext, port: LinkPort | None, clock: Callable[[], float] | None = None) -> None:
         """Watch the link.
 
         Args:

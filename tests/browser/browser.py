@@ -17,7 +17,7 @@ INSTALL = "scripts/browser"
 def missing() -> str:
     """What keeps a browser from being driven; empty: nothing."""
     try:
-        import playwright.sync_api  # noqa: F401
+        import playwright.sync_api
     except ImportError:
         return f"needs the Python package playwright: {INSTALL}"
     return "" if shutil.which("chromium") else f"needs Debian's package chromium: {INSTALL}"
