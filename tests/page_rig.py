@@ -15,7 +15,8 @@ from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 
-from artemis.app import run_mission
+from artemis.app import Parts, run_mission
+from artemis.clock import SimulatedLoop
 from artemis.devices.can_bus import Traffic
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import Operation
@@ -54,7 +55,7 @@ def recorded(mission: str, until: float, folder: Path) -> Recorded:
         if tick.snapshot.time <= until:
             ticks.append((tick, tuple(traffic)))
 
-    run_mission(loaded, MISSIONS / mission, watch=watch)
+    run_mission(loaded, MISSIONS / mission, watch=watch, parts=Parts(loop=SimulatedLoop))
     return Recorded(loaded, ticks)
 
 

@@ -1,4 +1,4 @@
-"""What a page is told of a run, from the ticks of one: numbers, faults in words, the step tree, paths and maps as parts."""
+"""What a page is told of a run: numbers, faults in words, the step tree; paths, scans and maps as parts."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 // Time series of the last minutes, one cursor over all of them (uPlot).
 const box = document.getElementById('charts');
-const COLOURS = ['#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9'], WINDOW = 60, MOST = 3600;
+const LIGHT = ['#0072b2', '#d55e00', '#009e73', '#cc79a7'], DARK = ['#56b4e9', '#e69f00', '#2fd3a0', '#e7a3c8']; // after Okabe and Ito
+const dark = matchMedia('(prefers-color-scheme: dark)'), WINDOW = 60, MOST = 3600;
 let columns = [], plots = [], names = [], zoomed = false, timer = null;
 const turn = values => values.map(value => value === null ? null : value * 180 / Math.PI);
 const dash = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
@@ -75,7 +76,7 @@ function make(wanted) {
       hooks: {setSelect: [chart => { if (chart.select.width > 4) zoomed = true; }]},
       axes: [{...axis, values: (chart, ticks) => ticks.map(tick => `${tick} s`)}, {...axis, size: 52}],
       series: [{label: 'time', value: (chart, value) => value === null ? '–' : `${value.toFixed(2)} s`}, ...group.series.map(([label], index) => ({
-        label, stroke: COLOURS[index % COLOURS.length], width: 2, dash: dash[index % dash.length], spanGaps: false,
+        label, stroke: (dark.matches ? DARK : LIGHT)[index % LIGHT.length], width: 2, dash: dash[index % dash.length], spanGaps: false,
         value: (chart, value) => value === null || value === undefined ? '–' : value.toFixed(2),
       }))],
     }, [columns[0], ...group.series.map(() => [])], figure);
@@ -83,5 +84,5 @@ function make(wanted) {
     return {plot, group};
   });
 }
-matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { plots.forEach(({plot}) => plot.destroy()); plots = []; });
+dark.addEventListener('change', () => { plots.forEach(({plot}) => plot.destroy()); plots = []; });
 new ResizeObserver(() => { for (const {plot} of plots) plot.setSize({width: Math.max(box.clientWidth - 24, 240), height: 150}); }).observe(box);

@@ -1,7 +1,7 @@
 // Everything in words: mode, faults, drives, steps, log.
 const $ = id => document.getElementById(id);
 const SEVERITY = ['', 'warning', 'speed limited', 'controlled stop', 'quick stop', 'drives off'];
-const MARK = ['', '⚠', '⚠', '⛔', '⛔', '⛔'];
+const MARK = ['', '⚠', '⚠', '✖', '✖', '✖']; // signs that plain fonts have
 let about = null, numbered = [], lastStep = -1, lastMode = '';
 
 export function element(name, attributes = {}, ...children) {
