@@ -73,7 +73,7 @@ class PageView:
         """New lines since the sender took them."""
         self.trail: list[tuple[float, float]] = []
         self.history: list[list[float | None]] = []
-        self.parts: dict[str, tuple[int, Part]] = {}
+        self.parts: dict[str, tuple[int, Any]] = {}
         """The newest of each, with its version."""
         self._put("scan", None)
 

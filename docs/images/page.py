@@ -9,7 +9,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ def shown(mission: str, wanted: Callable[[Tick], bool], home: Path) -> Iterator[
         yield rig
 
 
-def opened(browser: Any, rig: PageRig, scheme: str = "light", **options: Any) -> Any:  # noqa: ANN401 (of playwright)
+def opened(browser: Any, rig: PageRig, options: Mapping[str, Any], scheme: str = "light") -> Any:  # noqa: ANN401 (of playwright)
     """A paired page that shows it."""
     page = browser.new_context(color_scheme=scheme, **options).new_page()
     page.set_default_timeout(120_000)
@@ -81,22 +81,22 @@ def picture(page: Any, name: str) -> None:  # noqa: ANN401
 def take(browser: Any, home: Path) -> None:  # noqa: ANN401
     """All of them."""
     with shown(HALL, at(40.0), home) as rig:
-        page = opened(browser, rig, **DESKTOP)
+        page = opened(browser, rig, DESKTOP)
         take_control(page, hold=False)
         picture(page, "desktop")
-        page = opened(browser, rig, **PHONE)
+        page = opened(browser, rig, PHONE)
         until(page, "document.getElementById('seat').textContent.includes('has control')")
         browser.contexts[0].close()
         take_control(page, hold=True)
         picture(page, "phone")
     with shown(LOOP, at(39.0), home) as rig:
-        page = opened(browser, rig, "dark", **DESKTOP)
+        page = opened(browser, rig, DESKTOP, "dark")
         page.click("#tab-charts")
         page.wait_for_selector("#charts .uplot canvas")
         page.wait_for_timeout(700)
         picture(page, "charts")
     with shown(FAULT, lambda tick: tick.mode is Mode.FAULT and "acknowledge" in tick.wish.phase, home) as rig:
-        page = opened(browser, rig, **DESKTOP)
+        page = opened(browser, rig, DESKTOP)
         take_control(page, hold=False)
         page.click("#tab-faults")
         picture(page, "fault")

@@ -225,16 +225,21 @@ def closes(page: Any, hand: Any) -> None:
     page.close()
 
 
+def renderers(page: Any) -> list[int]:
+    """The processes of a browser's pages."""
+    about = page.context.browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")
+    return [process["id"] for process in about["processInfo"] if process["type"] == "renderer"]
+
+
 def freezes(page: Any, hand: Any) -> None:
-    page.context.new_cdp_session(page).send("Page.setWebLifecycleState", {"state": "frozen"})
+    page.frozen = renderers(page)
+    for process in page.frozen:
+        os.kill(process, signal.SIGSTOP)
 
 
 def dies(page: Any, hand: Any) -> None:
-    """The processes of its pages are killed."""
-    about = page.context.browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")
-    for process in about["processInfo"]:
-        if process["type"] == "renderer":
-            os.kill(process["id"], signal.SIGKILL)
+    for process in renderers(page):
+        os.kill(process, signal.SIGKILL)
 
 
 def is_blocked(page: Any, hand: Any) -> None:
@@ -264,8 +269,12 @@ def test_the_robot_stops_when(loss: str, chromium: Any, rig: PageRig) -> None:
     hand = Finger(page)
     held(rig, hand.press, hand.let_go)
     begun = rig.now()
-    event(page, hand)
-    rig.wait(lambda sample: not sample.enabled)
+    try:
+        event(page, hand)
+        rig.wait(lambda sample: not sample.enabled)
+    finally:
+        for process in getattr(page, "frozen", []):
+            os.kill(process, signal.SIGCONT)
     rig.note(loss, begun)
     assert all((sample.age or 0.0) <= FRESH for _, sample, _ in rig.samples if sample.enabled)
     if loss in ("the page is blocked", "the window loses the focus", "the touch is interrupted"):

@@ -29,7 +29,8 @@ def test_the_page_drives_beside_the_others_and_no_faster() -> None:
 
 
 def test_a_mission_without_an_operator_is_left_as_it_is_and_keeps_real_time() -> None:
-    plain, with_page = (load_mission(MISSIONS / "figure_eight.yaml", page=page) for page in (None, {}))
+    plain = load_mission(MISSIONS / "figure_eight.yaml")
+    with_page = load_mission(MISSIONS / "figure_eight.yaml", page={})
     assert [type(step) for step in plan_from(plain).steps] == [type(step) for step in plan_from(with_page).steps]
     assert (is_fast(plain), is_fast(with_page)) == (True, False)
 

@@ -222,7 +222,8 @@ def test_the_whole_page_is_small_and_names_no_other_computer() -> None:
 
 def test_what_others_wrote_is_as_they_published_it() -> None:
     folder = STATIC / "vendor"
-    listed = dict(reversed(line.split()) for line in (folder / "SHA256SUMS").read_text().splitlines())
+    lines = [line.split() for line in (folder / "SHA256SUMS").read_text().splitlines()]
+    listed = {name: digest for digest, name in lines}
     assert set(listed) == {path.name for path in folder.iterdir()} - {"SHA256SUMS"}
     assert listed == {name: sha256(Path(folder / name).read_bytes()).hexdigest() for name in listed}
     assert any(name.endswith("LICENSE") for name in listed)
