@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from artemis.battery import Battery
 from artemis.config import Config, Inconsistent, Quantity
 from artemis.mounting import Mounting, Outline
 from artemis.yaml_file import KeyPath
@@ -163,6 +164,7 @@ class RobotFile(Config):
     """The identifier of the host's heartbeat is 0x700 plus this."""
     outline: Outline | None = None
     """Of the whole robot, for what must not touch anything."""
+    battery: Battery | None = None
     scanners: dict[Annotated[str, Field(min_length=1)], Mounting] = Field(default_factory=dict)
     """Laser scanners, by names of the robot's own."""
 

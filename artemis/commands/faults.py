@@ -14,6 +14,7 @@ from artemis.values import Severity
 SECTIONS = {
     "DRV": "What a drive reports by itself",
     "COM": "Drive states and the CAN bus",
+    "SER": "Serial line",
     "RUN": "Motion",
     "STE": "Steering",
     "CAL": "Calibration",
@@ -107,7 +108,7 @@ def _limit(stage: Threshold, row: Row) -> str:
 
 
 def _within(row: Row) -> str:
-    if row.found in (Found.ABSENT, Found.DESIGN):
+    if row.found in (Found.ABSENT, Found.DESIGN, Found.COMMAND):
         return _NOTHING
     if not row.within:
         return "before motion"
