@@ -190,6 +190,7 @@ class PageView:
             "severity": int(snapshot.verdict.severity),
             "alarm": snapshot.verdict.alarm,
             "distance": round(snapshot.odometry.driven, 2),
+            "battery": None if (left := snapshot.battery) is None else [round(left.charge, 3), _finite(left.range_m)],
             "drives": [
                 [drive.state.value, drive.state is DriveState.OPERATION_ENABLE, _finite(drive.age), drive.position]
                 for drive in drives

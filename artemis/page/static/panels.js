@@ -43,7 +43,8 @@ export function showState(state) {
   $('speed').textContent = `${signed(speed, 2)} m/s`;
   $('steering').textContent = `${degrees(steering) > 0.5 ? '↰ ' : degrees(steering) < -0.5 ? '↱ ' : ''}${Math.abs(degrees(steering)).toFixed(0)}°${Math.abs(degrees(steering)) < 0.5 ? '' : steering > 0 ? ' left' : ' right'}`;
   $('battery-box').hidden = battery === null;
-  if (battery !== null) $('battery').textContent = `${battery.toFixed(1)} V`;
+  if (battery !== null) $('battery').textContent = (state.battery ? `${Math.round(state.battery[0] * 100)} % · ` : '') + `${battery.toFixed(1)} V`;
+  $('battery').title = state.battery?.[1] ? `about ${Math.round(state.battery[1])} m left` : '';
   const doubt = std ? ` ± ${(Math.sqrt(Math.max(std[0], std[2])) * 100).toFixed(0)} cm, ± ${degrees(Math.sqrt(std[3])).toFixed(1)}°` : '';
   $('pose').firstChild.textContent = state.lost ? 'position lost' : `x ${pose[0].toFixed(2)} m, y ${pose[1].toFixed(2)} m, ${degrees(pose[2]).toFixed(0)}°`;
   $('pose').lastChild.textContent = state.lost ? '' : `${doubt} (${state.source}), driven ${state.distance.toFixed(1)} m`;
