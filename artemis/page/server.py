@@ -36,7 +36,8 @@ SLOW = 2.0
 """A browser that does not take a message for so long is let go [s]."""
 MOST_WATCHING, MOST_WAITING = 16, 64
 MOST_BODY = 512
-STATIC = Path(__file__).with_name("static")
+STATIC, SHARED = Path(__file__).with_name("static"), Path(__file__).parents[1] / "static"
+"""The page's own files, and those that the reports of runs have, too."""
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
@@ -51,8 +52,9 @@ _GONE, _REFUSED, _BUSY = 1001, 4403, 4429
 @cache
 def static_file(name: str) -> tuple[bytes, str, str] | None:
     """Content, type and tag of a file of the page; None: there is none."""
-    path = STATIC / name
-    if not path.is_relative_to(STATIC) or ".." in name or path.suffix not in TYPES or not path.is_file():
+    path = (SHARED if name.startswith("uplot/") else STATIC) / name
+    inside = ".." not in name and any(path.is_relative_to(folder) for folder in (STATIC, SHARED))
+    if not inside or path.suffix not in TYPES or not path.is_file():
         return None
     content = path.read_bytes()
     return content, TYPES[path.suffix], f'"{sha256(content).hexdigest()[:16]}"'

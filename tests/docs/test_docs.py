@@ -178,9 +178,9 @@ def test_unknown_option_in_the_docs_would_be_found() -> None:
         parse(["run", "missions/figure_eight.yaml", "--fast"])
 
 
-def test_readme_lists_every_command() -> None:
+def test_page_of_commands_lists_every_command() -> None:
     group: Any = get_command(app)
-    listed = re.findall(r"^\| `artemis (\w+)", (ROOT / "README.md").read_text(), re.MULTILINE)
+    listed = re.findall(r"^\| `artemis (\w+)", (ROOT / "docs/commands.md").read_text(), re.MULTILINE)
     assert sorted(listed) == sorted(group.commands)
 
 

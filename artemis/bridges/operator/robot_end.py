@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hmac
 import secrets
+from collections import Counter
 from collections.abc import Callable, Collection
 
 from artemis.bridges.operator import frames
@@ -18,7 +19,7 @@ from artemis.values import Request
 CLAIM_TIME = 2.0
 """So long one may take to prove the secret [s]."""
 MOST_WAITING = 8
-"""Links that have not proved the secret; more are closed at once."""
+"""Links that have not proved the secret; of more the oldest is closed, from where most of them come."""
 FORGERIES = 10
 """A link that shows so many is closed."""
 
@@ -47,12 +48,13 @@ class RobotEnd(Seats):
     def connected(self, peer: str, now: float) -> RobotLink:
         """Somebody connects from the address `peer`, at `now` [s]."""
         link = RobotLink(self, peer, now)
-        if sum(other is not self.owner for other in self.links) >= MOST_WAITING:
+        link.greet()
+        self.links[link] = None
+        waiting = [each for each in self.links if each is not self.owner]
+        if len(waiting) > MOST_WAITING:
+            (crowd, _), *_ = Counter(each.peer for each in waiting).most_common(1)
             self.tell("NET-10", f"more than {MOST_WAITING} connections wait, one more from {peer}", now)
-            link.closing = True
-        else:
-            link.greet()
-        self.links.add(link)
+            self.disconnected(next(each for each in waiting if each.peer == crowd), now)
         return link
 
     def end(self, words: str) -> None:
@@ -71,7 +73,7 @@ class RobotLink(Session):
         super().__init__(end, peer, now)
         self.output = bytearray()
         """Whole frames that are to be sent, before it is closed."""
-        self._robot, self._peer, self._begun = end, peer, now
+        self._robot, self._begun = end, now
         self._nonce, self._keys = end.random(frames.NONCE), frames.SessionKeys(b"", b"")
         self._splitter = Splitter(frames.MOST_FROM_OPERATOR)
         self._forgeries = 0
@@ -116,12 +118,12 @@ class RobotLink(Session):
     def _claimed(self, wanted: frames.Claim, now: float) -> None:
         end, proof = self._robot, (self._nonce, wanted.nonce, wanted.name, wanted.role)
         if not hmac.compare_digest(frames.proof_of(end.secret, *proof), wanted.proof):
-            end.tell("NET-07", f"{self._peer} has another secret", now)
+            end.tell("NET-07", f"{self.peer} has another secret", now)
             self.output += frames.framed(frames.worded(frames.DENIED, "another secret"))
             self.closing = True
             return
         self._keys = frames.session_keys(end.secret, *proof[:3])
-        self.who, self._heard = f"{wanted.name} at {self._peer}", now
+        self.who, self._heard = f"{wanted.name} at {self.peer}", now
         if wanted.role == frames.STOP:
             end.ask(Request.QUICKSTOP)
             self.send(frames.worded(frames.STOPPED, "a quick stop was asked for"))

@@ -87,7 +87,8 @@ class Seats:
         self.allow = frozenset(allow) | {Request.QUICKSTOP, Request.DONE, Request.RECORD}
         self.fresh = fresh
         self.owner: Session | None = None
-        self.links: set[Session] = set()
+        self.links: dict[Session, None] = {}
+        """The oldest first."""
         self.status = b""
         """JSON of what the robot does, for the next beat."""
         self.report, self.has_news = LinkReport(), False
@@ -97,7 +98,7 @@ class Seats:
     def disconnected(self, link: Session, now: float, why: str = "the connection was closed") -> None:
         """It is gone; harmless when repeated."""
         link.closing = True
-        self.links.discard(link)
+        self.links.pop(link, None)
         if link is self.owner:
             self._leave("lost", now, why)
 
@@ -166,8 +167,8 @@ class Session(ABC):
     """One operator's, from the first word to the last."""
 
     def __init__(self, end: Seats, who: str, now: float) -> None:
-        """Begun at `now` [s]."""
-        self.who = who
+        """Begun at `now` [s], from the address `who`."""
+        self.who = self.peer = who
         self.closing = False
         """It is to be closed."""
         self._end = end

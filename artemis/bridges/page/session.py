@@ -105,7 +105,7 @@ class PageSeats(Seats):
     def seat(self, link: Session, now: float) -> None:
         """The page has the seat now."""
         super().seat(link, now)
-        self.links.add(link)
+        self.links[link] = None
         self._changed()
 
     def stop(self, who: str, press: Stop, now: float) -> None:
@@ -119,7 +119,7 @@ class PageSeats(Seats):
 
     def _leave(self, seat: Seat, now: float, why: str) -> None:
         if self.owner is not None:
-            self.links.discard(self.owner)
+            self.links.pop(self.owner, None)
         super()._leave(seat, now, why)
         self._changed()
 
@@ -130,7 +130,7 @@ class PageSession(Session):
     def __init__(self, end: PageSeats, who: str, now: float, send: Send) -> None:
         """`who` it is, for people; `send` has it told something, and never waits."""
         super().__init__(end, who, now)
-        self._seats, self._peer, self._send = end, who, send
+        self._seats, self._send = end, send
 
     def receive(self, text: str | bytes, now: float) -> None:
         """Take what it says at `now` [s]."""
@@ -184,7 +184,7 @@ class PageSession(Session):
             self._send({"t": "refused", "why": f"{owner.who} has control"})
             return
         if name.isprintable() and name:
-            self.who = f"{name} at {self._peer}"
+            self.who = f"{name} at {self.peer}"
         self._begin(now)
         self._seats.seat(self, now)
 
