@@ -6,7 +6,6 @@ import json
 import shutil
 import ssl
 from collections.abc import Iterator
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
