@@ -16,6 +16,7 @@ import typer
 
 from artemis.commands.calibrate import MissionFile, calibrate
 from artemis.commands.map import maps
+from artemis.commands.page_options import PageAddress, PagePort, PageTls
 from artemis.commands.path import paths
 from artemis.commands.plugin import plugins
 from artemis.errors import ArtemisError, ConfigError, RecordingError
@@ -38,13 +39,6 @@ app.add_typer(maps, name="map")
 app.add_typer(paths, name="path")
 app.add_typer(calibrate, name="calibrate")
 
-PagePort = Annotated[int | None, typer.Option("--page-port", metavar="N", min=1, max=65535, help="Its port (8480).")]
-PageAddress = Annotated[
-    str | None, typer.Option("--page-address", metavar="A", help="Address of this computer to serve it at (127.0.0.1).")
-]
-PageTls = Annotated[
-    tuple[Path, Path] | None, typer.Option("--page-tls", metavar="CERT KEY", help="Files of TLS, for other computers.")
-]
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.mcap.")]
 
 
