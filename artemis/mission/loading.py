@@ -130,6 +130,8 @@ class _Loading(SurroundingsChecks):
         robot = self._robot()
         if mission is not None and robot is not None:
             self._check_rate(mission, robot)
+        if robot is not None and self._simulated:
+            self._check_families(robot)
         inputs = self._inputs()
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus()
@@ -188,6 +190,13 @@ class _Loading(SurroundingsChecks):
             period = f"a period of {1000 / mission.tick_hz:.3g} ms"
             text = f"{period}; {names[0]} interpolates over whole milliseconds: expected one of {rates}"
             self._complain(("tick_hz",), text)
+
+    def _check_families(self, robot: RobotFile) -> None:
+        """Drives that can be simulated."""
+        from artemis.sim.drive_node import not_simulated
+
+        for text in not_simulated(robot.drives):
+            self._complain(("robot",), text)
 
     def _inputs(self) -> dict[str, Config | None]:
         """Options of the mission's inputs by name; None where they are wrong."""
