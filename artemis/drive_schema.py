@@ -11,7 +11,6 @@ from artemis.config import Config, Quantity
 from artemis.families import FAMILIES, GENERATIONS
 from artemis.families.cia402 import Cia402, family_from
 from artemis.families.family import MAXON, TORQUE_CONSTANT, Family
-from artemis.families.objects import ObjectType
 from artemis.yaml_file import KeyPath
 
 Current = Annotated[int, Quantity(20, 65535, "mA")]
@@ -157,7 +156,7 @@ def _motor(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
         yield ("motor", "torque_constant_mnm_per_a"), f"{text} ({family.title})"
     if not family.drives(motor.type, sensor.type):
         yield ("sensor", "type"), f"a motor of type {motor.type} cannot be driven with {sensor.type} ({family.title})"
-    in_si = bool(family.gains) and family.gains[0].type is ObjectType.U32
+    in_si = family.gains_in_si
     for key, given, fits in (
         ("gains", drive.gains, bool(family.gains) and not in_si),
         ("si_gains", drive.si_gains, in_si),

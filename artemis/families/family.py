@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from artemis.drive_states import DriveState
-from artemis.families.objects import LOST_HEARTBEAT, Object, Setting
+from artemis.families.objects import LOST_HEARTBEAT, Object, ObjectType, Setting
 
 TRACTION, STEERING = "traction", "steering"
 MOTORS = ("dc", "ec_sine", "ec_block")
@@ -120,6 +120,11 @@ class Family:
     def forgets(self) -> bool:
         """After a lost heartbeat it goes on only with its communication reset and configured again."""
         return LOST_HEARTBEAT in self.resets
+
+    @property
+    def gains_in_si(self) -> bool:
+        """Its gains are in SI units; else without unit."""
+        return any(gain.type is ObjectType.U32 for gain in self.gains)
 
     @property
     def interpolates(self) -> bool:

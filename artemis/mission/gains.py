@@ -18,6 +18,8 @@ def check_gains(wanted: Mapping[str, NewGains], robot: RobotFile) -> Iterator[tu
     for name, new in wanted.items():
         if name not in robot.drives:
             yield name, f"no such drive{nearest(name, robot.drives, 'drives')}"
+        elif (family := robot.drives[name].tables).gains_in_si or not family.gains:
+            yield name, f"gains of this kind of drive ({family.title}) are not tried: tune it with the maker's tool"
         elif (known := robot.drives[name].gains) is None:
             yield name, "the robot file has no gains of it: write there those that `artemis calibrate gains` shows"
         else:

@@ -129,9 +129,7 @@ class _Loading(SurroundingsChecks):
         mission = self._validated(Mission, self._document)
         robot = self._robot()
         if mission is not None and robot is not None:
-            self._check_rate(mission, robot)
-        if robot is not None and self._simulated:
-            self._check_families(robot)
+            self._check_drives(mission, robot)
         inputs = self._inputs()
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus()
@@ -182,20 +180,22 @@ class _Loading(SurroundingsChecks):
             return None
         return self._validated(RobotFile, document)
 
-    def _check_rate(self, mission: Mission, robot: RobotFile) -> None:
-        """Drives that interpolate between set-points are told their period in whole milliseconds."""
-        names = [name for name, drive in robot.drives.items() if drive.tables.interpolates]
-        if names and 1000 % mission.tick_hz:
+    def _check_drives(self, mission: Mission, robot: RobotFile) -> None:
+        """Drives that interpolate are told the period of set-points in whole ms; not all can be simulated."""
+        interpolating = [name for name, drive in robot.drives.items() if drive.tables.interpolates]
+        if interpolating and 1000 % mission.tick_hz:
             rates = ", ".join(str(rate) for rate in range(25, 201) if not 1000 % rate)
             period = f"a period of {1000 / mission.tick_hz:.3g} ms"
-            text = f"{period}; {names[0]} interpolates over whole milliseconds: expected one of {rates}"
+            text = f"{period}; {interpolating[0]} interpolates over whole milliseconds: expected one of {rates}"
             self._complain(("tick_hz",), text)
+        if not self._simulated:
+            return
+        from artemis.sim.drive_node import NODES
 
-    def _check_families(self, robot: RobotFile) -> None:
-        """Drives that can be simulated."""
-        from artemis.sim.drive_node import not_simulated
-
-        for text in not_simulated(robot.drives):
+        unknown = [name for name, drive in robot.drives.items() if drive.family not in NODES]
+        if unknown:
+            family = robot.drives[unknown[0]].family
+            text = f"{unknown[0]} is of family {family}, which cannot be simulated; {' and '.join(NODES)} can"
             self._complain(("robot",), text)
 
     def _inputs(self) -> dict[str, Config | None]:

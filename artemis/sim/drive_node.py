@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-
 from artemis.drive_schema import Drive
 from artemis.errors import ConfigError
 from artemis.sim.axis import Axis
@@ -13,13 +11,6 @@ from artemis.sim.epos_settings import SimSettings
 
 NODES: dict[str, type[SimEpos]] = {"epos1": SimEpos, "epos4": SimEpos4}
 """By the key `family` of a drive."""
-
-
-def not_simulated(drives: Mapping[str, Drive]) -> Iterator[str]:
-    """Of each drive whose family has no simulated one, what to say."""
-    for name, drive in drives.items():
-        if drive.family not in NODES:
-            yield f"drive {name} is of family {drive.family}, which cannot be simulated: only {' and '.join(NODES)} can"
 
 
 def simulated_drive(drive: Drive, axis: Axis, *, name: str, settings: SimSettings | None = None) -> SimEpos:
@@ -34,6 +25,8 @@ def simulated_drive(drive: Drive, axis: Axis, *, name: str, settings: SimSetting
     Raises:
         ConfigError: No drive of this family can be simulated.
     """
-    if problems := list(not_simulated({name: drive})):
-        raise ConfigError(problems)
-    return NODES[drive.family](drive, axis, name=name, settings=settings)
+    kind = NODES.get(drive.family)
+    if kind is None:
+        known = " and ".join(NODES)
+        raise ConfigError(f"{name} is of family {drive.family}, which cannot be simulated; {known} can")
+    return kind(drive, axis, name=name, settings=settings)

@@ -42,7 +42,7 @@ def room_of(file: Path) -> str:
     return ROOMS.get(file.relative_to(OURS).parts[0], "tick") if file.is_relative_to(OURS) else "libraries"
 
 
-def calls(robot: str = "artemis") -> dict[str, float]:
+def calls(machine: str = "artemis") -> dict[str, float]:
     """Calls per tick of a recorded figure eight at 50 Hz, by where the function that is called belongs."""
     files: Counter[str] = Counter()
     ticks = 0
@@ -52,7 +52,7 @@ def calls(robot: str = "artemis") -> dict[str, float]:
             files[frame.f_code.co_filename] += 1
 
     with missions() as mission:
-        mission.write_text(mission.read_text().replace("robots/artemis.yaml", f"robots/{robot}.yaml"))
+        mission.write_text(mission.read_text().replace("robots/artemis.yaml", f"robots/{machine}.yaml"))
         loaded = load_mission(mission)
 
         async def main() -> None:

@@ -23,12 +23,13 @@ from msgspec import structs
 from artemis import clock
 from artemis.devices import canopen
 from artemis.devices.can_bus import Frame
-from artemis.devices.canopen import ObjectType, PdoLayout
+from artemis.devices.canopen import PdoLayout
 from artemis.devices.drive import Drives
 from artemis.devices.hid.descriptor import parse_descriptor
 from artemis.devices.sdo import SdoClient
 from artemis.errors import ConfigError, DeviceError, HidError, ProtocolError, RecordingError
 from artemis.families import FAMILIES
+from artemis.families.objects import ObjectType
 from artemis.mission import load_mission
 from artemis.recording.journal import Entry, Journal, read_journal
 from artemis.recording.mcap_file import MAGIC

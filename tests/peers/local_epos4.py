@@ -79,5 +79,5 @@ class LocalEpos4(LocalEpos):
         super()._hear_nmt(can_id, data, time)
 
     def _boot(self) -> None:
-        self.network.send_message(0x700 + self.id, b"\0")
+        self.network.send_message(0x700 + self.drive.node_id, b"\0")
         self.nmt.state = "PRE-OPERATIONAL"

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
+from canopen.objectdictionary import ODVariable
 from local_epos import LocalEpos
 from local_epos4 import LocalEpos4
 from node_bench import PERIOD, ROBOT, STEERING, Bench, on_virtual_time, refusals
@@ -219,7 +220,9 @@ def test_an_option_code_that_a_drive_does_not_take_is_named() -> None:
     async def main() -> None:
         bench = Bench(EPOS4, KINDS)
         node = bench.nodes["steer-left"]
-        node.object_dictionary[0x6007].max = 2
+        allowed = node.object_dictionary[0x6007]
+        assert isinstance(allowed, ODVariable)
+        allowed.max = 2
         node.set_data(0x6007, 0, b"\x02\x00")
         await bench.perform(JobKind.SECURE)
         (refused,) = [result for result in await bench.perform(JobKind.CONFIGURE) if not result.ok]

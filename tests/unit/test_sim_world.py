@@ -330,5 +330,5 @@ def test_supply_meter_tells_the_voltage_at_the_drives(robot: RobotFile) -> None:
 
 def test_a_family_that_cannot_be_simulated_is_refused_by_name(robot: RobotFile) -> None:
     drive = robot.drives["steer-left"].model_copy(update={"family": "cia402"})
-    with pytest.raises(ConfigError, match="drive x is of family cia402, which cannot be simulated"):
+    with pytest.raises(ConfigError, match="x is of family cia402, which cannot be simulated"):
         simulated_drive(drive, Axis(drive), name="x")
