@@ -202,7 +202,8 @@ def _row(id: str) -> Injection:
         drive.emergency(code, stage.now, heard=p.heard)
         return None
 
-    base = {"DRV-06": Heat, "DRV-29": OpenSto}.get(id, DriveError)
+    bases: dict[str, type[DriveError]] = {"DRV-06": Heat, "DRV-29": OpenSto}
+    base = bases.get(id, DriveError)
     return Injection(f"drive reports {TEXTS[id]}", report, Needs.DRIVE, _parameters(id, base), families=families_of(id))
 
 

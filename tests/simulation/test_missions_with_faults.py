@@ -136,8 +136,10 @@ def test_error_code_and_object_must_be_of_the_drives_family(tmp_path: Path) -> N
         "expected 0xFF02 or 0xFF03 of a drive of family epos1, found 0x7381",
         "a drive of family epos1 has no object 0x605A sub-index 0",
     ]
-    files = {"robot": "artemis_epos4.yaml", "simulation": {"faults": faults[1:]}}
-    assert len(load_mission(write_mission(tmp_path / "epos4", [CALIBRATE], **files)).mission.simulation.faults) == 2
+    others = write_mission(
+        tmp_path / "epos4", [CALIBRATE], robot="artemis_epos4.yaml", simulation={"faults": faults[1:]}
+    )
+    assert len(load_mission(others).mission.simulation.faults) == 2
 
 
 def test_fault_of_a_plugin_that_the_mission_does_not_have_is_refused(tmp_path: Path) -> None:
