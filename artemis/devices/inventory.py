@@ -33,6 +33,8 @@ class NodeReport:
     product: int = 0
     revision: int = 0
     serial: int = 0
+    bitrate: int | None = None
+    """What it speaks once it is switched on again [bit/s]; 0: what it hears; None: it has no such setting."""
     nmt: Nmt | None = None
     """By its heartbeat; None: it sends none."""
     history: tuple[int, ...] = ()
@@ -54,6 +56,8 @@ async def _ask(drive: EposDrive) -> NodeReport:
     try:
         values = [await jobs.read(object) for object in (DEVICE_TYPE, VENDOR, PRODUCT, REVISION, SERIAL_NUMBER)]
         history = await jobs.read_history()
+        family = drive.family
+        bitrate = family.bit_rates.get(await jobs.read(family.bit_rate)) if family.bit_rate else None
     except DeviceError as error:
         return NodeReport(name=drive.name, node_id=drive.node_id, problem=error.problem)
     device_type, vendor, product, revision, serial = values
@@ -65,6 +69,7 @@ async def _ask(drive: EposDrive) -> NodeReport:
         product=product,
         revision=revision,
         serial=serial,
+        bitrate=bitrate,
         nmt=Nmt.PRE_OPERATIONAL if nmt is Nmt.INITIALISING else nmt,  # a boot-up was its last word (CiA 301 7.3.2.2)
         history=history,
     )

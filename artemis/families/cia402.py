@@ -190,6 +190,7 @@ def family_from(words: Cia402) -> Family:
         moves_valid_pdos=False,
         errors=ERRORS,
         resets={LOST_HEARTBEAT: "communication"} if words.reset_after_lost_heartbeat else {},
+        bit_rate=None,
         bit_rates={},
         reset_time=words.reset_time_s,
         state_time=words.state_time_s,

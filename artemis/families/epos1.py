@@ -157,5 +157,6 @@ EPOS1 = Family(
     top_velocity=25000,
     errors=ERRORS,
     resets={0x6100: "node", 0x8120: "communication", 0xFF04: "node"},
+    bit_rate=Object(0x2001, 0, U16),
     bit_rates={0: 1_000_000, 1: 800_000, 2: 500_000, 3: 250_000, 4: 125_000, 5: 50_000, 6: 20_000},
 )

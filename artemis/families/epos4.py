@@ -224,6 +224,7 @@ EPOS4 = Family(
         0x8130: "communication",
         **dict.fromkeys((*range(0x5480, 0x5484), *range(0x6180, 0x61F1), 0x6380, 0x7389, 0xFF02), "node"),
     },
+    bit_rate=Object(0x2001, 0, U8),
     bit_rates={0: 1_000_000, 1: 800_000, 2: 500_000, 3: 250_000, 4: 125_000, 6: 50_000, 7: 20_000, 9: 0},
     reset_time=2.0,
     state_time=1.5,

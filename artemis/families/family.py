@@ -105,8 +105,10 @@ class Family:
     """EMCY error code -> row of the fault table."""
     resets: Mapping[int, str]
     """Error code -> NMT reset without which a drive stays in fault."""
+    bit_rate: Object | None
+    """A code for what it speaks once it is switched on again."""
     bit_rates: Mapping[int, int]
-    """Codes of object 0x2001 -> bit/s; empty: it has no such object."""
+    """Its codes -> bit/s; 0: what it hears."""
     reset_time: float = 1.0
     """A node that was reset answers again after this time [s]."""
     state_time: float = 0.5
