@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from artemis.route_planning.floor import Destination
     from artemis.sim.grid import MapGrid
     from artemis.sim.scenery import Scenery
-from artemis.sim.world import PlantParameters
+    from artemis.sim.world import PlantParameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,7 +27,7 @@ from artemis_lab.injections.bad_plugins import (
     FollowerBehaviour,
 )
 from artemis_lab.injections.drives import OBJECTS
-from artemis_lab.injections.emergencies import checked_code
+from artemis_lab.injections.emergencies import checked_code, known_codes
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.fault_bus import FaultBus
 from artemis_lab.injections.stage import Injection, Needs, Stage
@@ -86,8 +86,9 @@ def _check_family(fault: InjectedFault, injection: Injection, robot: RobotFile |
         return
     family, code = drive.family, fault.options.get("code")
     if injection.families is not None and family not in injection.families:
-        yield "node", f"{fault.inject} is no error of a drive of family {family}: {' and '.join(injection.families)}"
-    elif injection.families is not None and isinstance(code, int):
+        only = " and ".join(injection.families)
+        yield "node", f"{fault.inject} is no error of a drive of family {family}, only of {only}"
+    elif injection.families is not None and code in known_codes(fault.inject):
         try:
             checked_code(fault.inject, family, code)
         except ValueError as error:
