@@ -8,7 +8,7 @@ from operator import attrgetter
 from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import RXPDO, emergency_from_data, nmt_from_heartbeat
-from artemis.devices.epos_objects import PERIOD, UNREADABLE, ProcessData, Units, wrapped
+from artemis.devices.epos_objects import PERIOD, UNREADABLE, PdoPlaces, Units, wrapped
 from artemis.devices.epos_state import Controlword
 from artemis.devices.tally import NOTHING, Tally
 from artemis.drive_states import DriveState, Nmt
@@ -29,7 +29,7 @@ class EposDrive:
         self.send = wire.send
         self.units = Units(robot, self.drive)
         self.family = self.drive.tables
-        self._pdos = ProcessData(self.family, self.drive.role)
+        self._pdos = PdoPlaces(self.family, self.drive.role)
         self._counts: int | None = None
         self._position = self._velocity = self._current = 0.0
         self._statusword = self._mode = self._jumps = self._stray = self._frames = 0

@@ -52,7 +52,7 @@ class Units:
         return self._fastest * (elapsed + JITTER)
 
 
-class ProcessData:
+class PdoPlaces:
     """The PDOs of a drive, and where in them stands what; -1: nowhere."""
 
     def __init__(self, family: Family, role: str) -> None:
