@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from artemis.battery import Battery
 from artemis.config import Config, Inconsistent, Quantity
+from artemis.drive_schema import Drive, drive_problems
 from artemis.mounting import Mounting, Outline
 from artemis.yaml_file import KeyPath
 
@@ -23,17 +24,10 @@ Acceleration = Annotated[float, Quantity(0.05, 30.0, "m/s²")]
 Voltage = Annotated[float, Quantity(0.0, 5.0, "V")]
 Slope = Annotated[float, Quantity(5.0, 2000.0, "degrees/V", signed=True)]
 Rolled = Annotated[float, Quantity(1e-8, 0.1, "m per count")]
-Current = Annotated[int, Quantity(20, 65535, "mA")]
-Unsigned16 = Annotated[int, Field(ge=0, le=0xFFFF)]
-Gain = Annotated[int, Field(ge=0, le=32767)]
 Voltages = Annotated[tuple[Voltage, Voltage], Field(strict=False)]  # YAML knows only lists
 Slopes = Annotated[tuple[Slope, Slope], Field(strict=False)]
-PiGains = Annotated[tuple[Gain, Gain], Field(strict=False)]
-PidGains = Annotated[tuple[Gain, Gain, Gain], Field(strict=False)]
 
-
-OPERATING_MODES = {"traction": 3, "steering": -1}
-"""Modes of operation (object 0x6060): profile velocity for traction, position for steering."""
+ROLES = ("traction", "steering")
 
 
 class Geometry(Config):
@@ -99,58 +93,6 @@ class Calibration(Config):
     traction: TractionCalibration
 
 
-class Motor(Config):
-    """Objects 0x6402, 0x6410."""
-
-    type: Literal["dc", "ec_sine", "ec_block"]
-    pole_pairs: Annotated[int, Field(ge=1, le=255)]
-    continuous_current_ma: Current
-    output_current_ma: Current
-    thermal_time_constant_s: Annotated[float, Quantity(0.1, 540.0, "s")]
-    max_speed_rpm: Annotated[int, Quantity(100, 25000, "rpm")]
-
-
-class Sensor(Config):
-    """Object 0x2210. `counts_per_turn` of the motor shaft: 4 x pulses, or 6 x pole pairs with halls only."""
-
-    type: Literal["encoder_3_channel", "encoder_2_channel", "hall"]
-    counts_per_turn: Annotated[int, Field(ge=6, le=30000)]
-
-
-class Gains(Config):
-    """Regulator gains, objects 0x60F6 (PI), 0x60F9 (PI), 0x60FB (PID)."""
-
-    current: PiGains
-    velocity: PiGains
-    position: PidGains
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """In the order of the objects: current P, I; velocity P, I; position P, I, D."""
-        return (*self.current, *self.velocity, *self.position)
-
-
-class Drive(Config):
-    """One EPOS node."""
-
-    node_id: Annotated[int, Field(ge=1, le=126)]
-    role: Literal["traction", "steering"]
-    side: Literal["left", "right"]
-    mirrored: bool
-    """A positive count turns the wheel backwards (traction) or to the right (steering)."""
-    hardware_version: Unsigned16
-    """Expected 0x2003:2 with its last digit masked: 0x6010 is an EPOS 24/1, 0x6210 an EPOS 24/5."""
-    min_firmware: Annotated[int, Field(ge=0x2030, le=0xFFFF)] = 0x2032
-    """Lowest software version 0x2003:1; before 0x2030 the heartbeat consumer does not exist."""
-    serial_number: Annotated[int, Field(ge=0, le=0xFFFFFFFFFFFFFFFF)] | None = None
-    motor: Motor
-    sensor: Sensor
-    gear_ratio: Annotated[float, Quantity(1.0, 10_000.0, "motor turns per wheel turn")]
-    """Motor turns per wheel turn."""
-    gains: Gains | None = None
-    following_error_counts: Annotated[int, Field(ge=1, le=0xFFFFFFFF)] = 2000
-
-
 class RobotFile(Config):
     """A whole robot file."""
 
@@ -170,7 +112,7 @@ class RobotFile(Config):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        problems = [*_nodes(self), *_geometry(self.geometry), *_body(self)]
+        problems = [*_families(self), *_nodes(self), *_geometry(self.geometry), *_body(self)]
         if not problems:
             problems = [*_traction(self), *_steering(self), *_limits(self.limits)]
         if problems:
@@ -188,6 +130,11 @@ class RobotFile(Config):
         places = [(role, side) for role in ("traction", "steering") for side in ("left", "right")]
         return tuple(names.index(self.drive_at(role, side)[0]) for role, side in places)
 
+    @property
+    def errors(self) -> dict[str, Mapping[int, str]]:
+        """Rows of the fault table by EMCY error code, for each drive: generations give a code different meanings."""
+        return {name: drive.tables.errors for name, drive in self.drives.items()}
+
     def metres_per_count(self, side: str) -> float:
         """Distance of a driven wheel per count [m]."""
         traction = self.calibration.traction
@@ -199,6 +146,13 @@ class RobotFile(Config):
 
 
 Problems = Iterator[tuple[KeyPath, str]]
+
+
+def _families(robot: RobotFile) -> Problems:
+    """Each drive has what its family needs, and nothing that it does not know."""
+    for name, drive in robot.drives.items():
+        for key, text in drive_problems(drive):
+            yield ("drives", name, *key), text
 
 
 def _nodes(robot: RobotFile) -> Problems:
@@ -221,7 +175,7 @@ def _nodes(robot: RobotFile) -> Problems:
     found: Counter[tuple[str, str]] = Counter((drive.role, drive.side) for drive in robot.drives.values())
     wrong = [
         f"found {found[role, side] or 'no'} {role} drive{'s' if found[role, side] > 1 else ''} on the {side}"
-        for role in OPERATING_MODES
+        for role in ROLES
         for side in ("left", "right")
         if found[role, side] != 1
     ]
