@@ -247,9 +247,10 @@ def _tree(dice: random.Random, robot: RobotFile) -> Part:
 
 
 def _calibrate(dice: random.Random, robot: RobotFile) -> Part:
-    """One wheel's potentiometers are measured, or gains are tried."""
+    """One wheel's potentiometers are measured, or gains are tried, where all drives have such without unit."""
     side, other = dice.sample(("left", "right"), 2)
-    if dice.uniform(0, 1) < 0.4:
+    tried = all(drive.family in ("epos1", "epos2") for drive in robot.drives.values())
+    if dice.uniform(0, 1) < 0.4 or not tried:
         words = {"wheels": side, "reference_deg": {side: round(dice.uniform(-1.0, 1.0), 1)}}
         return [{"calibrate": {"steering": words}}], {}, {}, BRING_UP + 17.0
     gains = {f"steer-{other}": {"position": [160, 10, 210]}, f"traction-{side}": {"velocity": [900, 110]}}
