@@ -62,12 +62,14 @@ def pair(port: int | None, address: str | None) -> None:
     announce(config)
 
 
-def announce(config: PageObserverConfig) -> None:
-    """Say how a browser is paired: an address with a code that is good once, in a terminal also as a QR code.
+def announce(config: PageObserverConfig | None) -> None:
+    """Say how a browser is paired with a page: an address with a code that is good once, in a terminal also a QR code.
 
     Raises:
         ConfigError: the extra is not installed, or the page's key is bad.
     """
+    if config is None:
+        return
     try:
         import segno
     except ImportError:

@@ -98,8 +98,7 @@ def run_in_sight(
     driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
     hint = f"{hint}; {DRIVING}" if driving else hint
     keys_work = hint if operator else ""
-    if (served := page_of(loaded)) is not None:
-        announce(served)
+    announce(page_of(loaded))
     robot = loaded.robot
     title = _title(loaded, simulated)
     view = LiveView(title, keys_work, terminate, robot.bitrate, robot.errors, partial(_where, loaded))
