@@ -7,9 +7,9 @@ from math import radians
 
 import numpy as np
 
+from artemis.axles import Geometry
 from artemis.calibration.wheel_log import WheelLog
 from artemis.motion.spline import Array
-from artemis.vehicle import Geometry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

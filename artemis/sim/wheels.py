@@ -1,4 +1,4 @@
-"""The four wheels of the true robot: what a motor's counts make of them, and what their potentiometers show."""
+"""The wheels of the true robot: what a motor's counts make of them, and what their potentiometers show."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 import random
 from dataclasses import dataclass
 
+from artemis.axles import Geometry
 from artemis.sim.axis import Axis
 from artemis.vehicle import RobotFile
 
@@ -115,8 +116,34 @@ class SteeredWheel:
         self.turn()
 
 
+class TrueLinkage:
+    """What one steering motor makes of the front wheels."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        """As the robot's file describes it; without a linkage the motor turns the only front wheel."""
+        self._half = geometry.kingpin_distance_m / (2.0 * geometry.wheelbase_m)
+        table = geometry.linkage if isinstance(geometry.linkage, tuple) else ()
+        self._rows = [(row.motor_deg, row.left_deg, row.right_deg) for row in table]
+
+    def wheels(self, angle: float) -> tuple[float, float]:
+        """Angles of the left and right front wheel for the motor's, all [rad], left positive."""
+        if self._rows:
+            return self._measured(math.degrees(angle))
+        s, c = math.sin(angle), math.cos(angle)
+        return math.atan2(s, c - self._half * s), math.atan2(s, c + self._half * s)
+
+    def _measured(self, motor: float) -> tuple[float, float]:
+        """On the lines between the rows of the table; `motor` in degrees."""
+        row = 0
+        while row < len(self._rows) - 2 and motor > self._rows[row + 1][0]:
+            row += 1
+        (begin, left, right), (end, next_left, next_right) = self._rows[row], self._rows[row + 1]
+        share = (motor - begin) / (end - begin)
+        return math.radians(left + share * (next_left - left)), math.radians(right + share * (next_right - right))
+
+
 class DrivenWheel:
-    """One driven wheel: motor counts to true distance."""
+    """One driven wheel, or two behind a differential: motor counts to true distance."""
 
     def __init__(self, robot: RobotFile, name: str, axis: Axis, *, scale: float) -> None:
         """`scale`: true metres per count as a multiple of the robot file's."""

@@ -7,6 +7,7 @@ from math import copysign, degrees, inf, radians
 
 from msgspec.structs import replace
 
+from artemis.axles import Potentiometers
 from artemis.drive_states import POWERED
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.potentiometers import memory_numbers, wheel_angles
@@ -18,7 +19,6 @@ from artemis.states.mode import OFF, PATIENCE, STEERING_ON, Failed, Routine
 from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveFeedback, Fault, JobKind, Request, Severity, Snapshot, Wish
-from artemis.vehicle import Potentiometers
 
 TURN, LEAST_TURN = radians(45.0), radians(15.0)
 """A wheel is read straight and turned by so much to both sides [rad]: less where its limits are nearer."""
