@@ -21,8 +21,8 @@ Slopes = Annotated[tuple[Slope, Slope], Field(strict=False)]
 WheelAngle = Annotated[float, Quantity(0.0, 89.0, "degrees", signed=True)]
 
 Side = Literal["left", "right", "middle"]
-"""Where a drive acts: on one wheel of its axle, or in the middle, on the only wheel or through a linkage or differential
-on both."""
+"""Where a drive acts: on one wheel of its axle, or in the middle: on the only one, or by a linkage or differential on
+both."""
 OWN_SIDES, MIDDLE = ("left", "right"), ("middle",)
 
 

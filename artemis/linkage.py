@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from itertools import pairwise
 from math import atan2, ceil, cos, degrees, radians, sin
 
 from artemis.axles import Geometry
@@ -26,7 +27,7 @@ class MeasuredLinkage:
         rows = [(row.motor_deg, row.left_deg, row.right_deg) for row in geometry.linkage]
         self._motor: list[float] = []
         self._steering: list[float] = []
-        for begin, end in zip(rows, rows[1:], strict=False):
+        for begin, end in pairwise(rows):
             parts = ceil((end[0] - begin[0]) / STEP)
             for part in range(parts + 1 if end is rows[-1] else parts):
                 motor, left, right = (radians(a + (b - a) * part / parts) for a, b in zip(begin, end, strict=True))

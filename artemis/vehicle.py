@@ -289,8 +289,8 @@ def _steering(robot: RobotFile) -> Problems:
         if not low <= -limits.steering_deg < limits.steering_deg <= high:
             yield (
                 ("limits", "steering_deg"),
-                f"{limits.steering_deg:g} degrees are beyond the table of the linkage, whose ends turn the virtual front "
-                f"wheel to {low:.1f} and {high:.1f} degrees",
+                f"{limits.steering_deg:g} degrees are beyond the linkage's table, whose ends turn the virtual front wheel "
+                f"to {low:.1f} and {high:.1f} degrees",
             )
     for side in robot.sides("steering"):
         name, drive = robot.drive_at("steering", side)

@@ -12,8 +12,8 @@ from artemis.motion.spline import Array
 def steering_per_distance(curvature: Array, spacing: float, geometry: Geometry) -> Array:
     """How far the steering motor that turns more turns for each metre that the virtual front wheel rolls [rad/m].
 
-    At the wheel. The directions of the kingpins are those of `ackermann`; the inner one turns up to 1.3 times as fast as
-    the virtual wheel.
+    At the wheel. The directions of the kingpins are those of `ackermann`; the inner one turns up to 1.3 times as fast
+    as the virtual wheel.
 
     Args:
         curvature: of the rear axle's path [1/m], left positive, shape (n,), n >= 2.

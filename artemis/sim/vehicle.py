@@ -9,7 +9,7 @@ slide sideways) has to satisfy, for kingpins at (L, ±B/2) and contact points R 
 
 (upper sign left), of which the driven wheels' rolling and the front wheels' grip are more than two equations: the
 vehicle moves as fits all of them best, by least squares. For wheels set as an Ackermann pair all are met exactly.
-One front wheel is a pair on one kingpin (B = R = 0). Behind a differential only the mean of both rolling speeds is given.
+One front wheel is a pair on one kingpin (B = R = 0). A differential gives only the mean of both rolling speeds.
 """
 
 from __future__ import annotations
