@@ -28,12 +28,13 @@ def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data
         if _rounded(new) != _rounded(old):
             found[keys] = _rounded(new)
 
-    lengths = {"left": machine.distance_left, "right": machine.distance_right}
-    zeros = {"left": machine.zero_left, "right": machine.zero_right}
-    scales = {"left": machine.scale_left, "right": machine.scale_right}
-    for side in ("left", "right"):
+    lengths = {"left": machine.distance_left, "right": machine.distance_right, "middle": machine.distance_left}
+    zeros = {"left": machine.zero_left, "right": machine.zero_right, "middle": machine.zero_left}
+    scales = {"left": machine.scale_left, "right": machine.scale_right, "middle": machine.scale_left}
+    for side in robot.sides("traction"):
         old = robot.metres_per_count(side)
         put(("calibration", "traction", f"{side}_m_per_count"), old, old * lengths[side])
+    for side in robot.sides("steering"):
         wheel = robot.potentiometers(side)
         pairs = zip(wheel.zero_v, wheel.slope_deg_per_v, strict=True)
         volts = [_rounded(zero + degrees(zeros[side]) / slope) for zero, slope in pairs]

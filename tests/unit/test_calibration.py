@@ -419,7 +419,7 @@ def test_rows_have_left_right_and_mean() -> None:
     driven = drive(hidden(13), 13, duration=60.0, on_axle=True)
     found = fit([Run(log=driven.log, truth=driven.truth)], BASE, TWO_WHEELS)
 
-    rows = {row.name: row for row in rows_of(found, (2e-4, 2e-4), one_wheel=False)}
+    rows = {row.name: row for row in rows_of(found, (2e-4, 2e-4))}
 
     assert (
         float(rows["steering zero, mean [deg]"].half_width) < 0.1 < float(rows["steering zero left [deg]"].half_width)
