@@ -83,10 +83,10 @@ def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
         new = {name: merged(action.gains[name], gains).numbers for name, gains in known.items() if gains is not None}
         return GainsStep(gains=new)
     if action.turn is not None:
-        return TurnStep(side=action.turn.side, angle=radians(action.turn.angle_deg))
+        return TurnStep(side=action.turn.side or robot.sides("steering")[0], angle=radians(action.turn.angle_deg))
     if isinstance(asked := action.steering, MeasureSteering):
         return SteeringStep(
-            sides=("left", "right") if asked.wheels == "both" else (asked.wheels,),
+            sides=robot.sides("steering") if asked.wheels == "both" else (asked.wheels,),
             reference={side: radians(angle) for side, angle in asked.reference_deg if angle is not None},
             save=asked.save,
             new=asked.potentiometers == "new",

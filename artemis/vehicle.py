@@ -289,7 +289,7 @@ def _steering(robot: RobotFile) -> Problems:
         if not low <= -limits.steering_deg < limits.steering_deg <= high:
             yield (
                 ("limits", "steering_deg"),
-                f"{limits.steering_deg:g} degrees are beyond the linkage's table, whose ends turn the virtual front wheel "
+                f"{limits.steering_deg:g} degrees are beyond the linkage's table: its ends turn the virtual wheel "
                 f"to {low:.1f} and {high:.1f} degrees",
             )
     for side in robot.sides("steering"):

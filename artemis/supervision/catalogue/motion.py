@@ -14,6 +14,7 @@ from artemis.supervision.catalogue.row import (
     WARN,
     Found,
     K,
+    Needs,
     Row,
     Threshold,
     X,
@@ -83,6 +84,7 @@ MOTION: dict[str, Row] = {
         of="difference of both wheels as part of the speed",
         stages=(Threshold(LIMIT, 0.25, 0.12), Threshold(S2, 0.25, 2.0), Threshold(S2, 0.5, 0.12)),
         shows_as=("RUN-01",),
+        needs=Needs.TRACTION_MOTORS,
     ),
     "RUN-06": Row(
         "one driven wheel pushes alone",
@@ -96,6 +98,7 @@ MOTION: dict[str, Row] = {
         of="one driven wheel off, the other on and moving",
         stages=(Threshold(S1, 0.0, 0.059),),
         shows_as=("COM-02", "COM-01"),
+        needs=Needs.TRACTION_MOTORS,
     ),
     "RUN-07": Row(
         "odometry against localisation",
@@ -218,6 +221,7 @@ MOTION: dict[str, Row] = {
         of="difference from a pair [rad]",
         stages=(Threshold(S1, radians(4.0), 0.18),),
         shows_as=("STE-05", "STE-01"),
+        needs=Needs.STEERING_MOTORS,
     ),
     "STE-07": Row(
         "potentiometer frozen",
