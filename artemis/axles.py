@@ -123,12 +123,44 @@ class Potentiometers(Config):
     """True change of the wheel's angle per change that the encoder counts through the gear."""
 
 
+class ByHand(Config):
+    """Nothing measures the angle: whenever the drives are brought up a person sets the wheels straight."""
+
+    angle: Literal["by_hand"]
+    scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
+    """As of `Potentiometers`."""
+
+
+class HardStop(Config):
+    """Nothing measures the angle: whenever the drives are brought up the motor looks for the end of its way."""
+
+    angle: Literal["hard_stop"]
+    stop_deg: Annotated[float, Quantity(5.0, 179.0, "degrees", signed=True)]
+    """Where it is held, by what the motor turns, left positive: the sign says which of both ends it looks for."""
+    scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
+    """As of `Potentiometers`."""
+
+
+def _kind_of_angle(given: object) -> str:
+    kind = given.get("angle") if isinstance(given, dict) else getattr(given, "angle", None)
+    return {"by_hand": "<by hand>", "hard_stop": "<hard stop>"}.get(str(kind), "<potentiometers>")
+
+
+AngleSource = Annotated[
+    Annotated[Potentiometers, Tag("<potentiometers>")]
+    | Annotated[ByHand, Tag("<by hand>")]
+    | Annotated[HardStop, Tag("<hard stop>")],
+    Discriminator(_kind_of_angle),
+]
+"""How the angle of what a steering motor turns becomes known."""
+
+
 class SteeringCalibration(Config):
     """Per steering motor, by its side. Of one in the middle the angle is that of its linkage, or of its wheel."""
 
-    left: Potentiometers | None = None
-    right: Potentiometers | None = None
-    middle: Potentiometers | None = None
+    left: AngleSource | None = None
+    right: AngleSource | None = None
+    middle: AngleSource | None = None
     disagreement_deg: Annotated[float, Quantity(0.1, 30.0, "degrees")] = 3.0
     """The two potentiometers of a wheel may differ by this much (fault STE-03 beyond)."""
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from artemis.axles import ByHand
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
 from artemis.mission.actions import Ask, Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Wait
@@ -228,7 +229,10 @@ def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
         return False
     if loaded.mission.simulation.pace is not None:
         return loaded.mission.simulation.pace == "fast"
-    if asks(loaded) and not any(act.answer is not None for act in loaded.mission.simulation.operator):
+    acts = loaded.mission.simulation.operator
+    if asks(loaded) and not any(act.answer is not None for act in acts):
+        return False
+    if straight_by_hand(loaded) and not any(act.do == "accept" for act in acts):
         return False
     from artemis.plugins.registry import INPUTS, LOCALIZERS, OBSERVERS, SCANNERS, load
 
@@ -253,6 +257,11 @@ def preparations(loaded: LoadedMission, simulated: bool) -> list[Callable[[], No
         plugin: object = load(LOCALIZERS, use.plugin)
         found += [plugin.prepare] if isinstance(plugin, TakesTimeOnce) else []
     return found
+
+
+def straight_by_hand(loaded: LoadedMission) -> bool:
+    """Whether a person sets the wheels straight whenever the drives are brought up."""
+    return isinstance(loaded.robot.angle_source("left"), ByHand)
 
 
 def asks(loaded: LoadedMission) -> bool:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from math import degrees, radians
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from artemis.axles import OWN_SIDES, Calibration, Geometry, Potentiometers, Side
+from artemis.axles import OWN_SIDES, ByHand, Calibration, Geometry, HardStop, Potentiometers, Side
 from artemis.config import Config, Inconsistent, Quantity
 from artemis.linkage import MeasuredLinkage
 from artemis.mounting import Mounting, Outline
@@ -153,13 +154,24 @@ class RobotFile(Config):
         assert found is not None, "checked when the file was read"
         return found
 
-    def potentiometers(self, side: str) -> Potentiometers:
-        """Potentiometer calibration of the steering motor that turns the wheel of a side."""
+    def angle_source(self, side: str) -> Potentiometers | ByHand | HardStop:
+        """How the angle of the steering motor that turns the wheel of a side becomes known."""
         steering = self.calibration.steering
         own = steering.left if side == "left" else steering.right
         found = steering.middle if self.sides("steering") != OWN_SIDES else own
         assert found is not None, "checked when the file was read"
         return found
+
+    def potentiometers(self, side: str) -> Potentiometers:
+        """Potentiometer calibration of the steering motor that turns the wheel of a side, where it has any."""
+        found = self.angle_source(side)
+        assert isinstance(found, Potentiometers), "asked only where it has them"
+        return found
+
+    @property
+    def has_potentiometers(self) -> bool:
+        """Whether potentiometers measure the angles of the steering motors."""
+        return isinstance(self.angle_source("left"), Potentiometers)
 
 
 Problems = Iterator[tuple[KeyPath, str]]
@@ -294,8 +306,10 @@ def _steering(robot: RobotFile) -> Problems:
             )
     for side in robot.sides("steering"):
         name, drive = robot.drive_at("steering", side)
-        pots = robot.potentiometers(side)
-        for number, (zero, slope) in enumerate(zip(pots.zero_v, pots.slope_deg_per_v, strict=True)):
+        source = robot.angle_source(side)
+        yield from _sources(robot, side, source)
+        volts = zip(source.zero_v, source.slope_deg_per_v, strict=True) if isinstance(source, Potentiometers) else ()
+        for number, (zero, slope) in enumerate(volts):
             swing = limits.steering_deg / abs(slope)
             if zero - swing < 0.0 or zero + swing > 5.0:
                 yield (
@@ -316,6 +330,21 @@ def _steering(robot: RobotFile) -> Problems:
                 ("drives", name, "following_error_counts"),
                 f"{drive.following_error_counts} counts are {error:.3g} degrees of the wheel; expected 0.01 to 45",
             )
+
+
+def _sources(robot: RobotFile, side: str, source: Potentiometers | ByHand | HardStop) -> Problems:
+    """All angles become known in one way; a stop is beyond every angle."""
+    key, limit = ("calibration", "steering", side), robot.limits.steering_deg
+    if type(source) is not type(robot.angle_source("left")):
+        yield key, "expected the same source of the angle as on the left"
+    if isinstance(source, HardStop):
+        if side != "middle":
+            yield (*key, "angle"), "only a single steering motor looks for a hard stop, not one of a pair"
+        if isinstance(robot.geometry.linkage, tuple):
+            limit = max(abs(degrees(MeasuredLinkage(robot.geometry).motor(radians(end)))) for end in (-limit, limit))
+        if abs(source.stop_deg) <= limit:
+            text = f"expected beyond the {limit:.3g} degrees to which limits.steering_deg lets the motor turn"
+            yield (*key, "stop_deg"), f"{text}, found {source.stop_deg:g}"
 
 
 def _limits(limits: Limits) -> Problems:

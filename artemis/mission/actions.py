@@ -131,12 +131,13 @@ class Calibrate(Config):
 
     steering: (
         Annotated[
-            Annotated[Literal["from_potentiometers"], Tag("<word>")] | Annotated[MeasureSteering, Tag("<measured>")],
+            Annotated[Literal["from_potentiometers", "align"], Tag("<word>")]
+            | Annotated[MeasureSteering, Tag("<measured>")],
             Discriminator(_kind_of_steering),
         ]
         | None
     ) = None
-    """Align the wheels, or measure their potentiometers."""
+    """Align the wheels (`align`: a robot without potentiometers, as its file says), or measure their potentiometers."""
     gains: Annotated[dict[str, NewGains], Field(min_length=1)] | None = None
     """Try other regulator gains, by drive: until the run ends, or a fault has the drives configured anew."""
     turn: Turn | None = None

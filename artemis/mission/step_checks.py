@@ -100,6 +100,9 @@ class StepChecks(GotoChecks):
                 problem = "what is saved holds from the next start on: no other step may stand beside a calibration "
                 self._complain(("steps",), problem + "with save: drives or ask")
         if robot is not None:
+            if step.steering not in (None, "align") and not robot.has_potentiometers:
+                problem = "the robot has no potentiometers: write `align`"
+                self._complain((*at, "steering"), problem)
             for key, side in step.sides:
                 if side not in robot.sides("steering"):
                     problem = f"the robot's steering motors are: {', '.join(robot.sides('steering'))}; found {side}"

@@ -6,7 +6,7 @@ import math
 import random
 from dataclasses import dataclass
 
-from artemis.axles import Geometry
+from artemis.axles import Geometry, HardStop, Potentiometers
 from artemis.sim.axis import Axis
 from artemis.vehicle import RobotFile
 
@@ -53,7 +53,7 @@ class SteeredWheel:
             name: The wheel's drive in the robot file.
             axis: Its motor.
             start: True angle of the wheel [rad], left positive.
-            zero_deg: True angle at which the calibrated potentiometers say 0.
+            zero_deg: True angle at which the calibrated potentiometers say 0; so far off is a hard stop, or a hand.
             scale: True angle per count as a multiple of the robot file's.
             backlash: Angle between the ends of the play between motor and wheel [rad]; it begins in the middle.
             slopes: True degrees per volt of both potentiometers as multiples of the robot file's.
@@ -64,16 +64,23 @@ class SteeredWheel:
         self._axis = axis
         self._start = start
         counts_per_turn = drive.sensor.counts_per_turn * drive.gear_ratio
-        calibration = robot.potentiometers(drive.side)
-        scale *= calibration.scale
+        source = robot.angle_source(drive.side)
+        scale *= source.scale
         self._coupled = (-scale if drive.mirrored else scale) * math.tau / counts_per_turn
         self._radians_per_count = self._coupled
         self._half_play = 0.5 * backlash
         self.angle = start
         """True angle of the wheel [rad], left positive."""
         self._zero_deg = zero_deg
-        self._zero_v = calibration.zero_v
-        self._slope_1, self._slope_2 = (a * b for a, b in zip(calibration.slope_deg_per_v, slopes, strict=True))
+        self._zero_v, known = (0.0, 0.0), (math.inf, math.inf)
+        if isinstance(source, Potentiometers):
+            self._zero_v, known = source.zero_v, source.slope_deg_per_v
+        self._slope_1, self._slope_2 = (a * b for a, b in zip(known, slopes, strict=True))
+        end = math.radians(abs(source.stop_deg)) if isinstance(source, HardStop) else math.inf
+        zero = math.radians(zero_deg)
+        self._stops = (zero - end, zero + end) if end < math.inf else None
+        """Where it is held to both sides [rad]."""
+        self._held = False
 
     def turn(self) -> float:
         """Let the motor take the wheel along once the play is taken up: the angle [rad]."""
@@ -81,7 +88,20 @@ class SteeredWheel:
         if self._half_play:
             angle = min(max(self.angle, angle - self._half_play), angle + self._half_play)
         self.angle = angle
+        if self._stops is not None:
+            self._meet(angle, *self._stops)
         return angle
+
+    def _meet(self, angle: float, low: float, high: float) -> None:
+        """Hold the motor at a stop as long as it is regulated beyond it."""
+        outwards = self._axis.lag * self._coupled
+        held = (angle >= high and outwards > 0.0) or (angle <= low and outwards < 0.0)
+        if held is not self._held:
+            self._held = held
+            self._axis.fail(blocked=held)
+        if held:
+            self.angle = high if angle >= high else low
+            self._axis.position = (self.angle - self._start) / self._coupled
 
     def feel(self, dice: random.Random, noise: float, now: float) -> None:
         """Turn the potentiometers' shafts along: `noise` is the standard deviation of each voltage [V]."""

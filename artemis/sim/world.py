@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from artemis.axles import Inset, Length
+from artemis.axles import ByHand, Inset, Length
 from artemis.config import Config, Quantity
 from artemis.mounting import Degrees, Mounting, Offset
 from artemis.sim.axis import NOMINAL_VOLTAGE, Axis
@@ -176,11 +176,12 @@ class World:
         """By the names of their drives: left and right, or one in the middle."""
         for side in robot.sides("steering"):
             name, _ = robot.drive_at("steering", side)
+            by_hand = isinstance(robot.angle_source(side), ByHand)
             self.steered[name] = SteeredWheel(
                 robot,
                 name,
                 axes[name],
-                start=math.radians(getattr(true, f"start_steering_{side}_deg")),
+                start=math.radians(getattr(true, f"{'steering_zero' if by_hand else 'start_steering'}_{side}_deg")),
                 zero_deg=getattr(true, f"steering_zero_{side}_deg"),
                 scale=getattr(true, f"steering_scale_{side}"),
                 backlash=math.radians(true.backlash_deg),

@@ -148,6 +148,8 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
             "faults": faults,
         },
     }
+    if not robot.has_potentiometers:
+        mission = json.loads(json.dumps(mission).replace('"from_potentiometers"', '"align"'))
     dies = resumed or dice.uniform(0, 1) < 0.04
     killed = round(dice.uniform(0.0, length + 1.0), 4) if dies else None
     found = Scenario(seed=seed, mission=mission, files=files, killed_at=killed, resumed=resumed)
@@ -247,7 +249,7 @@ def _calibrate(dice: random.Random, robot: RobotFile) -> Part:
     """One wheel's potentiometers are measured, or gains are tried."""
     side, other = dice.sample(OWN_SIDES, 2)
     wheel = robot.drive_at("steering", side)[1].side
-    if dice.uniform(0, 1) < 0.4:
+    if robot.has_potentiometers and dice.uniform(0, 1) < 0.4:
         words = {"wheels": wheel, "reference_deg": {wheel: round(dice.uniform(-1.0, 1.0), 1)}}
         return [{"calibrate": {"steering": words}}], {}, {}, BRING_UP + 17.0
     steering, traction = robot.drive_at("steering", other)[0], robot.drive_at("traction", side)[0]

@@ -42,8 +42,11 @@ def pair(steering: float, wide: Geometry) -> tuple[float, float]:
     if steering == 0.0:
         return 0.0, 0.0
     turning, half = wide.wheelbase_m / tan(steering), wide.kingpin_distance_m / 2.0
-    return tuple(atan2(wide.wheelbase_m, turning - side) if turning > 0 else -atan2(wide.wheelbase_m, side - turning)
-                 for side in (half, -half))  # fmt: skip
+
+    def direction(side: float) -> float:
+        return atan2(wide.wheelbase_m, turning - side) if turning > 0 else -atan2(wide.wheelbase_m, side - turning)
+
+    return direction(half), direction(-half)
 
 
 def table_of(wide: Geometry, motors: list[float]) -> tuple[LinkageRow, ...]:
@@ -151,7 +154,8 @@ def test_fitted_odometry_is_that_of_the_ticks(name: str) -> None:
     poses = dead_reckoned(log, Kinematics.of(described.geometry))
     before = ways[0]
     for way, motor in zip(ways, motors, strict=True):
-        odometer.update(*(way - before), motor, motor, 0.02)
+        left, right = way - before
+        odometer.update(left, right, motor, motor, 0.02)
         before = way
     last = odometer.odometry.pose
     assert hypot(last.x - poses[-1, 0], last.y - poses[-1, 1]) < 1e-3

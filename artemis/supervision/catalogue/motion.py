@@ -184,6 +184,7 @@ MOTION: dict[str, Row] = {
         within=0.12,
         of="difference as part of disagreement_deg",
         stages=(Threshold(S1, 1.0, 0.08),),
+        needs=Needs.POTENTIOMETERS,
     ),
     "STE-04": Row(
         "potentiometer open or shorted",
@@ -196,6 +197,7 @@ MOTION: dict[str, Row] = {
         within=0.06,
         of="within 2 % of a rail",
         stages=(Threshold(S1, 0.0, 0.02),),
+        needs=Needs.POTENTIOMETERS,
     ),
     "STE-05": Row(
         "potentiometers against encoder",
@@ -208,6 +210,7 @@ MOTION: dict[str, Row] = {
         within=0.22,
         of="difference of the angles [rad]",
         stages=(Threshold(S1, radians(4.0), 0.18),),
+        needs=Needs.POTENTIOMETERS,
     ),
     "STE-06": Row(
         "steering geometry",
@@ -235,6 +238,7 @@ MOTION: dict[str, Row] = {
         of="turned without a new voltage [rad]",
         stages=(Threshold(S1, radians(10.0)),),
         shows_as=("STE-03", "STE-05"),
+        needs=Needs.POTENTIOMETERS,
     ),
     "CAL-01": Row(
         "calibration fails",
@@ -258,5 +262,6 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=5.0,
         reason="a mission whose first path comes before its first `calibrate` is refused",
+        needs=Needs.POTENTIOMETERS,
     ),
 }

@@ -93,6 +93,7 @@ class Needs(Enum):
     NOTHING = ""
     STEERING_MOTORS = "a steering motor at each front wheel"
     TRACTION_MOTORS = "a traction motor at each driven wheel"
+    POTENTIOMETERS = "potentiometers of the steering"
 
 
 class Row(NamedTuple):
@@ -130,4 +131,6 @@ class Row(NamedTuple):
                 return robot.sides("steering") != OWN_SIDES
             case Needs.TRACTION_MOTORS:
                 return robot.sides("traction") != OWN_SIDES
+            case Needs.POTENTIOMETERS:
+                return not robot.has_potentiometers
         return False

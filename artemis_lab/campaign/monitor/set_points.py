@@ -183,7 +183,7 @@ def _steering_targets(e: Evidence, side: str) -> Iterator[Violation]:
 
 def _radians_per_count(e: Evidence, side: str) -> float:
     _, drive = e.robot.drive_at("steering", side)
-    scale = e.robot.potentiometers(side).scale * 2 * pi / (drive.sensor.counts_per_turn * drive.gear_ratio)
+    scale = e.robot.angle_source(side).scale * 2 * pi / (drive.sensor.counts_per_turn * drive.gear_ratio)
     return -scale if drive.mirrored else scale
 
 
