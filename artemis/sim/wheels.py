@@ -93,15 +93,18 @@ class SteeredWheel:
         return angle
 
     def _meet(self, angle: float, low: float, high: float) -> None:
-        """Hold the motor at a stop as long as it is regulated beyond it."""
-        outwards = self._axis.lag * self._coupled
-        held = (angle >= high and outwards > 0.0) or (angle <= low and outwards < 0.0)
+        """Nothing turns beyond a stop, and the motor is held there as long as it is regulated to go on."""
+        axis, end = self._axis, high if angle >= high else low
+        at_end = angle >= high or angle <= low
+        held = at_end and axis.lag * self._coupled * end > 0.0
         if held is not self._held:
             self._held = held
-            self._axis.fail(blocked=held)
-        if held:
-            self.angle = high if angle >= high else low
-            self._axis.position = (self.angle - self._start) / self._coupled
+            axis.fail(blocked=held)
+        if at_end:
+            self.angle = end
+            axis.position = (end - self._start) / self._coupled
+            if axis.velocity * self._coupled * end > 0.0:
+                axis.velocity = 0.0
 
     def feel(self, dice: random.Random, noise: float, now: float) -> None:
         """Turn the potentiometers' shafts along: `noise` is the standard deviation of each voltage [V]."""

@@ -81,7 +81,8 @@ def _from_stop(shared: Shared, source: HardStop, snapshot: Snapshot) -> Routine:
             drive = _drive(snapshot, name)
             if towards * (snapshot.set_points.steering_left - drive.position) > HELD:
                 held = drive.position
-                snapshot = yield from switch_off(shared, OFF, snapshot)
+                wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
+                snapshot = yield from switch_off(shared, wish, snapshot)
                 sprung = _drive(snapshot, name).position - held
                 return (yield from _take(shared, radians(source.stop_deg) + sprung, snapshot))
     seen = f"no hard stop within {ROUNDS * degrees(abs(end - begin)):.0f} degrees"

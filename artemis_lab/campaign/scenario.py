@@ -240,7 +240,7 @@ def _tree(dice: random.Random, robot: RobotFile) -> Part:
     """Words around a path, and maybe ahead beyond its end."""
     bend = dice.choice((0.0, 0.0, -1.0, 1.0)) * dice.uniform(0.1, 0.3)
     speed = min(round(dice.uniform(0.3, 0.6), 2), robot.limits.speed_m_s)
-    drawn = TreeDice(dice, speed, dice.sample(_fitting({"follow"}, robot), 2))
+    drawn = TreeDice(dice, robot, speed, dice.sample(_fitting({"follow"}, robot), 2))
     steps, table = drawn.mission(), shapes.table(shapes.sampled(lambda distance: bend, LENGTH))
     return steps, {"path.csv": table}, {}, BRING_UP + 2.0 + drawn.seconds
 
