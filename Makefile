@@ -89,12 +89,14 @@ $(READY): pyproject.toml
 	@touch $@
 
 # The compiled artemis has an environment of its own: what runs in $(VENV) is always the sources as they are. Behind its
-# artemis it finds the packages of $(VENV), and this folder for the tests.
+# artemis it finds the packages of $(VENV), and this folder for the tests. The wheel is built from a copy: a build writes the
+# entry points of its folder anew, and whatever runs in this one at that instant would find no plugin.
 $(FAST)/.ready: $(READY) setup.py $(shell find artemis artemis_lab -name '*.py' -o -name '*.yaml' -o -name '*.txt')
 	@echo "compiling into $(FAST) (a minute or two)"
-	@rm -rf $(FAST) build/wheel build/lib build/lib.* build/temp.* build/bdist.* && mkdir -p build
+	@rm -rf $(FAST) build/wheel build/source && mkdir -p build/source
+	@cp -R pyproject.toml setup.py README.md LICENSE artemis artemis_lab build/source
 	@ARTEMIS_COMPILE=1 $(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps \
-		--wheel-dir build/wheel .
+		--wheel-dir build/wheel ./build/source
 	@$(BIN)/python -m venv --without-pip $(FAST)
 	@$(BIN)/python -m pip --python $(FAST) install --quiet --disable-pip-version-check --no-deps build/wheel/*.whl
 	@$(BIN)/python -c "import os, sysconfig; print(sysconfig.get_path('purelib'), os.getcwd(), sep='\n')" \

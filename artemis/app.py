@@ -24,6 +24,7 @@ from artemis.mission.injector import Simulated
 from artemis.mission.loading import LoadedMission
 from artemis.motion.steering_fit import SteeringFit
 from artemis.planning import (
+    check_drivable,
     inputs_used,
     is_fast,
     is_simulated,
@@ -287,10 +288,11 @@ def run_mission(
         parts: What is to be another than the mission says.
 
     Raises:
-        DeviceLost: the bus cannot be opened.
+        ConfigError, DeviceLost: nothing is driven over its bus; it cannot be opened.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
     parts, simulated = parts or Parts(), is_simulated(loaded, simulate)
+    check_drivable(loaded, source, simulated)
     loop = parts.loop or (clock.SimulatedLoop if is_fast(loaded, simulated) else asyncio.SelectorEventLoop)
     virtual = issubclass(loop, clock.SimulatedLoop)
     injector = loaded.injector if simulated else None
@@ -306,7 +308,7 @@ def run_mission(
         instead = parts.machine, parts.sensors
         return opened(loaded, resume_point, witness, *instead, simulated=simulated, localized=plan.localized)
 
-    run = _Run(
+    return _Run(
         loaded=loaded,
         simulated=simulated,
         plan=plan,
@@ -316,5 +318,4 @@ def run_mission(
         attendance=attendance,
         watch=watch,
         resume_point=resume_point,
-    )
-    return run.go(loop)
+    ).go(loop)

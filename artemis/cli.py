@@ -121,8 +121,8 @@ def doctor(
 @app.command()
 def sim(
     robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="Robot file (YAML).")],
-    interface: Annotated[str, typer.Option(help="python-can's name of the back end.")],
-    channel: Annotated[str, typer.Option(help="Channel, as python-can calls it.")],
+    interface: Annotated[str | None, typer.Option(help="python-can's name of the back end.")] = None,
+    channel: Annotated[str | None, typer.Option(help="Channel, as python-can calls it.")] = None,
     option: Annotated[list[str] | None, typer.Option(metavar="K=V", help="Extra python-can option.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
     true: Annotated[
@@ -135,13 +135,27 @@ def sim(
     world: Annotated[
         Path | None, typer.Option(metavar="FILE", help="What the scanners see, as a mission's simulation.world.")
     ] = None,
+    serial: Annotated[
+        str | None, typer.Option(metavar="epos1|epos4", help="On a pseudo-terminal instead, by this protocol.")
+    ] = None,
+    baud: Annotated[int, typer.Option(help="Of that serial line.")] = 115200,
+    latency: Annotated[float, typer.Option("--latency-ms", min=0, help="Of its USB adapter.")] = 0.0,
 ) -> None:
     """Simulate the robot's drives on a real bus, in real time, for any CANopen tool, and its scanners over TCP.
 
-    Ctrl-C ends it.
+    Or its first drive on a serial line, for any program that opens a port. Ctrl-C ends it.
     """
+    if serial is not None:
+        from artemis.commands.simulate_serial import simulate_serial
+
+        if interface or channel or option or scanner or world:
+            raise ConfigError("--serial goes with --baud, --latency-ms, --seed and --true only")
+        simulate_serial(robot, serial, baud, latency / 1000.0, seed, true)
+        return
     from artemis.commands.simulate import simulate
 
+    if interface is None or channel is None:
+        raise ConfigError("sim: write --interface and --channel of a CAN bus, or --serial epos1")
     simulate(robot, interface, channel, option or [], seed, true, scanner or [], world)
 
 
@@ -210,6 +224,18 @@ def devices(
     from artemis.commands.devices import show_devices
 
     show_devices(mission)
+
+
+@app.command()
+def configure(
+    mission: MissionFile,
+    store: Annotated[bool, typer.Option("--store", help="Have the drives keep it when their power goes.")] = False,
+    simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
+) -> None:
+    """Write the robot file's configuration into a mission's drives, over CAN or a serial line; nothing moves."""
+    from artemis.commands.configure import configure_drives
+
+    raise typer.Exit(configure_drives(mission, store=store, simulate=simulate))
 
 
 @app.command()

@@ -82,7 +82,7 @@ def opened(
     if world is not None and loaded.injector is not None:
         bus = loaded.injector.failing_bus(bus, mission.simulation.seed)
     drives, others = Drives(loaded.robot, bus), [*sensors(), *_scanners(loaded, world, simulated=simulated)]
-    if world is not None and "battery_v" in loaded.tree.signals:
+    if world is not None and (loaded.robot.battery or "battery_v" in loaded.tree.signals):
         from artemis.sim.supply_meter import SupplyMeter
 
         others.append(SupplyMeter(world))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import radians
+from pathlib import Path as FilePath
 from typing import Any
 
 from msgspec.structs import replace
@@ -19,6 +20,7 @@ from artemis.mission.goto import MOST_OFF, Goto, goto_rules
 from artemis.mission.loading import LoadedMission, plugin_from
 from artemis.mission.obstacles import rules_for
 from artemis.mission.policies import policies_from
+from artemis.mission.schema import SerialWords
 from artemis.plugins.contracts import PluginContext, TakesTimeOnce, declared
 from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.plugins.stated import follower_speed, input_speed, is_live, stale_limit
@@ -267,6 +269,21 @@ def straight_by_hand(loaded: LoadedMission) -> bool:
 def asks(loaded: LoadedMission) -> bool:
     """Whether the mission asks a person."""
     return any(step.ask is not None for _, step in loaded.tree.steps)
+
+
+def check_drivable(loaded: LoadedMission, source: FilePath, simulated: bool) -> None:
+    """Nothing is driven over a serial line (decision 16).
+
+    Raises:
+        ConfigError: the mission `source` names one, and its drives are real.
+    """
+    if isinstance(loaded.mission.bus, SerialWords) and not simulated:
+        why = (
+            "nothing is driven over a serial line: an EPOS cannot watch the computer over it, so a wheel would turn on "
+            "when that fails, and asking four drives takes longer than a tick"
+        )
+        use = "over it `artemis devices`, `configure` and `calibrate` read and write drives; drive over CAN"
+        raise ConfigError(loaded.documents[str(source)].problem(("bus",), f"{why}; {use}, or --simulate"))
 
 
 def is_simulated(loaded: LoadedMission, simulate: bool = False) -> bool:

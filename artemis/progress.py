@@ -10,6 +10,8 @@ TIMELESS = ("say", "end", "stop")
 """Steps in which no time passes: they have no number."""
 BLOCKED = "blocked"
 """The outcome of a step that stood for an obstacle for too long."""
+SHORT = "battery-short"
+"""The outcome of a step whose path is longer than the battery reaches."""
 NO_PATH = "no-path"
 """The outcome of a `goto` to whose place no route leads."""
 DONE = "done"

@@ -20,10 +20,10 @@ from artemis.states.modes import Modes
 from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
 from artemis.supervision.supervisor import Supervisor
+from artemis.supervision.supply import SAG
 from artemis.values import Fault, Job, JobResult, Pose, Request, Sensed, SetPoints, Snapshot, Tick, Wish
 
-LIMITED_SPEED = 0.3
-"""Ceiling of the speed while a verdict says LIMIT [m/s]."""
+LIMITED_SPEED = 0.3  # ceiling of the speed while a verdict says LIMIT [m/s]
 
 
 class Core:
@@ -36,7 +36,7 @@ class Core:
         self._perception = Perception(plan.robot, period, plan.start or Pose(), localized=plan.localized)
         self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind, plan.needs_scanners)
         self._modes = Modes(self._shared)
-        self._gate = Gate(plan.robot, period=period)
+        self._gate, self._gentle = Gate(plan.robot, period=period), plan.robot.limits.acceleration_m_s2 / 2
         self._obstacles = ObstacleStop(plan.robot, plan.rules) if plan.robot.scanners else None
         self._wish, self._points, self._pace = Wish(supervised=False), SetPoints(), Pace()
 
@@ -63,7 +63,10 @@ class Core:
         free = self._obstacles and self._obstacles.look(wish, last, snapshot, self._shared.rules)
         if free:
             ceiling, stop = min(ceiling, free.speed), stop or abs(last.speed) > free.speed
-        points = self._gate.limit(wish.command, last, self._pace.since_sent(snapshot), ceiling, stop)
+        dt = self._pace.since_sent(snapshot)
+        if verdict.faults and SAG in [fault.id for fault in verdict.faults]:
+            ceiling = min(ceiling, abs(last.speed) + dt * self._gentle)
+        points = self._gate.limit(wish.command, last, dt, ceiling, stop)
         points = self._perception.as_they_stand(sensed, points)
         return replace(points, clearance=free) if free else points
 

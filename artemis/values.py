@@ -12,6 +12,7 @@ from enum import Enum, IntEnum
 
 from msgspec import Struct
 
+from artemis.battery import BatteryState
 from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.progress import Acted, MissionEvent, Position
 from artemis.scan import Clearance, Scan
@@ -299,17 +300,17 @@ class Verdict(Struct, frozen=True, kw_only=True, gc=False):
         return self.severity is Severity.LIMIT
 
 
-class Snapshot(Struct, frozen=True, kw_only=True, gc=False):
+class Snapshot(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """What a mode sees: the sensed values, and what follows from them without judgement."""
 
     sensed: Sensed
-    dt: float
-    """Seconds since the last scheduled tick; 0 in the first, clamped after a pause."""
+    dt: float  # seconds since the last scheduled tick; 0 in the first, clamped after a pause
     pose: LocatedPose  # where the robot is: what paths and distances are measured by
     odometry: Odometry
     standing: bool  # no driven wheel moved noticeably over the last 100 ms
     set_points: SetPoints  # what left the gate in the last tick
     verdict: Verdict
+    battery: BatteryState | None = None  # None: the robot file describes none, or nobody measures its voltage
 
     @property
     def time(self) -> float:
@@ -363,8 +364,7 @@ class Wish(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     jobs: tuple[Job, ...] = ()
     heartbeat: bool = True
     """False only while the watchdog is being proven, and after the ordered end."""
-    exchange: bool = True
-    """Set-points and SYNC go out. False while listening and configuring."""
+    exchange: bool = True  # set-points and SYNC go out; False while listening and configuring
     supervised: bool = True
     """The drives are watched. False in bring-up, which checks for itself, and in the ordered end."""
     event: Event | None = None

@@ -10,6 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from artemis.axles import OWN_SIDES, ByHand, Calibration, Geometry, HardStop, Potentiometers, Side
+from artemis.battery import Battery
 from artemis.config import Config, Inconsistent, Quantity
 from artemis.linkage import MeasuredLinkage
 from artemis.mounting import Mounting, Outline
@@ -116,6 +117,7 @@ class RobotFile(Config):
     """The identifier of the host's heartbeat is 0x700 plus this."""
     outline: Outline | None = None
     """Of the whole robot, for what must not touch anything."""
+    battery: Battery | None = None
     scanners: dict[Annotated[str, Field(min_length=1)], Mounting] = Field(default_factory=dict)
     """Laser scanners, by names of the robot's own."""
 

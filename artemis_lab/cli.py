@@ -140,6 +140,19 @@ def bench_operator(
     measure(robot, seconds, seed, cuts)
 
 
+@bench.command("transport")
+def bench_transport(
+    baud: Annotated[int, typer.Option(min=300, help="Of the serial line.")] = 115200,
+    latency: Annotated[float, typer.Option("--latency-ms", min=0, help="Timer of its USB adapter; FTDI's: 16.")] = 16.0,
+    answer: Annotated[float, typer.Option("--answer-ms", min=0, help="After which a drive answers.")] = 0.1,
+    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE", help="For the figure.")] = None,
+) -> None:
+    """Enable four drives by 32 messages over RS232 and over CAN, as the thesis did: where does its 1:138 come from?"""
+    from artemis_lab.commands.bench_transport import measure
+
+    measure(baud, latency / 1000.0, answer / 1000.0, output)
+
+
 def campaign(
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (YAML).")],
     seed: Annotated[int | None, typer.Option(help="Run only this seed, in sight, and keep its folder.")] = None,

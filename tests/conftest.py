@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
 from collections import Counter
 from collections.abc import Generator, Iterator
@@ -53,7 +54,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_configure() -> None:
-    """The first worker has the tests in real time: processors are theirs before the other workers'."""
+    """Ctrl-C means what it means at a terminal, also where the tests were started with `&`.
+
+    The first worker has the tests in real time: processors are theirs before the other workers'.
+    """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if os.environ.get("PYTEST_XDIST_WORKER", "gw0") != "gw0":
         os.nice(10)
 

@@ -21,7 +21,7 @@ from artemis.errors import ConfigError, DeviceError, RecordingError, shown
 from artemis.mission.actions import NewGains
 from artemis.mission.gains import check_gains, merged
 from artemis.mission.loading import LoadedMission, load_mission
-from artemis.planning import is_simulated
+from artemis.planning import check_drivable, is_simulated
 from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import SLOWEST, SPEED_DISTANCE
 from artemis.states.gains import words_of
@@ -68,6 +68,7 @@ def calibrate_gains(mission: Path, wanted: Wanted) -> int:
     simulated = is_simulated(loaded, wanted.simulate)
     if not wanted.moves:
         return _show(loaded, wanted, simulated)
+    check_drivable(loaded, mission, simulated)
     trial = trial_from(loaded, wanted)
     if not (simulated or wanted.yes) and not confirmed("calibrate gains", f"{_announced(trial)}: go?"):
         _say("nothing was moved")

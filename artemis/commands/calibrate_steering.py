@@ -19,7 +19,7 @@ from artemis.errors import ConfigError, DeviceError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.motion.potentiometers import memory_numbers
 from artemis.motion.steering_fit import SteeringFit
-from artemis.planning import is_simulated
+from artemis.planning import check_drivable, is_simulated
 from artemis.values import JobKind, Tick
 from artemis.yaml_edit import edit
 from artemis.yaml_file import Data, read
@@ -72,6 +72,7 @@ def calibrate_steering(
         "potentiometers": "new" if new else "known",
         "save": "drives" if yes else "ask",
     }
+    check_drivable(load_mission(source), source, simulate)
     kept = _Kept()
     keys, hint = {**KEYS, **JOG_KEYS}, f"{HINT}; {JOGGING}"
     with mission_of(

@@ -11,16 +11,19 @@ from pathlib import Path
 from typing import Any
 
 from artemis import clock
+from artemis.commands.serial_bus import open_line, told_faults
 from artemis.devices.can_bus import CanBus, FrameBus, detected_adapters
 from artemis.devices.hid.descriptor import Field, is_control
 from artemis.devices.hid.identity import Identity
 from artemis.devices.hid.port import HidInfo, HidPort
 from artemis.devices.inputs import InputPorts, layout_of
 from artemis.devices.inventory import NodeReport, ask_nodes
+from artemis.devices.serial_line import SerialLine
+from artemis.devices.serial_port import detected_ports
 from artemis.errors import ConfigError, DeviceError, DeviceLost, HidError
 from artemis.mission.actions import PluginUse
 from artemis.mission.loading import LoadedMission, load_mission
-from artemis.mission.schema import BusWords
+from artemis.mission.schema import BusWords, SerialWords
 from artemis.planning import is_simulated, plugin_made, scanners_used, setup_for
 from artemis.plugins.contracts import Scanner
 from artemis.plugins.inputs.profiles import all_profiles, find_profile
@@ -56,6 +59,10 @@ def _show_adapters() -> None:
         _say(f"  bus: {{{', '.join(f'{word}: {value}' for word, value in words.items())}}}")
     if not found:
         _say("  none that python-can can detect; it works with many that it cannot")
+    if ports := detected_ports():
+        _say("serial ports")
+    for path, description in ports:
+        _say(f"  bus: {{serial: {path}}}  {description}")
 
 
 def show_inputs(port: HidPort) -> None:
@@ -114,26 +121,32 @@ def _show_drives(loaded: LoadedMission) -> None:
     simulated = is_simulated(loaded)
     _say(f"drives of {loaded.robot.robot}{' (simulated)' * simulated}")
     try:
-        nodes = clock.run(_ask(loaded, simulated), simulated=simulated)
+        nodes, trouble = clock.run(_ask(loaded, simulated), simulated=simulated)
     except DeviceLost as error:
         _say(f"  {error}")
         return
     for node in nodes:
         _say(f"  {node.name:{max(len(each.name) for each in nodes)}}  node {node.node_id:3}  {_node(node)}")
+    if trouble:
+        _say(f"  {trouble}")
 
 
-async def _ask(loaded: LoadedMission, simulated: bool) -> list[NodeReport]:
+async def _ask(loaded: LoadedMission, simulated: bool) -> tuple[list[NodeReport], str]:
+    """What the drives say, and what was wrong on the way."""
     with closing(open_bus(loaded, simulated)) as bus:
-        return await ask_nodes(loaded.robot, bus)
+        nodes = await ask_nodes(loaded.robot, bus)
+        return nodes, told_faults(bus.faults) if isinstance(bus, SerialLine) else ""
 
 
 def open_bus(loaded: LoadedMission, simulated: bool) -> FrameBus:
-    """The mission's bus, or one with simulated drives; needs a running loop.
+    """The mission's bus or serial line, or one with simulated drives; needs a running loop.
 
     Raises:
         DeviceLost: it cannot be opened.
     """
     words = loaded.mission.bus
+    if isinstance(words, SerialWords):
+        return open_line(loaded, words, simulated)
     if isinstance(words, BusWords) and not simulated:
         return CanBus(words.words)
     from artemis.sim.bus import SimBus
@@ -199,7 +212,7 @@ def _node(node: NodeReport) -> str:
     if node.problem:
         return node.problem
     history = ", ".join(f"0x{code:04X}" for code in node.history) or "none"
-    state = node.nmt.name.lower().replace("_", "-") if node.nmt is not None else "sends no heartbeat"
+    state = node.nmt.name.lower().replace("_", "-") if node.nmt is not None else node.unheard
     identity = f"vendor {node.vendor:08X}, product {node.product:08X}, revision {node.revision:08X}"
     return f"{identity}, serial {node.serial:08X}, type {node.device_type:08X}; {state}; past errors: {history}"
 

@@ -17,6 +17,7 @@ from artemis.vehicle import RobotFile
 SECTIONS = {
     "DRV": "What a drive reports by itself",
     "COM": "Drive states and the CAN bus",
+    "SER": "Serial line",
     "RUN": "Motion",
     "STE": "Steering",
     "CAL": "Calibration",
@@ -124,7 +125,7 @@ def _limit(stage: Threshold, row: Row) -> str:
 
 
 def _within(row: Row) -> str:
-    if row.found in (Found.ABSENT, Found.DESIGN):
+    if row.found in (Found.ABSENT, Found.DESIGN, Found.COMMAND):
         return _NOTHING
     if not row.within:
         return "before motion"

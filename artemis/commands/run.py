@@ -28,7 +28,15 @@ from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
-from artemis.planning import asks, inputs_used, is_fast, is_simulated, preparations, straight_by_hand
+from artemis.planning import (
+    asks,
+    check_drivable,
+    inputs_used,
+    is_fast,
+    is_simulated,
+    preparations,
+    straight_by_hand,
+)
 from artemis.progress import Position
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
@@ -85,10 +93,12 @@ def run_in_sight(
         then: Is called as soon as the run is over, before the summary: what must not be missed if that breaks off.
 
     Raises:
+        ConfigError: nothing is driven over its bus; nothing has moved.
         DeviceLost: the bus cannot be opened; nothing has moved.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
     simulated, fast = is_simulated(loaded, simulate), is_fast(loaded, simulate)
+    check_drivable(loaded, source, simulated)
     if asks(loaded):
         keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
     if straight_by_hand(loaded):

@@ -10,6 +10,9 @@ from artemis.devices.allow_list import AllowList
 from artemis.devices.can_bus import Frame, FrameBus
 from artemis.devices.canopen import EMERGENCY
 from artemis.devices.device import Report
+from artemis.devices.objects import ObjectAccess
+from artemis.devices.sdo import SdoClient
+from artemis.devices.serial_line import SerialLine
 from artemis.devices.tally import Tally
 from artemis.errors import DeviceBusy, DeviceLost, ProtocolError
 from artemis.values import BusHealth, Mode
@@ -105,6 +108,17 @@ class BusGateway:
         else:
             self._refused_now = 0
             self._traffic.append((True, frame))
+
+    def objects(self, name: str, node_id: int) -> ObjectAccess:
+        """Access to the objects of a node: by SDO, or over a serial line."""
+        if isinstance(self._bus, SerialLine):
+            return self._bus.objects(name, node_id)
+        return SdoClient(name, node_id, self.send)
+
+    async def sent(self) -> None:
+        """Return once the bus may be closed: an adapter sends what it was given, a serial line does that by itself."""
+        if isinstance(self._bus, SerialLine):
+            await self._bus.sent()
 
     def receive(self) -> list[Frame]:
         """Every frame that waits, oldest first; those that only we may send are noticed.

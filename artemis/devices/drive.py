@@ -26,7 +26,7 @@ class Drives:
     def __init__(self, robot: RobotFile, bus: FrameBus) -> None:
         self.drives = tuple(robot.drives)
         self.wire = BusGateway(robot, bus)
-        self.nodes = [EposDrive(name, robot, self.wire.send) for name in robot.drives]
+        self.nodes = [EposDrive(name, robot, self.wire) for name in robot.drives]
         self._jobs = {node.name: EposJobs(node) for node in self.nodes}
         self._heartbeat = heartbeat_frame(robot.host_node_id, Nmt.OPERATIONAL)
         for node in self.nodes:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import inf
 from operator import attrgetter
 
+from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import RXPDO, PdoLayout, emergency_from_data, nmt_from_heartbeat
 from artemis.devices.epos_objects import RECEIVED, SENT, UNREADABLE, Units, wrapped
 from artemis.devices.epos_state import Controlword, state_from_statusword
-from artemis.devices.sdo import SdoClient
 from artemis.devices.tally import NOTHING, Tally
 from artemis.drive_states import DriveState, Nmt
 from artemis.values import DriveFeedback
@@ -18,16 +17,16 @@ from artemis.vehicle import RobotFile
 
 
 class EposDrive:
-    """A drive as the robot file describes it, on the bus behind `send`. SI at the wheel outside, drive units inside."""
+    """A drive as the robot file describes it, on the bus behind `wire`. SI at the wheel outside, drive units inside."""
 
-    def __init__(self, name: str, robot: RobotFile, send: Callable[[Frame], None]) -> None:
+    def __init__(self, name: str, robot: RobotFile, wire: BusGateway) -> None:
         self.name, self.robot, self.drive = name, robot, robot.drives[name]
         self.node_id = self.drive.node_id
         self.is_traction = self.drive.role == "traction"
         self.own_set_point = attrgetter(self.drive.set_point)
         """Its part of all set-points: rolling speed [m/s] or wheel angle [rad]."""
-        self.sdo = SdoClient(name, self.node_id, send)
-        self.send = send
+        self.sdo = wire.objects(name, self.node_id)
+        self.send = wire.send
         self.units = Units(robot, self.drive)
         self._set_point, self._stop = [PdoLayout([o.type for o in pdo]) for pdo in RECEIVED[self.drive.role]]
         self._status, self._details = [PdoLayout([o.type for o in pdo]) for pdo in SENT[self.drive.role]]

@@ -275,7 +275,7 @@ class EposJobs:
 
     async def read(self, object: Object) -> int:
         """Value of an object."""
-        return int(object.type.decode(await self._sdo.read(object.index, object.subindex)))
+        return int(object.type.decode(await self._sdo.read(object.index, object.subindex, object.type.size)))
 
     async def write(self, object: Object, value: int) -> None:
         """Write an object."""

@@ -10,6 +10,7 @@ from artemis.devices.drive import Drives
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.epos_objects import SERIAL_NUMBER, U32, VENDOR, Object
+from artemis.devices.serial_line import SerialLine
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceError
 from artemis.vehicle import RobotFile
@@ -35,7 +36,9 @@ class NodeReport:
     revision: int = 0
     serial: int = 0
     nmt: Nmt | None = None
-    """By its heartbeat; None: it sends none."""
+    """By its heartbeat; None: none was heard."""
+    unheard: str = "sends no heartbeat"
+    """Why."""
     history: tuple[int, ...] = ()
     """Error codes of object 0x1003, newest first."""
 
@@ -46,10 +49,11 @@ async def ask_nodes(robot: RobotFile, bus: FrameBus) -> list[NodeReport]:
     drives.wire.listen()
     await asyncio.sleep(LISTEN)
     drives.wire.look()
-    return list(await asyncio.gather(*(_ask(drive) for drive in drives.nodes)))
+    serial_line = isinstance(bus, SerialLine)
+    return list(await asyncio.gather(*(_ask(drive, serial_line) for drive in drives.nodes)))
 
 
-async def _ask(drive: EposDrive) -> NodeReport:
+async def _ask(drive: EposDrive, serial_line: bool) -> NodeReport:
     nmt = drive.feedback(asyncio.get_running_loop().time()).nmt
     jobs = EposJobs(drive)
     try:
@@ -66,6 +70,7 @@ async def _ask(drive: EposDrive) -> NodeReport:
         product=product,
         revision=revision,
         serial=serial,
+        unheard="its heartbeat passes no serial line" if serial_line else "sends no heartbeat",
         nmt=Nmt.PRE_OPERATIONAL if nmt is Nmt.INITIALISING else nmt,  # a boot-up was its last word (CiA 301 7.3.2.2)
         history=history,
     )

@@ -1,4 +1,7 @@
-"""Drives outside of a run: their regulator gains are read, and numbers are stored in them for ever."""
+"""Drives outside of a run: their regulator gains are read, and numbers are stored in them for ever.
+
+Over CAN or a serial line, by the same jobs.
+"""
 
 from __future__ import annotations
 
@@ -57,6 +60,27 @@ async def store(
         await jobs[name].perform(Job(id=0, kind=JobKind.SECURE, drive=name))
         await jobs[name].perform(Job(id=0, kind=kind, drive=name, values=numbers))
         await jobs[name].perform(Job(id=0, kind=JobKind.STORE, drive=name))
+        told(name)
+
+
+async def configure(robot: RobotFile, bus: FrameBus, told: Callable[[str], None], *, keep: bool) -> None:
+    """Write the robot file's whole configuration into its drives, one after the other; each is stopped and off then.
+
+    None watches the computer afterwards: a run that drives has them do that. `keep`: also when their power goes.
+    `told` is called with the name of each drive that is done.
+
+    Raises:
+        DeviceError: as `store` does.
+    """
+    drives = _drives(robot, bus)
+    jobs = _jobs(drives)
+    await asyncio.sleep(LISTEN)
+    kinds = [JobKind.SECURE, JobKind.CONFIGURE, JobKind.DISARM, *([JobKind.STORE] if keep else [])]
+    for name in robot.drives:
+        _check_alone(drives, robot, name)
+        for kind in kinds:
+            await jobs[name].perform(Job(id=0, kind=kind, drive=name))
+        await drives.wire.sent()
         told(name)
 
 

@@ -89,8 +89,8 @@ class SdoClient:
         self._fence = 0
         self._asked = self._quiet_until = 0.0
 
-    async def read(self, index: int, subindex: int) -> bytes:
-        """The object's bytes as the node sent them.
+    async def read(self, index: int, subindex: int, size: int = 0) -> bytes:
+        """The object's bytes as the node sent them; `size` of them, where it does not tell how many of four count.
 
         Raises:
             SdoAbort: the node refused, broke the protocol of segments, or has more than `MAX_SIZE`.
@@ -98,7 +98,7 @@ class SdoClient:
             ProtocolError: an answer that is no SDO frame.
             DeviceLost: the request could not be sent.
         """
-        return await self._transfer("read", index, subindex, lambda: self._read(index, subindex))
+        return await self._transfer("read", index, subindex, lambda: self._read(index, subindex, size))
 
     async def write(self, index: int, subindex: int, data: bytes, patience: float | None = None) -> None:
         """Write the object's bytes; returns when the node has confirmed them. Raises as `read` does.
@@ -188,10 +188,10 @@ class SdoClient:
         self._in_step = True
         return True
 
-    async def _read(self, index: int, subindex: int) -> bytes:
+    async def _read(self, index: int, subindex: int, size: int) -> bytes:
         answer = await self._begin(Upload(index=index, subindex=subindex), _UPLOADED)
         if isinstance(answer, Expedited):
-            return answer.data
+            return answer.data if answer.sized or not size else answer.data[:size]
         data, toggle = b"", False
         shortest, longest = (0, MAX_SIZE) if answer.size is None else (answer.size, answer.size)
         if longest > MAX_SIZE:

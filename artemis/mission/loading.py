@@ -143,7 +143,7 @@ class _Loading(SurroundingsChecks):
         self._check_policies()
         if robot is not None and tried:
             self._check_inputs(robot)
-        tree = self._tree(mission)
+        tree = self._tree(mission, robot)
         if self._problems or mission is None or robot is None or true_robot is None or tree is None:
             raise ConfigError(sorted(dict.fromkeys(self._problems), key=by_position))
         return LoadedMission(
@@ -205,7 +205,9 @@ class _Loading(SurroundingsChecks):
 
     def _check_bus(self) -> None:
         words = self._data.get("bus")
-        if isinstance(words, dict) and isinstance(words.get("interface"), str):
+        if isinstance(words, dict) and "serial" in words and not self._simulated:
+            self._remarks.append("bus: a serial line; `artemis run` drives over CAN, or with --simulate")
+        if isinstance(words, dict) and isinstance(words.get("interface"), str) and "serial" not in words:
             from artemis.devices.can_bus import check_bus_words
 
             for problem in check_bus_words(words):

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from artemis.progress import BLOCKED, DONE, NO_PATH
+from artemis.progress import BLOCKED, DONE, NO_PATH, SHORT
 from artemis.states.tree import LOST_FAULTS, TIMEOUT
 
 _ENDS = {
-    "follow": f"`{DONE}`; where a `try` names it, `lost`: the faults {', '.join(LOST_FAULTS)}",
-    "goto": f"`{DONE}`, `{BLOCKED}`, or `{NO_PATH}` where no route leads; where a `try` names it, `lost`, as `follow`",
+    "follow": f"`{DONE}`, or `{SHORT}` before it begins, where the battery does not reach; "
+    f"where a `try` names it, `lost`: the faults {', '.join(LOST_FAULTS)}",
+    "goto": f"`{DONE}`, `{BLOCKED}`, `{NO_PATH}` where no route leads, or `{SHORT}`; "
+    "where a `try` names it, `lost`, as `follow`",
     "say": "`done`, at once",
     "repeat": "`done` after the last round; else with what a step within ends with",
     "try": "what its steps end with, if it does not catch that; else with what the branch ends with",

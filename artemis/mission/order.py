@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from artemis.plugins.contracts import Declared
-from artemis.progress import BLOCKED, DONE, NO_PATH
+from artemis.progress import BLOCKED, DONE, NO_PATH, SHORT
 from artemis.states.outline import Path, step_of, steps_in
 from artemis.states.tree import ANY, FAULT, LOST, RESTART, RESUME, TIMEOUT
 from artemis.yaml_file import dotted
@@ -105,7 +105,7 @@ class Order:
         facts, begun = self._behaviours.get(word), before | {TIME}
         others = [FAULT, *(facts.outcomes if facts else [TIMEOUT] if keys.get("at_most_s") else ())]
         if word in FOLLOWING or (facts is not None and facts.moves):
-            others += [LOST, BLOCKED, *([NO_PATH] if word == GOTO else [])]
+            others += [LOST, BLOCKED, *([NO_PATH] if word == GOTO else []), *([SHORT] if word in FOLLOWING else [])]
         return {DONE: begun | _gained(word, body), **dict.fromkeys(others, begun)}
 
     def _try(self, keys: Mapping[str, Any], path: Path, before: Facts) -> Ends:

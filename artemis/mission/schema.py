@@ -26,18 +26,36 @@ class BusWords(Config):
         return {"interface": self.interface, **(self.model_extra or {})}
 
 
+class SerialWords(Config):
+    """A serial line to the first drive, which is the gateway to the others on CAN. Nothing is driven over it."""
+
+    serial: Annotated[str, Field(min_length=1)]
+    """The port, such as /dev/ttyUSB0."""
+    baud: Literal[9600, 14400, 19200, 38400, 57600, 115200] = 115200
+    """As the drive is set (object 0x2002) [bit/s]."""
+    protocol: Literal["epos1", "epos4"] = "epos1"
+    """What the first drive speaks: RS232 of the first generation, or USB and RS232 of an EPOS4."""
+
+
 def _kind_of_bus(bus: object) -> str | None:
+    if isinstance(bus, SerialWords) or (isinstance(bus, dict) and "serial" in bus and "interface" not in bus):
+        return "<serial>"
+    if isinstance(bus, dict) and "serial" in bus:
+        return None
     if isinstance(bus, dict | BusWords):
         return "<words>"
     return "<simulation>" if bus == "simulation" else None
 
 
 Bus = Annotated[
-    Annotated[Literal["simulation"], Tag("<simulation>")] | Annotated[BusWords, Tag("<words>")],
+    Annotated[Literal["simulation"], Tag("<simulation>")]
+    | Annotated[BusWords, Tag("<words>")]
+    | Annotated[SerialWords, Tag("<serial>")],
     Discriminator(
         _kind_of_bus,
         custom_error_type="bus",
-        custom_error_message="simulation, or python-can's words such as {interface: socketcan, channel: can0}",
+        custom_error_message="simulation, python-can's words such as {interface: socketcan, channel: can0}, "
+        "or a serial line such as {serial: /dev/ttyUSB0, baud: 115200}",
     ),
 ]
 

@@ -32,12 +32,12 @@ NO_RECORD = "; no step before has `record:`"
 class StepChecks(GotoChecks):
     """Notes what is wrong in the steps."""
 
-    def _tree(self, mission: Mission | None) -> MissionTree | None:
+    def _tree(self, mission: Mission | None, robot: RobotFile | None) -> MissionTree | None:
         if mission is None or self._unknown:
             return None
         from artemis.mission.tree import mission_tree
 
-        found = mission_tree(mission)
+        found = mission_tree(mission, has_battery=robot is None or robot.battery is not None)
         for path, problem in found.problems:
             self._complain(path, problem)
         if not (found.steps or self._problems):

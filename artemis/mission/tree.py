@@ -25,6 +25,8 @@ from artemis.yaml_file import KeyPath, dotted
 MOVING = ("calibrate", "follow", "goto", "teleop")
 """Steps that move the robot, or turn its wheels."""
 _NUMBER, _TRUTH = SignalKind(kind=float), SignalKind(kind=bool)
+OF_BATTERY = ("charge_percent", "range_m", "time_left_s")
+"""Signals that only a robot has whose file describes its battery."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,15 @@ def _signals(mission: Mission, steps: Any, behaviours: Mapping[str, Declared]) -
     by_input = {f"{name}.{button}": _TRUTH for name in mission.inputs for button in ("done", "record")}
     asked = {"answer": SignalKind(kind=str, values=tuple(dict.fromkeys(answers)))} if answers else {}
     measured = {name: _NUMBER for facts in behaviours.values() for name in facts.signals}
-    return {"run_s": _NUMBER, "driven_m": _NUMBER, "battery_v": _NUMBER, **asked, **by_input, **measured}
+    return {
+        "run_s": _NUMBER,
+        "driven_m": _NUMBER,
+        "battery_v": _NUMBER,
+        **dict.fromkeys(OF_BATTERY, _NUMBER),
+        **asked,
+        **by_input,
+        **measured,
+    }
 
 
 def _written(mission: Mission) -> Any:  # noqa: ANN401 (of a file)
@@ -68,10 +78,10 @@ def _written(mission: Mission) -> Any:  # noqa: ANN401 (of a file)
     return mission.model_dump(include={"steps"}, by_alias=True)["steps"]
 
 
-def mission_tree(mission: Mission) -> MissionTree:
-    """The tree of a mission, with everything that is wrong in it."""
+def mission_tree(mission: Mission, *, has_battery: bool = True) -> MissionTree:
+    """The tree of a mission, with everything that is wrong in it; `has_battery`: the robot file describes one."""
     written = _written(mission)
-    building, count = _Building(mission, written), len(written)
+    building, count = _Building(mission, written, has_battery=has_battery), len(written)
     if mission.steps[-1].stop is not None and count > 1:
         count -= 1
     root = building.steps(mission.steps[:count], ("steps",), building.signals)
@@ -88,8 +98,8 @@ def mission_tree(mission: Mission) -> MissionTree:
 
 
 class _Building:
-    def __init__(self, mission: Mission, steps: Any) -> None:  # noqa: ANN401 (of a file)
-        self._simulated = mission.bus == "simulation"
+    def __init__(self, mission: Mission, steps: Any, *, has_battery: bool) -> None:  # noqa: ANN401 (of a file)
+        self._simulated, self._has_battery = mission.bus == "simulation", has_battery
         self.behaviours = declarations(steps)
         self.signals = _signals(mission, steps, self.behaviours)
         self.numbered: list[tuple[KeyPath, Step]] = []
@@ -187,10 +197,13 @@ class _Building:
             self.problems += [(path, problem) for problem in error.problems]
             return None
         self.asked.append(condition)
-        if "battery_v" in text and not self._simulated:
-            self.problems.append(
-                (path, "battery_v: no drive of this robot measures it; use a time, such as run_s > 3600")
-            )
+        asked = {part.signal for part in comparisons(condition)}
+        if not self._simulated and (found := asked & {"battery_v", *OF_BATTERY}):
+            why = "no drive of this robot measures the supply voltage; use a time, such as run_s > 3600"
+            self.problems += [(path, f"{name}: {why}") for name in sorted(found)]
+        elif not self._has_battery:
+            why = "the robot file describes no `battery`"
+            self.problems += [(path, f"{name}: {why}") for name in sorted(asked.intersection(OF_BATTERY))]
         return condition
 
 

@@ -8,8 +8,10 @@ from operator import itemgetter
 
 from msgspec.structs import replace
 
+from artemis.battery import BatteryState
 from artemis.drive_states import DriveState
 from artemis.motion.ackermann import Ackermann
+from artemis.motion.charge import ChargeEstimate
 from artemis.motion.localisation import Localisation
 from artemis.motion.odometry import Odometer
 from artemis.values import (
@@ -69,6 +71,8 @@ class Perception:
         self._odometer, self._odometry = Odometer(robot.geometry), Odometry(pose=self._start)
         self.reset()
         self._ackermann = Ackermann(robot.geometry)
+        self._charge = ChargeEstimate(robot.battery, robot) if robot.battery else None
+        self._battery: BatteryState | None = None
         self._by_place = itemgetter(*robot.places)
         """Traction left, right, steering left, right."""
         self._measured: float | None = None
@@ -106,6 +110,8 @@ class Perception:
             self._rolled.append((sensed.time, left.position, right.position))
             while len(self._rolled) > 2 and self._rolled[1][0] <= sensed.time - STANDING_TIME:
                 self._rolled.popleft()
+        if self._charge and sensed.battery_v is not None and not sensed.urgent:
+            self._battery = self._charge.update(sensed.battery_v, sensed.drives, self._odometry.speed, dt)
         standing = self._stands(left, right)
         if left.frames and right.frames and not sensed.urgent:
             self._stood = (left.position, right.position) if standing else (inf, inf)
@@ -119,6 +125,7 @@ class Perception:
             standing=standing,
             set_points=last,
             verdict=verdict,
+            battery=self._battery,
         )
 
     def _elapsed(self, sensed: Sensed, before: float, left: DriveFeedback, right: DriveFeedback) -> float:

@@ -50,6 +50,12 @@ class Floor:
         seen = seen_from(self.origin, pose)
         return np.array([seen.x, seen.y, seen.heading])
 
+    def local_poses(self, poses: Array) -> Array:
+        """The same of many: x, y, heading, shape (n, 3); headings are not wrapped."""
+        c, s = math.cos(self.origin.heading), math.sin(self.origin.heading)
+        dx, dy = poses[:, 0] - self.origin.x, poses[:, 1] - self.origin.y
+        return np.column_stack([c * dx + s * dy, c * dy - s * dx, poses[:, 2] - self.origin.heading])
+
     def cells_of(self, points: Array) -> NDArray[np.int64]:
         """Rows and columns of points of the map, shape (n, 2), of those that lie within; shape (2, m)."""
         c, s = math.cos(self.origin.heading), math.sin(self.origin.heading)

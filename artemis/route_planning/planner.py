@@ -12,15 +12,16 @@ import numpy as np
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
 from artemis.motion.planned_route import packed, planned_route
-from artemis.motion.poses import placed
 from artemis.motion.route import Route
 from artemis.motion.spline import Array
+from artemis.motion.view import placed_points
 from artemis.route_planning.floor import (
     BESIDE,
     CELL,
     MARGIN,
     NEARNESS,
     SPARE,
+    Cells,
     Field,
     Floor,
     clearance,
@@ -35,8 +36,8 @@ from artemis.route_planning.search import (
     NO_WAY,
     SPACING,
     UNREACHABLE,
+    are_free,
     cost_to_go,
-    is_free,
     search,
 )
 from artemis.values import Pose
@@ -132,8 +133,19 @@ def plan_route(request: RouteRequest) -> PlannedRoute:
 
 def _fits(pose: Array, clear: Field, box: Array) -> bool:
     """Whether an outline at a pose of the floor is free."""
-    x, y, heading = pose.tolist()
-    return is_free(x, y, heading, clear, CELL, box, np.empty((64, 4)))
+    return bool(are_free(pose.reshape(1, 3), clear, CELL, box)[0])
+
+
+def _places(route: Route) -> tuple[Array, Array]:
+    """How far it is to places along a route [m], a cell or less apart; and the poses there, shape (n, 3)."""
+    driven, poses, before = [], [], 0.0
+    for part in route.parts:
+        path = part.path
+        some = np.append(np.arange(0, len(path.x) - 1, max(1, int(CELL / path.spacing))), len(path.x) - 1)
+        driven.append(before + path.spacing * some)
+        poses.append(np.column_stack([path.x[some], path.y[some], path.heading[some] + math.pi * part.backward]))
+        before += path.length
+    return np.concatenate(driven), np.concatenate(poses)
 
 
 def _turned_round(points: Array) -> Array:
@@ -244,8 +256,8 @@ class _Planning:
             backwards = [[*self._floor.local(pose), -1.0] for pose in back]
             points = np.concatenate([backwards, points[1:]])
         request = self._request
-        rows = [[*self._on_map(*pose), self._speed(pose) * way] for *pose, way in points.tolist()]
-        values = packed(np.array(rows))
+        on_map = placed_points(self._floor.origin, points[:, :2].T)
+        values = packed(np.column_stack([*on_map, self._speeds(points[:, :3]) * points[:, 3]]))
         try:
             route = planned_route(values, request.robot, request.speed)
             problems = route.problems(request.robot, request.speed)
@@ -275,53 +287,41 @@ class _Planning:
         away, turn = self._end(route)
         if away > END_DISTANCE or turn > END_ANGLE:
             yield f"it ends {100 * away:.1f} cm and {math.degrees(turn):.1f} degrees from the goal"
-        for driven, place in self._places(route):
-            if driven >= CELL and not self._is_free(place, driven):  # nearer: the robot is there
-                yield f"it is not free at {driven:.2f} m"
-                return
+        driven, places = _places(route)
+        blocked = driven[(driven >= CELL) & ~self._are_free(places, driven)]  # nearer: the robot is there
+        if blocked.size:
+            yield f"it is not free at {blocked[0]:.2f} m"
 
-    def _places(self, route: Route) -> Iterator[tuple[float, Pose]]:
-        """Poses on a route, and how far it is to each [m]."""
-        driven = 0.0
-        for part in route.parts:
-            places = np.linspace(0.0, part.path.length, max(2, math.ceil(part.path.length / CELL) + 1))
-            for place in places.tolist():
-                point = part.path.at(place)
-                yield driven + place, Pose(x=point.x, y=point.y, heading=part.heading_at(place))
-            driven += part.path.length
-
-    def _is_free(self, pose: Pose, driven: float) -> bool:
-        """Whether the outline is free at a pose of the map, after so far a drive."""
-        local = self._floor.local(pose)
-        return self._fits_first(local) if driven < FIRST + CELL else _fits(local, self._clear, self._checked)
+    def _are_free(self, poses: Array, driven: Array) -> Cells:
+        """Whether the outline is free at poses of the map, each after so far a drive."""
+        local, first = self._floor.local_poses(poses), driven < FIRST + CELL
+        free = are_free(local, self._clear, CELL, self._checked)
+        free[first] = are_free(local[first], self._begun, CELL, self._first_checked)
+        return free
 
     def _rest_is_free(self) -> bool:
         """Whether the present route is free from where the robot is: where it first comes by, if that is unclear."""
-        request, begun = self._request, -1.0
-        for driven, place in self._places(planned_route(request.present, request.robot, request.speed)):
-            if begun < 0.0:
-                away = math.hypot(place.x - request.start.x, place.y - request.start.y)
-                if away < ON_ROUTE and abs(wrap(place.heading - request.start.heading)) < ALONG_ROUTE:
-                    begun = driven
-            elif not self._is_free(place, driven - begun):
-                return False
-        return begun >= 0.0
+        request = self._request
+        driven, places = _places(planned_route(request.present, request.robot, request.speed))
+        start, away = request.start, np.hypot(places[:, 0] - request.start.x, places[:, 1] - request.start.y)
+        turned = np.abs(np.remainder(places[:, 2] - start.heading + math.pi, math.tau) - math.pi)
+        here = ((away < ON_ROUTE) & (turned < ALONG_ROUTE)).nonzero()[0][:1]
+        rest = slice(here[0] + 1, None) if here.size else slice(0)
+        return bool(here.size and self._are_free(places[rest], driven[rest] - driven[here[0]]).all())
 
     def _off_goal(self, pose: Pose) -> tuple[float, float]:
         """How far a pose is from the goal [m], and by how much it is turned [rad]."""
         goal = self._request.goal
         return math.hypot(pose.x - goal.x, pose.y - goal.y), abs(wrap(pose.heading - goal.heading))
 
-    def _on_map(self, x: float, y: float, heading: float) -> tuple[float, float]:
-        pose = placed(self._floor.origin, Pose(x=x, y=y, heading=heading))
-        return pose.x, pose.y
-
-    def _speed(self, pose: Sequence[float]) -> float:
-        """Highest speed at a pose [m/s]: by the zones, and slow where there is little room."""
+    def _speeds(self, poses: Array) -> Array:
+        """Highest speed at poses of the floor [m/s]: by the zones, and slow where there is little room."""
         rows, columns = self._floor.speed.shape
-        row, column = min(max(int(pose[1] / CELL), 0), rows - 1), min(max(int(pose[0] / CELL), 0), columns - 1)
-        narrow = not _fits(np.array(pose), self._clear, self._wide)
-        return min(self._request.speed, float(self._floor.speed[row, column]), NARROW_SPEED if narrow else math.inf)
+        row = np.clip((poses[:, 1] / CELL).astype(int), 0, rows - 1)
+        column = np.clip((poses[:, 0] / CELL).astype(int), 0, columns - 1)
+        free = are_free(poses, self._clear, CELL, self._wide)
+        highest = np.minimum(self._floor.speed[row, column], self._request.speed)
+        return np.asarray(np.where(free, highest, np.minimum(highest, NARROW_SPEED)))
 
     def _cell_ahead(self, pose: Array) -> tuple[int, int]:
         """The cell of the point on the outline's middle line that is half a width ahead of its rear."""

@@ -87,7 +87,9 @@ class SimBus:
         *,
         disturb: Disturb | None = None,
         patrol_s: float = 0.01,
+        speaker: Node | None = None,
     ) -> None:
+        """`speaker`: the node whose controller sends the host's frames, as a gateway does; it does not hear them."""
         self.disturb = disturb
         self.error_frames = 0
         """None ever: this wire damages no frame."""
@@ -98,7 +100,7 @@ class SimBus:
         self._world = world
         self._nodes = list(world.nodes)
         self._others = [[other for other in self._nodes if other is not node] for node in self._nodes]
-        self._others.append(self._nodes)  # station HOST: all nodes
+        self._others.append([node for node in self._nodes if node is not speaker])  # station HOST
         self._loop = loop
         self._bit_time = 1.0 / bitrate
         self._patrol = patrol_s
@@ -188,6 +190,13 @@ class SimBus:
     def catch_up(self) -> None:
         """Let everything happen on the wire that is due by now: time passes here only when somebody looks."""
         self._advance(self._loop.time())
+
+    def settle(self) -> None:
+        """The same, and see to what a node was given past this wire."""
+        self._advance(self._loop.time())
+        self._catch_up(self._now)
+        self._collect(self._now)
+        self._schedule()
 
     # ------------------------------------------------------------------------------------------ waking the host
 

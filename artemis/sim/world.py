@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from artemis.axles import ByHand, Inset, Length
+from artemis.battery import HOUR, Battery
 from artemis.config import Config, Quantity
 from artemis.mounting import Degrees, Mounting, Offset
 from artemis.sim.axis import NOMINAL_VOLTAGE, Axis
@@ -68,6 +69,10 @@ class Supply(Config):
     source_resistance_ohm: Resistance = 0.1
     back_feed_resistance_ohm: Resistance = 0.5
     """Instead of the source resistance while current flows back: the less the battery takes, the higher it is."""
+    capacity_scale: Scale = 1.0
+    """True capacity of the battery that the robot file describes, as a multiple of it."""
+    idle_w: Annotated[float, Quantity(0.0, 2000.0, "W")] | None = None
+    """Truly taken all the time; None: as the battery of the robot file says. Without one: 0."""
     capacitance_f: Annotated[float, Quantity(1e-5, 10.0, "F")] = 0.01
     """Of all drives together."""
 
@@ -151,6 +156,10 @@ class World:
         """Of the batteries without load [V]; 0: their switch is open, as the emergency stop's."""
         self.scanners: dict[str, SimScanner] = {}
         """Those on the robot, by their names in its file."""
+        self._battery, supply = robot.battery, true.supply
+        self._idle = 0.0
+        if robot.battery is not None:
+            self._idle = robot.battery.idle_w if supply.idle_w is None else supply.idle_w
         self._true = true
         self._dice = random.Random(seed)
         axes = {name: Axis(drive) for name, drive in robot.drives.items()}
@@ -320,6 +329,12 @@ class World:
         else:
             self.battery_v = max(1.0, self.battery_v - supply.discharge_v_per_h * dt / 3600.0)
 
+    def _drain(self, battery: Battery, coulombs: float) -> None:
+        """The batteries' voltage after something was taken of them [As]."""
+        capacity = HOUR * battery.capacity_ah * self._true.supply.capacity_scale
+        _, slope = battery.voltage_at(battery.charge_at(self.battery_v))
+        self.battery_v = max(1.0, self.battery_v - slope * coulombs / capacity)
+
     def _feed(self, dt: float) -> None:
         """Supply voltage after `dt` at the present load: a source behind a resistance, loading a capacitor."""
         supply = self._true.supply
@@ -330,8 +345,11 @@ class World:
             # mA * rpm * V / rpm: torque times speed, the motor constant being nominal voltage per no-load speed
             power += axis.current * axis.velocity / axis.no_load_rpm
         power *= 1e-3 * NOMINAL_VOLTAGE
+        power += self._idle
         if self.battery_v:
             current = power / max(self._supply_voltage, 1.0)
+            if self._battery is not None:
+                self._drain(self._battery, current * dt)
             resistance = supply.source_resistance_ohm if current >= 0.0 else supply.back_feed_resistance_ohm
             settled = self.battery_v - current * resistance
             share = 1.0 - math.exp(-dt / (resistance * supply.capacitance_f))

@@ -13,6 +13,7 @@ from artemis.motion.planned_route import planned_route
 from artemis.motion.route import Route
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Following
+from artemis.progress import SHORT
 from artemis.states.blocked import is_blocked
 from artemis.states.gains import OscillationDetector
 from artemis.states.mode import stand
@@ -48,7 +49,7 @@ class FollowMode:
         self._fault: Fault | None = None
         self._last: float | None = None
         self._way = self._outside = 0.0
-        self._armed = False
+        self._armed, self._short = False, ""
         self._over: float | None = None
         self._shaking: OscillationDetector | None = None
         self._spent, self._longest = 0.0, inf
@@ -59,7 +60,7 @@ class FollowMode:
         self._shaking = (
             OscillationDetector(self.shared.plan, tried, snapshot) if (tried := self.shared.results.tried) else None
         )
-        self._fault, self._last, self._armed, self._over = None, None, False, None
+        self._fault, self._last, self._armed, self._over, self._short = None, None, False, None, ""
         if not isinstance(step, FollowStep):
             return
         begun = step is self._begun and self._entry == self.shared.entry and self._planned is self.shared.planned
@@ -72,6 +73,9 @@ class FollowMode:
             self._fault = catalogue.fault("PTH-01", "", "; ".join(error.problems), Severity.CONTROLLED_STOP)
             return
         rest = self._rest(route, step, snapshot.pose.pose)
+        needed = rest.length + self.shared.plan.length_after(self.shared.position.step)
+        if (battery := snapshot.battery) is not None and needed > battery.range_m:
+            self._short = f"{needed:.0f} m to drive, the battery reaches {battery.range_m:.0f} m"
         self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.shared.plan.robot)
         self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
         self._begun, self._entry, self._planned, self._spent = step, self.shared.entry, self.shared.planned, 0.0
@@ -85,6 +89,9 @@ class FollowMode:
             return stand(snapshot, fault=fault)
         if drive is None or self._fault is not None:
             return stand(snapshot, fault=self._fault)
+        if self._short:
+            ended = stand(snapshot, event=Event.DONE if snapshot.standing else None)
+            return replace(ended, phase=self._short, outcome=SHORT if snapshot.standing else "")
         following = drive.step(snapshot)
         if isinstance(following, Fault):
             return stand(snapshot, fault=following)

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit
+from artemis.motion.totals import total
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Behaviour, Declared, Follower
 from artemis.progress import DONE, MissionEvent, Position
@@ -214,6 +215,13 @@ class Plan(Struct, frozen=True, kw_only=True):
         steps = [step for step in self.steps if isinstance(step, TeleopStep)]
         return frozenset(name for step in steps for name in step.lower) - {step.input for step in steps}
 
+    def length_after(self, step: int) -> float:
+        """Of the paths that a list of steps follows after one of them [m], as far as they are known."""
+        later = self.steps[step + 1 :] if self.tree is None or self.tree.is_list else ()
+        return total(
+            each.route.length for each in later if isinstance(each, FollowStep) and isinstance(each.route, Route)
+        )
+
     def drives(self, role: str | None = None) -> list[str]:
         """Names of all drives, or of those with `role`."""
         return [name for name, drive in self.robot.drives.items() if role in (None, drive.role)]
@@ -378,6 +386,9 @@ class Shared:
         }
         if sensed.battery_v is not None:
             signals["battery_v"] = sensed.battery_v
+        if (battery := snapshot.battery) is not None:
+            charge = 100.0 * battery.charge
+            signals |= {"charge_percent": charge, "range_m": battery.range_m, "time_left_s": battery.time_left_s}
         for sample in sensed.inputs:
             if sample.requests:
                 signals[f"{sample.source}.done"] = Request.DONE in sample.requests

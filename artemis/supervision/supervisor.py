@@ -15,6 +15,7 @@ from artemis.supervision.measures import FAULT_STATES, DriveMeasures, HostMeasur
 from artemis.supervision.policy import Policies, stricter
 from artemis.supervision.poses import PoseMeasures
 from artemis.supervision.scanners import ScannerMeasures
+from artemis.supervision.supply import SupplyMeasures
 from artemis.supervision.wheels import Wheels
 from artemis.values import Action, Fault, Mode, Request, Sensed, SetPoints, Severity, Verdict, Wish
 from artemis.vehicle import RobotFile
@@ -79,6 +80,7 @@ class Supervisor:
             Wheels(robot, tick, blind),
         )
         self._scanners = ScannerMeasures(robot.scanners) if robot.scanners else None
+        self._supply = SupplyMeasures(robot.battery) if robot.battery else None
         self._poses = PoseMeasures(tick)
         self._unneeded = frozenset(() if needs_scanners else robot.scanners)
         self._above: dict[tuple[str, str, int], float] = {}
@@ -135,6 +137,8 @@ class Supervisor:
 
     def _readings(self, sensed: Sensed, last: Wish, mode: Mode, points: SetPoints) -> list[Reading]:
         readings = self._host.read(sensed, last) + self._poses.read(sensed, mode)
+        if self._supply is not None:
+            readings += self._supply.read(sensed)
         if self._scanners is not None:
             readings += self._scanners.read(sensed, mode)
         for fault in sensed.faults:

@@ -29,6 +29,7 @@ INJECTIONS: dict[str, Injection] = dict(
 _EPOS4 = "only an EPOS4 knows it"
 _FILE = "is found in a file, before a run"
 _NETWORK = "needs an operator on a network: `artemis_lab.injections.damaged_link`"
+_SERIAL = "needs a serial line, which no run has: `artemis_lab.injections.damaged_serial`"
 _PROCESS = "would end the simulated drives with it: they share the process"
 _DEVICE = "needs a device: `artemis.testing.fake_hid`"
 
@@ -42,6 +43,7 @@ NOT_INJECTED: dict[str, str] = {
     "INP-15": _DEVICE,
     "INP-16": _DEVICE,
     **{f"NET-{number:02}": _NETWORK for number in range(1, 11)},
+    **{f"SER-{number:02}": _SERIAL for number in range(1, 6)},
     "NET-11": "needs a page for operators",
     "NET-12": "needs programs of others: a master that goes, a subscriber that hangs",
     "NET-13": "needs an observer with a process of its own: a simulation that keeps real time",

@@ -38,6 +38,8 @@ from artemis.report.figures import ESTIMATED, INK, TRUE, style
 from artemis.values import Mode, Pose
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
+from artemis_lab.bench.transport import Parameters, answer_grid, answer_times, compared, comparison_grid, over_serial
+from artemis_lab.bench.transport_figure import transport_figure
 
 HERE = Path(__file__).parent
 MISSIONS = HERE.parents[1] / "missions"
@@ -80,6 +82,7 @@ def main() -> None:
         tables = {"circles": draw_circles(drive(missions, "thesis_circles"))}
         tables["drives"] = draw_drives(missions)
         tables["causes"] = draw_causes(missions)
+    tables |= draw_transport()
     text = PAGE.read_text(encoding="utf-8")
     for name, table in tables.items():
         begin = text.index("-->\n", text.index(f"<!-- {name}:")) + 4
@@ -377,6 +380,19 @@ def matched_by_stamps(run: Drive) -> tuple[Array, Array]:
     nearest = np.argmin(np.abs(times[:, np.newaxis] - stamps), axis=1)
     near = np.abs(times - stamps[nearest]) < NEAR
     return run.odometry.at(times[near]), run.true.at(taken[nearest[near]])
+
+
+# ------------------------------------------------------------------------------------------------------- transport
+
+
+def draw_transport() -> dict[str, list[str]]:
+    """RS232 and CAN compared as in section 4.1; both tables."""
+    rows, parameters = compared(Parameters()), Parameters()
+    with style():
+        figure = transport_figure(over_serial(parameters), rows, parameters)
+        figure.savefig(HERE / "thesis_transport.png", dpi=100, facecolor="white")
+    grids = {"transport": comparison_grid(rows), "answers": answer_grid(answer_times(parameters))}
+    return {name: grid.markdown().splitlines()[2:] for name, grid in grids.items()}
 
 
 if __name__ == "__main__":

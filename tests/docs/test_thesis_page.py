@@ -39,7 +39,7 @@ def test_page_has_a_row_for_everything_that_is_run(thesis: ModuleType) -> None:
         assert f"\n| {title} | " in page
     for words, _ in thesis.CAUSES:
         assert f"\n| {words} | " in page
-    for name in ("circles", "drives", "causes"):
+    for name in ("circles", "drives", "causes", "transport"):
         assert f"<!-- {name}: make thesis -->" in page
         assert (ROOT / f"docs/images/thesis_{name}.png").stat().st_size < 300_000
 

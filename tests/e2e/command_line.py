@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import IO
@@ -77,10 +79,12 @@ def artemis_here(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 def started(
     *arguments: str | Path, stdin: int = subprocess.DEVNULL, program: Sequence[str] = WITHOUT_FIGURES
 ) -> Iterator[subprocess.Popen[str]]:
-    """The running command; killed at the end if it still runs."""
+    """The running command; killed at the end if it still runs. Even under `nohup` it has a terminal to lose."""
     command = [*program, *map(str, arguments)]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=stdin, stdout=pipe, stderr=pipe, text=True, bufsize=1) as process:
+    pipe, hangs_up = subprocess.PIPE, partial(signal.signal, signal.SIGHUP, signal.SIG_DFL)
+    with subprocess.Popen(
+        command, stdin=stdin, stdout=pipe, stderr=pipe, text=True, bufsize=1, preexec_fn=hangs_up
+    ) as process:
         try:
             yield process
         finally:

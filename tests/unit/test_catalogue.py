@@ -24,7 +24,9 @@ CODES = [
 
 SUPERVISION = Path(__file__).parents[2] / "artemis" / "supervision"
 TABLES = sorted((SUPERVISION / "catalogue").glob("*.py"))
-MEASURES = [SUPERVISION / name for name in ("measures.py", "wheels.py", "steered.py", "scanners.py", "poses.py")]
+MEASURES = [
+    SUPERVISION / name for name in ("measures.py", "wheels.py", "steered.py", "scanners.py", "poses.py", "supply.py")
+]
 PROGRAM = [path for path in SUPERVISION.parent.rglob("*.py") if path not in TABLES]
 ID = re.compile(r"[A-Z]{3}-\d{2}")
 STOPS = Severity.CONTROLLED_STOP

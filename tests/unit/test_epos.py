@@ -6,11 +6,12 @@ import math
 import struct
 
 import pytest
-from core_builders import ROBOT
+from core_builders import ROBOT, FakeBus
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_objects import UNREADABLE
@@ -26,7 +27,7 @@ ON = Controlword.ENABLE_OPERATION
 
 
 def epos(name: str) -> EposDrive:
-    return EposDrive(name, ROBOT, lambda frame: None)
+    return EposDrive(name, ROBOT, BusGateway(ROBOT, FakeBus()))
 
 
 def status(counts: int, word: int = 0x0337, time: float = 0.0) -> Frame:

@@ -103,7 +103,8 @@ def test_a_battery_that_nobody_measures_is_refused() -> None:
     assert problems({"wait": {"for": "battery_v > 1"}}) == []
     found = problems({"wait": {"for": "battery_v > 1"}}, bus={"interface": "socketcan", "channel": "can0"})
     assert found == [
-        "steps[0].wait.for: battery_v: no drive of this robot measures it; use a time, such as run_s > 3600"
+        "steps[0].wait.for: battery_v: no drive of this robot measures the supply voltage; "
+        "use a time, such as run_s > 3600"
     ]
 
 

@@ -27,7 +27,13 @@ def test_short_names_go_both_ways() -> None:
 
 
 def test_rows_that_are_noticed_in_a_run_take_a_policy() -> None:
-    assert {row.found for row in UNSEEN.values()} == {Found.LOADING, Found.ELSEWHERE, Found.DESIGN, Found.ABSENT}
+    assert {row.found for row in UNSEEN.values()} == {
+        Found.LOADING,
+        Found.COMMAND,
+        Found.ELSEWHERE,
+        Found.DESIGN,
+        Found.ABSENT,
+    }
 
 
 @cases(UNSEEN)

@@ -80,6 +80,19 @@ def test_small_object_is_read_in_one_exchange() -> None:
     on_virtual_time(main())
 
 
+@pytest.mark.parametrize(("size", "data"), [(0, b"\x40\x01\x77\x77"), (2, b"\x40\x01"), (4, b"\x40\x01\x77\x77")])
+def test_of_an_answer_that_does_not_tell_its_length_the_object_is_taken(size: int, data: bytes) -> None:
+    async def main() -> None:
+        told = Expedited(index=0x6041, subindex=0, data=b"\x40\x01\x77\x77", sized=False)
+        assert await Node(lambda _: [(0.0, told)]).client.read(*STATUSWORD, size) == data
+        sized = Expedited(index=0x6041, subindex=0, data=b"\x40\x01\x77\x77")
+        assert await Node(lambda _: [(0.0, sized)]).client.read(*STATUSWORD, size) == sized.data, (
+            "it is wrong, and told"
+        )
+
+    on_virtual_time(main())
+
+
 def test_large_object_is_read_in_segments() -> None:
     content = b"a string of 20 bytes"
     segments = [content[0:7], content[7:14], content[14:20]]

@@ -1,4 +1,4 @@
-"""The fault table. Every fault is one row, in `drives`, `communication`, `motion`, `inputs`, `surroundings`, `host`."""
+"""The fault table. Every fault is one row, in `drives`, `communication`, `motion`, `inputs`, ..., `serial`."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from artemis.supervision.catalogue.host import HOST
 from artemis.supervision.catalogue.inputs import INPUTS
 from artemis.supervision.catalogue.motion import MOTION
 from artemis.supervision.catalogue.row import Row
+from artemis.supervision.catalogue.serial import SERIAL
 from artemis.supervision.catalogue.surroundings import SURROUNDINGS
 from artemis.values import Fault, Severity
 
-ROWS: dict[str, Row] = {**DRIVES, **COMMUNICATION, **MOTION, **INPUTS, **SURROUNDINGS, **HOST}
+ROWS: dict[str, Row] = {**DRIVES, **COMMUNICATION, **MOTION, **INPUTS, **SURROUNDINGS, **HOST, **SERIAL}
 """Every row by its id."""
 
 EMERGENCIES: dict[int, str] = {code: id for id, row in ROWS.items() for code in row.codes}

@@ -19,7 +19,7 @@ from artemis.supervision.catalogue.row import (
 
 _TEN = 10 * MINUTE
 _LOADING, _EDGE, _DESIGN, _ABSENT = Found.LOADING, Found.EDGE, Found.DESIGN, Found.ABSENT
-_BATTERY, _INPUT = "needs a measured supply voltage, which the first generation does not have", "needs an input pair"
+_BATTERY, _INPUT = "needs `battery` in the robot file, and a voltage that is measured", "needs an input pair"
 _HOST_DEAD = ("DRV-20",)
 
 HOST: dict[str, Row] = {
@@ -191,9 +191,44 @@ HOST: dict[str, Row] = {
         "another disk; the journal continues if it can",
         within=1.0,
     ),
-    "PWR-01": Row("battery low", _ABSENT, LIMIT, ITSELF, reason=_BATTERY),
-    "PWR-02": Row("battery critical", _ABSENT, S2, X, reason=_BATTERY),
-    "PWR-03": Row("voltage sags", _ABSENT, LIMIT, ITSELF, reason=_BATTERY),
+    "PWR-01": Row(
+        "battery low",
+        Found.MEASURED,
+        LIMIT,
+        ITSELF._replace(settle=10.0),
+        "the battery is low",
+        "end the mission, charge the battery",
+        within=8.0,
+        of="V below `low_v`, mean of 2 s",
+        stages=(Threshold(LIMIT, 0.0, 2.0),),
+        reason=_BATTERY,
+    ),
+    "PWR-02": Row(
+        "battery critical",
+        Found.MEASURED,
+        S2,
+        X,
+        "the battery is nearly empty",
+        "switch the robot off, charge the battery",
+        to_fault=True,
+        within=1.04,
+        of="V below `critical_v`",
+        stages=(Threshold(S2, 0.0, 1.0),),
+        shows_as=("DRV-04", "EST-01"),
+        reason=_BATTERY,
+    ),
+    "PWR-03": Row(
+        "voltage sags",
+        Found.MEASURED,
+        WARN,
+        ITSELF._replace(settle=5.0),
+        "the voltage sags: half the acceleration",
+        "battery old or cold? load? contacts?",
+        within=0.24,
+        of="share below the mean of 10 s",
+        stages=(Threshold(WARN, 0.15, 0.2),),
+        reason=_BATTERY,
+    ),
     "EST-01": Row(
         "emergency stop",
         Found.MEASURED,

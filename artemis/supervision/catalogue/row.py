@@ -82,6 +82,7 @@ class Found(Enum):
     BRING_UP = "found while the drives are brought up"
     EDGE = "found where artemis meets devices, plugins and files"
     LOADING = "refused before the run"
+    COMMAND = "found by a command that drives nothing"
     ELSEWHERE = "shows as another row"
     DESIGN = "has no effect, by design"
     ABSENT = "not built"

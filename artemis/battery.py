@@ -1,0 +1,89 @@
+"""What a robot file says of the battery, and what is known of its charge at a tick."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from itertools import pairwise
+from typing import Annotated, Self
+
+from msgspec import Struct
+from pydantic import Field, model_validator
+
+from artemis.config import Config, Inconsistent, Quantity
+
+Percent = Annotated[float, Quantity(0.0, 100.0, "%")]
+Supply = Annotated[float, Quantity(5.0, 100.0, "V")]
+Point = Annotated[tuple[Percent, Supply], Field(strict=False)]  # YAML knows only lists
+HOUR = 3600.0
+"""[s]."""
+
+
+class Battery(Config):
+    """The batteries that feed the drives, as one; with what the robot takes of them."""
+
+    capacity_ah: Annotated[float, Quantity(0.01, 1000.0, "Ah")]
+    """That can be taken, from full to empty, of the batteries as they are."""
+    curve_v: Annotated[tuple[Point, ...], Field(strict=False)]
+    """Voltage without load: pairs of charge in percent and voltage, from 0 to 100 percent; straight between."""
+    resistance_ohm: Annotated[float, Quantity(0.0, 5.0, "ohm")]
+    """Of the batteries and of the wires to where the voltage is measured."""
+    idle_w: Annotated[float, Quantity(0.0, 2000.0, "W")]
+    """Taken all the time: computer, sensors, drives at rest."""
+    newtons_per_ampere: Annotated[float, Quantity(0.5, 500.0, "N/A")]
+    """Force of a driven wheel on the ground per ampere of its motor: force times speed is what the drive takes."""
+    joules_per_metre: Annotated[float, Quantity(0.5, 20_000.0, "J/m")]
+    """Taken altogether where the robot drives as it usually does: `artemis report` tells it of a run."""
+    low_v: Supply
+    """Under load (PWR-01): the robot drives slowly."""
+    critical_v: Supply
+    """Under load (PWR-02): the robot stops."""
+    reserve_percent: Percent = 10.0
+    """Not counted on: what `range_m` and `time_left_s` leave."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        problems = list(self._problems())
+        if problems:
+            raise Inconsistent(problems)
+        return self
+
+    def _problems(self) -> list[tuple[tuple[str, ...], str]]:
+        curve = self.curve_v
+        problems: list[tuple[tuple[str, ...], str]] = []
+        if len(curve) < 2 or (curve[0][0], curve[-1][0]) != (0.0, 100.0):
+            problems.append((("curve_v",), "expected pairs from 0 to 100 percent, such as [[0, 23.0], [100, 25.6]]"))
+        elif any(less >= more or low >= high for (less, low), (more, high) in pairwise(curve)):
+            problems.append((("curve_v",), "expected charges that rise, and voltages that rise with them"))
+        if self.critical_v >= self.low_v:
+            problems.append(
+                (("critical_v",), f"expected less than low_v ({self.low_v:g} V), found {self.critical_v:g} V")
+            )
+        return problems
+
+    def voltage_at(self, charge: float) -> tuple[float, float]:
+        """Voltage without load at a charge (0 to 1) [V], and how fast it rises there [V, from empty to full]."""
+        curve = self.curve_v
+        place = min(max(bisect_right([percent for percent, _ in curve], 100.0 * charge), 1), len(curve) - 1)
+        (before, low), (after, high) = curve[place - 1 : place + 1]
+        slope = 100.0 * (high - low) / (after - before)
+        return low + slope * (charge - before / 100.0), slope
+
+    def charge_at(self, voltage: float) -> float:
+        """The charge (0 to 1) at a voltage without load [V]."""
+        curve = self.curve_v
+        place = min(max(bisect_right([volts for _, volts in curve], voltage), 1), len(curve) - 1)
+        (before, low), (after, high) = curve[place - 1 : place + 1]
+        return min(max((before + (after - before) * (voltage - low) / (high - low)) / 100.0, 0.0), 1.0)
+
+
+class BatteryState(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
+    """What is known of the battery, by its voltage and by what the drives took."""
+
+    volts: float  # under load, the mean of the last 2 s [V]
+    charge: float  # of `capacity_ah`, 0 to 1
+    charge_std: float
+    watts: float  # taken now [W]
+    joules: float = 0.0  # taken since the run began [J]
+    range_m: float = 0.0  # that the robot can drive before the reserve is left [m]
+    range_std_m: float = 0.0
+    time_left_s: float = 0.0  # until then, as power was taken of late [s]

@@ -1,0 +1,140 @@
+"""The battery: what its file may say, what is estimated of it, and what the robot does when it runs low."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from math import sqrt
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+import yaml
+from core_builders import ROBOT
+from pydantic import ValidationError
+
+from artemis.battery import HOUR, Battery, BatteryState
+from artemis.config import Inconsistent
+from artemis.motion.charge import ChargeEstimate
+from artemis.supervision.supply import SupplyMeasures
+from artemis.values import DriveFeedback, Sensed
+
+FILE = Path(__file__).parents[2] / "missions" / "robots" / "artemis_battery.yaml"
+BATTERY: dict[str, Any] = yaml.safe_load(FILE.read_text())["battery"]
+
+
+def battery(**changes: Any) -> Battery:  # noqa: ANN401 (as a file writes them)
+    return Battery.model_validate({**BATTERY, **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"curve_v": [[0, 21.5]]}, "curve_v: expected pairs from 0 to 100 percent"),
+        ({"curve_v": [[0, 21.5], [90, 25.0]]}, "curve_v: expected pairs from 0 to 100 percent"),
+        ({"curve_v": [[0, 21.5], [50, 25.0], [100, 25.0]]}, "curve_v: expected charges that rise, and voltages"),
+        ({"curve_v": [[0, 21.5], [0, 22.0], [100, 25.0]]}, "curve_v: expected charges that rise, and voltages"),
+        ({"critical_v": 23.0}, "critical_v: expected less than low_v (22.3 V), found 23 V"),
+    ],
+)
+def test_what_cannot_be_a_battery_is_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError) as refused:
+        battery(**changes)
+    problem = refused.value.errors()[0]["ctx"]["error"]
+    assert isinstance(problem, Inconsistent)
+    assert str(problem).startswith(words)
+
+
+def test_voltage_and_charge_are_each_others_inverse() -> None:
+    for percent in range(101):
+        voltage, slope = battery().voltage_at(percent / 100.0)
+        assert battery().charge_at(voltage) == pytest.approx(percent / 100.0)
+        assert slope > 0.0
+    assert (battery().charge_at(10.0), battery().charge_at(30.0)) == (0.0, 1.0)
+
+
+# ------------------------------------------------------------------------------------------------ what is estimated
+
+
+@dataclasses.dataclass
+class Plant:
+    """A battery and a robot that are not quite as the robot file says, stepped once a second; drives at random."""
+
+    dice: Random
+    charge: float = 1.0
+    joules: float = 0.0
+    metres: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.known = battery(capacity_ah=5.0)
+        self.capacity = self.known.capacity_ah * HOUR * self.dice.uniform(0.9, 1.1)
+        self.idle = self.known.idle_w * self.dice.uniform(0.85, 1.15)
+        self.force = self.known.newtons_per_ampere * self.dice.uniform(0.9, 1.1)
+        self.resistance = self.known.resistance_ohm * self.dice.uniform(0.9, 1.1)
+        self.speed = 0.5
+
+    def second(self) -> tuple[float, tuple[DriveFeedback, ...], float]:
+        """Measured voltage, what the drives say, and the speed."""
+        if self.dice.random() < 0.05:
+            self.speed = self.dice.uniform(0.4, 0.6)
+        amperes = self.dice.uniform(0.8, 1.6)
+        watts = self.idle + 2.0 * self.force * amperes * self.speed
+        rest, _ = self.known.voltage_at(self.charge)
+        volts = (rest + sqrt(rest * rest - 4.0 * self.resistance * watts)) / 2.0
+        self.charge -= watts / volts / self.capacity
+        self.joules, self.metres = self.joules + watts, self.metres + self.speed
+        drives = tuple(
+            DriveFeedback(name=name, current=sign * amperes, velocity=self.speed)
+            for name, sign in (("traction-left", 1.0), ("traction-right", -1.0))  # this one is mirrored
+        )
+        return volts + self.dice.gauss(0.0, 0.02), drives, self.speed
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_range_is_right_within_a_tenth_from_half_charge_on(seed: int) -> None:
+    plant = Plant(Random(seed))
+    estimate = ChargeEstimate(plant.known, ROBOT)
+    told: list[tuple[float, float, BatteryState]] = []
+    while plant.charge > plant.known.reserve_percent / 100.0:
+        told.append((plant.metres, plant.charge, estimate.update(*plant.second(), 1.0)))
+    later = told[60:]
+    assert all(abs(state.charge - true) < 2.0 * state.charge_std for _, true, state in later)
+    late = [(plant.metres - metres, state) for metres, true, state in told if true < 0.5]
+    assert len(late) > 1000
+    for left, state in late:  # near the end a tenth of what is left is less than the voltage can tell
+        assert state.range_m == pytest.approx(left, rel=0.1, abs=0.03 * plant.metres)
+        assert abs(state.range_m - left) < 2.5 * state.range_std_m
+    assert told[-1][2].joules == pytest.approx(plant.joules, rel=0.15)
+
+
+def test_without_load_the_charge_is_that_of_the_voltage_and_time_is_left_by_what_is_taken() -> None:
+    estimate = ChargeEstimate(battery(), ROBOT)
+    state = [estimate.update(24.4 - 0.1 * 20.0 / 24.4, (), 0.0, 1.0) for _ in range(60)][-1]
+    assert state.charge == pytest.approx(0.5, abs=0.01)
+    joules = (state.charge - 0.1) * 17.0 * HOUR * battery().voltage_at((state.charge + 0.1) / 2.0)[0]
+    assert state.time_left_s == pytest.approx(joules / 20.0, rel=0.02)
+    assert state.range_m == pytest.approx(joules / 85.0, rel=0.02)
+
+
+# ------------------------------------------------------------------------------------------------ what is wrong
+
+
+def seen(voltage: Callable[[float], float], seconds: float) -> dict[str, float]:
+    """When each reading came first [s]."""
+    measures, found = SupplyMeasures(battery()), dict[str, float]()
+    for number in range(round(seconds * 50)):
+        time = number / 50
+        for id, _, value, _ in measures.read(Sensed(index=number, time=time, battery_v=voltage(time))):
+            if value > (0.15 if id == "PWR-03" else 0.0):
+                found.setdefault(id, time)
+    return found
+
+
+def test_a_short_dip_is_no_low_battery_and_a_long_one_is() -> None:
+    assert seen(lambda time: 24.0, 10.0) == {}
+    assert "PWR-01" not in seen(lambda time: 21.9 if 3.0 <= time < 3.5 else 24.0, 10.0)
+    assert seen(lambda time: 22.0 if time >= 3.0 else 24.0, 10.0)["PWR-01"] == pytest.approx(3.0 + 3.8, abs=0.2)
+    assert seen(lambda time: 21.0 if time >= 3.0 else 24.0, 10.0)["PWR-02"] == pytest.approx(3.0, abs=0.021)
+    assert seen(lambda time: 20.0 if 3.0 <= time < 3.5 else 24.0, 10.0)["PWR-03"] == pytest.approx(3.0, abs=0.021)
+    assert SupplyMeasures(battery()).read(Sensed(index=0, time=0.0)) == []
