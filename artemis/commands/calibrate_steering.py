@@ -118,6 +118,8 @@ def store_steering(source: Path, simulate: bool) -> int:
     """
     loaded = load_mission(source)
     simulated, robot = is_simulated(loaded, simulate), loaded.robot
+    if not robot.has_potentiometers:
+        raise ConfigError(f"{source}: the robot has no potentiometers: there is nothing to store")
     sides = robot.sides("steering")
     wanted = {robot.drive_at("steering", side)[0]: memory_numbers(robot.potentiometers(side)) for side in sides}
     kept: list[str] = []
