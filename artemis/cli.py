@@ -199,10 +199,23 @@ def report(
     ] = None,
     same_clock: Annotated[bool, typer.Option("--same-clock", help="Its times are run times.")] = False,
     export: Annotated[str | None, typer.Option(metavar="tum", help="Also write the trajectories.")] = None,
+    other: Annotated[
+        Path | None, typer.Option("--with", metavar="RUN2", help="A second run: both in each chart, and what differs.")
+    ] = None,
+    at: Annotated[
+        str | None, typer.Option(metavar="start|STEP", help="With two: where both are at zero, a step by its name.")
+    ] = None,
 ) -> None:
-    """Write the page of a run: figures, numbers, events; with a truth, also how far from it the odometry was."""
-    from artemis.commands.report import report
+    """Write the page of a run: charts, numbers, events; with a truth, also how far from it the odometry was."""
+    from artemis.commands.report import report, report_with
 
+    if other is not None:
+        if truth or align or sensor or same_clock or export:
+            raise ConfigError("--with compares two runs: truth and trajectories are of one, write them without it")
+        report_with(run, other, at or "start")
+        return
+    if at is not None:
+        raise ConfigError("--at is about two runs: name the second one with --with")
     report(run, truth, align, sensor, same_clock, export)
 
 

@@ -135,6 +135,7 @@ def _goto_step(loaded: LoadedMission, action: Goto) -> GotoStep:
     return GotoStep(
         route="",
         place=action.place,
+        asks=action.asks,
         follower=made(plugin, config, setup_for(loaded, action.follower.plugin)),
         speed=action.speed_m_s,
         max_cross_track=MOST_OFF,

@@ -7,17 +7,18 @@ Units are metres, radians, seconds, volts, amperes. Nothing is told of a pose th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from math import atan2, cos, nan, pi, sin
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from artemis.bridges.diagnostics import diagnosis, signature
 from artemis.bridges.names import part_of_name
 from artemis.motion.ackermann import Ackermann
+from artemis.motion.planned_route import route_poses
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.route import Route
 from artemis.scan import Scan
-from artemis.values import DriveFeedback, Pose, Tick
+from artemis.values import DriveFeedback, JobKind, Pose, Tick
 from artemis.vehicle import RobotFile
 
 if TYPE_CHECKING:
@@ -134,6 +135,7 @@ class Topics:
             if topic is not None and heard(topic):
                 yield Told(topic, _scan(scan, stamp + round((scan.time - tick.snapshot.time) * 1e9)))
         yield from self._path(tick, stamp)
+        yield from self._planned(tick, stamp)
         yield from self._slow(tick, stamp, heard)
 
     # ------------------------------------------------------------------------------------------ each tick
@@ -207,14 +209,16 @@ class Topics:
         if (step := tick.position.step) == self._shown_step:
             return
         shown, self._shown_step = self._shown_step is not None, step
-        route, frame = self._routes.get(step), tick.snapshot.pose.frame
+        route = self._routes.get(step)
         poses = [] if route is None else route.poses(PATH_SPACING)
-        if not poses and not shown:
-            return
-        stamped = [{"header": _header(stamp, frame), "pose": _pose(pose)} for pose in poses]
-        yield Told(PATH, {"header": _header(stamp, frame), "poses": stamped})
-        if stamped:
-            yield Told(GOAL, stamped[-1])
+        if poses or shown:
+            yield from _path_told(poses, tick.snapshot.pose.frame, stamp)
+
+    def _planned(self, tick: Tick, stamp: int) -> Iterator[Told]:
+        """A route that was planned for the present step, and where it ends."""
+        for result in tick.snapshot.sensed.results:
+            if result.kind is JobKind.PLAN and result.values:
+                yield from _path_told(route_poses(result.values), MAP, stamp)
 
     def _mounted(self, stamp: int) -> Iterator[Content]:
         for name, mounting in self._robot.scanners.items():
@@ -288,6 +292,13 @@ class _Joints:
 def _named(axle: str, side: str, what: str) -> str:
     """Of a joint or frame; one in the middle has no side."""
     return f"{axle}_{what}" if side == "middle" else f"{axle}_{side}_{what}"
+
+
+def _path_told(poses: Sequence[Pose], frame: str, stamp: int) -> Iterator[Told]:
+    stamped = [{"header": _header(stamp, frame), "pose": _pose(pose)} for pose in poses]
+    yield Told(PATH, {"header": _header(stamp, frame), "poses": stamped})
+    if stamped:
+        yield Told(GOAL, stamped[-1])
 
 
 def _time(stamp: int) -> Content:

@@ -16,7 +16,9 @@ from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
 from artemis.plugins.guard import Problem
 from artemis.progress import Position
+from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.event_log import happened, values_of
+from artemis.recording.journal import Level
 from artemis.report.fault_words import DID, next_step
 from artemis.states.modes import RUNNING
 from artemis.states.requests import ignored
@@ -70,6 +72,7 @@ class LiveView:
         self._coloured = self._terminal and not os.environ.get("NO_COLOR")
         self._on_lost = on_lost
         self._lost = False
+        self._poses = AskedPoses()
         self._load = _BusLoad(bitrate)
         self._shown: tuple[Mode | None, str] = (None, "")
         self._verdict = Verdict()
@@ -84,6 +87,7 @@ class LiveView:
         sensed = tick.snapshot.sensed
         for answer in sensed.answers:
             self._say(sensed.time, "answer", answer)
+        self._point(tick)
         for request in sensed.requests:
             reason = ignored(request, tick)
             text = f"{request.value}: ignored, {reason}" if reason else request.value
@@ -105,6 +109,13 @@ class LiveView:
         if self._lost:
             self._lost = False
             self._on_lost()
+
+    def _point(self, tick: Tick) -> None:
+        """Goals and initial poses that somebody gave."""
+        for sample in tick.snapshot.sensed.inputs:
+            for entry in self._poses.entries(tick, sample):
+                colour = _YELLOW if entry.level is Level.WARNING else None
+                self._say(entry.time, entry.kind, entry.text, colour)
 
     def take_problems(self) -> list[Problem]:
         """None: a lost terminal ends the run."""

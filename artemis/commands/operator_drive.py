@@ -26,8 +26,8 @@ from artemis.commands.operator import DeviceChoice, robot_from
 from artemis.commands.operator_view import OperatorView
 from artemis.commands.terminal import DRIVING, listen_to_keys, somebody_is_there
 from artemis.errors import ConfigError, DeviceLost
+from artemis.plugins.answers import is_in_range, is_whole_input
 from artemis.plugins.contracts import InputDevice, PluginContext
-from artemis.plugins.guard import is_in_range, is_whole_input
 from artemis.values import OperatorInput, Request
 
 POLL = 0.002

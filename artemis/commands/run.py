@@ -45,7 +45,7 @@ from artemis.recording.resume import unfinished_run
 from artemis.report.mission_boxes import name_of
 from artemis.report.page import write_report
 from artemis.report.series import read_series
-from artemis.report.summary import Summary, summary
+from artemis.report.summary import Summary, consumption, summary
 from artemis.states.whereabouts import counts
 from artemis.values import Request
 
@@ -230,5 +230,7 @@ def _numbers(found: Summary) -> list[tuple[str, str]]:
             lines.append((label, text))
     if found.position_error_end is not None:
         lines.append((found.source, f"{found.position_error_end * 1000:5.1f} mm from the true position at the end"))
+    if taken := consumption(found):
+        lines.append(("battery", taken))
     lines.append(("bus load", f"{found.bus_load_mean:.1%}, {found.bus_load_max:.1%} at most"))
     return [*lines, *(("fault", text) for text in found.faults)]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from artemis.bridges.poses import INITIAL_POSE
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
@@ -19,8 +20,8 @@ from artemis.mission.problems import by_position, nearest, problems_from
 from artemis.mission.reading import Configs, Model
 from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
 from artemis.mission.surroundings import SurroundingsChecks
-from artemis.plugins.contracts import PluginContext
-from artemis.plugins.stated import is_pure
+from artemis.plugins.contracts import PluginContext, TakesInitialPose
+from artemis.plugins.stated import allowed, is_pure
 from artemis.progress import OWN_STEPS
 from artemis.states.outline import steps_in
 from artemis.vehicle import RobotFile
@@ -139,6 +140,7 @@ class _Loading(SurroundingsChecks):
             self._check_mapping(robot)
         scenery, grid = self._scenery()
         self._check_steps(robot, inputs)
+        self._check_initial_poses(inputs)
         self._check_faults(robot, inputs)
         self._check_policies()
         if robot is not None and tried:
@@ -202,6 +204,16 @@ class _Loading(SurroundingsChecks):
                     self._problems.append(problem)
                 elif not any(known.startswith(place) for known in self._problems):
                     self._complain((*path, *key), problem)
+
+    def _check_initial_poses(self, inputs: Configs) -> None:
+        """Whether a localizer takes those that inputs give."""
+        localizers = [self._plugins[at] for at in (("localizer",), ("simulation", "localizer")) if at in self._plugins]
+        if any(isinstance(plugin, TakesInitialPose) for plugin, _ in localizers):
+            return
+        for name, config in inputs.items():
+            if INITIAL_POSE in allowed(config):
+                what = "the mission's localizer takes none" if localizers else "the mission has no localizer"
+                self._complain(("inputs", name, "allow"), f"{INITIAL_POSE}: {what}")
 
     def _check_bus(self) -> None:
         words = self._data.get("bus")

@@ -81,7 +81,7 @@ class StepChecks(GotoChecks):
             case Follow():
                 self._check_follow(number, at, step.action, robot)
             case Goto(speed_m_s=speed):
-                self._check_goto(number, at, step.action, robot)
+                self._check_goto(number, at, step.action, robot, inputs)
                 if robot is not None:
                     self._check_speed((*at, "speed_m_s"), speed, robot)
             case Teleop():

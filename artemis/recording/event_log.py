@@ -10,6 +10,7 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT
 from artemis.motion.potentiometers import memory_words
 from artemis.progress import MissionEvent
+from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.journal import Entry, Level
 from artemis.states.requests import ignored
 from artemis.supervision.catalogue import EMERGENCIES, ROWS, emergency
@@ -53,6 +54,7 @@ class EventLog:
         self._recoveries = 0
         self._forgotten_by = "person"
         self._storms: dict[str, _Storm] = {}
+        self._poses = AskedPoses()
 
     @property
     def time(self) -> float:
@@ -69,14 +71,14 @@ class EventLog:
         """
         previous, self._previous = self._previous, tick
         sensed = tick.snapshot.sensed
-        if previous is None:
-            self._origin = now - sensed.time
+        self._origin = self._origin if previous else now - sensed.time
         self._keep(sensed.time, frames)
         entries: list[Entry] = []
-        if sensed.answers:
-            entries += [Entry(time=sensed.time, kind="answer", text=answer) for answer in sensed.answers]
-        if sensed.requests:
-            entries += self._requests(tick, previous.mode if previous else tick.mode)
+        if sensed.answers or sensed.requests:
+            entries += self._asked(tick, previous)
+        for sample in sensed.inputs:
+            if sample.goal is not None or sample.initial_pose is not None:
+                entries += self._poses.entries(tick, sample)
         for drive in sensed.drives:
             if drive.emergencies or drive.boots:
                 entries += self._said(sensed.time, drive)
@@ -123,6 +125,12 @@ class EventLog:
         return Entry(time=time, kind="frames", text=text, data={"drives": list(names), "frames": found})
 
     # -------------------------------------------------------------------------------------------------- requests
+
+    def _asked(self, tick: Tick, previous: Tick | None) -> Iterator[Entry]:
+        """Answers and requests."""
+        for answer in tick.snapshot.sensed.answers:
+            yield Entry(time=tick.snapshot.time, kind="answer", text=answer)
+        yield from self._requests(tick, previous.mode if previous else tick.mode)
 
     def _requests(self, tick: Tick, mode: Mode) -> Iterator[Entry]:
         """Who asked for what, in which mode; what it leads to, other entries tell, and if to nothing, why."""

@@ -47,6 +47,7 @@ NOT_INJECTED: dict[str, str] = {
     "NET-11": "needs a page for operators",
     "NET-12": "needs programs of others: a master that goes, a subscriber that hangs",
     "NET-13": "needs an observer with a process of its own: a simulation that keeps real time",
+    **dict.fromkeys(("NET-14", "LOC-07"), "needs somebody who gives goals and poses"),
     "LAS-08": "needs something in the robot's way",
     "LOC-06": "on virtual time a localizer takes no time",
     **{f"PTH-{number:02}": _FILE for number in range(1, 5)},

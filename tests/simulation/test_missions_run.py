@@ -69,6 +69,7 @@ ELSEWHERE = (
     "follow_by_tracker.yaml",
     "map_hall.yaml",
     "patrol_hall.yaml",
+    "ros_goto.yaml",
     "ros_teleop.yaml",
     "ros2_teleop.yaml",
     "rosbridge_teleop.yaml",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hmac
 import secrets
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Collection
 from math import inf
 from typing import Literal
@@ -31,7 +31,7 @@ CLAIM_TIME = 2.0
 """So long one may take to prove the secret [s]."""
 KEPT_BEATS = 100
 MOST_WAITING = 8
-"""Links that have not proved the secret; more are closed at once."""
+"""Links that have not proved the secret; of more the oldest is closed, from where most of them come."""
 RATE, BURST = 400.0, 400.0
 """Frames of a link that are looked at, in a second and at once; more are dropped unread. At once: all that an operator
 sends in `DEAD`, which a stalled link delivers together; the last may ask for a stop."""
@@ -101,7 +101,8 @@ class RobotEnd:
         self.secret, self.welcome, self.random = secret, welcome, random
         self.allow = frozenset(allow) | {Request.QUICKSTOP, Request.DONE, Request.RECORD}
         self.owner: RobotLink | None = None
-        self.links: set[RobotLink] = set()
+        self.links: dict[RobotLink, None] = {}
+        """The oldest first."""
         self.status = b""
         """JSON of what the robot does, for the next beat."""
         self.report, self.has_news = LinkReport(), False
@@ -111,18 +112,19 @@ class RobotEnd:
     def connected(self, peer: str, now: float) -> RobotLink:
         """Somebody connects from the address `peer`, at `now` [s]."""
         link = RobotLink(self, peer, now)
-        if sum(other is not self.owner for other in self.links) >= MOST_WAITING:
+        link.greet()
+        self.links[link] = None
+        waiting = [each for each in self.links if each is not self.owner]
+        if len(waiting) > MOST_WAITING:
+            (crowd, _), *_ = Counter(each.peer for each in waiting).most_common(1)
             self.tell("NET-10", f"more than {MOST_WAITING} connections wait, one more from {peer}", now)
-            link.closing = True
-        else:
-            link.greet()
-        self.links.add(link)
+            self.disconnected(next(each for each in waiting if each.peer == crowd), now)
         return link
 
     def disconnected(self, link: RobotLink, now: float, why: str = "the connection was closed") -> None:
         """It is gone; harmless when repeated."""
         link.closing = True
-        self.links.discard(link)
+        self.links.pop(link, None)
         if link is self.owner:
             self._leave("lost", now, why)
 
@@ -203,9 +205,9 @@ class RobotLink:
         """Whole frames that are to be sent."""
         self.closing = False
         """It is to be closed after that."""
-        self.who = peer
+        self.who = self.peer = peer
         self.quality = LinkQuality(now)
-        self._end, self._peer, self._begun = end, peer, now
+        self._end, self._begun = end, now
         self._nonce, self._keys = end.random(frames.NONCE), frames.SessionKeys(b"", b"")
         self._splitter = Splitter(frames.MOST_FROM_OPERATOR)
         self._beats: deque[float] = deque(maxlen=KEPT_BEATS)
@@ -261,12 +263,12 @@ class RobotLink:
     def _claimed(self, wanted: frames.Claim, now: float) -> None:
         end, proof = self._end, (self._nonce, wanted.nonce, wanted.name, wanted.role)
         if not hmac.compare_digest(frames.proof_of(end.secret, *proof), wanted.proof):
-            end.tell("NET-07", f"{self._peer} has another secret", now)
+            end.tell("NET-07", f"{self.peer} has another secret", now)
             self.output += frames.framed(frames.worded(frames.DENIED, "another secret"))
             self.closing = True
             return
         self._keys = frames.session_keys(end.secret, *proof[:3])
-        self.who, self._heard = f"{wanted.name} at {self._peer}", now
+        self.who, self._heard = f"{wanted.name} at {self.peer}", now
         if wanted.role == frames.STOP:
             end.ask(Request.QUICKSTOP)
             self.send(frames.worded(frames.STOPPED, "a quick stop was asked for"))

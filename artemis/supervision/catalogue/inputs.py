@@ -214,4 +214,13 @@ INPUTS: dict[str, Row] = {
         "see the reason; what other programs were not told meanwhile is lost to them, not to the recording",
         within=2.0,
     ),
+    "NET-14": Row(
+        "pose refused",
+        Found.EDGE,
+        WARN,
+        ITSELF,
+        "was given a goal or an initial pose that cannot be used",
+        "see the reason: the frame is `map`, and the stamp of now",
+        within=0.1,
+    ),
 }
