@@ -93,6 +93,7 @@ class RunRecord:
             journal=Journal(self.folder.journal, disk),
             scanners={name: place_of(mounting) for name, mounting in loaded.robot.scanners.items()},
             nodes={name: drive.node_id for name, drive in loaded.robot.drives.items()},
+            errors=loaded.robot.errors,
             disk=disk,
         )
         for entry in first_entries(mission, loaded.robot.robot, provenance, warning, loaded.remarks):

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import degrees, radians
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from artemis.axles import OWN_SIDES, ByHand, Calibration, Geometry, HardStop, Potentiometers, Side
+from artemis.axles import OWN_SIDES, ByHand, Calibration, Geometry, HardStop, Potentiometers
 from artemis.battery import Battery
 from artemis.config import Config, Inconsistent, Quantity
+from artemis.drive_schema import Drive, drive_problems
 from artemis.linkage import MeasuredLinkage
 from artemis.mounting import Mounting, Outline
 from artemis.yaml_file import KeyPath
@@ -21,15 +22,8 @@ Speed = Annotated[float, Quantity(0.02, 20.0, "m/s")]
 WishedSpeed = Annotated[float, Quantity(0.001, 20.0, "m/s")]
 """Of a follower or an input; how fast a robot may drive, its file says."""
 Acceleration = Annotated[float, Quantity(0.05, 30.0, "m/s²")]
-Current = Annotated[int, Quantity(20, 65535, "mA")]
-Unsigned16 = Annotated[int, Field(ge=0, le=0xFFFF)]
-Gain = Annotated[int, Field(ge=0, le=32767)]
-PiGains = Annotated[tuple[Gain, Gain], Field(strict=False)]  # YAML knows only lists
-PidGains = Annotated[tuple[Gain, Gain, Gain], Field(strict=False)]
 
-
-OPERATING_MODES = {"traction": 3, "steering": -1}
-"""Modes of operation (object 0x6060): profile velocity for traction, position for steering."""
+ROLES = ("traction", "steering")
 
 
 class Limits(Config):
@@ -45,63 +39,6 @@ class Limits(Config):
     steering_deg: Annotated[float, Quantity(5.0, 79.0, "degrees")]
     """Of the virtual front wheel."""
     steering_rate_wheel_deg_s: Annotated[float, Quantity(2.0, 720.0, "degrees/s")]
-
-
-class Motor(Config):
-    """Objects 0x6402, 0x6410."""
-
-    type: Literal["dc", "ec_sine", "ec_block"]
-    pole_pairs: Annotated[int, Field(ge=1, le=255)]
-    continuous_current_ma: Current
-    output_current_ma: Current
-    thermal_time_constant_s: Annotated[float, Quantity(0.1, 540.0, "s")]
-    max_speed_rpm: Annotated[int, Quantity(100, 25000, "rpm")]
-
-
-class Sensor(Config):
-    """Object 0x2210. `counts_per_turn` of the motor shaft: 4 x pulses, or 6 x pole pairs with halls only."""
-
-    type: Literal["encoder_3_channel", "encoder_2_channel", "hall"]
-    counts_per_turn: Annotated[int, Field(ge=6, le=30000)]
-
-
-class Gains(Config):
-    """Regulator gains, objects 0x60F6 (PI), 0x60F9 (PI), 0x60FB (PID)."""
-
-    current: PiGains
-    velocity: PiGains
-    position: PidGains
-
-    @property
-    def numbers(self) -> tuple[int, ...]:
-        """In the order of the objects: current P, I; velocity P, I; position P, I, D."""
-        return (*self.current, *self.velocity, *self.position)
-
-
-class Drive(Config):
-    """One EPOS node."""
-
-    node_id: Annotated[int, Field(ge=1, le=126)]
-    role: Literal["traction", "steering"]
-    side: Side
-    mirrored: bool
-    """A positive count turns the wheel backwards (traction) or to the right (steering)."""
-    hardware_version: Unsigned16
-    """Expected 0x2003:2 with its last digit masked: 0x6010 is an EPOS 24/1, 0x6210 an EPOS 24/5."""
-    min_firmware: Annotated[int, Field(ge=0x2030, le=0xFFFF)] = 0x2032
-    """Lowest software version 0x2003:1; before 0x2030 the heartbeat consumer does not exist."""
-    serial_number: Annotated[int, Field(ge=0, le=0xFFFFFFFFFFFFFFFF)] | None = None
-    motor: Motor
-    sensor: Sensor
-    gear_ratio: Annotated[float, Quantity(1.0, 10_000.0, "motor turns per wheel turn")]
-    """Motor turns per wheel turn."""
-    gains: Gains | None = None
-    following_error_counts: Annotated[int, Field(ge=1, le=0xFFFFFFFF)] = 2000
-
-    @property
-    def set_point(self) -> str:
-        """Name of its part of `SetPoints`: rolling speed, or angle; one in the middle has both sides alike."""
-        return f"{'speed' if self.role == 'traction' else 'steering'}_{'right' if self.side == 'right' else 'left'}"
 
 
 class RobotFile(Config):
@@ -123,7 +60,7 @@ class RobotFile(Config):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        problems = [*_nodes(self), *_sides(self), *_geometry(self.geometry), *_body(self)]
+        problems = [*_families(self), *_nodes(self), *_sides(self), *_geometry(self.geometry), *_body(self)]
         if not problems:
             problems = [*_traction(self), *_steering(self), *_limits(self.limits)]
         if problems:
@@ -147,6 +84,11 @@ class RobotFile(Config):
         names = list(self.drives)
         places = [(role, side) for role in ("traction", "steering") for side in OWN_SIDES]
         return tuple(names.index(self.drive_at(role, side)[0]) for role, side in places)
+
+    @property
+    def errors(self) -> dict[str, Mapping[int, str]]:
+        """Rows of the fault table by EMCY error code, for each drive: generations give a code different meanings."""
+        return {name: drive.tables.errors for name, drive in self.drives.items()}
 
     def metres_per_count(self, side: str) -> float:
         """Distance of a driven wheel per count [m]; of both behind a differential, the mean."""
@@ -179,6 +121,13 @@ class RobotFile(Config):
 Problems = Iterator[tuple[KeyPath, str]]
 
 
+def _families(robot: RobotFile) -> Problems:
+    """Each drive has what its family needs, and nothing that it does not know."""
+    for name, drive in robot.drives.items():
+        for key, text in drive_problems(drive):
+            yield ("drives", name, *key), text
+
+
 def _nodes(robot: RobotFile) -> Problems:
     """Each node has an id of its own, and each place one drive."""
     owner: dict[int, str] = {}
@@ -204,7 +153,7 @@ _WHERE = {"left": "on the left", "right": "on the right", "middle": "in the midd
 def _sides(robot: RobotFile) -> Problems:
     """Each place has one drive, and what was measured of it."""
     found: Counter[tuple[str, str]] = Counter((drive.role, drive.side) for drive in robot.drives.values())
-    needed = [(role, side) for role in OPERATING_MODES for side in robot.sides(role)]
+    needed = [(role, side) for role in ROLES for side in robot.sides(role)]
     wrong = [place for place in dict.fromkeys([*needed, *found]) if found[place] != (place in needed)]
     if wrong:
         seen = ", ".join(
@@ -225,8 +174,8 @@ def _sides(robot: RobotFile) -> Problems:
 
 def _expected(robot: RobotFile) -> str:
     """The drives that a geometry needs."""
-    middle = [role for role in OPERATING_MODES if robot.sides(role) != OWN_SIDES]
-    sides = [role for role in OPERATING_MODES if role not in middle]
+    middle = [role for role in ROLES if robot.sides(role) != OWN_SIDES]
+    sides = [role for role in ROLES if role not in middle]
     words = [f"{' and '.join(f'one {role}' for role in sides)} drive on each side"] if sides else []
     words += [f"{' and '.join(f'one {role}' for role in middle)} drive in the middle"] if middle else []
     return " and ".join(words)

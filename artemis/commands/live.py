@@ -17,7 +17,7 @@ from artemis.drive_states import DriveState
 from artemis.plugins.guard import Problem
 from artemis.progress import Position
 from artemis.recording.asked_poses import AskedPoses
-from artemis.recording.event_log import happened, values_of
+from artemis.recording.event_log import Errors, happened, values_of
 from artemis.recording.journal import Level
 from artemis.report.fault_words import DID, next_step
 from artemis.states.modes import RUNNING
@@ -56,6 +56,7 @@ class LiveView:
         hint: str,
         on_lost: Callable[[], None],
         bitrate: int,
+        errors: Errors,
         where: Callable[[Position], str] = lambda position: "",
     ) -> None:
         """Say the title.
@@ -65,9 +66,10 @@ class LiveView:
             hint: Names the keys that work.
             on_lost: Is called at a tick.
             bitrate: Of the bus [bit/s].
+            errors: What the drives' error codes mean.
             where: Names a place in the mission in a few words.
         """
-        self._where = where
+        self._where, self._errors = where, errors
         self._terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self._coloured = self._terminal and not os.environ.get("NO_COLOR")
         self._on_lost = on_lost
@@ -96,7 +98,7 @@ class LiveView:
             self._compare(sensed.time, tick.snapshot.verdict)
         for result in sensed.results:
             if result.values and (label := _LABELS.get(result.kind)):
-                self._say(sensed.time, label, f"{result.drive}: {values_of(result)}", _YELLOW)
+                self._say(sensed.time, label, f"{result.drive}: {values_of(result, self._errors)}", _YELLOW)
         for event in tick.events:
             told = event.kind == "said"
             text = event.text if told else happened(event, tick.mode)

@@ -112,7 +112,9 @@ def run_in_sight(
     driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
     hint = f"{hint}; {DRIVING}" if driving else hint
     keys_work = hint if operator else ""
-    view = LiveView(_title(loaded, simulated), keys_work, terminate, loaded.robot.bitrate, partial(_where, loaded))
+    robot = loaded.robot
+    title = _title(loaded, simulated)
+    view = LiveView(title, keys_work, terminate, robot.bitrate, robot.errors, partial(_where, loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")
         prepare()

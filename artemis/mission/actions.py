@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
-from artemis import vehicle
+from artemis import drive_schema
 from artemis.config import Config
 from artemis.mission.keys import Name, Positive, check_one_key
 from artemis.mission.obstacles import Obstacles
@@ -103,11 +103,11 @@ def _kind_of_steering(steering: object) -> str:
 class NewGains(Config):
     """Regulator gains of a drive to try; those that are left out stay as the robot file says."""
 
-    current: vehicle.PiGains | None = None
+    current: drive_schema.PiGains | None = None
     """P and I of the current regulator."""
-    velocity: vehicle.PiGains | None = None
+    velocity: drive_schema.PiGains | None = None
     """P and I of the velocity regulator."""
-    position: vehicle.PidGains | None = None
+    position: drive_schema.PidGains | None = None
     """P, I and D of the position regulator."""
 
     @model_validator(mode="after")

@@ -129,6 +129,8 @@ class _Loading(SurroundingsChecks):
     def result(self, tried: bool) -> LoadedMission:
         mission = self._validated(Mission, self._document)
         robot = self._robot()
+        if mission is not None and robot is not None:
+            self._check_drives(mission, robot)
         inputs = self._inputs()
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus()
@@ -179,6 +181,24 @@ class _Loading(SurroundingsChecks):
             self._problems += error.problems
             return None
         return self._validated(RobotFile, document)
+
+    def _check_drives(self, mission: Mission, robot: RobotFile) -> None:
+        """Drives that interpolate are told the period of set-points in whole ms; not all can be simulated."""
+        interpolating = [name for name, drive in robot.drives.items() if drive.tables.interpolates]
+        if interpolating and 1000 % mission.tick_hz:
+            rates = ", ".join(str(rate) for rate in range(25, 201) if not 1000 % rate)
+            period = f"a period of {1000 / mission.tick_hz:.3g} ms"
+            text = f"{period}; {interpolating[0]} interpolates over whole milliseconds: expected one of {rates}"
+            self._complain(("tick_hz",), text)
+        if not self._simulated:
+            return
+        from artemis.sim.drive_node import NODES
+
+        unknown = [name for name, drive in robot.drives.items() if drive.family not in NODES]
+        if unknown:
+            family = robot.drives[unknown[0]].family
+            text = f"{unknown[0]} is of family {family}, which cannot be simulated; {' and '.join(NODES)} can"
+            self._complain(("robot",), text)
 
     def _inputs(self) -> dict[str, Config | None]:
         """Options of the mission's inputs by name; None where they are wrong."""

@@ -21,7 +21,7 @@ from artemis.plugins.guard import Problem
 from artemis.plugins.observing import LOOK, Beside
 from artemis.recording import schemas
 from artemis.recording.disk import Disk, Trouble, trouble
-from artemis.recording.event_log import EventLog
+from artemis.recording.event_log import Errors, EventLog
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_file import McapFile
 from artemis.recording.provenance import Provenance, made_with
@@ -57,6 +57,7 @@ class Recorder:
         threaded: bool,
         journal: Journal | None = None,
         nodes: Mapping[str, int] | None = None,
+        errors: Errors | None = None,
         scanners: Mapping[str, Pose] | None = None,
         disk: Disk | None = None,
     ) -> None:
@@ -68,6 +69,7 @@ class Recorder:
             threaded: See above.
             journal: Where events are written, too; closed with the recorder.
             nodes: The drives' node ids by their names: whose frames a fault's entry shows.
+            errors: What the drives' error codes mean, by their names.
             scanners: Where they sit on the robot, by their names: their scans are drawn there.
             disk: Makes the file.
 
@@ -75,7 +77,7 @@ class Recorder:
             RecordingError: the file cannot be made.
         """
         self._path, self._journal = path, journal
-        self._chronicle = EventLog(nodes or {})
+        self._chronicle = EventLog(nodes or {}, errors or {})
         self._scanners = {name: spatial_pose(place) for name, place in (scanners or {}).items()}
         self._scan_slots: dict[str, int] = {}
         self._start = _nanoseconds(provenance.start)

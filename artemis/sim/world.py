@@ -14,7 +14,9 @@ from artemis.battery import HOUR, Battery
 from artemis.config import Config, Quantity
 from artemis.mounting import Degrees, Mounting, Offset
 from artemis.sim.axis import NOMINAL_VOLTAGE, Axis
-from artemis.sim.epos import SimEpos, SimSettings
+from artemis.sim.drive_node import simulated_drive
+from artemis.sim.epos import SimEpos
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.vehicle import Chassis, Vehicle
 from artemis.sim.wheels import DrivenWheel, SteeredWheel, TrueLinkage
 from artemis.values import Pose
@@ -149,6 +151,9 @@ class World:
             seed: Of all that is random: slip and potentiometer noise.
             start: Time of power-on [s].
             settings: How the drives behave.
+
+        Raises:
+            ConfigError: A drive is of a family that cannot be simulated.
         """
         true = true or PlantParameters()
         self.time = start
@@ -163,7 +168,9 @@ class World:
         self._true = true
         self._dice = random.Random(seed)
         axes = {name: Axis(drive) for name, drive in robot.drives.items()}
-        self.nodes = [SimEpos(drive, axes[name], name=name, settings=settings) for name, drive in robot.drives.items()]
+        self.nodes = [
+            simulated_drive(drive, axes[name], name=name, settings=settings) for name, drive in robot.drives.items()
+        ]
         """The drives, in the order of the robot file."""
         self._axes = list(axes.values())
         self._supply_voltage = self.battery_v

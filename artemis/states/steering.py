@@ -102,7 +102,7 @@ def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -
         robot = shared.plan.robot
         wanted = {robot.drive_at("steering", side)[0]: memory_numbers(fit.calibration) for side, fit in fits.items()}
         snapshot = yield from keep(shared, wanted, snapshot)
-        snapshot = yield from enable(STEERING_ON, snapshot)
+        snapshot = yield from enable(shared.plan, STEERING_ON, snapshot)
     return snapshot
 
 
@@ -113,7 +113,7 @@ def _release(plan: Plan, snapshot: Snapshot) -> Routine:
         if snapshot.time > latest:
             raise Failed(STEERING_ON, catalogue.fault("COM-03", on[0], "stays on"))
         snapshot = yield _hold(snapshot, "switching traction off")
-    return (yield from enable(STEERING_ON, snapshot))
+    return (yield from enable(plan, STEERING_ON, snapshot))
 
 
 def _hold(snapshot: Snapshot, phase: str) -> Wish:
@@ -177,7 +177,7 @@ def _take_as_straight(shared: Shared, straight: Mapping[str, float], snapshot: S
     names = [shared.plan.robot.drive_at("steering", side)[0] for side in straight]
     angles = [_drive(snapshot, name).position - zero for name, zero in zip(names, straight.values(), strict=True)]
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
-    return (yield from enable(STEERING_ON, snapshot))
+    return (yield from enable(shared.plan, STEERING_ON, snapshot))
 
 
 # ---------------------------------------------------------------------------------------------- measuring

@@ -127,7 +127,7 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
     words = {word for _, word, _ in steps_in(steps)}
     resumed = dice.uniform(0, 1) < (0.45 if draw is _tree else 0.06)
     sound = resumed and dice.uniform(0, 1) < 0.8  # compared with a run that nobody kills
-    faults = [] if sound else _faults(dice, robot, length, _fitting(words, robot), _CAUGHT.findall(json.dumps(steps)))
+    faults = [] if sound else _faults(dice, robot, length, _fitting(robot, words), _CAUGHT.findall(json.dumps(steps)))
     operator = [] if sound else _operator(dice, [fault["at_s"] for fault in faults], length)
     if "ask" in words and dice.uniform(0, 1) < 0.7:
         operator = sorted([*operator, *_answers(dice, length)], key=lambda act: float(act["at_s"]))
@@ -240,7 +240,7 @@ def _tree(dice: random.Random, robot: RobotFile) -> Part:
     """Words around a path, and maybe ahead beyond its end."""
     bend = dice.choice((0.0, 0.0, -1.0, 1.0)) * dice.uniform(0.1, 0.3)
     speed = min(round(dice.uniform(0.3, 0.6), 2), robot.limits.speed_m_s)
-    drawn = TreeDice(dice, robot, speed, dice.sample(_fitting({"follow"}, robot), 2))
+    drawn = TreeDice(dice, robot, speed, dice.sample(_fitting(robot, {"follow"}), 2))
     steps, table = drawn.mission(), shapes.table(shapes.sampled(lambda distance: bend, LENGTH))
     return steps, {"path.csv": table}, {}, BRING_UP + 2.0 + drawn.seconds
 
@@ -326,9 +326,17 @@ def _faults(
     return sorted(faults, key=lambda fault: fault["at_s"])
 
 
-def _fitting(words: Set[str], robot: RobotFile) -> list[str]:
-    """Injections that can happen to a robot in a mission with these steps and words."""
-    general = [id for id in INJECTIONS if id not in NOT_DRAWN and id not in OF_SCANNERS]
+def _nodes(robot: RobotFile, id: str) -> list[str]:
+    """Drives to which an injection can happen; of one that happens to none, all."""
+    injection = INJECTIONS[id]
+    roles = _ROLES.get(injection.needs, ("traction", "steering"))
+    fitting = [(name, drive) for name, drive in robot.drives.items() if drive.role in roles]
+    return [name for name, drive in fitting if injection.families is None or drive.family in injection.families]
+
+
+def _fitting(robot: RobotFile, words: Set[str]) -> list[str]:
+    """Injections that can happen to this robot, in a mission with these steps and words."""
+    general = [id for id in INJECTIONS if id not in NOT_DRAWN and id not in OF_SCANNERS and _nodes(robot, id)]
     general = [id for id in general if not ROWS[id].is_missed_by(robot)]
     drawn = [id for id in general if not id.startswith("INP") or "teleop" in words]
     return [id for id in drawn if not id.startswith(_PLUGIN) or words & {"follow", "approach"}]
@@ -338,8 +346,7 @@ def _fault(dice: random.Random, robot: RobotFile, id: str, at: float) -> dict[st
     injection = INJECTIONS[id]
     fault: dict[str, Any] = {"at_s": at, "inject": id}
     if injection.needs in _ROLES:
-        roles = _ROLES[injection.needs]
-        fault["node"] = dice.choice([name for name, drive in robot.drives.items() if drive.role in roles])
+        fault["node"] = dice.choice(_nodes(robot, id))
     keys = injection.parameters.model_fields
     ends = id.startswith(ENDING) or dice.uniform(0, 1) < 0.5
     if issubclass(injection.parameters, Lasting) and ends:

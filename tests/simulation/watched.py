@@ -9,7 +9,8 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.epos_objects import Units
 from artemis.drive_states import DriveState
 from artemis.sim.bus import Disturb, SimBus
-from artemis.sim.epos import SimEpos, SimSettings
+from artemis.sim.epos import SimEpos
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.world import PlantParameters, World
 from artemis.values import Pose
 from artemis.vehicle import RobotFile

@@ -116,8 +116,6 @@ class Row(NamedTuple):
     """Of a measured row: limits of its measure, mildest first."""
     of: str = ""
     """What a measured row's limits are limits of, with the unit."""
-    codes: tuple[int, ...] = ()
-    """EMCY error codes of the first generation."""
     shows_as: tuple[str, ...] = ()
     """Rows as which it may be seen, or is where it has no mark of its own."""
     reason: str = ""

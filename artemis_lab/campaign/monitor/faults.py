@@ -36,7 +36,10 @@ BY_ITSELF = (
     *("COM-16", "COM-20", "COM-09", "COM-06", "RUN-12", "INP-08", "DSK-02", "DSK-03", "DSK-05"),
     *("LAS-03", "LAS-06", "LAS-07", "LAS-08"),
 )
-FINAL = ("DRV-05", "DRV-21", "COM-18", "COM-19", "RUN-03", "RUN-08", "STE-04", "STE-07", "PLG-05", "PLG-07", "SYS-04")
+FINAL = (
+    *("DRV-05", "DRV-10", "DRV-17", "DRV-21", "DRV-37", "COM-18", "COM-19", "RUN-03", "RUN-08", "STE-04", "STE-07"),
+    *("PLG-05", "PLG-07", "SYS-04"),
+)
 """Rows that no acknowledgment clears."""
 UNSUPPLIED = ("COM-32", "COM-33")
 """A drive has no supply."""
