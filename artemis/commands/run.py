@@ -11,15 +11,34 @@ from math import degrees
 from pathlib import Path
 from shlex import quote
 from textwrap import shorten
+from typing import Any
 
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
-from artemis.commands.terminal import ANSWER_KEYS, ANSWERING, DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
+from artemis.commands.page import announce, page_of
+from artemis.commands.terminal import (
+    ACCEPT_KEYS,
+    ANSWER_KEYS,
+    ANSWERING,
+    DRIVING,
+    HINT,
+    KEYS,
+    listen_to_keys,
+    somebody_is_there,
+)
 from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
-from artemis.planning import asks, check_drivable, inputs_used, is_fast, is_simulated, preparations
+from artemis.planning import (
+    asks,
+    check_drivable,
+    inputs_used,
+    is_fast,
+    is_simulated,
+    preparations,
+    straight_by_hand,
+)
 from artemis.progress import Position
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
@@ -33,17 +52,20 @@ from artemis.states.whereabouts import counts
 from artemis.values import Request
 
 
-def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> int:
-    """Run the mission in `source`, print the summary, write its page. Returns the exit status.
+def run_and_report(
+    source: Path, simulate: bool, resume: Path | None = None, page: Mapping[str, Any] | None = None
+) -> int:
+    """Run the mission in `source`, print the summary, write its report. Returns the exit status.
 
-    `resume` is an earlier run of it, to go on with where that stopped.
+    `resume` is an earlier run of it, to go on with where that stopped; `page`: serve a page for operators, with these
+    keys of its observer.
 
     Raises:
         ConfigError: the mission, or its resume_point, is refused; nothing has moved.
         DeviceLost: the bus cannot be opened; nothing has moved.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
-    loaded = load_mission(source, simulate)
+    loaded = load_mission(source, simulate, page=page)
     resume_point = _resumption(loaded, source, resume, simulate)
     outcome = run_in_sight(loaded, source, simulate, resume_point)
     if outcome.failed:
@@ -84,6 +106,8 @@ def run_in_sight(
     check_drivable(loaded, source, simulated)
     if asks(loaded):
         keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
+    if straight_by_hand(loaded):
+        keys, hint = {**keys, **ACCEPT_KEYS}, f"{hint}; enter accepts that the wheels stand straight"
     operator = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
@@ -93,6 +117,7 @@ def run_in_sight(
     driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
     hint = f"{hint}; {DRIVING}" if driving else hint
     keys_work = hint if operator else ""
+    announce(page_of(loaded))
     robot = loaded.robot
     title = _title(loaded, simulated)
     view = LiveView(title, keys_work, terminate, robot.bitrate, robot.errors, partial(_where, loaded))

@@ -8,7 +8,7 @@ from operator import attrgetter
 from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import RXPDO, emergency_from_data, nmt_from_heartbeat
-from artemis.devices.epos_objects import PERIOD, UNREADABLE, ProcessData, Units, wrapped
+from artemis.devices.epos_objects import PERIOD, UNREADABLE, PdoPlaces, Units, wrapped
 from artemis.devices.epos_state import Controlword
 from artemis.devices.tally import NOTHING, Tally
 from artemis.drive_states import DriveState, Nmt
@@ -23,13 +23,13 @@ class EposDrive:
         self.name, self.robot, self.drive, self.period = name, robot, robot.drives[name], period
         self.node_id = self.drive.node_id
         self.is_traction = self.drive.role == "traction"
-        self.own_set_point = attrgetter(f"{'speed' if self.is_traction else 'steering'}_{self.drive.side}")
+        self.own_set_point = attrgetter(self.drive.set_point)
         """Its part of all set-points: rolling speed [m/s] or wheel angle [rad]."""
         self.sdo = wire.objects(name, self.node_id)
         self.send = wire.send
         self.units = Units(robot, self.drive)
         self.family = self.drive.tables
-        self._pdos = ProcessData(self.family, self.drive.role)
+        self._pdos = PdoPlaces(self.family, self.drive.role)
         self._counts: int | None = None
         self._position = self._velocity = self._current = 0.0
         self._statusword = self._mode = self._jumps = self._stray = self._frames = 0

@@ -15,7 +15,7 @@ TIME, PATH = "run time [s]", "distance along the path [m]"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
+class ChartLine:
     """One signal of a chart."""
 
     name: str
@@ -35,7 +35,7 @@ class Chart:
     """Decimals that matter; what is drawn is rounded to them."""
     x: Array
     """Increasing, shape (n,)."""
-    lines: tuple[Line, ...]
+    lines: tuple[ChartLine, ...]
     title: str = ""
     """If it has one of its own."""
     over: str = TIME
@@ -51,8 +51,8 @@ class Chart:
 
 def _cross_track(run: Series) -> Iterator[Chart]:
     lines = (
-        Line(name="true", ink="true", values=MILLI * run.true_cross_track),
-        Line(name=f"by {run.source}", ink="estimated", values=MILLI * run.cross_track),
+        ChartLine(name="true", ink="true", values=MILLI * run.true_cross_track),
+        ChartLine(name=f"by {run.source}", ink="estimated", values=MILLI * run.cross_track),
     )
     if not np.isfinite(run.cross_track).any():
         return
@@ -60,7 +60,7 @@ def _cross_track(run: Series) -> Iterator[Chart]:
     along = np.isfinite(run.arc_length)
     # A path that begins anew is drawn behind the one before.
     x = np.cumsum(np.maximum(np.diff(run.arc_length[along], prepend=run.arc_length[along][:1]), 0.0))
-    there = tuple(Line(name=line.name, ink=line.ink, values=line.values[along]) for line in lines)
+    there = tuple(ChartLine(name=line.name, ink=line.ink, values=line.values[along]) for line in lines)
     yield Chart(name="error [mm]", digits=2, x=x, lines=there, over=PATH)
 
 
@@ -75,11 +75,11 @@ def _uncertainty(run: Series) -> Iterator[Chart]:
         ("heading [°]", 2, DEGREES, turned, run.std_heading),
     ):
         lines = (
-            Line(name="true error", ink="true", values=scale * localised * error),
-            Line(name="standard deviation", ink="estimated", values=scale * std),
+            ChartLine(name="true error", ink="true", values=scale * localised * error),
+            ChartLine(name="standard deviation", ink="estimated", values=scale * std),
         )
         yield Chart(name=name, digits=digits, x=run.time, lines=lines, from_zero=True)
-    quality = Line(name="quality", ink="left", values=run.quality)
+    quality = ChartLine(name="quality", ink="left", values=run.quality)
     yield Chart(name="quality of fixes", digits=2, x=run.time, lines=(quality,), from_zero=True)
 
 
@@ -88,13 +88,13 @@ def _plan(run: Series) -> Iterator[Chart]:
         return
     driven = np.where(np.isfinite(run.planned_speed), np.abs(run.speed), np.nan)
     speeds = (
-        Line(name="planned", ink="reference", values=run.planned_speed),
-        Line(name="driven", ink="estimated", values=driven),
+        ChartLine(name="planned", ink="reference", values=run.planned_speed),
+        ChartLine(name="driven", ink="estimated", values=driven),
     )
     yield Chart(name="speed [m/s]", digits=3, x=run.time, lines=speeds)
     angles = (
-        Line(name="feed-forward", ink="reference", values=DEGREES * run.feedforward),
-        Line(name="feedback", ink="estimated", values=DEGREES * run.feedback),
+        ChartLine(name="feed-forward", ink="reference", values=DEGREES * run.feedforward),
+        ChartLine(name="feedback", ink="estimated", values=DEGREES * run.feedback),
     )
     yield Chart(name="steering [°]", digits=2, x=run.time, lines=angles)
 
@@ -103,8 +103,8 @@ def _wheels(run: Series, role: str, name: str, scale: float, digits: int) -> Ite
     for drive, wheel in run.wheels.items():
         if wheel.role == role:
             lines = (
-                Line(name="set-point", ink="reference", values=scale * wheel.set_point),
-                Line(name="measured", ink=wheel.side, values=scale * wheel.measured),
+                ChartLine(name="set-point", ink="reference", values=scale * wheel.set_point),
+                ChartLine(name="measured", ink=wheel.side, values=scale * wheel.measured),
             )
             yield Chart(name=name, digits=digits, x=run.time, lines=lines, title=drive)
 
@@ -120,19 +120,19 @@ def _angles(run: Series) -> Iterator[Chart]:
 def _battery(run: Series) -> Iterator[Chart]:
     std = (PERCENT * (run.charge + sign * run.charge_std) for sign in (1.0, -1.0))
     charges = (
-        Line(name="charge", ink="estimated", values=PERCENT * run.charge),
-        *(Line(name="one standard deviation off", ink="reference", values=values) for values in std),
+        ChartLine(name="charge", ink="estimated", values=PERCENT * run.charge),
+        *(ChartLine(name="one standard deviation off", ink="reference", values=values) for values in std),
     )
     yield Chart(name="charge [%]", digits=2, x=run.time, lines=charges)
     yield Chart(
-        name="voltage [V]", digits=3, x=run.time, lines=(Line(name="under load", ink="left", values=run.volts),)
+        name="voltage [V]", digits=3, x=run.time, lines=(ChartLine(name="under load", ink="left", values=run.volts),)
     )
-    watts = Line(name="power", ink="right", values=run.watts)
+    watts = ChartLine(name="power", ink="right", values=run.watts)
     yield Chart(name="power [W]", digits=1, x=run.time, lines=(watts,), from_zero=True)
 
 
 def _bus(run: Series) -> Iterator[Chart]:
-    load = Line(name="bus load", ink="estimated", values=PERCENT * run.bus_load)
+    load = ChartLine(name="bus load", ink="estimated", values=PERCENT * run.bus_load)
     yield Chart(name="bus load [%]", digits=2, x=run.bus_time, lines=(load,), from_zero=True)
 
 

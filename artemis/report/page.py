@@ -213,6 +213,8 @@ def _entries_table(entries: Sequence[Entry]) -> str:
 
 def _seconds(duration: float) -> str:
     minutes, seconds = divmod(duration, 60)
+    if minutes >= 60:
+        return f"{minutes // 60:.0f} h {minutes % 60:02.0f} min"
     return f"{minutes:.0f} min {seconds:04.1f} s" if minutes else f"{seconds:.1f} s"
 
 

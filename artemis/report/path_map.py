@@ -46,7 +46,7 @@ class PathMap:
     def __init__(self, runs: Sequence[ShownRun]) -> None:
         """Of several runs each has its colour; of one each signal."""
         self._runs = [each.series for each in runs]
-        self._view = _View(list(self._extent()))
+        self._view = _MapView(list(self._extent()))
         self.names: dict[str, tuple[str, str]] = {}
         parts = [self._view.grid()]
         parts += [self._view.cells(run.map) for run in self._runs[:1] if run.map is not None]
@@ -134,7 +134,7 @@ class PathMap:
         return f'<path class="{kind}" transform="translate({x:.1f} {y:.1f}){turn}" d="{shape}"/>'
 
 
-class _View:
+class _MapView:
     """Metres of a frame to pixels of the picture, y upwards to y downwards."""
 
     def __init__(self, drawn: Sequence[Array]) -> None:

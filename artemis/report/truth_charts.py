@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from artemis.motion.clocks import longest_gap
 from artemis.motion.comparison import Comparison
-from artemis.report.charts import DEGREES, MILLI, Chart, Line
+from artemis.report.charts import DEGREES, MILLI, Chart, ChartLine
 
 TITLE, CAPTION = "Errors", "Distance from the true place, and angle left of the true heading."
 DISTANCE = "distance by the odometry [m]"
@@ -16,8 +16,8 @@ DISTANCE = "distance by the odometry [m]"
 def error_charts(comparison: Comparison) -> list[Chart]:
     """Over the run time, and over the distance."""
     torn = np.where(after_gap(comparison), np.nan, 1.0)
-    place = Line(name="place", ink="estimated", values=MILLI * torn * comparison.error)
-    turned = Line(name="heading", ink="estimated", values=DEGREES * torn * comparison.heading_error)
+    place = ChartLine(name="place", ink="estimated", values=MILLI * torn * comparison.error)
+    turned = ChartLine(name="heading", ink="estimated", values=DEGREES * torn * comparison.heading_error)
     charts = (
         Chart(name="place [mm]", digits=2, x=comparison.time, lines=(place,), from_zero=True),
         Chart(name="heading [°]", digits=3, x=comparison.time, lines=(turned,)),

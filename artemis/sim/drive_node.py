@@ -27,5 +27,6 @@ def simulated_drive(drive: Drive, axis: Axis, *, name: str, settings: SimSetting
     """
     kind = NODES.get(drive.family)
     if kind is None:
-        raise ConfigError(f"drive {name} is of family {drive.family}: simulated are {' and '.join(NODES)}")
+        known = " and ".join(NODES)
+        raise ConfigError(f"{name} is of family {drive.family}, which cannot be simulated; {known} can")
     return kind(drive, axis, name=name, settings=settings)

@@ -156,6 +156,11 @@ def usual_code(id: str, family: str) -> int:
     return codes[0]
 
 
+def known_codes(id: str) -> tuple[int, ...]:
+    """The row's codes of any family."""
+    return tuple(dict.fromkeys(code for rows in CODES.values() for code in rows.get(id, ())))
+
+
 def checked_code(id: str, family: str, code: int | None) -> int:
     """The code, or the usual one.
 
@@ -175,7 +180,7 @@ def _either(codes: tuple[int, ...]) -> str:
 
 def _parameters(id: str, base: type[DriveError]) -> type[DriveError]:
     """Parameters of a row: its codes of any family."""
-    known = tuple(dict.fromkeys(code for rows in CODES.values() for code in rows.get(id, ())))
+    known = known_codes(id)
 
     def check(code: int) -> int:
         if code not in known:
@@ -197,7 +202,8 @@ def _row(id: str) -> Injection:
         drive.emergency(code, stage.now, heard=p.heard)
         return None
 
-    base = {"DRV-06": Heat, "DRV-29": OpenSto}.get(id, DriveError)
+    bases: dict[str, type[DriveError]] = {"DRV-06": Heat, "DRV-29": OpenSto}
+    base = bases.get(id, DriveError)
     return Injection(f"drive reports {TEXTS[id]}", report, Needs.DRIVE, _parameters(id, base), families=families_of(id))
 
 

@@ -18,6 +18,7 @@ from artemis.plugins.contracts import Localizer
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry
 from artemis.states.plan import Step, with_behaviours, with_followers
+from artemis.supervision.catalogue import ROWS
 from artemis.vehicle import RobotFile
 from artemis_lab.injections.bad_plugins import (
     BadBehaviour,
@@ -27,7 +28,7 @@ from artemis_lab.injections.bad_plugins import (
     FollowerBehaviour,
 )
 from artemis_lab.injections.drives import OBJECTS
-from artemis_lab.injections.emergencies import checked_code
+from artemis_lab.injections.emergencies import checked_code, known_codes
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.fault_bus import FaultBus
 from artemis_lab.injections.stage import Injection, Needs, Stage
@@ -75,6 +76,8 @@ def _check_node(fault: InjectedFault, injection: Injection, robot: RobotFile | N
         fitting = [name for name, drive in robot.drives.items() if role in (None, drive.role)]
         if node not in robot.drives:
             yield "node", f"no such drive: {node}{nearest(node, fitting, 'drives')}"
+        elif id in ROWS and ROWS[id].is_missed_by(robot):
+            yield "inject", f"{id} needs {ROWS[id].needs.value}, which {robot.robot} has not"
         elif node not in fitting:
             yield "node", f"{id} happens to {needs.value}: {', '.join(fitting)}"
 
@@ -86,8 +89,9 @@ def _check_family(fault: InjectedFault, injection: Injection, robot: RobotFile |
         return
     family, code = drive.family, fault.options.get("code")
     if injection.families is not None and family not in injection.families:
-        yield "node", f"{fault.inject} is no error of a drive of family {family}: {' and '.join(injection.families)}"
-    elif injection.families is not None and isinstance(code, int):
+        only = " and ".join(injection.families)
+        yield "node", f"{fault.inject} is no error of a drive of family {family}, only of {only}"
+    elif injection.families is not None and code in known_codes(fault.inject):
         try:
             checked_code(fault.inject, family, code)
         except ValueError as error:

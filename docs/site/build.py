@@ -10,8 +10,8 @@ import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-import click
 from sphinx.cmd.build import build_main
 from typer.main import get_command
 
@@ -46,7 +46,8 @@ def main() -> int:
     for page in source.rglob("*.md"):
         page.write_text(adapted(page))
     words = ["-c", str(source / "docs/site"), "--fail-on-warning", "--keep-going", "-q", "-j", "1"]
-    return build_main([*words, str(source), str(OUTPUT / "html")])
+    status: int = build_main([*words, str(source), str(OUTPUT / "html")])
+    return status
 
 
 def adapted(page: Path) -> str:
@@ -69,8 +70,8 @@ def commands() -> Iterator[str]:
     yield from _command(get_command(app), "artemis")
 
 
-def _command(command: click.Command, name: str) -> Iterator[str]:
-    context = click.Context(command, info_name=name)
+def _command(command: Any, name: str) -> Iterator[str]:  # noqa: ANN401  typer brings its own click
+    context = command.context_class(command, info_name=name)
     yield f"## {name}\n"
     yield f"{command.help or ''}\n"
     subcommands = getattr(command, "commands", {})

@@ -215,7 +215,8 @@ MAPPINGS = {
 class Known(NamedTuple):
     """One object."""
 
-    index: int
+    at: int
+    """Index."""
     sub: int
     type: str
     access: str
@@ -229,7 +230,7 @@ class Known(NamedTuple):
     @property
     def mapping(self) -> int:
         """Its entry in a PDO mapping."""
-        return self.index << 16 | self.sub << 8 | 8 * self.size
+        return self.at << 16 | self.sub << 8 | 8 * self.size
 
 
 def known(node_id: int) -> Iterator[Known]:
@@ -270,7 +271,7 @@ def described4(node_id: int = 1) -> canopen.ObjectDictionary:
     made = canopen.ObjectDictionary()
     records: dict[int, list[Known]] = {}
     for entry in known(node_id):
-        records.setdefault(entry.index, []).append(entry)
+        records.setdefault(entry.at, []).append(entry)
     for index, entries in records.items():
         if [entry.sub for entry in entries] == [0]:
             made.add_object(_variable(entries[0]))
@@ -285,7 +286,7 @@ def described4(node_id: int = 1) -> canopen.ObjectDictionary:
 
 
 def _variable(entry: Known) -> ODVariable:
-    made = ODVariable(f"object {entry.index:04X}:{entry.sub:X}", entry.index, entry.sub)
+    made = ODVariable(f"object {entry.at:04X}:{entry.sub:X}", entry.at, entry.sub)
     made.data_type = TYPES[entry.type][0]
     made.access_type = entry.access.removesuffix("P").replace("rww", "rw")
     made.default = entry.default
