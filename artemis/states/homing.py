@@ -40,7 +40,7 @@ def find_angles(shared: Shared, snapshot: Snapshot) -> Routine:
     else:
         return (yield from align(shared, snapshot))
     snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
-    return (yield from enable(ON, snapshot))
+    return (yield from enable(shared.plan, ON, snapshot))
 
 
 def _ask_straight(snapshot: Snapshot) -> Routine:
@@ -58,7 +58,7 @@ def _take(shared: Shared, angle: float, snapshot: Snapshot) -> Routine:
     names = shared.plan.drives("steering")
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, [angle] * len(names)), snapshot)
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
-    return (yield from enable(STEERING_ON, snapshot))
+    return (yield from enable(shared.plan, STEERING_ON, snapshot))
 
 
 def _from_stop(shared: Shared, source: HardStop, snapshot: Snapshot) -> Routine:
