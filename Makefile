@@ -11,7 +11,7 @@ DOCS := build/docs-env
 # Where it is set, every worker and every `artemis` that the tests start would compile everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture thesis docs wheel clean
+.PHONY: demo test test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture page-pictures thesis docs wheel clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
@@ -66,6 +66,9 @@ fuzz: $(READY)
 picture: $(READY)
 	@$(BIN)/python docs/images/drive.py
 	@$(BIN)/python docs/images/report.py
+
+page-pictures: $(READY)
+	@$(BIN)/python docs/images/page.py
 
 thesis: $(READY)
 	@$(BIN)/python docs/images/thesis.py

@@ -16,6 +16,7 @@ import typer
 
 from artemis.commands.calibrate import MissionFile, calibrate
 from artemis.commands.map import maps
+from artemis.commands.page_options import PageAddress, PagePort, PageTls
 from artemis.commands.path import paths
 from artemis.commands.plugin import plugins
 from artemis.errors import ArtemisError, ConfigError, RecordingError
@@ -63,11 +64,35 @@ def run(
     mission: MissionFile,
     simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
     resume: Annotated[Path | None, typer.Option(metavar="RUN", help="Resume that run where it stopped.")] = None,
+    page: Annotated[bool, typer.Option("--page", help="Serve a page for operators: see, stop, drive.")] = False,
+    page_port: PagePort = None,
+    page_address: PageAddress = None,
+    page_tls: PageTls = None,
 ) -> None:
     """Run a mission: bring the drives up, align, do its steps, stop, leave a recording and a report."""
+    from artemis.commands.page import page_options
     from artemis.commands.run import run_and_report
 
-    raise typer.Exit(run_and_report(mission, simulate, resume))
+    options = page_options(page_port, page_address, page_tls)
+    raise typer.Exit(run_and_report(mission, simulate, resume, options if page or options else None))
+
+
+@app.command()
+def page(
+    what: Annotated[str, typer.Argument(metavar="pair|certificate", help="pair: a code for one more browser.")],
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME...]", help="certificate: also for these.")] = None,
+    page_port: PagePort = None,
+    page_address: PageAddress = None,
+) -> None:
+    """Pair one more browser with the page of `run --page`, or make certificates for pages that other computers open."""
+    from artemis.commands.page import certify, pair
+
+    if what == "certificate":
+        certify(names or [])
+    elif what == "pair" and not names:
+        pair(page_port, page_address)
+    else:
+        raise ConfigError(f"page: expected pair, or certificate with names; found {' '.join([what, *(names or [])])}")
 
 
 @app.command()

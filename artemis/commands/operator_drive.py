@@ -19,7 +19,7 @@ from msgspec.structs import replace
 from artemis import clock
 from artemis.bridges.operator import frames
 from artemis.bridges.operator.operator_end import UNHEARD, OperatorEnd, RefusedLink
-from artemis.bridges.operator.robot_end import DEAD
+from artemis.bridges.operator.session import DEAD
 from artemis.bridges.operator.status import RobotStatus, Welcome
 from artemis.clock import until
 from artemis.commands.operator import DeviceChoice, robot_from

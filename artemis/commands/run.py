@@ -11,9 +11,11 @@ from math import degrees
 from pathlib import Path
 from shlex import quote
 from textwrap import shorten
+from typing import Any
 
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
+from artemis.commands.page import announce, page_of
 from artemis.commands.terminal import (
     ACCEPT_KEYS,
     ANSWER_KEYS,
@@ -50,17 +52,20 @@ from artemis.states.whereabouts import counts
 from artemis.values import Request
 
 
-def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> int:
-    """Run the mission in `source`, print the summary, write its page. Returns the exit status.
+def run_and_report(
+    source: Path, simulate: bool, resume: Path | None = None, page: Mapping[str, Any] | None = None
+) -> int:
+    """Run the mission in `source`, print the summary, write its report. Returns the exit status.
 
-    `resume` is an earlier run of it, to go on with where that stopped.
+    `resume` is an earlier run of it, to go on with where that stopped; `page`: serve a page for operators, with these
+    keys of its observer.
 
     Raises:
         ConfigError: the mission, or its resume_point, is refused; nothing has moved.
         DeviceLost: the bus cannot be opened; nothing has moved.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
-    loaded = load_mission(source, simulate)
+    loaded = load_mission(source, simulate, page=page)
     resume_point = _resumption(loaded, source, resume, simulate)
     outcome = run_in_sight(loaded, source, simulate, resume_point)
     if outcome.failed:
@@ -112,6 +117,7 @@ def run_in_sight(
     driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
     hint = f"{hint}; {DRIVING}" if driving else hint
     keys_work = hint if operator else ""
+    announce(page_of(loaded))
     robot = loaded.robot
     title = _title(loaded, simulated)
     view = LiveView(title, keys_work, terminate, robot.bitrate, robot.errors, partial(_where, loaded))

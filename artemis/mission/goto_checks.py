@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import radians
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from artemis.bridges.poses import GOAL_POSE
 from artemis.errors import ConfigError
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 class GotoChecks(MissionReading):
     """Notes what is wrong in these steps."""
 
-    def __init__(self, path: Path, simulate: bool = False) -> None:
-        super().__init__(path, simulate)
+    def __init__(self, path: Path, simulate: bool = False, page: Mapping[str, Any] | None = None) -> None:
+        super().__init__(path, simulate, page)
         self._floors: dict[str, tuple[Floor, MapZones] | None] = {}
 
     def _check_goto(self, number: int, at: KeyPath, goto: Goto, robot: RobotFile | None, inputs: Configs) -> None:

@@ -68,7 +68,9 @@ class LoadedMission:
     """Makes the mission's faults happen in its simulation; None: it has none."""
 
 
-def load_mission(path: FilePath, simulate: bool = False, *, tried: bool = True) -> LoadedMission:
+def load_mission(
+    path: FilePath, simulate: bool = False, *, tried: bool = True, page: Mapping[str, Any] | None = None
+) -> LoadedMission:
     """Read a mission and all that it names.
 
     A plugin's option `file`, or one that ends in `_file`, names a file; or an earlier run: then what its inputs gave.
@@ -78,11 +80,12 @@ def load_mission(path: FilePath, simulate: bool = False, *, tried: bool = True) 
         simulate: to run it against simulated drives, whatever bus it names.
         tried: Plugins that open nothing are made, as they may have more to say. For a replay they are not: what they
             need may not be installed.
+        page: Add a page for operators, with these keys of its observer; None: as the mission says.
 
     Raises:
         ConfigError: everything that is wrong in the mission, robot and path files, in the order of their lines.
     """
-    return _Loading(path, simulate).result(tried)
+    return _Loading(path, simulate, page).result(tried)
 
 
 def load_model(path: FilePath, model: type[Model]) -> Model:

@@ -48,6 +48,8 @@ class PluginContext:
     """Folder of the run, for what an observer writes; None for the others."""
     routes: Mapping[int, Route] = field(default_factory=dict)
     """The paths of the mission's steps that are known before the run, by the step's number, for an observer."""
+    mission: bytes = b""
+    """The mission of a run as JSON, in its file's own form, for an observer."""
     wake: Callable[[], None] = lambda: None
     """Asks for an extra tick now, off the schedule, in which every input is read: for a stop button that was pressed.
     May be called from any thread."""

@@ -123,6 +123,8 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
     dice = random.Random(seed)
     draw = dice.choices((_follow, _teleop, _tree, _calibrate), (36, 30, 30, 4))[0]
     tick_hz = dice.choice((50, 50, 50, 50, 50, 50, 25, 40, 80, 100))
+    if 1000 % tick_hz and any(drive.tables.interpolates for drive in robot.drives.values()):
+        tick_hz = 50  # they are told the period in whole milliseconds
     steps, files, inputs, length = draw(dice, robot)
     words = {word for _, word, _ in steps_in(steps)}
     resumed = dice.uniform(0, 1) < (0.45 if draw is _tree else 0.06)
@@ -246,10 +248,11 @@ def _tree(dice: random.Random, robot: RobotFile) -> Part:
 
 
 def _calibrate(dice: random.Random, robot: RobotFile) -> Part:
-    """One wheel's potentiometers are measured, or gains are tried."""
+    """One wheel's potentiometers are measured, or gains are tried, where all drives have such without unit."""
     side, other = dice.sample(OWN_SIDES, 2)
     wheel = robot.drive_at("steering", side)[1].side
-    if robot.has_potentiometers and dice.uniform(0, 1) < 0.4:
+    tried = all(drive.family in ("epos1", "epos2") for drive in robot.drives.values())
+    if robot.has_potentiometers and (dice.uniform(0, 1) < 0.4 or not tried):
         words = {"wheels": wheel, "reference_deg": {wheel: round(dice.uniform(-1.0, 1.0), 1)}}
         return [{"calibrate": {"steering": words}}], {}, {}, BRING_UP + 17.0
     steering, traction = robot.drive_at("steering", other)[0], robot.drive_at("traction", side)[0]

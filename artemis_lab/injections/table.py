@@ -42,7 +42,7 @@ NOT_INJECTED: dict[str, str] = {
     "INP-16": _DEVICE,
     **{f"NET-{number:02}": _NETWORK for number in range(1, 11)},
     **{f"SER-{number:02}": _SERIAL for number in range(1, 6)},
-    "NET-11": "needs a page for operators",
+    "NET-11": "needs an operator at a page whose link is held up",
     "NET-12": "needs programs of others: a master that goes, a subscriber that hangs",
     "NET-13": "needs an observer with a process of its own: a simulation that keeps real time",
     **dict.fromkeys(("NET-14", "LOC-07"), "needs somebody who gives goals and poses"),

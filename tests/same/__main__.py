@@ -15,7 +15,7 @@ from artemis.build import kind_of_build
 
 from .digests import FAST, MISSIONS, differing, digests
 
-OF_EXTRAS = re.compile(r"plugin: (network|ros1|ros2|rosbridge|scan_map)|^\W*(goto|mapping):", re.MULTILINE)
+OF_EXTRAS = re.compile(r"plugin: (network|page|ros1|ros2|rosbridge|scan_map)|^\W*(goto|mapping):", re.MULTILINE)
 """Missions whose work is done by extras, which the other interpreter may not have, or that keep real time."""
 TWINS = {
     "calibrate_scanner.yaml": "look_around.yaml",

@@ -23,7 +23,7 @@ from artemis.bridges.operator import frames
 from artemis.bridges.operator.link_process import _ENCODER, LinkProcess
 from artemis.bridges.operator.operator_end import RefusedLink
 from artemis.bridges.operator.pairing import write_secret
-from artemis.bridges.operator.robot_end import LinkReport
+from artemis.bridges.operator.session import LinkReport
 from artemis.bridges.operator.status import RobotStatus
 from artemis.clock import until
 from artemis.commands.operator import trusted

@@ -15,7 +15,8 @@ from artemis.bridges.operator import frames
 from artemis.bridges.operator.frames import Claim, ForgedFrame, MalformedFrame, SentCommand, Splitter
 from artemis.bridges.operator.link_process import _ENCODER, LARGEST
 from artemis.bridges.operator.operator_end import OperatorEnd, RefusedLink
-from artemis.bridges.operator.robot_end import BEAT_EVERY, DEAD, FRESH, MOST_WAITING, RobotEnd
+from artemis.bridges.operator.robot_end import MOST_WAITING, RobotEnd
+from artemis.bridges.operator.session import BEAT_EVERY, DEAD, FRESH
 from artemis.commands.operator_drive import NEWS_RATE, SEND_EVERY
 from artemis.values import Request
 

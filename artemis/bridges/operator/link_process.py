@@ -18,8 +18,9 @@ from msgspec import Struct
 
 from artemis.bridges.child_process import ChildProcess
 from artemis.bridges.operator.frames import RUN_OVER
-from artemis.bridges.operator.robot_end import LinkReport, RobotEnd
+from artemis.bridges.operator.robot_end import RobotEnd
 from artemis.bridges.operator.server import OperatorServer, tls_context
+from artemis.bridges.operator.session import LinkReport
 from artemis.errors import DeviceLost
 from artemis.values import Request
 
