@@ -138,3 +138,9 @@ def test_signal_that_ends_the_process_group_is_no_finding(robot: RobotFile, tmp_
     with pytest.raises(InterruptedRun) as interrupted:
         run_scenario(scenario(2, robot), ROBOT.read_bytes(), tmp_path, watch=end)
     assert interrupted.value.signal == signal.SIGTERM
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_every_scenario_of_other_drives_may_run(seed: int, tmp_path: Path) -> None:
+    path = ROBOT.with_name("artemis_epos4.yaml")
+    load_mission(scenario(seed, load_model(path, RobotFile)).write(tmp_path, path.read_bytes()))
