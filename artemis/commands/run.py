@@ -75,6 +75,17 @@ def run_and_report(
     return outcome.exit_status
 
 
+def _with_answers(
+    loaded: LoadedMission, keys: Mapping[bytes, Request | str], hint: str
+) -> tuple[Mapping[bytes, Request | str], str]:
+    """Keys and their hint, with those for what the mission, or the bring-up of its robot, asks a person."""
+    if asks(loaded):
+        keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
+    if straight_by_hand(loaded):
+        keys, hint = {**keys, **ACCEPT_KEYS}, f"{hint}; enter accepts that the wheels stand straight"
+    return keys, hint
+
+
 def run_in_sight(
     loaded: LoadedMission,
     source: Path,
@@ -104,10 +115,7 @@ def run_in_sight(
     """
     simulated, fast = is_simulated(loaded, simulate), is_fast(loaded, simulate)
     check_drivable(loaded, source, simulated)
-    if asks(loaded):
-        keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
-    if straight_by_hand(loaded):
-        keys, hint = {**keys, **ACCEPT_KEYS}, f"{hint}; enter accepts that the wheels stand straight"
+    keys, hint = _with_answers(loaded, keys, hint)
     operator = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
