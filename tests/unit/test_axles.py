@@ -228,4 +228,4 @@ def test_rows_that_a_robot_can_never_notice_say_so(capsys: pytest.CaptureFixture
     assert "never noticed on rear-driven: it needs a steering motor at each front wheel" in told
     assert told.count("never noticed") == 1
     show_faults([], False, ROBOTS / "small_car.yaml")
-    assert capsys.readouterr().out.count("never noticed") == 3
+    assert capsys.readouterr().out.count("never noticed") == 8
