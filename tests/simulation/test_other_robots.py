@@ -76,8 +76,8 @@ def test_odometry_is_calibrated_from_the_robot_file_alone(name: str, tmp_path: P
     file.write_text(yaml.safe_dump(mission))
     before = load_model(robot, RobotFile)
     assert run_and_report(file, False, None) == 0
-    (done,) = (tmp_path / "runs").iterdir()
-    calibrate_with_truth([done], ["simulation"], None, [], None, robot)
+    (driven,) = (tmp_path / "runs").iterdir()
+    calibrate_with_truth([driven], ["simulation"], None, [], None, robot)
     after = load_model(robot, RobotFile)
     assert after.geometry.wheelbase_m == pytest.approx(WHEELBASES[name], rel=0.004)
     assert after.angle_source("middle").scale == pytest.approx(1.008, abs=0.003)
