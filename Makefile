@@ -6,11 +6,12 @@ EXTRAS := dev
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 FAST := build/fast
+DOCS := build/docs-env
 
 # Where it is set, every worker and every `artemis` that the tests start would compile everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture thesis clean
+.PHONY: demo test test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture page-pictures thesis docs wheel clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
@@ -64,9 +65,24 @@ fuzz: $(READY)
 
 picture: $(READY)
 	@$(BIN)/python docs/images/drive.py
+	@$(BIN)/python docs/images/report.py
+
+page-pictures: $(READY)
+	@$(BIN)/python docs/images/page.py
 
 thesis: $(READY)
 	@$(BIN)/python docs/images/thesis.py
+
+docs: $(DOCS)/.ready
+	@PYTHONSAFEPATH=1 $(DOCS)/bin/python docs/site/build.py && echo build/docs/html/index.html
+
+# From a copy: a build writes the entry points of its folder anew, and what runs there at that instant finds no plugin.
+wheel: $(READY)
+	@rm -rf build/dist build/dist-source && mkdir -p build/dist-source
+	@cp -R pyproject.toml setup.py README.md LICENSE artemis artemis_lab build/dist-source
+	@$(BIN)/python -m pip wheel --quiet --quiet --disable-pip-version-check --no-build-isolation --no-deps \
+		--wheel-dir build/dist ./build/dist-source
+	@echo build/dist/*.whl
 
 clean:
 	rm -rf $(VENV) missions/runs missions/campaigns/runs build
@@ -101,4 +117,13 @@ $(FAST)/.ready: $(READY) setup.py $(shell find artemis artemis_lab -name '*.py' 
 	@$(BIN)/python -m pip --python $(FAST) install --quiet --disable-pip-version-check --no-deps build/wheel/*.whl
 	@$(BIN)/python -c "import os, sysconfig; print(sysconfig.get_path('purelib'), os.getcwd(), sep='\n')" \
 		> $$($(FAST)/bin/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")/behind.pth
+	@touch $@
+
+# What builds the site is no part of artemis' environment, but imports artemis from it.
+$(DOCS)/.ready: $(READY) docs/site/requirements.txt
+	@echo "setting up $(DOCS)"
+	@rm -rf $(DOCS) && $(BIN)/python -m venv --without-pip $(DOCS)
+	@$(BIN)/python -m pip --python $(DOCS) install --quiet --disable-pip-version-check -r docs/site/requirements.txt
+	@$(BIN)/python -c "import os, sysconfig; print(sysconfig.get_path('purelib'), os.getcwd(), sep='\n')" \
+		> $$($(DOCS)/bin/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")/behind.pth
 	@touch $@

@@ -29,6 +29,13 @@ artemis/sim/axis.py
 artemis/sim/bus.py
 artemis/sim/dictionary.py
 artemis/sim/epos.py
+artemis/sim/epos1_motion.py
+artemis/sim/epos4.py
+artemis/sim/epos4_errors.py
+artemis/sim/epos4_homing.py
+artemis/sim/epos4_motion.py
+artemis/sim/epos4_periphery.py
+artemis/sim/epos4_power.py
 artemis/sim/epos_error_control.py
 artemis/sim/epos_errors.py
 artemis/sim/epos_motion.py

@@ -16,6 +16,7 @@ import typer
 
 from artemis.commands.calibrate import MissionFile, calibrate
 from artemis.commands.map import maps
+from artemis.commands.page_options import PageAddress, PagePort, PageTls
 from artemis.commands.path import paths
 from artemis.commands.plugin import plugins
 from artemis.errors import ArtemisError, ConfigError, RecordingError
@@ -63,11 +64,35 @@ def run(
     mission: MissionFile,
     simulate: Annotated[bool, typer.Option("--simulate", help="Against simulated drives, whatever the bus.")] = False,
     resume: Annotated[Path | None, typer.Option(metavar="RUN", help="Resume that run where it stopped.")] = None,
+    page: Annotated[bool, typer.Option("--page", help="Serve a page for operators: see, stop, drive.")] = False,
+    page_port: PagePort = None,
+    page_address: PageAddress = None,
+    page_tls: PageTls = None,
 ) -> None:
     """Run a mission: bring the drives up, align, do its steps, stop, leave a recording and a report."""
+    from artemis.commands.page import page_options
     from artemis.commands.run import run_and_report
 
-    raise typer.Exit(run_and_report(mission, simulate, resume))
+    options = page_options(page_port, page_address, page_tls)
+    raise typer.Exit(run_and_report(mission, simulate, resume, options if page or options else None))
+
+
+@app.command()
+def page(
+    what: Annotated[str, typer.Argument(metavar="pair|certificate", help="pair: a code for one more browser.")],
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME...]", help="certificate: also for these.")] = None,
+    page_port: PagePort = None,
+    page_address: PageAddress = None,
+) -> None:
+    """Pair one more browser with the page of `run --page`, or make certificates for pages that other computers open."""
+    from artemis.commands.page import certify, pair
+
+    if what == "certificate":
+        certify(names or [])
+    elif what == "pair" and not names:
+        pair(page_port, page_address)
+    else:
+        raise ConfigError(f"page: expected pair, or certificate with names; found {' '.join([what, *(names or [])])}")
 
 
 @app.command()
@@ -199,10 +224,23 @@ def report(
     ] = None,
     same_clock: Annotated[bool, typer.Option("--same-clock", help="Its times are run times.")] = False,
     export: Annotated[str | None, typer.Option(metavar="tum", help="Also write the trajectories.")] = None,
+    other: Annotated[
+        Path | None, typer.Option("--with", metavar="RUN2", help="A second run: both in each chart, and what differs.")
+    ] = None,
+    at: Annotated[
+        str | None, typer.Option(metavar="start|STEP", help="With two: where both are at zero, a step by its name.")
+    ] = None,
 ) -> None:
-    """Write the page of a run: figures, numbers, events; with a truth, also how far from it the odometry was."""
-    from artemis.commands.report import report
+    """Write the page of a run: charts, numbers, events; with a truth, also how far from it the odometry was."""
+    from artemis.commands.report import report, report_with
 
+    if other is not None:
+        if truth or align or sensor or same_clock or export:
+            raise ConfigError("--with compares two runs: truth and trajectories are of one, write them without it")
+        report_with(run, other, at or "start")
+        return
+    if at is not None:
+        raise ConfigError("--at is about two runs: name the second one with --with")
     report(run, truth, align, sensor, same_clock, export)
 
 
@@ -257,11 +295,14 @@ def faults(
         list[str] | None, typer.Argument(metavar="[ID...]", help="Rows such as DRV-25; all if left out.")
     ] = None,
     markdown: Annotated[bool, typer.Option("--markdown", help="As the page of the documentation.")] = False,
+    robot: Annotated[
+        Path | None, typer.Option("--robot", help="A robot file: say which rows are never noticed on it.")
+    ] = None,
 ) -> None:
     """Show the fault table: what is noticed, how fast, what follows, how it goes on."""
     from artemis.commands.faults import show_faults
 
-    show_faults(ids or [], markdown)
+    show_faults(ids or [], markdown, robot)
 
 
 @app.command()

@@ -100,6 +100,7 @@ _MISTAKEN: dict[str, tuple[tuple[str, Callable[[float], float]], ...]] = {
     "mA": (("amperes", _times(1e3)),),
     "s": (("milliseconds", _times(1e-3)), ("minutes", _times(60.0))),
     "rpm": (("turns per second", _times(60.0)), ("radians per second", _times(degrees(1.0) / 6.0))),
+    "mN·m/A": (("newton metres per ampere", _times(1e3)), ("micronewton metres per ampere", _times(1e-3))),
     "motor turns per wheel turn": (("wheel turns per motor turn", _inverse),),
 }
 """By unit: in which other one a number may have been written, and what it is then."""

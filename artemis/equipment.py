@@ -81,7 +81,8 @@ def opened(
         bus, world = _simulated(loaded, localized, resume_point, witness)
     if world is not None and loaded.injector is not None:
         bus = loaded.injector.failing_bus(bus, mission.simulation.seed)
-    drives, others = Drives(loaded.robot, bus), [*sensors(), *_scanners(loaded, world, simulated=simulated)]
+    drives = Drives(loaded.robot, bus, 1 / mission.tick_hz)
+    others = [*sensors(), *_scanners(loaded, world, simulated=simulated)]
     if world is not None and (loaded.robot.battery or "battery_v" in loaded.tree.signals):
         from artemis.sim.supply_meter import SupplyMeter
 

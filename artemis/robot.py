@@ -31,28 +31,26 @@ class Core:
 
     def __init__(self, plan: Plan, period: float) -> None:
         """`period` of the scheduled ticks [s]."""
-        self._shared = Shared(plan)
-        self.results = self._shared.results
+        self._shared = shared = Shared(plan)
+        self.results, self._modes, self._pace = shared.results, Modes(shared), Pace()
         self._perception = Perception(plan.robot, period, plan.start or Pose(), localized=plan.localized)
         self._supervisor = Supervisor(plan.robot, period, plan.policies, plan.blind, plan.needs_scanners)
-        self._modes = Modes(self._shared)
         self._gate, self._gentle = Gate(plan.robot, period=period), plan.robot.limits.acceleration_m_s2 / 2
         self._obstacles = ObstacleStop(plan.robot, plan.rules) if plan.robot.scanners else None
-        self._wish, self._points, self._pace = Wish(supervised=False), SetPoints(), Pace()
+        self._wish, self._points = Wish(supervised=False), SetPoints()
 
     def decide(self, sensed: Sensed) -> Tick:
         """One tick, from what is sensed to what is to be done."""
         verdict = self._supervisor.judge(sensed, self._wish, self._modes.mode, self._points, self._modes.spare)
         seen = self._perception.perceive(sensed, verdict, self._points)
-        cause = self._modes.advance(seen, self._wish.event)
+        why = self._modes.advance(seen, self._wish.event)
         mode, wish = self._modes.mode, self._modes.step(seen)
         if wish.reset_pose:
             self._perception.reset()
-        points = self._limit(wish, seen)
-        self._wish, self._points = wish, points
-        at, told, failed = self._shared.position, self._modes.events, self._modes.failed
+        self._wish, self._points = wish, self._limit(wish, seen)
+        at, told, points, failed = self._shared.position, self._modes.events, self._points, self._modes.failed
         return Tick(
-            snapshot=seen, mode=mode, cause=cause, position=at, events=told, wish=wish, failed=failed, set_points=points
+            snapshot=seen, mode=mode, cause=why, position=at, events=told, wish=wish, failed=failed, set_points=points
         )
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:

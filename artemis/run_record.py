@@ -83,7 +83,7 @@ class RunRecord:
         """How the run ended, in a few words."""
         self.time = 0.0
         """Run time of the last tick [s]."""
-        self._loaded, self._localizer = loaded, localizer
+        self._loaded, self._localizer, self._mission = loaded, localizer, provenance.mission
         self._on_map: ShownMap | None = None
         self.folder = create_run_folder(root, mission, provenance.start, provenance.files)
         self.recorder = Recorder(
@@ -93,6 +93,7 @@ class RunRecord:
             journal=Journal(self.folder.journal, disk),
             scanners={name: place_of(mounting) for name, mounting in loaded.robot.scanners.items()},
             nodes={name: drive.node_id for name, drive in loaded.robot.drives.items()},
+            errors=loaded.robot.errors,
             disk=disk,
         )
         for entry in first_entries(mission, loaded.robot.robot, provenance, warning, loaded.remarks):
@@ -136,6 +137,7 @@ class RunRecord:
     def _observer(self, name: str, use: PluginUse, map: Callable[[], ShownMap | None]) -> Observer:
         """The observer `name` of the mission; in real time perhaps in a process of its own, which has begun."""
         setup = replace(setup_for(self._loaded, name), run=self.folder.path, routes=self._loaded.routes, map=map)
+        setup = replace(setup, mission=self._mission)
         plugin, config = plugin_from("artemis.observers", use)
         if self.threaded and has_own_process(plugin):
             return ObserverProcess(plugin, config, setup)

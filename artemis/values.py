@@ -61,7 +61,7 @@ class Request(Enum):
 
 
 class OperatorInput(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
-    """The newest valid sample of one input device. Axes are levels; requests happen once."""
+    """The newest valid sample of one input device. Axes are levels; requests and poses happen once."""
 
     source: str
     speed: float = 0.0  # wished, of the virtual front wheel [m/s], forward positive
@@ -75,6 +75,8 @@ class OperatorInput(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     centred: tuple[float, ...] = ()  # after the deadzone
     shaped: tuple[float, ...] = ()  # after the curve: what becomes speed and steering
     buttons: tuple[bool, ...] = ()
+    goal: Pose | None = None  # where the robot shall drive, in the frame `map`: for a step that asks this input
+    initial_pose: LocatedPose | None = None  # about where the robot is on the map, as somebody says: for the localizer
 
 
 class JobKind(Enum):
@@ -93,7 +95,7 @@ class JobKind(Enum):
     WRITE_GAINS = "write gains"  # likewise
     STORE = "store"  # all parameters of the drive, for ever (0x1010)
     DISARM = "disarm"  # switch the heartbeat consumer off, read it back, enter Pre-Operational
-    PLAN = "plan"  # a route for step `value` of the mission, from here; its `values`: `motion.planned_route.packed`
+    PLAN = "plan"  # a route for step `value` of the mission, from here; its `values`: of `motion.planned_route`
 
 
 RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}  # `value` of the job SECURE, by the NMT reset that goes before
@@ -135,8 +137,7 @@ class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Everything the edge knows at a tick. Recording these is enough to replay a run."""
 
     index: int
-    time: float
-    """Run time [s]."""
+    time: float  # run time [s]
     late: float = 0.0  # how long after its time on the schedule the tick began [s]
     sent: float = 0.0  # when the last scheduled tick's frames had been sent [s of the run]
     urgent: bool = False  # an extra tick, off the schedule: writes stop frames only
@@ -265,8 +266,7 @@ class Fault(Struct, frozen=True, kw_only=True, gc=False):
     severity: Severity
     text: str
     device: str = ""
-    to_fault: bool = True
-    """Leads to the mode `fault` (else to `quickstop` from S2 on)."""
+    to_fault: bool = True  # leads to the mode `fault` (else to `quickstop` from S2 on)
     final: bool = False  # no acknowledgment helps in this run
 
 
@@ -376,8 +376,7 @@ class Wish(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """How much of the mission's current step is done: distance along its path [m], or time [s]; None: as before."""
     over: bool = False  # all of it is done
     outcome: str = ""  # how the step ended, if it did not end as `over` says
-    acted: tuple[Acted, ...] = ()
-    """What behaviours told: that of the current step, and those beside it."""
+    acted: tuple[Acted, ...] = ()  # what behaviours told: that of the current step, and those beside it
     failed: bool = False
     """What the run was to do will not be done, or it cannot end in order."""
     finished: bool = False  # the ordered end is complete; the run may stop ticking

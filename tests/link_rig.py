@@ -13,7 +13,8 @@ from msgspec.structs import replace
 from artemis.bridges.operator import frames
 from artemis.bridges.operator.link_process import _DECODER, _ENCODER
 from artemis.bridges.operator.operator_end import OperatorEnd, RefusedLink
-from artemis.bridges.operator.robot_end import BEAT_EVERY, LinkReport, Problem, RobotEnd, RobotLink
+from artemis.bridges.operator.robot_end import RobotEnd, RobotLink
+from artemis.bridges.operator.session import BEAT_EVERY, LinkReport, Problem
 from artemis.bridges.operator.status import Welcome
 from artemis.mission.loading import load_model
 from artemis.plugins.contracts import PluginContext

@@ -6,7 +6,7 @@ messages; `[form]` are any number of messages, `()` any number of values.
 
 from __future__ import annotations
 
-from math import isfinite
+from math import inf, isfinite
 from types import SimpleNamespace
 from typing import Any
 
@@ -98,7 +98,7 @@ class JsonMessages:
         return msgspec.json.encode(self._complete(FORMS[type], content), enc_hook=_listed)
 
     def unpack(self, type: str, data: bytes) -> object:
-        """A message from its JSON; its fields are attributes. A header may be anything: clocks differ.
+        """A message from its JSON; its fields are attributes. What is no header is an empty one.
 
         Raises:
             ValueError: it is no such message.
@@ -133,7 +133,7 @@ def _listed(value: Any) -> object:  # noqa: ANN401 (of numpy)
 
 def _understood(form: Any, content: Any, name: str = "message") -> Any:  # noqa: ANN401 (any part of a message)
     if form is _HEADER:
-        return None
+        return _header(content)
     if isinstance(form, dict):
         if not isinstance(content, dict):
             raise ValueError(f"{name} is no message")
@@ -141,6 +141,11 @@ def _understood(form: Any, content: Any, name: str = "message") -> Any:  # noqa:
             raise ValueError(f"{name} has no field {', '.join(sorted(content.keys() - form.keys()))}")
         parts = {key: _understood(part, content.get(key, _unset(part)), key) for key, part in form.items()}
         return SimpleNamespace(**parts)
+    if isinstance(form, tuple):
+        numbers = list(form) if content is form else content
+        if not isinstance(numbers, list) or (form and len(numbers) != len(form)):
+            raise ValueError(f"{name} is no list of {len(form) or 'any number of'} values")
+        return [_understood(form[0] if form else 0.0, number, name) for number in numbers]
     if isinstance(form, float) and isinstance(content, int | float) and not isinstance(content, bool):
         try:
             number = float(content)
@@ -152,6 +157,20 @@ def _understood(form: Any, content: Any, name: str = "message") -> Any:  # noqa:
     if type(content) is not type(form):
         raise ValueError(f"{name} is {content!r:.40}, and {type(form).__name__} is expected")
     return content
+
+
+def _header(content: object) -> SimpleNamespace:
+    """Frame and stamp, by the names of ROS 1 or ROS 2; of a command nobody looks at them: clocks differ."""
+    given = content if isinstance(content, dict) else {}
+    stamp = given.get("stamp")
+    times = stamp if isinstance(stamp, dict) else {}
+    sec, nanosec = times.get("sec", times.get("secs", 0)), times.get("nanosec", times.get("nsecs", 0))
+    whole = all(type(part) is int and abs(part) < 1 << 63 for part in (sec, nanosec))
+    frame = given.get("frame_id")
+    return SimpleNamespace(
+        frame_id=frame if isinstance(frame, str) else "",
+        stamp=SimpleNamespace(sec=sec, nanosec=nanosec) if whole else SimpleNamespace(sec=inf, nanosec=0),
+    )
 
 
 def _unset(form: Any) -> Any:  # noqa: ANN401 (any part of a form)

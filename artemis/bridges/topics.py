@@ -7,17 +7,18 @@ Units are metres, radians, seconds, volts, amperes. Nothing is told of a pose th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
-from math import cos, nan, pi, sin
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from math import atan2, cos, nan, pi, sin
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from artemis.bridges.diagnostics import diagnosis, signature
 from artemis.bridges.names import part_of_name
 from artemis.motion.ackermann import Ackermann
+from artemis.motion.planned_route import route_poses
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.route import Route
 from artemis.scan import Scan
-from artemis.values import DriveFeedback, Pose, Tick
+from artemis.values import DriveFeedback, JobKind, Pose, Tick
 from artemis.vehicle import RobotFile
 
 if TYPE_CHECKING:
@@ -134,6 +135,7 @@ class Topics:
             if topic is not None and heard(topic):
                 yield Told(topic, _scan(scan, stamp + round((scan.time - tick.snapshot.time) * 1e9)))
         yield from self._path(tick, stamp)
+        yield from self._planned(tick, stamp)
         yield from self._slow(tick, stamp, heard)
 
     # ------------------------------------------------------------------------------------------ each tick
@@ -207,14 +209,16 @@ class Topics:
         if (step := tick.position.step) == self._shown_step:
             return
         shown, self._shown_step = self._shown_step is not None, step
-        route, frame = self._routes.get(step), tick.snapshot.pose.frame
+        route = self._routes.get(step)
         poses = [] if route is None else route.poses(PATH_SPACING)
-        if not poses and not shown:
-            return
-        stamped = [{"header": _header(stamp, frame), "pose": _pose(pose)} for pose in poses]
-        yield Told(PATH, {"header": _header(stamp, frame), "poses": stamped})
-        if stamped:
-            yield Told(GOAL, stamped[-1])
+        if poses or shown:
+            yield from _path_told(poses, tick.snapshot.pose.frame, stamp)
+
+    def _planned(self, tick: Tick, stamp: int) -> Iterator[Told]:
+        """A route that was planned for the present step, and where it ends."""
+        for result in tick.snapshot.sensed.results:
+            if result.kind is JobKind.PLAN and result.values:
+                yield from _path_told(route_poses(result.values), MAP, stamp)
 
     def _mounted(self, stamp: int) -> Iterator[Content]:
         for name, mounting in self._robot.scanners.items():
@@ -234,8 +238,10 @@ class _Joints:
             drive = robot.drive_at("traction", side)[1]
             turn = robot.metres_per_count(side) * drive.sensor.counts_per_turn * drive.gear_ratio
             self._radius[side] = turn / (2 * pi)
-        self._traction = {robot.drive_at("traction", side)[0]: side for side in _SIDES}
-        self._steering = {robot.drive_at("steering", side)[0]: side for side in _SIDES}
+        self._radius["middle"] = self._radius["left"]
+        self._traction = {robot.drive_at("traction", side)[0]: side for side in robot.sides("traction")}
+        self._steering = {robot.drive_at("steering", side)[0]: side for side in robot.sides("steering")}
+        self._model, self._single = Ackermann(geometry), geometry.front_wheels == 1
 
     def fixed(self, stamp: int) -> Iterator[Content]:
         """The rear wheels."""
@@ -246,12 +252,23 @@ class _Joints:
         """The front wheels, each on its kingpin; those that were heard."""
         frames = []
         for drive in drives:
-            if (side := self._steering.get(drive.name)) is not None and drive.age is not None:
-                angle, sign = drive.position, _SIDES[side]
-                x, y = self._wheelbase - sign * self._scrub * sin(angle), self._kingpin + self._scrub * cos(angle)
-                wheel = Pose(x=x, y=sign * y, heading=angle)
-                frames.append(_transform(stamp, BASE, f"front_{side}_wheel", wheel, self._radius[side]))
+            if (turned := self._steering.get(drive.name)) is not None and drive.age is not None:
+                for side, angle in self._turned(turned, drive.position):
+                    sign = _SIDES.get(side, 0)
+                    x, y = self._wheelbase - sign * self._scrub * sin(angle), self._kingpin + self._scrub * cos(angle)
+                    wheel = Pose(x=x, y=sign * y, heading=angle)
+                    frames.append(_transform(stamp, BASE, _named("front", side, "wheel"), wheel, self._radius[side]))
         return frames
+
+    def _turned(self, side: str, angle: float) -> list[tuple[str, float]]:
+        """The front wheels that a steering motor turns, with their angles [rad]; on a linkage those of a true pair."""
+        if side != "middle":
+            return [(side, angle)]
+        steering = self._model.steering_from_left(angle)
+        if self._single:
+            return [(side, steering)]
+        s, c, half = sin(steering), cos(steering), self._kingpin / self._wheelbase
+        return [(side, atan2(s, c - sign * half * s)) for side, sign in _SIDES.items()]
 
     def state(self, drives: tuple[DriveFeedback, ...]) -> Content:
         """Names, positions [rad] and velocities [rad/s] of the joints whose drives were heard."""
@@ -260,16 +277,28 @@ class _Joints:
             if drive.age is None:
                 continue
             if (side := self._steering.get(drive.name)) is not None:
-                names.append(f"front_{side}_steering")
+                names.append(_named("front", side, "steering"))
                 radius = 1.0
             elif (side := self._traction.get(drive.name)) is not None:
-                names.append(f"{self._driven}_{side}_wheel")
+                names.append(_named(self._driven, side, "wheel"))
                 radius = self._radius[side]
             else:
                 continue
             positions.append(drive.position / radius)
             velocities.append(drive.velocity / radius)
         return {"name": names, "position": positions, "velocity": velocities} if names else {}
+
+
+def _named(axle: str, side: str, what: str) -> str:
+    """Of a joint or frame; one in the middle has no side."""
+    return f"{axle}_{what}" if side == "middle" else f"{axle}_{side}_{what}"
+
+
+def _path_told(poses: Sequence[Pose], frame: str, stamp: int) -> Iterator[Told]:
+    stamped = [{"header": _header(stamp, frame), "pose": _pose(pose)} for pose in poses]
+    yield Told(PATH, {"header": _header(stamp, frame), "poses": stamped})
+    if stamped:
+        yield Told(GOAL, stamped[-1])
 
 
 def _time(stamp: int) -> Content:

@@ -54,10 +54,14 @@ def scanner_drive(ticks: Iterable[Tick], name: str, mounting: Mounting) -> Scann
     settings = MapSettings()
     upright, hanging = ScanReadings(settings, name, place), ScanReadings(settings, name, _hung(place))
     kept: list[tuple[Reading, Reading]] = []
+
+    def moved(odometry: Array) -> bool:
+        last = kept[-1][0].odometry if kept else None
+        return last is None or not within(between(last, odometry), STEP, TURN)
+
     for tick in ticks:
-        for pair in zip(upright.see(tick), hanging.see(_hung_scans(tick)), strict=True):
-            if not kept or _moved(kept[-1][0], pair[0]):
-                kept.append(pair)
+        for pair in zip(upright.see(tick, moved), hanging.see(_hung_scans(tick), moved), strict=True):
+            kept.append(pair)
     if len(kept) < LEAST:
         raise CalibrationError(f"{name}: {len(kept)} scans while the robot moved; expected {LEAST} or more")
     drive = _followed([first for first, _ in kept], mirrored=False)
@@ -83,12 +87,6 @@ def _hung_scans(tick: Tick) -> Tick:
         structs.replace(scan, start_angle=-scan.start_angle, increment=-scan.increment) for scan in sensed.scans
     )
     return structs.replace(tick, snapshot=structs.replace(tick.snapshot, sensed=structs.replace(sensed, scans=scans)))
-
-
-def _moved(before: Reading, after: Reading) -> bool:
-    assert before.odometry is not None
-    assert after.odometry is not None
-    return not within(between(before.odometry, after.odometry), STEP, TURN)
 
 
 def _followed(readings: list[Reading], *, mirrored: bool) -> ScannerDrive:

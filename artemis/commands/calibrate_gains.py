@@ -17,6 +17,7 @@ from artemis.commands.gains_trial import WAY, Findings, GainsWatch, Trial, findi
 from artemis.commands.run import run_in_sight
 from artemis.commands.terminal import confirmed
 from artemis.devices.memory import read_gains, store
+from artemis.drive_schema import Gains
 from artemis.errors import ConfigError, DeviceError, RecordingError, shown
 from artemis.mission.actions import NewGains
 from artemis.mission.gains import check_gains, merged
@@ -26,7 +27,6 @@ from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import SLOWEST, SPEED_DISTANCE
 from artemis.states.gains import words_of
 from artemis.values import JobKind
-from artemis.vehicle import Gains
 from artemis.yaml_edit import Keys, edit, edited
 from artemis.yaml_file import Data, read
 
@@ -204,8 +204,7 @@ def _show(loaded: LoadedMission, wanted: Wanted, simulated: bool) -> int:
     say(f"{'':16}{'':12}{'current P,I':14}{'velocity P,I':14}position P,I,D")
     differs = False
     for name, gains in drives.items():
-        known = loaded.robot.drives[name].gains
-        file = None if known is None else known.numbers
+        file = loaded.robot.drives[name].gain_numbers or None
         say(f"{name:16}{'robot file':12}{'none' if file is None else _columns(file)}")
         say(f"{'':16}{'drive':12}{gains if isinstance(gains, str) else _columns(gains, file)}")
         differs = differs or (not isinstance(gains, str) and file not in (None, gains))
@@ -224,7 +223,7 @@ def _columns(gains: tuple[int, ...], known: tuple[int, ...] | None = None) -> st
     words = [
         ",".join(map(str, gains[part])) + " *" * (known is not None and gains[part] != known[part]) for part in parts
     ]
-    return "".join(f"{word:14}" for word in words).rstrip()
+    return "".join(f"{word:13} " for word in words).rstrip()
 
 
 # ---------------------------------------------------------------------------------------------- after the trial

@@ -126,7 +126,8 @@ def _show_drives(loaded: LoadedMission) -> None:
         _say(f"  {error}")
         return
     for node in nodes:
-        _say(f"  {node.name:{max(len(each.name) for each in nodes)}}  node {node.node_id:3}  {_node(node)}")
+        told = _node(node, loaded.robot.bitrate)
+        _say(f"  {node.name:{max(len(each.name) for each in nodes)}}  node {node.node_id:3}  {told}")
     if trouble:
         _say(f"  {trouble}")
 
@@ -208,13 +209,18 @@ def _scan(scan: Scan) -> str:
     return f"{beams} beams from {first:.0f} to {last:.0f} degrees, {returns} of them return{health}"
 
 
-def _node(node: NodeReport) -> str:
+def _node(node: NodeReport, bitrate: int) -> str:
+    """What a drive says of itself, and that it will speak another bit rate than the robot's [bit/s]."""
     if node.problem:
         return node.problem
     history = ", ".join(f"0x{code:04X}" for code in node.history) or "none"
     state = node.nmt.name.lower().replace("_", "-") if node.nmt is not None else node.unheard
     identity = f"vendor {node.vendor:08X}, product {node.product:08X}, revision {node.revision:08X}"
-    return f"{identity}, serial {node.serial:08X}, type {node.device_type:08X}; {state}; past errors: {history}"
+    told = f"{identity}, serial {node.serial:08X}, type {node.device_type:08X}; {state}; past errors: {history}"
+    if node.bitrate in (None, bitrate):
+        return told
+    rate = f"{node.bitrate / 1000:g} kbit/s" if node.bitrate else "whatever bit rate it hears first"
+    return f"{told}; switched on again it speaks {rate}"
 
 
 def _say(text: str) -> None:

@@ -111,6 +111,8 @@ def _software(everything: bool) -> Iterator[Finding]:
     for text in requires("artemis-robot") or ():
         need = Requirement(text)
         extra = _extra(need)
+        if need.name == "artemis-robot":
+            continue  # the extra `all` names the others
         try:
             found = version(need.name)
         except PackageNotFoundError:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import sys
 from math import inf
+from pathlib import Path
 
 from artemis.errors import ConfigError
+from artemis.families import FAMILIES
+from artemis.mission.loading import load_model
 from artemis.mission.problems import nearest
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import SHORT, Found, Kind, Recovery, Row, Threshold
 from artemis.values import Severity
+from artemis.vehicle import RobotFile
 
 SECTIONS = {
     "DRV": "What a drive reports by itself",
@@ -34,22 +38,32 @@ SECTIONS = {
 _NOTHING = "-"
 
 
-def show_faults(ids: list[str], markdown: bool) -> None:
+def show_faults(ids: list[str], markdown: bool, robot_file: Path | None = None) -> None:
     """Print the rows `ids`, or one line for each row of the table; `markdown`: the documentation's page.
 
+    With a robot file, rows for which the robot lacks something say so.
+
     Raises:
-        ConfigError: there is no such row.
+        ConfigError: there is no such row, or the robot file is refused.
     """
+    robot = None if robot_file is None else load_model(robot_file, RobotFile)
     wanted = [id.upper() for id in ids]
     if unknown := [id for id in wanted if id not in ROWS]:
         raise ConfigError([f"no such fault: {id}{nearest(id, ROWS, 'faults')}" for id in unknown])
     if markdown:
         sys.stdout.write(page())
     elif wanted:
-        sys.stdout.write("\n".join(_described(id, ROWS[id]) for id in wanted))
+        sys.stdout.write("\n".join(_described(id, ROWS[id]) + _missed(ROWS[id], robot, "  ") for id in wanted))
     else:
         for id, row in ROWS.items():
-            sys.stdout.write(f"{id}  {_reaction(row):12}  {row.name}\n")
+            sys.stdout.write(f"{id}  {_reaction(row):12}  {row.name}\n{_missed(row, robot, ' ' * 22)}")
+
+
+def _missed(row: Row, robot: RobotFile | None, indent: str) -> str:
+    """A line for a row that is never noticed on this robot."""
+    if robot is None or not row.is_missed_by(robot):
+        return ""
+    return f"{indent}never noticed on {robot.robot}: it needs {row.needs.value}\n"
 
 
 def page() -> str:
@@ -62,7 +76,7 @@ def page() -> str:
             if id.startswith(prefix):
                 cells = (
                     f"**{id}** {row.name}",
-                    _noticed(row),
+                    _noticed(id, row),
                     _within(row),
                     _reaction(row),
                     _recovery(row),
@@ -77,28 +91,60 @@ def _described(id: str, row: Row) -> str:
     lines = [
         f"{id}  {row.name}",
         f"  says      {_words(row)}",
-        f"  noticed   {_noticed(row)}; within {_within(row)}",
+        f"  noticed   {_noticed(id, row)}; within {_within(row)}",
         f"  reaction  {_reaction(row)}",
         f"  recovery  {_recovery(row)}",
     ]
     return "\n".join(lines) + "\n"
 
 
-def _noticed(row: Row) -> str:
+def _noticed(id: str, row: Row) -> str:
+    return _detected(id, row) + (f"; needs {row.needs.value}" if row.needs.value else "")
+
+
+def _detected(id: str, row: Row) -> str:
     if row.found is Found.ELSEWHERE:
         return f"shows as {', '.join(row.shows_as)}: {row.reason}"
-    return _how(row) + (f"; may show as {', '.join(row.shows_as)}" if row.shows_as else "")
+    return _how(id, row) + (f"; may show as {', '.join(row.shows_as)}" if row.shows_as else "")
 
 
-def _how(row: Row) -> str:
+def _how(id: str, row: Row) -> str:
     match row.found:
-        case Found.EMERGENCY if row.codes:
-            return f"{row.found.value} {', '.join(f'0x{code:04X}' for code in row.codes)}"
+        case Found.EMERGENCY if codes := _codes(id):
+            return f"{row.found.value} {codes}"
         case Found.DESIGN:
             return row.reason
         case Found.MEASURED if row.of:
             return f"{row.of}: {'; '.join(_limit(stage, row) for stage in row.stages)}"
     return f"{row.found.value}: {row.reason}" if row.reason else row.found.value
+
+
+def _codes(id: str) -> str:
+    """Error codes that mean this row; where not every family has them, with those that do."""
+    families: dict[int, list[str]] = {}
+    for family in FAMILIES.values():
+        for code, row in family.errors.items():
+            if row == id:
+                families.setdefault(code, []).append(family.name)
+    told: dict[str, list[int]] = {}
+    for code, names in families.items():
+        whose = "" if len(names) == len(FAMILIES) else f" ({', '.join(names)})"
+        told.setdefault(whose, []).append(code)
+    return ", ".join(f"{_listed(codes)}{whose}" for whose, codes in told.items())
+
+
+def _listed(codes: list[int]) -> str:
+    """Codes in their order; three or more in a row as a range."""
+    rows: list[list[int]] = []
+    for code in sorted(codes):
+        if rows and code == rows[-1][-1] + 1:
+            rows[-1].append(code)
+        else:
+            rows.append([code])
+    words = [
+        [f"0x{row[0]:04X} to 0x{row[-1]:04X}"] if len(row) > 2 else [f"0x{code:04X}" for code in row] for row in rows
+    ]
+    return ", ".join(word for row in words for word in row)
 
 
 def _limit(stage: Threshold, row: Row) -> str:

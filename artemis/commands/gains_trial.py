@@ -72,7 +72,7 @@ class Trial:
         return {label: list(range(place, place + moves)) for label, place in self.places.items()}
 
 
-_ALIGN: dict[str, object] = {"calibrate": {"steering": "from_potentiometers"}}
+_ALIGN: dict[str, object] = {"calibrate": {"steering": "align"}}
 
 
 def write_mission(loaded: LoadedMission, source: Path, trial: Trial, folder: Path) -> tuple[LoadedMission, Path]:

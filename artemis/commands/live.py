@@ -14,9 +14,12 @@ from artemis.commands.terminal import lose_output
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
+from artemis.families.family import Errors
 from artemis.plugins.guard import Problem
 from artemis.progress import Position
+from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.event_log import happened, values_of
+from artemis.recording.journal import Level
 from artemis.report.fault_words import DID, next_step
 from artemis.states.modes import RUNNING
 from artemis.states.requests import ignored
@@ -54,6 +57,7 @@ class LiveView:
         hint: str,
         on_lost: Callable[[], None],
         bitrate: int,
+        errors: Errors,
         where: Callable[[Position], str] = lambda position: "",
     ) -> None:
         """Say the title.
@@ -63,13 +67,15 @@ class LiveView:
             hint: Names the keys that work.
             on_lost: Is called at a tick.
             bitrate: Of the bus [bit/s].
+            errors: What the drives' error codes mean.
             where: Names a place in the mission in a few words.
         """
-        self._where = where
+        self._where, self._errors = where, errors
         self._terminal = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self._coloured = self._terminal and not os.environ.get("NO_COLOR")
         self._on_lost = on_lost
         self._lost = False
+        self._poses = AskedPoses()
         self._load = _BusLoad(bitrate)
         self._shown: tuple[Mode | None, str] = (None, "")
         self._verdict = Verdict()
@@ -84,6 +90,7 @@ class LiveView:
         sensed = tick.snapshot.sensed
         for answer in sensed.answers:
             self._say(sensed.time, "answer", answer)
+        self._point(tick)
         for request in sensed.requests:
             reason = ignored(request, tick)
             text = f"{request.value}: ignored, {reason}" if reason else request.value
@@ -92,7 +99,7 @@ class LiveView:
             self._compare(sensed.time, tick.snapshot.verdict)
         for result in sensed.results:
             if result.values and (label := _LABELS.get(result.kind)):
-                self._say(sensed.time, label, f"{result.drive}: {values_of(result)}", _YELLOW)
+                self._say(sensed.time, label, f"{result.drive}: {values_of(result, self._errors)}", _YELLOW)
         for event in tick.events:
             told = event.kind == "said"
             text = event.text if told else happened(event, tick.mode)
@@ -105,6 +112,13 @@ class LiveView:
         if self._lost:
             self._lost = False
             self._on_lost()
+
+    def _point(self, tick: Tick) -> None:
+        """Goals and initial poses that somebody gave."""
+        for sample in tick.snapshot.sensed.inputs:
+            for entry in self._poses.entries(tick, sample):
+                colour = _YELLOW if entry.level is Level.WARNING else None
+                self._say(entry.time, entry.kind, entry.text, colour)
 
     def take_problems(self) -> list[Problem]:
         """None: a lost terminal ends the run."""

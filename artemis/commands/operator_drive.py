@@ -19,15 +19,15 @@ from msgspec.structs import replace
 from artemis import clock
 from artemis.bridges.operator import frames
 from artemis.bridges.operator.operator_end import UNHEARD, OperatorEnd, RefusedLink
-from artemis.bridges.operator.robot_end import DEAD
+from artemis.bridges.operator.session import DEAD
 from artemis.bridges.operator.status import RobotStatus, Welcome
 from artemis.clock import until
 from artemis.commands.operator import DeviceChoice, robot_from
 from artemis.commands.operator_view import OperatorView
 from artemis.commands.terminal import DRIVING, listen_to_keys, somebody_is_there
 from artemis.errors import ConfigError, DeviceLost
+from artemis.plugins.answers import is_in_range, is_whole_input
 from artemis.plugins.contracts import InputDevice, PluginContext
-from artemis.plugins.guard import is_in_range, is_whole_input
 from artemis.values import OperatorInput, Request
 
 POLL = 0.002

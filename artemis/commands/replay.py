@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import load_mission
+from artemis.mission.page import has_page
 from artemis.planning import core_from
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import made_with
@@ -25,7 +27,10 @@ def replay_run(run: Path) -> int:
     recording = Recording(run)
     with tempfile.TemporaryDirectory() as folder:
         simulated = recording.mission.get("bus") == "simulation"
-        loaded = load_mission(_unpack(recording, Path(folder)), simulated, tried=False)
+        page: dict[str, Any] | None = (
+            {} if has_page(recording.mission) else None
+        )  # that one was added by the command line, or is there
+        loaded = load_mission(_unpack(recording, Path(folder)), simulated, tried=False, page=page)
         result = replay(recording, core_from(loaded, recording.resume_point, simulated))
     if not result.ticks:
         raise RecordingError(f"{recording.path}: holds no tick; {recording.missing or 'nothing to recompute'}")

@@ -1,4 +1,4 @@
-"""`artemis report`: the page of a run; compared with the truth, if asked for; its trajectories as files of others."""
+"""`artemis report`: the page of a run, or of two; compared with the truth, if asked for; its trajectories as files."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import sys
 import zlib
 from math import isfinite, radians
 from pathlib import Path
+from textwrap import shorten
 
 from artemis.commands.path_formats import text_of
 from artemis.errors import ConfigError
@@ -19,11 +20,14 @@ from artemis.recording.disk import write_whole
 from artemis.recording.mcap_reader import Recording
 from artemis.report.page import write_report
 from artemis.report.series import Series, read_series
+from artemis.report.side_by_side import write_side_by_side
 from artemis.report.trajectories import estimated_trajectory, true_trajectory
 from artemis.report.truth_words import comparison_rows
 from artemis.values import Pose
 from artemis.yaml_file import read
 
+MOST = 48
+"""Characters of a cell that is printed."""
 SIMULATION = "simulation"
 """Instead of a file: the true poses of a simulated run."""
 
@@ -64,6 +68,30 @@ def report(
     lines = [] if compared is None else comparison_rows(compared[1], compared[0])
     lines += [("written", str(file)) for file in (_export(series, folder) if export else [])]
     sys.stdout.writelines(f"{name:12}  {text}\n" for name, text in lines)
+    sys.stdout.write(f"{page}\n")
+
+
+def report_with(run: Path, other: Path, at: str) -> None:
+    """Write a page of two runs beside the first one's recording; print the differences and the page's name.
+
+    Args:
+        run: folder of the first run, or its recording.
+        other: of the second.
+        at: where both are at zero: `start`, or the beginning of the name of a step.
+
+    Raises:
+        ConfigError: no step of both begins so.
+        RecordingError: a recording cannot be read, or the page not be written.
+    """
+    first, second = Recording(run), Recording(other)
+    folder = run if run.is_dir() else run.parent
+    page = folder / f"with-{second.path.resolve().parent.name}.html"
+    rows = [("", run.name, other.name, "difference"), *write_side_by_side(first, second, page, at)]
+    rows = [tuple(shorten(cell, MOST, placeholder="…") for cell in cells) for cells in rows]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for name, *cells in rows:
+        told = "  ".join(f"{cell:>{width}}" for cell, width in zip(cells, widths[1:], strict=True))
+        sys.stdout.write(f"{name:{widths[0]}}  {told}".rstrip() + "\n")
     sys.stdout.write(f"{page}\n")
 
 

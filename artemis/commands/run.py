@@ -11,15 +11,34 @@ from math import degrees
 from pathlib import Path
 from shlex import quote
 from textwrap import shorten
+from typing import Any
 
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
-from artemis.commands.terminal import ANSWER_KEYS, ANSWERING, DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
+from artemis.commands.page import announce, page_of
+from artemis.commands.terminal import (
+    ACCEPT_KEYS,
+    ANSWER_KEYS,
+    ANSWERING,
+    DRIVING,
+    HINT,
+    KEYS,
+    listen_to_keys,
+    somebody_is_there,
+)
 from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
-from artemis.planning import asks, check_drivable, inputs_used, is_fast, is_simulated, preparations
+from artemis.planning import (
+    asks,
+    check_drivable,
+    inputs_used,
+    is_fast,
+    is_simulated,
+    preparations,
+    straight_by_hand,
+)
 from artemis.progress import Position
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
@@ -28,22 +47,25 @@ from artemis.recording.resume import unfinished_run
 from artemis.report.mission_boxes import name_of
 from artemis.report.page import write_report
 from artemis.report.series import read_series
-from artemis.report.summary import Summary, summary
+from artemis.report.summary import Summary, consumption, summary
 from artemis.states.whereabouts import counts
 from artemis.values import Request
 
 
-def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> int:
-    """Run the mission in `source`, print the summary, write its page. Returns the exit status.
+def run_and_report(
+    source: Path, simulate: bool, resume: Path | None = None, page: Mapping[str, Any] | None = None
+) -> int:
+    """Run the mission in `source`, print the summary, write its report. Returns the exit status.
 
-    `resume` is an earlier run of it, to go on with where that stopped.
+    `resume` is an earlier run of it, to go on with where that stopped; `page`: serve a page for operators, with these
+    keys of its observer.
 
     Raises:
         ConfigError: the mission, or its resume_point, is refused; nothing has moved.
         DeviceLost: the bus cannot be opened; nothing has moved.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
-    loaded = load_mission(source, simulate)
+    loaded = load_mission(source, simulate, page=page)
     resume_point = _resumption(loaded, source, resume, simulate)
     outcome = run_in_sight(loaded, source, simulate, resume_point)
     if outcome.failed:
@@ -51,6 +73,17 @@ def run_and_report(source: Path, simulate: bool, resume: Path | None = None) -> 
             resumption_from(loaded, source, outcome.run.path, simulate)
             _print("go on", _command(source, outcome.run.path, simulate))
     return outcome.exit_status
+
+
+def _with_answers(
+    loaded: LoadedMission, keys: Mapping[bytes, Request | str], hint: str
+) -> tuple[Mapping[bytes, Request | str], str]:
+    """Keys and their hint, with those for what the mission, or the bring-up of its robot, asks a person."""
+    if asks(loaded):
+        keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
+    if straight_by_hand(loaded):
+        keys, hint = {**keys, **ACCEPT_KEYS}, f"{hint}; enter accepts that the wheels stand straight"
+    return keys, hint
 
 
 def run_in_sight(
@@ -82,8 +115,7 @@ def run_in_sight(
     """
     simulated, fast = is_simulated(loaded, simulate), is_fast(loaded, simulate)
     check_drivable(loaded, source, simulated)
-    if asks(loaded):
-        keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
+    keys, hint = _with_answers(loaded, keys, hint)
     operator = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
@@ -93,7 +125,10 @@ def run_in_sight(
     driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
     hint = f"{hint}; {DRIVING}" if driving else hint
     keys_work = hint if operator else ""
-    view = LiveView(_title(loaded, simulated), keys_work, terminate, loaded.robot.bitrate, partial(_where, loaded))
+    announce(page_of(loaded))
+    robot = loaded.robot
+    title = _title(loaded, simulated)
+    view = LiveView(title, keys_work, terminate, robot.bitrate, robot.errors, partial(_where, loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")
         prepare()
@@ -211,5 +246,7 @@ def _numbers(found: Summary) -> list[tuple[str, str]]:
             lines.append((label, text))
     if found.position_error_end is not None:
         lines.append((found.source, f"{found.position_error_end * 1000:5.1f} mm from the true position at the end"))
+    if taken := consumption(found):
+        lines.append(("battery", taken))
     lines.append(("bus load", f"{found.bus_load_mean:.1%}, {found.bus_load_max:.1%} at most"))
     return [*lines, *(("fault", text) for text in found.faults)]

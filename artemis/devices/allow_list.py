@@ -9,9 +9,10 @@ from collections.abc import Callable
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import HEARTBEAT, NMT, RXPDO, SDO_REQUEST, SYNC, NmtCommand
-from artemis.devices.epos_objects import CONTROLWORD, TARGET_VELOCITY, Units
+from artemis.devices.epos_objects import Units
 from artemis.devices.epos_state import Controlword
 from artemis.drive_states import Nmt
+from artemis.families.objects import CONTROLWORD, TARGET_VELOCITY
 from artemis.values import Mode
 from artemis.vehicle import RobotFile
 
@@ -57,8 +58,8 @@ class AllowList:
         }
         for drive in robot.drives.values():
             node, driven = drive.node_id, drive.role == "traction"
-            rpm = abs(Units(robot, drive).rpm) if driven else 0.0
-            self._rules[RXPDO[0] + node] = self._set_point(node, rpm)
+            units = abs(Units(robot, drive).velocity) if driven else 0.0
+            self._rules[RXPDO[0] + node] = self._set_point(node, units)
             self._rules[RXPDO[1] + node] = self._stop
             self._rules[SDO_REQUEST + node] = self._sdo
         self.ours = frozenset(self._rules)
@@ -100,18 +101,18 @@ class AllowList:
             return "NMT Stop also stops the drive's messages: never"
         return None if self._mode in SERVICE else "NMT commands only while nothing drives"
 
-    def _set_point(self, node: int, rpm: float) -> Rule:
-        """Controlword and set-point of a node; `rpm`: motor rpm per m/s of a driven wheel, 0 for a steered one."""
-        if not rpm:
+    def _set_point(self, node: int, units: float) -> Rule:
+        """Controlword and set-point of a node; `units`: of the drive per m/s of a driven wheel, 0 for a steered one."""
+        if not units:
             return _of_length(6)
-        rounding = 1.0 / rpm  # to whole rpm
+        rounding = 1.0 / units
 
         def judge(data: bytes) -> str | None:
             if len(data) != 6:
                 return "is no set-point"
             if self._mode in _STOPPED and data[0] not in _OFF_WORDS:
                 return "may only stop, switch off or reset"
-            speed = abs(int.from_bytes(data[2:], "little", signed=True)) / rpm
+            speed = abs(int.from_bytes(data[2:], "little", signed=True)) / units
             self._asked[node] = speed
             if speed > (self._ceiling + rounding if self._ceiling else 0.0):
                 return f"target of {speed:.2f} m/s, at most {self._ceiling:.2f}"

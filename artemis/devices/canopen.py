@@ -11,11 +11,12 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum, IntEnum
+from enum import IntEnum
 
 from artemis.devices.can_bus import Frame
 from artemis.drive_states import Nmt
 from artemis.errors import ProtocolError
+from artemis.families.objects import ObjectType, does_not_fit, packed
 
 NMT = 0x000
 SYNC = 0x080
@@ -73,7 +74,7 @@ class Emergency:
         """The frame of this emergency as node `node_id` sends it."""
         if len(self.data) != 5:
             raise ProtocolError(f"EMCY carries 5 bytes of the maker's own, not {len(self.data)}")
-        return Frame(EMERGENCY + node_id, _pack(_EMERGENCY, self.code, self.register, self.data))
+        return Frame(EMERGENCY + node_id, packed(_EMERGENCY, self.code, self.register, self.data))
 
 
 _EMERGENCY = struct.Struct("<HB5s")
@@ -85,55 +86,6 @@ def emergency_from_data(data: bytes) -> Emergency:
         raise ProtocolError(f"EMCY of {len(data)} bytes instead of 8")
     code, register, rest = _EMERGENCY.unpack(data)
     return Emergency(code=code, register=register, data=rest)
-
-
-def _pack(layout: struct.Struct, *values: int | bytes) -> bytes:
-    try:
-        return layout.pack(*values)
-    except struct.error as error:
-        raise _does_not_fit(values, error) from None
-
-
-def _does_not_fit(values: tuple[int | bytes, ...], error: struct.error) -> ProtocolError:
-    return ProtocolError(f"{values} does not fit its fields: {error}")
-
-
-class ObjectType(Enum):
-    """Data types of objects (CiA 301 7.1). The value is the letter of `struct`."""
-
-    U8 = "B"
-    U16 = "H"
-    U32 = "I"
-    U64 = "Q"
-    I8 = "b"
-    I16 = "h"
-    I32 = "i"
-    I64 = "q"
-    STR = "s"
-    """Visible string: ASCII, any length."""
-
-    def __init__(self, letter: str) -> None:
-        self._layout = struct.Struct("<" + letter)
-        self.size = 0 if letter == "s" else self._layout.size  # bytes on the wire; 0: not fixed
-
-    def encode(self, value: int | str) -> bytes:
-        """Bytes on the wire."""
-        if self is not ObjectType.STR:
-            return _pack(self._layout, value)  # type: ignore[arg-type]  # a str is refused by struct itself
-        if not isinstance(value, str) or not value.isascii():
-            raise ProtocolError(f"{value!r} is not a visible string")
-        return value.encode("ascii")
-
-    def decode(self, data: bytes) -> int | str:
-        """The value; a string loses the zero bytes that pad it."""
-        if self is ObjectType.STR:
-            if not data.isascii():
-                raise ProtocolError(f"[{data.hex(' ')}] is not a visible string")
-            return data.decode("ascii").rstrip("\0")
-        if len(data) != self.size:
-            raise ProtocolError(f"{self.name} of {len(data)} bytes instead of {self.size}: [{data.hex(' ')}]")
-        value: int = self._layout.unpack(data)[0]
-        return value
 
 
 class PdoLayout:
@@ -153,7 +105,7 @@ class PdoLayout:
         try:
             return self._layout.pack(*values)
         except struct.error as error:
-            raise _does_not_fit(values, error) from None
+            raise does_not_fit(values, error) from None
 
     def unpack(self, data: bytes) -> tuple[int, ...]:
         """Values of a received PDO; surplus bytes are ignored (CiA 301 7.2.2)."""
@@ -310,7 +262,7 @@ def encode_request(request: Request) -> bytes:
             command, rest = 0x80, ObjectType.U32.encode(code)
         case _:  # Upload
             command, rest = 0x40, b""
-    return _pack(_BEGIN, command, request.index, request.subindex, rest)
+    return packed(_BEGIN, command, request.index, request.subindex, rest)
 
 
 def decode_answer(data: bytes) -> Answer:

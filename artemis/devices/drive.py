@@ -11,6 +11,7 @@ from artemis.devices.canopen import EMERGENCY, HEARTBEAT, SDO_ANSWER, SYNC_FRAME
 from artemis.devices.device import Readings, Report
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
+from artemis.devices.epos_objects import PERIOD
 from artemis.devices.epos_state import Controlword, controlword
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceLost
@@ -21,12 +22,12 @@ _QUICK_STOP = Controlword.QUICK_STOP
 
 
 class Drives:
-    """The drives of a robot on a CAN bus: its `Actuators`. Heartbeat, SYNC and process data are nobody else's."""
+    """The drives of a robot on a CAN bus: its `Actuators`. Heartbeat, SYNC every `period` [s], PDOs: nobody else's."""
 
-    def __init__(self, robot: RobotFile, bus: FrameBus) -> None:
+    def __init__(self, robot: RobotFile, bus: FrameBus, period: float = PERIOD) -> None:
         self.drives = tuple(robot.drives)
         self.wire = BusGateway(robot, bus)
-        self.nodes = [EposDrive(name, robot, self.wire) for name in robot.drives]
+        self.nodes = [EposDrive(name, robot, self.wire, period) for name in robot.drives]
         self._jobs = {node.name: EposJobs(node) for node in self.nodes}
         self._heartbeat = heartbeat_frame(robot.host_node_id, Nmt.OPERATIONAL)
         for node in self.nodes:

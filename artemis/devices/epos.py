@@ -1,4 +1,4 @@
-"""The process data of one EPOS node: SI at the wheel outside, drive units on the wire."""
+"""The process data of one drive: SI at the wheel outside, drive units on the wire, in the layout of its family."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from operator import attrgetter
 
 from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame
-from artemis.devices.canopen import RXPDO, PdoLayout, emergency_from_data, nmt_from_heartbeat
-from artemis.devices.epos_objects import RECEIVED, SENT, UNREADABLE, Units, wrapped
-from artemis.devices.epos_state import Controlword, state_from_statusword
+from artemis.devices.canopen import RXPDO, emergency_from_data, nmt_from_heartbeat
+from artemis.devices.epos_objects import PERIOD, UNREADABLE, PdoPlaces, Units, wrapped
+from artemis.devices.epos_state import Controlword
 from artemis.devices.tally import NOTHING, Tally
 from artemis.drive_states import DriveState, Nmt
 from artemis.values import DriveFeedback
@@ -17,19 +17,19 @@ from artemis.vehicle import RobotFile
 
 
 class EposDrive:
-    """A drive as the robot file describes it, on the bus behind `wire`. SI at the wheel outside, drive units inside."""
+    """A drive as the robot file describes it, on the bus behind `wire`, with SYNC every `period` [s]."""
 
-    def __init__(self, name: str, robot: RobotFile, wire: BusGateway) -> None:
-        self.name, self.robot, self.drive = name, robot, robot.drives[name]
+    def __init__(self, name: str, robot: RobotFile, wire: BusGateway, period: float = PERIOD) -> None:
+        self.name, self.robot, self.drive, self.period = name, robot, robot.drives[name], period
         self.node_id = self.drive.node_id
         self.is_traction = self.drive.role == "traction"
-        self.own_set_point = attrgetter(f"{'speed' if self.is_traction else 'steering'}_{self.drive.side}")
+        self.own_set_point = attrgetter(self.drive.set_point)
         """Its part of all set-points: rolling speed [m/s] or wheel angle [rad]."""
         self.sdo = wire.objects(name, self.node_id)
         self.send = wire.send
         self.units = Units(robot, self.drive)
-        self._set_point, self._stop = [PdoLayout([o.type for o in pdo]) for pdo in RECEIVED[self.drive.role]]
-        self._status, self._details = [PdoLayout([o.type for o in pdo]) for pdo in SENT[self.drive.role]]
+        self.family = self.drive.tables
+        self._pdos = PdoPlaces(self.family, self.drive.role)
         self._counts: int | None = None
         self._position = self._velocity = self._current = 0.0
         self._statusword = self._mode = self._jumps = self._stray = self._frames = 0
@@ -41,21 +41,22 @@ class EposDrive:
         self._nmt: Nmt | None = None
         self._heard: float | None = None
         self.tally = Tally()
-        self.boots = 0
-        """Boot-up frames heard so far."""
+        self.boots = 0  # boot-up frames heard so far
         self.last_controlword = 0
 
     def on_status(self, frame: Frame) -> None:
         """TxPDO 1: statusword and position. What is older than the last one, or no motion could reach, is dropped."""
-        statusword, counts = self._status.unpack(frame.data)
+        values = self._pdos.status.unpack(frame.data)
+        statusword, counts = values[0], values[1]
         last = self._status_time
         elapsed = inf if last is None else frame.time - last
         if elapsed < 0.0:
             self.tally.disordered += 1
             return
         self._frames += 1
+        self._mode = values[2] if self._pdos.early_mode else self._mode
         if statusword != self._statusword or last is None:
-            self._statusword, self.state = statusword, state_from_statusword(statusword)
+            self._statusword, self.state = statusword, self.family.state(statusword)
         rolled = 0 if self._counts is None else wrapped(counts - self._counts)
         if last is None:
             rolled = min(rolled, counts, key=abs)  # not heard since it was configured: it counted on, or from zero
@@ -69,22 +70,21 @@ class EposDrive:
         self._counts, self._status_time, self._jumps = counts, frame.time, 0
 
     def on_details(self, frame: Frame) -> None:
-        """TxPDO 2: velocity (traction) or both analog inputs (steering), current, mode display."""
+        """TxPDO 2: velocity (traction) or both analog inputs (steering), and what else the family's layout has."""
         if self._details_time is not None and frame.time < self._details_time:
             self.tally.disordered += 1
             return
-        values = self._details.unpack(frame.data)
-        if self.is_traction:
-            self._velocity = values[0] / self.units.rpm
-        else:
-            self._volts = (values[0] / 1000, values[1] / 1000)
-        self._current, self._mode = values[-2] / 1000, values[-1]
+        values, at = self._pdos.details.unpack(frame.data), self._pdos
+        if at.analog >= 0:
+            self._volts = (values[at.analog] / at.per_volt, values[at.analog + 1] / at.per_volt)
+        self._velocity = values[at.velocity] / self.units.velocity if at.velocity >= 0 else self._velocity
+        self._current = values[at.current] / at.per_ampere if at.current >= 0 else self._current
+        self._mode = values[at.mode] if at.mode >= 0 else self._mode
         self._details_time = frame.time
 
     def on_emergency(self, frame: Frame) -> None:
         """EMCY: kept until the next tick takes it."""
-        readable = len(frame.data) == 8
-        self.tally.emergencies.append(emergency_from_data(frame.data).code if readable else UNREADABLE)
+        self.tally.emergencies.append(emergency_from_data(frame.data).code if len(frame.data) == 8 else UNREADABLE)
 
     def on_heartbeat(self, frame: Frame) -> None:
         """Heartbeat or boot-up."""
@@ -122,20 +122,19 @@ class EposDrive:
         """RxPDO 1: controlword and set-point (m/s, or wheel angle in rad), taken over at SYNC."""
         self.last_controlword = controlword
         if self.is_traction:
-            raw = round(value * self.units.rpm)
+            raw = round(value * self.units.velocity)
         else:
             raw = wrapped((self._counts or 0) + round((value - self._position) * self.units.counts))
-        return Frame(RXPDO[0] + self.node_id, self._set_point.pack(controlword, raw))
+        return Frame(RXPDO[0] + self.node_id, self._pdos.set_point.pack(controlword, raw))
 
     def stop_frame(self, controlword: int = Controlword.QUICK_STOP) -> Frame:
         """RxPDO 2: controlword alone, acts at once."""
         self.last_controlword = controlword
-        return Frame(RXPDO[1] + self.node_id, self._stop.pack(controlword))
+        return Frame(RXPDO[1] + self.node_id, self._pdos.stop.pack(controlword))
 
     def restart(self) -> None:
         """The drive's counter may begin anew, at zero."""
-        self._status_time = self._details_time = None
-        self._jumps = 0
+        self._status_time, self._details_time, self._jumps = None, None, 0
 
     def rebase(self, position: float, counts: int) -> None:
         """`counts` stands for `position` from now on."""

@@ -1,4 +1,4 @@
-"""What takes an EPOS node longer than a tick: coroutines that secure, configure and release it over SDO."""
+"""What takes a drive longer than a tick: coroutines that secure, configure and release it over SDO."""
 
 from __future__ import annotations
 
@@ -10,53 +10,46 @@ from typing import TypeVar
 
 from artemis.devices.canopen import NmtCommand, SdoAbort, nmt_frame
 from artemis.devices.epos import EposDrive
-from artemis.devices.epos_objects import (
+from artemis.devices.epos_objects import NOT_VALID, pdo_settings, quantities, settings
+from artemis.devices.epos_state import Controlword
+from artemis.drive_states import POWERED, DriveState
+from artemis.errors import DeviceError, DeviceLost, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
+from artemis.families import GENERATIONS
+from artemis.families.family import MAXON, Bits, OptionCode
+from artemis.families.objects import (
     CONSUMER_HEARTBEAT,
     CONTROLWORD,
     ERROR_COUNT,
-    GAINS,
-    HARDWARE_VERSION,
     LIMIT_OFF,
-    MAXON,
-    MEMORY,
     MODE_DISPLAY,
     POSITION,
     POSITION_LIMITS,
+    PRODUCT,
     SAVE,
     SERIAL_NUMBER,
-    SET_POINT,
-    SOFTWARE_VERSION,
     STATUSWORD,
     STORE,
     U32,
     VENDOR,
     Object,
     Setting,
-    pdo_settings,
-    settings,
 )
-from artemis.devices.epos_state import Controlword, state_from_statusword
-from artemis.drive_states import POWERED, DriveState
-from artemis.errors import DeviceError, DeviceLost, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
 from artemis.motion.ackermann import Ackermann
 from artemis.values import RESETS, Job, JobKind, JobResult
-from artemis.vehicle import OPERATING_MODES
 
-RESET_TIME = 1.0
-"""A node that was reset answers again after this time [s]."""
 MAX_RESETS = 3
 """A drive whose own error history asks for a reset gets so many of them until one helps."""
 POLL = 0.02
 """Between two looks at the drive while waiting for it [s]."""
-STATE_TIME, STOP_TIME = 0.5, 5.0
-"""Longest waits for a device state, and for a drive found moving to stand [s]."""
+STOP_TIME = 5.0
+"""Longest wait for a drive found moving to stand [s]."""
 STORE_TIME = 3.0
 """A drive may be busy for so long when it stores its parameters [s]: no manual says how long it is."""
 LIMIT_MARGIN = radians(3.0)
 """The drive's own position limits lie this far beyond the largest wheel angle of the gate [rad]."""
 
-RESET_FOR = {0x6100: "node", 0x8120: "communication", 0xFF04: "node"}
-"""Error code -> NMT reset without which a drive stays in fault (firmware specification 2010, 12.2; the fault table)."""
+NO_SUCH_OBJECT = 0x06020000
+"""SDO abort code (CiA 301 7.2.4.3.17)."""
 
 T = TypeVar("T")
 
@@ -69,14 +62,6 @@ _FAULTS: dict[type[DeviceError], str] = {
     DeviceRestarted: "COM-26",
 }
 
-_NUMBERS = {
-    JobKind.READ_CALIBRATION: MEMORY,
-    JobKind.WRITE_CALIBRATION: MEMORY,
-    JobKind.READ_GAINS: GAINS,
-    JobKind.WRITE_GAINS: GAINS,
-}
-"""What the jobs that move plain numbers read or write."""
-
 
 def fault_of(error: DeviceError) -> str:
     """The fault table's id of what a job met."""
@@ -88,8 +73,15 @@ class EposJobs:
 
     def __init__(self, epos: EposDrive) -> None:
         self._epos, self._sdo = epos, epos.sdo
-        self.name, self.drive = epos.name, epos.drive
-        self._set_point = SET_POINT[epos.drive.role]
+        self.name, self.drive, self._family = epos.name, epos.drive, epos.family
+        self._set_point = epos.family.set_points[epos.drive.role]
+        self._numbers = {
+            JobKind.READ_CALIBRATION: epos.family.memory,
+            JobKind.WRITE_CALIBRATION: epos.family.memory,
+            JobKind.READ_GAINS: epos.family.gains,
+            JobKind.WRITE_GAINS: epos.family.gains,
+        }
+        """What the jobs that move plain numbers read or write."""
         self._boots = self._resets = 0
         self._one_at_a_time = asyncio.Lock()  # an end that comes early must not overtake the configuration
 
@@ -115,6 +107,7 @@ class EposJobs:
                 return (1,) if await self._switch_off() else ()
             case JobKind.CONFIGURE:
                 await self.configure()
+                return (1,) if self._family.forgets else ()
             case JobKind.REFERENCE:
                 await self.reference(job.value)
             case JobKind.CLEAR_TARGET:
@@ -122,14 +115,19 @@ class EposJobs:
             case JobKind.READ_HISTORY:
                 return await self.read_history()
             case JobKind.READ_CALIBRATION | JobKind.READ_GAINS:
-                return await self._read_all(_NUMBERS[job.kind])
+                return await self._read_all(self._numbers[job.kind])
             case JobKind.WRITE_CALIBRATION | JobKind.WRITE_GAINS:
-                await self._write_all(_NUMBERS[job.kind], job.values)
+                await self._write_all(self._numbers_for(job), job.values)
             case JobKind.STORE:
                 await self.store()
             case JobKind.DISARM:
                 await self.disarm()
         return ()
+
+    def _numbers_for(self, job: Job) -> tuple[Object, ...]:
+        if not (objects := self._numbers[job.kind]):
+            raise DeviceError(self.name, f"has no place for it that is known here ({self._family.title})")
+        return objects
 
     async def secure(self, reset: float) -> None:
         """If it moves, stop it, whoever it is; then check who it is, and leave it off, unwatching, without a fault.
@@ -144,7 +142,7 @@ class EposJobs:
         if (state := await self._settled_state()) is DriveState.FAULT:
             tried.append("fault reset")
             history = await self.read_history()  # before a reset clears it
-            needed = max((RESETS[RESET_FOR.get(code, "")] for code in history), default=0.0)
+            needed = max((RESETS[self._family.resets.get(code, "")] for code in history), default=0.0)
             if needed > reset and self._resets < MAX_RESETS:
                 self._resets += 1
                 tried.append(await self._reset(needed))
@@ -163,7 +161,7 @@ class EposJobs:
         whole = reset == RESETS["node"]
         command = NmtCommand.RESET_NODE if whole else NmtCommand.RESET_COMMUNICATION
         self._epos.send(nmt_frame(command, self.drive.node_id))
-        await asyncio.sleep(RESET_TIME)
+        await asyncio.sleep(self._family.reset_time)
         return "NMT Reset Node" if whole else "NMT Reset Communication"
 
     async def _make_safe(self) -> None:
@@ -190,15 +188,37 @@ class EposJobs:
         self._epos.send(nmt_frame(NmtCommand.START, self.drive.node_id))
 
     async def _write_configuration(self) -> None:
-        for setting in settings(self._epos.robot, self.drive):
+        family, period = self._family, self._epos.period
+        for setting in settings(self._epos.robot, self.drive, period):
             await self._ensure(setting)
-        wanted = OPERATING_MODES[self.drive.role]
-        if (mode := await self._settled(partial(self.read, MODE_DISPLAY), wanted)) != wanted:
-            raise DeviceError(self.name, f"shows operating mode {mode}, not {wanted}")
+        for option in family.option_codes:
+            await self._ensure_option(option)
+        for object, quantity, name in family.checks:
+            wanted = quantities(self._epos.robot, self.drive, period)[quantity]
+            if (found := await self.read(object)) != wanted:
+                raise WrongDevice(self.name, f"has {found} {name} ({object}), the robot file says {wanted}")
+        mode = self.drive.operating_mode
+        if (shown := await self._settled(partial(self.read, MODE_DISPLAY), mode)) != mode:
+            raise DeviceError(self.name, f"shows operating mode {shown}, not {mode}")
         for pdo in pdo_settings(self.drive):
             if not await self._holds(pdo):
+                if not family.moves_valid_pdos:
+                    await self._switch_pdo_off(pdo[0].object)
                 for setting in pdo:
                     await self._write_checked(setting)
+
+    async def _ensure_option(self, option: OptionCode) -> None:
+        try:
+            await self._ensure(option.setting)
+        except (SdoAbort, NotKept) as error:
+            wanted = f"{option.setting.object} = {option.setting.value} ({option.name})"
+            raise NotKept(self.name, f"does not take the option code {wanted}: {error.problem}") from error
+
+    async def _switch_pdo_off(self, cob_id: Object) -> None:
+        """With the identifier that it has: another one is refused while the PDO is valid."""
+        present = await self.read(cob_id)
+        if not present & NOT_VALID:
+            await self.write(cob_id, present | NOT_VALID)
 
     async def reference(self, angle: float) -> None:
         """The wheel stands at `angle` [rad]: count from here, and let the drive refuse what is out of reach."""
@@ -308,26 +328,51 @@ class EposJobs:
             raise NotKept(self.name, problem)
 
     async def _check_identity(self) -> None:
-        """Vendor, hardware, firmware and serial number against the robot file."""
+        """Vendor, family, hardware, firmware and serial number against the robot file."""
+        family, node = self._family, self.drive.node_id
         vendor = await self.read(VENDOR)
-        hardware, firmware = await self.read(HARDWARE_VERSION), await self.read(SOFTWARE_VERSION)
-        if vendor != MAXON:
-            raise WrongDevice(self.name, f"node {self.drive.node_id} is of vendor 0x{vendor:X}, not maxon (0xFB)")
-        if hardware & 0xFFF0 != self.drive.hardware_version & 0xFFF0:
+        try:
+            hardware, firmware = await self._read_bits(family.hardware), await self._read_bits(family.firmware)
+        except SdoAbort as refused:
+            if refused.code == NO_SUCH_OBJECT and vendor == MAXON:
+                await self._check_generation(await self.read(PRODUCT) >> 16)
+            raise
+        if vendor != family.vendor:
+            whose = "maxon (0xFB)" if family.vendor == MAXON else f"0x{family.vendor:X}"
+            raise WrongDevice(self.name, f"node {node} is of vendor 0x{vendor:X}, not {whose}")
+        if vendor == MAXON:
+            await self._check_generation(hardware if family.generation is not None else hardware >> 16)
+        if (hardware ^ self.drive.hardware_version) & family.hardware_mask:
             expected = self.drive.hardware_version
-            raise WrongDevice(
-                self.name, f"node {self.drive.node_id} is hardware 0x{hardware:04X}, expected 0x{expected:04X}"
-            )
-        if firmware < self.drive.min_firmware:
-            needed = self.drive.min_firmware
+            raise WrongDevice(self.name, f"node {node} is hardware 0x{hardware:04X}, expected 0x{expected:04X}")
+        if firmware < self.drive.oldest_firmware:
+            needed = self.drive.oldest_firmware
             raise WrongDevice(self.name, f"firmware 0x{firmware:04X} is older than 0x{needed:04X}: update the drive")
         if self.drive.serial_number is not None:
             serial = await self.read(SERIAL_NUMBER)
             if serial != self.drive.serial_number:
                 raise WrongDevice(self.name, f"serial number {serial:08X}, expected {self.drive.serial_number:08X}")
 
+    async def _read_bits(self, bits: Bits) -> int:
+        return await self.read(bits.object) >> bits.shift
+
+    async def _check_generation(self, version: int) -> None:
+        """A maxon hardware version is of our family; one that tells none, by an object that only our family has."""
+        family = self._family
+        found = GENERATIONS.get(version >> 4 & 0xF)
+        if found is None and family.witness is not None:
+            try:
+                await self.read(family.witness)
+            except SdoAbort as refused:
+                seen = f"is no {family.title}: hardware 0x{version:04X}, without object {family.witness}"
+                raise WrongDevice(self.name, f"node {self.drive.node_id} {seen}") from refused
+        if found is not None and found is not family and (family.generation or found.mask != family.mask):
+            seen = f"is of family {found.name} ({found.title}, hardware 0x{version:04X})"
+            problem = f"node {self.drive.node_id} {seen}, the robot file says {family.name}"
+            raise WrongDevice(self.name, problem)
+
     async def _read_state(self) -> DriveState:
-        return state_from_statusword(await self.read(STATUSWORD))
+        return self._family.state(await self.read(STATUSWORD))
 
     async def _settled_state(self) -> DriveState:
         """Switch On Disabled, once it is in it; else the state in which it stays."""
@@ -335,7 +380,7 @@ class EposJobs:
 
     async def _settled(self, read: Callable[[], Awaitable[T]], wanted: T) -> T:
         """What is read as soon as it is `wanted`, or at last: a drive may follow a write a while after its answer."""
-        for _ in range(round(STATE_TIME / POLL)):
+        for _ in range(round(self._family.state_time / POLL)):
             if (seen := await read()) == wanted:
                 return seen
             await asyncio.sleep(POLL)

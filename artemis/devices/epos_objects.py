@@ -1,86 +1,20 @@
-"""Objects of the first-generation EPOS, and what a robot file makes of them: the configuration as data.
-
-Source of indices, types and units: EPOS firmware specification, April 2010, chapters 13 and 14. Drive units are counts
-(quadcounts), rpm and rpm/s of the motor shaft, mA and ms.
-"""
+"""The configuration of a drive: what its family's tables and the robot file make of it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import pi
-from typing import NamedTuple
 
-from artemis.devices.canopen import RXPDO, TXPDO, ObjectType
-from artemis.vehicle import OPERATING_MODES, Drive, RobotFile
+from artemis.devices.canopen import RXPDO, TXPDO, PdoLayout
+from artemis.drive_schema import Drive
+from artemis.families.family import SYNC_PERIOD, TORQUE_CONSTANT, Family
+from artemis.families.objects import MODE_DISPLAY, U8, U32, Object, Setting
+from artemis.vehicle import RobotFile
 
-U8, U16, U32, I8, I16, I32 = (
-    ObjectType.U8,
-    ObjectType.U16,
-    ObjectType.U32,
-    ObjectType.I8,
-    ObjectType.I16,
-    ObjectType.I32,
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Object:
-    """One entry of the object dictionary."""
-
-    index: int
-    subindex: int
-    type: ObjectType
-
-    def __str__(self) -> str:
-        return f"0x{self.index:04X}:{self.subindex}"
-
-    @property
-    def mapping(self) -> int:
-        """Its PDO mapping entry."""
-        return self.index << 16 | self.subindex << 8 | self.type.size * 8
-
-
-class Setting(NamedTuple):
-    """A value that an object must have."""
-
-    object: Object
-    value: int
-
-
-ERROR_COUNT = Object(0x1003, 0, U8)
-STORE = Object(0x1010, 1, U32)
-CONSUMER_HEARTBEAT = Object(0x1016, 1, U32)
-VENDOR = Object(0x1018, 1, U32)
-SERIAL_NUMBER = Object(0x1018, 4, U32)
-SOFTWARE_VERSION = Object(0x2003, 1, U16)
-HARDWARE_VERSION = Object(0x2003, 2, U16)
-MEMORY = tuple(Object(0x200C, number, I32) for number in range(1, 5))
-"""Custom persistent memory: four numbers of the user's own, kept with `STORE`."""
-POSITION_SETTING = Object(0x2062, 0, I32)
-ANALOG_1, ANALOG_2 = Object(0x207C, 1, I16), Object(0x207C, 2, I16)
-VELOCITY_AVERAGED = Object(0x2028, 0, I32)
-CONTROLWORD = Object(0x6040, 0, U16)
-STATUSWORD = Object(0x6041, 0, U16)
-MODE = Object(0x6060, 0, I8)
-MODE_DISPLAY = Object(0x6061, 0, I8)
-POSITION = Object(0x6064, 0, I32)
-CURRENT = Object(0x6078, 0, I16)
-POSITION_LIMITS = Object(0x607D, 1, I32), Object(0x607D, 2, I32)
-TARGET_VELOCITY = Object(0x60FF, 0, I32)
-GAINS = tuple(
-    Object(0x60F6 + regulator, number, I16)
-    for regulator, number in ((0, 1), (0, 2), (3, 1), (3, 2), (5, 1), (5, 2), (5, 3))
-)
-"""Of the regulators: current P, I; velocity P, I; position P, I, D."""
-
-SAVE = 0x65766173
-"""Signature that `STORE` wants: the letters "save" (CiA 301 7.5.2.13)."""
-MAXON = 0x000000FB
+PERIOD = 0.02
+"""Of SYNC, where nobody says another [s]: outside of a run there is none."""
 UNREADABLE = -1
 """Error code that stands for an emergency frame of the wrong length."""
-LIMIT_OFF = (-0x80000000, 0x7FFFFFFF)
-"""Values of 0x607D that switch the position limits off (14.74)."""
 JITTER = 0.1
 """Two frames that seem to have come at once may be sampled so far apart [s]."""
 HOST_WATCH_MS = 200
@@ -88,27 +22,12 @@ HOST_WATCH_MS = 200
 NODE_HEARTBEAT_MS = 100
 DRIVE_RAMP = 5.0
 """Ramp inside the traction drives [m/s²]. The gate shapes speeds; the drive only has to follow it."""
-MAX_PROFILE_VELOCITY = 25000
 STEERING_RAMP = 10000
 """Factory default of 0x6083 to 0x6085 [rpm/s]."""
-
-_MOTOR_TYPES = {"dc": 1, "ec_sine": 10, "ec_block": 11}
-_SENSOR_TYPES = {"encoder_3_channel": 1, "encoder_2_channel": 2, "hall": 3}
-_NOT_VALID = 0x80000000
+NOT_VALID = 0x80000000
+"""Bit of a PDO's COB-ID: the PDO is switched off."""
 _NO_RTR = 0x40000000
 _ON_SYNC, _AT_ONCE = 1, 255
-
-SET_POINT = {"traction": TARGET_VELOCITY, "steering": POSITION_SETTING}
-"""The object that carries a drive's set-point in its operating mode."""
-RECEIVED: dict[str, tuple[tuple[Object, ...], ...]] = {
-    role: ((CONTROLWORD, set_point), (CONTROLWORD,)) for role, set_point in SET_POINT.items()
-}
-"""RxPDO 1 (taken over at SYNC) and 2 (at once: stop frames); 3 and 4 are switched off."""
-SENT: dict[str, tuple[tuple[Object, ...], ...]] = {
-    "traction": ((STATUSWORD, POSITION), (VELOCITY_AVERAGED, CURRENT, MODE_DISPLAY)),
-    "steering": ((STATUSWORD, POSITION), (ANALOG_1, ANALOG_2, CURRENT, MODE_DISPLAY)),
-}
-"""TxPDO 1 and 2, both sampled at SYNC; 3 and 4 are switched off."""
 
 
 class Units:
@@ -119,11 +38,13 @@ class Units:
         if drive.role == "traction":
             per_unit = 1 / robot.metres_per_count(drive.side)
         else:
-            per_unit = counts * drive.gear_ratio / (2 * pi) / robot.potentiometers(drive.side).scale
+            per_unit = counts * drive.gear_ratio / (2 * pi) / robot.angle_source(drive.side).scale
         self.counts = -per_unit if drive.mirrored else per_unit
         """Counts per metre (traction) or radian (steering) of the wheel, signed."""
         self.rpm = self.counts * 60 / counts
         """Motor rpm per m/s or rad/s of the wheel, signed; also rpm/s per m/s² or rad/s²."""
+        self.velocity = self.rpm * drive.tables.velocity_scale
+        """The drive's units of velocity per m/s or rad/s of the wheel, signed."""
         self._fastest = 1.5 * drive.motor.max_speed_rpm / abs(self.rpm)
 
     def farthest(self, elapsed: float) -> float:
@@ -131,54 +52,84 @@ class Units:
         return self._fastest * (elapsed + JITTER)
 
 
+class PdoPlaces:
+    """The PDOs of a drive, and where in them stands what; -1: nowhere."""
+
+    def __init__(self, family: Family, role: str) -> None:
+        received, sent = family.received[role], family.sent[role]
+        self.set_point, self.stop = [PdoLayout([o.type for o in pdo]) for pdo in received]
+        self.status, self.details = [PdoLayout([o.type for o in pdo]) for pdo in sent]
+        self.early_mode = MODE_DISPLAY in sent[0]
+        """TxPDO 1 has the mode, in its third place. The others are places in TxPDO 2."""
+        self.velocity = _place(family.velocity, sent[1])
+        self.analog = _place(family.analog[0], sent[1]) if family.analog else -1
+        """Of the first analog input; the second follows."""
+        self.current = _place(family.current, sent[1])
+        self.mode = _place(MODE_DISPLAY, sent[1])
+        self.per_volt, self.per_ampere = family.analog_scale, family.current_scale
+
+
+def _place(wanted: Object | None, mapped: tuple[Object, ...]) -> int:
+    return mapped.index(wanted) if wanted in mapped else -1
+
+
 def wrapped(counts: int) -> int:
     """Object 0x6064 is a signed 32-bit counter that wraps."""
     return ((counts + 0x80000000) & 0xFFFFFFFF) - 0x80000000
 
 
-def settings(robot: RobotFile, drive: Drive) -> Iterator[Setting]:
-    """Everything that is configured but the PDOs, in an order that the drive accepts."""
-    motor, sensor, limits = drive.motor, drive.sensor, robot.limits
-    yield Setting(Object(0x6402, 0, U16), _MOTOR_TYPES[motor.type])  # before the sensor: halls alone need type 11
-    yield Setting(Object(0x6410, 1, U16), motor.continuous_current_ma)
-    yield Setting(Object(0x6410, 2, U16), motor.output_current_ma)
-    yield Setting(Object(0x6410, 3, U8), motor.pole_pairs)
-    yield Setting(Object(0x6410, 4, U16), motor.max_speed_rpm)
-    yield Setting(Object(0x6410, 5, U16), round(motor.thermal_time_constant_s * 10))
-    if sensor.type != "hall":
-        yield Setting(Object(0x2210, 1, U16), sensor.counts_per_turn // 4)
-    yield Setting(Object(0x2210, 2, U16), _SENSOR_TYPES[sensor.type])
-    yield from _gains(drive)
-    yield Setting(Object(0x6065, 0, U32), drive.following_error_counts)
-    yield from (Setting(o, v) for o, v in zip(POSITION_LIMITS, LIMIT_OFF, strict=True))
+def quantities(robot: RobotFile, drive: Drive, period: float) -> dict[str, int]:
+    """What the tables of a family ask the robot file for, in the drive's units; `period` of SYNC [s].
+
+    What the robot file does not give is not there, and not written.
+    """
+    motor, sensor, limits, family = drive.motor, drive.sensor, robot.limits, drive.tables
+    rpm = abs(Units(robot, drive).rpm)
     if drive.role == "traction":
-        rpm = abs(Units(robot, drive).rpm)
-        ramps = DRIVE_RAMP * rpm, DRIVE_RAMP * rpm, limits.quick_stop_deceleration_m_s2 * rpm
+        ramps = DRIVE_RAMP * rpm, limits.quick_stop_deceleration_m_s2 * rpm
         top = limits.wheel_speed_m_s * rpm
     else:
-        ramps = STEERING_RAMP, STEERING_RAMP, STEERING_RAMP
+        ramps = STEERING_RAMP, STEERING_RAMP
         top = motor.max_speed_rpm
-    yield Setting(Object(0x607F, 0, U32), min(MAX_PROFILE_VELOCITY, round(top)))
-    for index, ramp in zip((0x6083, 0x6084, 0x6085), ramps, strict=True):
-        yield Setting(Object(index, 0, U32), round(ramp))
-    yield Setting(Object(0x6086, 0, I16), 0)  # trapezoidal
-    yield Setting(Object(0x100C, 0, U16), 0)  # no node guarding: heartbeats instead
-    yield Setting(Object(0x100D, 0, U8), 0)
-    yield Setting(Object(0x1017, 0, U16), NODE_HEARTBEAT_MS)
-    yield Setting(Object(0x1016, 2, U32), 0)
-    yield Setting(CONSUMER_HEARTBEAT, robot.host_node_id << 16 | HOST_WATCH_MS)
-    yield Setting(MODE, OPERATING_MODES[drive.role])
+    ramp, quick_stop = (round(each * family.acceleration_scale) for each in ramps)
+    found = {
+        "continuous current": motor.continuous_current_ma,
+        "output current": motor.output_current_ma,
+        "pole pairs": motor.pole_pairs,
+        "motor speed": motor.max_speed_rpm,
+        "thermal time": round(motor.thermal_time_constant_s * 10),
+        "counts": sensor.counts_per_turn,
+        "following error": drive.following_error_counts,
+        "top velocity": min(family.top_velocity, round(top * family.velocity_scale)),
+        "acceleration": ramp,
+        "deceleration": ramp,
+        "quick-stop deceleration": quick_stop,
+        "node heartbeat": NODE_HEARTBEAT_MS,
+        "host watch": robot.host_node_id << 16 | HOST_WATCH_MS,
+        SYNC_PERIOD: round(period * 1000),
+        "mode": drive.operating_mode,
+        **{f"gain {number}": gain for number, gain in enumerate(drive.gain_numbers)},
+        **{name: table[motor.type, sensor.type] for name, table in family.choices.items()},
+    }
+    if sensor.type != "hall":
+        found["pulses"] = sensor.counts_per_turn // 4
+    if motor.torque_constant_mnm_per_a is not None:
+        found[TORQUE_CONSTANT] = round(motor.torque_constant_mnm_per_a * 1000)
+    return found
 
 
-def _gains(drive: Drive) -> Iterator[Setting]:
-    gains = drive.gains
-    if gains is not None:
-        yield from map(Setting, GAINS, gains.numbers)
+def settings(robot: RobotFile, drive: Drive, period: float) -> Iterator[Setting]:
+    """Everything that is configured but the PDOs, in an order that the drive accepts; `period` of SYNC [s]."""
+    known = quantities(robot, drive, period)
+    for object, value in drive.tables.configuration:
+        number = known.get(value) if isinstance(value, str) else value
+        if number is not None:
+            yield Setting(object, number)
 
 
 def pdo_settings(drive: Drive) -> Iterator[list[Setting]]:
     """The PDOs one by one, each switched off while its mapping changes (14.20 to 14.31; only in Pre-Operational)."""
-    received, sent = RECEIVED[drive.role], SENT[drive.role]
+    received, sent = drive.tables.received[drive.role], drive.tables.sent[drive.role]
     for number in range(4):
         mapped = received[number] if number < len(received) else ()
         kind = _ON_SYNC if number == 0 else _AT_ONCE
@@ -190,7 +141,7 @@ def pdo_settings(drive: Drive) -> Iterator[list[Setting]]:
 
 
 def _pdo(communication: int, mapping: int, cob_id: int, mapped: tuple[Object, ...], kind: int) -> Iterator[Setting]:
-    yield Setting(Object(communication, 1, U32), _NOT_VALID | cob_id)
+    yield Setting(Object(communication, 1, U32), NOT_VALID | cob_id)
     if not mapped:
         return
     yield Setting(Object(communication, 2, U8), kind)

@@ -1,8 +1,7 @@
-"""Device states of the EPOS: statusword -> state, and (state, goal) -> controlword. Pure tables.
+"""What to command a drive: (state, goal) -> controlword. Pure tables.
 
-Source: EPOS firmware specification, April 2010, 8.1.1 (patterns), 8.1.2 (transitions), 14.59 (controlword). The EPOS
-is not a generic CiA 402 drive: bits 8 and 14 belong to the state, Refresh and Measure Init exist, a quick stop never
-ends by itself.
+Source: EPOS firmware specification, April 2010, 8.1.2 (transitions), 14.59 (controlword); CiA 402, 6.2, has the same
+commands, and fewer states. How a statusword tells the state is a matter of the drive's family.
 """
 
 from __future__ import annotations
@@ -10,24 +9,6 @@ from __future__ import annotations
 from enum import IntEnum
 
 from artemis.drive_states import DriveState, Goal
-
-MASK = 0x417F
-"""Statusword bits 14, 8 and 6..0: those that tell the state (table 1 of the specification)."""
-
-PATTERNS = {
-    0x0000: DriveState.START,
-    0x0100: DriveState.NOT_READY,
-    0x0140: DriveState.SWITCH_ON_DISABLED,
-    0x0121: DriveState.READY,
-    0x0123: DriveState.SWITCHED_ON,
-    0x4123: DriveState.REFRESH,
-    0x4133: DriveState.MEASURE_INIT,
-    0x0137: DriveState.OPERATION_ENABLE,
-    0x0117: DriveState.QUICK_STOP_ACTIVE,
-    0x010F: DriveState.FAULT_REACTION_DISABLED,
-    0x011F: DriveState.FAULT_REACTION_ENABLED,
-    0x0108: DriveState.FAULT,
-}
 
 
 class Controlword(IntEnum):
@@ -65,11 +46,6 @@ COMMANDS: dict[DriveState, dict[Goal, Controlword]] = {
     _S.UNKNOWN: {_D: _OFF, _E: _STOP, _H: _STOP, _Q: _STOP, _R: _OFF},
 }
 """What to command in each state to come nearer to each goal. A fault is reset only where that is the goal."""
-
-
-def state_from_statusword(statusword: int) -> DriveState:
-    """The device state that a statusword (0x6041) tells; UNKNOWN for a pattern the specification does not have."""
-    return PATTERNS.get(statusword & MASK, DriveState.UNKNOWN)
 
 
 def controlword(state: DriveState, goal: Goal, last: int = 0) -> int:

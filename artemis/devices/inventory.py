@@ -9,15 +9,14 @@ from artemis.devices.can_bus import FrameBus
 from artemis.devices.drive import Drives
 from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
-from artemis.devices.epos_objects import SERIAL_NUMBER, U32, VENDOR, Object
 from artemis.devices.serial_line import SerialLine
 from artemis.drive_states import Nmt
 from artemis.errors import DeviceError
+from artemis.families.objects import DEVICE_TYPE, PRODUCT, REVISION, SERIAL_NUMBER, VENDOR
 from artemis.vehicle import RobotFile
 
 LISTEN = 0.5
 """Heartbeats are waited for so long [s]; those of a configured drive come in a fifth of it."""
-DEVICE_TYPE, PRODUCT, REVISION = Object(0x1000, 0, U32), Object(0x1018, 2, U32), Object(0x1018, 3, U32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +34,8 @@ class NodeReport:
     product: int = 0
     revision: int = 0
     serial: int = 0
+    bitrate: int | None = None
+    """What it speaks once it is switched on again [bit/s]; 0: what it hears; None: it has no such setting."""
     nmt: Nmt | None = None
     """By its heartbeat; None: none was heard."""
     unheard: str = "sends no heartbeat"
@@ -59,6 +60,8 @@ async def _ask(drive: EposDrive, serial_line: bool) -> NodeReport:
     try:
         values = [await jobs.read(object) for object in (DEVICE_TYPE, VENDOR, PRODUCT, REVISION, SERIAL_NUMBER)]
         history = await jobs.read_history()
+        family = drive.family
+        bitrate = family.bit_rates.get(await jobs.read(family.bit_rate)) if family.bit_rate else None
     except DeviceError as error:
         return NodeReport(name=drive.name, node_id=drive.node_id, problem=error.problem)
     device_type, vendor, product, revision, serial = values
@@ -70,6 +73,7 @@ async def _ask(drive: EposDrive, serial_line: bool) -> NodeReport:
         product=product,
         revision=revision,
         serial=serial,
+        bitrate=bitrate,
         unheard="its heartbeat passes no serial line" if serial_line else "sends no heartbeat",
         nmt=Nmt.PRE_OPERATIONAL if nmt is Nmt.INITIALISING else nmt,  # a boot-up was its last word (CiA 301 7.3.2.2)
         history=history,

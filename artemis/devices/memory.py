@@ -17,7 +17,7 @@ from artemis.values import Job, JobKind
 from artemis.vehicle import RobotFile
 
 LISTEN = 0.3
-"""Seconds of listening before the first frame of ours, as a run does."""
+"""Seconds of listening before the first frame of ours, as a run does; drives that were just switched on boot in it."""
 
 
 async def read_gains(robot: RobotFile, bus: FrameBus) -> dict[str, tuple[int, ...] | str]:
@@ -26,6 +26,7 @@ async def read_gains(robot: RobotFile, bus: FrameBus) -> dict[str, tuple[int, ..
     Only reads; not while somebody else talks SDO to the drives.
     """
     jobs = _jobs(_drives(robot, bus))
+    await asyncio.sleep(LISTEN)
 
     async def ask(name: str) -> tuple[int, ...] | str:
         try:

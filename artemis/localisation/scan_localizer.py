@@ -137,6 +137,9 @@ class ScanLocalizer:
         self._doubt = 1.0 if start is None else 0.0
         self._start_std = None if start is None else start_std
         self._measured: Array | None = None
+        self._given: tuple[Array, tuple[float, float]] | None = None
+        self.refused: float | None = None
+        """How well the newest scan fitted where the robot was said to be: not well enough; None: all is well."""
         self._gathered, self._scans, self._astray, self._searched = 0.0, 0, 0, np.inf
         """Driven and seen since the last search of the whole map; scans that fitted nowhere; driven since the last one
         near by."""
@@ -157,8 +160,12 @@ class ScanLocalizer:
         length = float(np.hypot(step[0], step[1]))
         self._gathered += length
         self._scans += 1
-        self._measured, quality = None, 0.0
-        if self._doubt < 1:
+        self._measured, quality, self.refused = None, 0.0, None
+        if (given := self._matched_as_given(points)) is not None:
+            self._doubt, self._start_std, self._before, self._astray = 0.0, None, None, 0
+            self._weigh(given, given.pose, length)
+            quality = given.score
+        elif self._doubt < 1:
             if self._start_std is not None:
                 found, self._start_std = self._matched_at_start(points, self._start_std), None
             else:
@@ -173,6 +180,13 @@ class ScanLocalizer:
             doubt=self._doubt,
             measured=self._measured,
         )
+
+    def begin_at(self, pose: Array, std: tuple[float, float]) -> None:
+        """Search the next scan around a pose, shape (3,), of these standard deviations [m, rad].
+
+        If it fits nowhere there, all is as it was before, and `refused` says so.
+        """
+        self._given = np.array(pose, float), std
 
     def wanted(self) -> PlaceSearch | None:
         """What to look for on the whole map; None: the robot is not lost, it saw too little yet, or is looked for."""
@@ -269,14 +283,30 @@ class ScanLocalizer:
 
     def _matched_at_start(self, points: Array, std: tuple[float, float]) -> Match:
         """The first scan on the map, searched around where the robot should begin."""
-        settings, grid, nowhere = self.settings, self._map.grid, Match(NOWHERE, self._pose, np.zeros((3, 3)))
+        found = self._around(points, self._pose, std)
+        if len(points) >= self.settings.matching.least_points:
+            self._doubt = 0.0 if found.score >= self.settings.good else 1.0
+        return found
+
+    def _matched_as_given(self, points: Array) -> Match | None:
+        """The scan on the map where somebody says that the robot is; None: nobody does, or it does not fit there."""
+        if self._given is None:
+            return None
+        given, self._given = self._given, None
+        found = self._around(points, *given)
+        if found.score >= self.settings.good:
+            return found
+        self.refused = max(0.0, found.score)
+        return None
+
+    def _around(self, points: Array, pose: Array, std: tuple[float, float]) -> Match:
+        """The scan on the map, around a pose of these standard deviations."""
+        settings, grid, nowhere = self.settings, self._map.grid, Match(NOWHERE, pose, np.zeros((3, 3)))
         if len(points) < settings.matching.least_points:
             return nowhere
         distance, turn = min(3 * std[0], settings.start), min(3 * std[1], settings.start_turn)
-        found = grid.search(points, self._pose, distance, turn, prior=settings.start_prior)
-        found = grid.refine(points, found.pose) if found.score > 0 else nowhere
-        self._doubt = 0.0 if found.score >= settings.good else 1.0
-        return found
+        found = grid.search(points, pose, distance, turn, prior=settings.start_prior)
+        return grid.refine(points, found.pose) if found.score > 0 else nowhere
 
     def _matched(self, points: Array, predicted: Array, length: float, turn: float) -> Match:
         """The scan on the map, near where the robot should be."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -29,8 +29,8 @@ class ScanReadings:
         self._way: deque[tuple[float, Array]] = deque(maxlen=_KEPT)
         self._origin, self._reset = _ORIGIN, False
 
-    def see(self, tick: Tick) -> Iterator[Reading]:
-        """Take the next tick; returns its scans."""
+    def see(self, tick: Tick, wanted: Callable[[Array], bool] = lambda _: True) -> Iterator[Reading]:
+        """Take the next tick; returns its scans, but only those at whose odometry (shape (3,)) they are wanted."""
         pose = tick.snapshot.odometry.pose
         counted = np.array([pose.x, pose.y, pose.heading])
         if self._reset:  # another origin: the robot has not moved
@@ -39,13 +39,15 @@ class ScanReadings:
         self._way.append((tick.snapshot.time, compose(self._origin, counted)))
         for scan in tick.snapshot.sensed.scans:
             if scan.source == self._name:
-                yield self._reading(scan)
+                lasting = scan.beam_time * max(0, len(scan.millimetres) - 1)
+                middle = self._at(scan.time + lasting / 2)
+                if wanted(middle):
+                    yield self._reading(scan, lasting, middle)
 
-    def _reading(self, scan: Scan) -> Reading:
-        lasting = scan.beam_time * max(0, len(scan.millimetres) - 1)
-        begin, middle, end = (self._at(scan.time + share * lasting) for share in (0.0, 0.5, 1.0))
-        time, of = scan.time + lasting / 2, [_pose(each) for each in (begin, middle, end)]
-        seen = Sighting(scan=scan, time=time, begin=of[0], middle=of[1], end=of[2], counted=True)
+    def _reading(self, scan: Scan, lasting: float, middle: Array) -> Reading:
+        time = scan.time + lasting / 2
+        begin, half, end = (_pose(each) for each in (self._at(scan.time), middle, self._at(scan.time + lasting)))
+        seen = Sighting(scan=scan, time=time, begin=begin, middle=half, end=end, counted=True)
         return Reading(time=time, odometry=middle, points=points_of(seen, self._mounting, self._settings))
 
     def _at(self, time: float) -> Array:

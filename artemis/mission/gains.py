@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from artemis.drive_schema import Gains
 from artemis.mission.actions import NewGains
 from artemis.mission.problems import nearest
-from artemis.vehicle import Gains, RobotFile
+from artemis.vehicle import RobotFile
 
 MOST = 10
 """No gain grows by more than this factor in one trial: a zero too many is refused, larger changes go by steps."""
@@ -17,6 +18,8 @@ def check_gains(wanted: Mapping[str, NewGains], robot: RobotFile) -> Iterator[tu
     for name, new in wanted.items():
         if name not in robot.drives:
             yield name, f"no such drive{nearest(name, robot.drives, 'drives')}"
+        elif (family := robot.drives[name].tables).gains_in_si or not family.gains:
+            yield name, f"gains of this kind of drive ({family.title}) are not tried: tune it with the maker's tool"
         elif (known := robot.drives[name].gains) is None:
             yield name, "the robot file has no gains of it: write there those that `artemis calibrate gains` shows"
         else:

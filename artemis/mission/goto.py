@@ -23,16 +23,32 @@ MOST_OFF = 0.3
 """Farther from its route the robot is lost [m]."""
 
 
+class AskedGoal(Config):
+    """A goal that somebody gives while the step runs, over an input."""
+
+    from_input: Annotated[str, Field(min_length=1)]
+    """One of the mission's `inputs`, which allows it: `allow: [goal_pose]`. The robot stands until the goal comes;
+    another one on the way replaces it, once the robot stands."""
+
+
+def _kind_of(to: object) -> str:
+    if isinstance(to, AskedGoal) or (isinstance(to, dict) and "from_input" in to):
+        return "<input>"
+    return "<pose>" if isinstance(to, dict | MapPose) else "<place>"
+
+
 class Goto(Config):
     """Drive to a place on a map, on a route that is planned for it; another one where something stands in the way."""
 
     map: FileName
     """A map's YAML file, as of map_server. Zones and places stand beside it: of `hall.yaml` in `hall.zones.yaml`."""
     to: Annotated[
-        Annotated[Annotated[str, Field(min_length=1)], Tag("<place>")] | Annotated[MapPose, Tag("<pose>")],
-        Discriminator(lambda to: "<pose>" if isinstance(to, dict | MapPose) else "<place>"),
+        Annotated[Annotated[str, Field(min_length=1)], Tag("<place>")]
+        | Annotated[MapPose, Tag("<pose>")]
+        | Annotated[AskedGoal, Tag("<input>")],
+        Discriminator(_kind_of),
     ]
-    """A place by its name, or where the centre of the rear axle is to be on the map."""
+    """A place by its name, where the centre of the rear axle is to be on the map, or an input that gives the goal."""
     speed_m_s: Positive = 0.4
     """Highest speed of the virtual front wheel."""
     follower: FollowerUse = FollowerUse()
@@ -50,7 +66,14 @@ class Goto(Config):
         """Where it leads, for people."""
         if isinstance(self.to, str):
             return self.to
+        if isinstance(self.to, AskedGoal):
+            return f"a goal of {self.to.from_input}"
         return f"x {self.to.x_m:g} m, y {self.to.y_m:g} m, {self.to.heading_deg:g} degrees"
+
+    @property
+    def asks(self) -> str:
+        """The input that gives the goal; empty: it is stated."""
+        return self.to.from_input if isinstance(self.to, AskedGoal) else ""
 
     @property
     def follower_options(self) -> dict[str, object]:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import radians
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from artemis.bridges.poses import GOAL_POSE
 from artemis.errors import ConfigError
 from artemis.mission.files import read_data
-from artemis.mission.goto import BEYOND, Goto, goto_rules
+from artemis.mission.goto import BEYOND, AskedGoal, Goto, goto_rules
 from artemis.mission.obstacles import Obstacles
 from artemis.mission.problems import nearest
-from artemis.mission.reading import MissionReading
+from artemis.mission.reading import Configs, MissionReading
+from artemis.plugins.contracts import AllowsRequests
+from artemis.plugins.stated import allowed
 from artemis.plugins.used import localizer_used
 from artemis.values import Pose
 from artemis.vehicle import RobotFile
@@ -25,11 +29,11 @@ if TYPE_CHECKING:
 class GotoChecks(MissionReading):
     """Notes what is wrong in these steps."""
 
-    def __init__(self, path: Path, simulate: bool = False) -> None:
-        super().__init__(path, simulate)
+    def __init__(self, path: Path, simulate: bool = False, page: Mapping[str, Any] | None = None) -> None:
+        super().__init__(path, simulate, page)
         self._floors: dict[str, tuple[Floor, MapZones] | None] = {}
 
-    def _check_goto(self, number: int, at: KeyPath, goto: Goto, robot: RobotFile | None) -> None:
+    def _check_goto(self, number: int, at: KeyPath, goto: Goto, robot: RobotFile | None, inputs: Configs) -> None:
         if localizer_used(self._data, simulated=self._simulated) is None:
             self._complain(
                 at,
@@ -39,15 +43,17 @@ class GotoChecks(MissionReading):
         if robot is not None and robot.outline is None:
             self._complain(at, f"routes are planned for the robot's outline: write it in {self._robot_source}")
         self._check_follower(at, goto)
+        self._check_asked((*at, "to", "from_input"), goto.asks, inputs)
         found = self._floor((*at, "map"), goto.map)
-        pose = found and self._goal(at, goto, found[1])
-        if found is None or pose is None or robot is None or robot.outline is None:
+        pose = None if goto.asks else found and self._goal(at, goto, found[1])
+        if found is None or (pose is None and not goto.asks) or robot is None or robot.outline is None:
             return
         from artemis.route_planning.floor import MARGIN, Destination, goal_problem
 
         rules = goto_rules(goto, self._part(Obstacles, "obstacles") if "obstacles" in self._data else None, robot)
         margin = max(MARGIN, 0.0 if rules is None or rules.mode == "off" else rules.margin + BEYOND)
-        if (problem := goal_problem(found[0], robot, pose, margin)) is not None:
+        problem = None if pose is None else goal_problem(found[0], robot, pose, margin)
+        if problem is not None:
             self._complain((*at, "to"), f"{goto.place}: {problem}")
             return
         self._destinations[number] = Destination(
@@ -57,6 +63,14 @@ class GotoChecks(MissionReading):
             margin=margin,
             forward_first=rules is not None and rules.mode != "off" and not rules.unseen_reverse,
         )
+
+    def _check_asked(self, at: KeyPath, name: str, inputs: Configs) -> None:
+        """The input that gives the goal; none if that is stated."""
+        if name and name not in inputs:
+            self._complain(at, f"no such input: {name}{nearest(name, inputs, 'inputs')}")
+        elif name and (config := inputs[name]) is not None and GOAL_POSE not in allowed(config):
+            where = f"add `allow: [{GOAL_POSE}]` to it" if isinstance(config, AllowsRequests) else "its plugin has none"
+            self._complain(at, f"{name} gives no goals: {where}")
 
     def _check_follower(self, at: KeyPath, goto: Goto) -> None:
         """The keys of the follower's plugin; its speed is the step's."""
@@ -75,7 +89,7 @@ class GotoChecks(MissionReading):
     def _goal(self, at: KeyPath, goto: Goto, zones: MapZones) -> Pose | None:
         """Where it leads, in the frame of the map."""
         place = zones.places.get(goto.to) if isinstance(goto.to, str) else goto.to
-        if place is None:
+        if place is None or isinstance(place, AskedGoal):
             self._complain(
                 (*at, "to"), f"no such place on {goto.map}: {goto.to}{nearest(str(goto.to), zones.places, 'places')}"
             )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from artemis.bridges.poses import INITIAL_POSE
 from artemis.config import Config
 from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
@@ -19,8 +20,8 @@ from artemis.mission.problems import by_position, nearest, problems_from
 from artemis.mission.reading import Configs, Model
 from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
 from artemis.mission.surroundings import SurroundingsChecks
-from artemis.plugins.contracts import PluginContext
-from artemis.plugins.stated import is_pure
+from artemis.plugins.contracts import PluginContext, TakesInitialPose
+from artemis.plugins.stated import allowed, is_pure
 from artemis.progress import OWN_STEPS
 from artemis.states.outline import steps_in
 from artemis.vehicle import RobotFile
@@ -67,7 +68,9 @@ class LoadedMission:
     """Makes the mission's faults happen in its simulation; None: it has none."""
 
 
-def load_mission(path: FilePath, simulate: bool = False, *, tried: bool = True) -> LoadedMission:
+def load_mission(
+    path: FilePath, simulate: bool = False, *, tried: bool = True, page: Mapping[str, Any] | None = None
+) -> LoadedMission:
     """Read a mission and all that it names.
 
     A plugin's option `file`, or one that ends in `_file`, names a file; or an earlier run: then what its inputs gave.
@@ -77,11 +80,12 @@ def load_mission(path: FilePath, simulate: bool = False, *, tried: bool = True) 
         simulate: to run it against simulated drives, whatever bus it names.
         tried: Plugins that open nothing are made, as they may have more to say. For a replay they are not: what they
             need may not be installed.
+        page: Add a page for operators, with these keys of its observer; None: as the mission says.
 
     Raises:
         ConfigError: everything that is wrong in the mission, robot and path files, in the order of their lines.
     """
-    return _Loading(path, simulate).result(tried)
+    return _Loading(path, simulate, page).result(tried)
 
 
 def load_model(path: FilePath, model: type[Model]) -> Model:
@@ -128,6 +132,8 @@ class _Loading(SurroundingsChecks):
     def result(self, tried: bool) -> LoadedMission:
         mission = self._validated(Mission, self._document)
         robot = self._robot()
+        if mission is not None and robot is not None:
+            self._check_drives(mission, robot)
         inputs = self._inputs()
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
         self._check_bus()
@@ -139,6 +145,7 @@ class _Loading(SurroundingsChecks):
             self._check_mapping(robot)
         scenery, grid = self._scenery()
         self._check_steps(robot, inputs)
+        self._check_initial_poses(inputs)
         self._check_faults(robot, inputs)
         self._check_policies()
         if robot is not None and tried:
@@ -178,6 +185,24 @@ class _Loading(SurroundingsChecks):
             return None
         return self._validated(RobotFile, document)
 
+    def _check_drives(self, mission: Mission, robot: RobotFile) -> None:
+        """Drives that interpolate are told the period of set-points in whole ms; not all can be simulated."""
+        interpolating = [name for name, drive in robot.drives.items() if drive.tables.interpolates]
+        if interpolating and 1000 % mission.tick_hz:
+            rates = ", ".join(str(rate) for rate in range(25, 201) if not 1000 % rate)
+            period = f"a period of {1000 / mission.tick_hz:.3g} ms"
+            text = f"{period}; {interpolating[0]} interpolates over whole milliseconds: expected one of {rates}"
+            self._complain(("tick_hz",), text)
+        if not self._simulated:
+            return
+        from artemis.sim.drive_node import NODES
+
+        unknown = [name for name, drive in robot.drives.items() if drive.family not in NODES]
+        if unknown:
+            family = robot.drives[unknown[0]].family
+            text = f"{unknown[0]} is of family {family}, which cannot be simulated; {' and '.join(NODES)} can"
+            self._complain(("robot",), text)
+
     def _inputs(self) -> dict[str, Config | None]:
         """Options of the mission's inputs by name; None where they are wrong."""
         inputs = {name: self._plugin("artemis.inputs", "inputs", name) for name in self._names("inputs")}
@@ -202,6 +227,16 @@ class _Loading(SurroundingsChecks):
                     self._problems.append(problem)
                 elif not any(known.startswith(place) for known in self._problems):
                     self._complain((*path, *key), problem)
+
+    def _check_initial_poses(self, inputs: Configs) -> None:
+        """Whether a localizer takes those that inputs give."""
+        localizers = [self._plugins[at] for at in (("localizer",), ("simulation", "localizer")) if at in self._plugins]
+        if any(isinstance(plugin, TakesInitialPose) for plugin, _ in localizers):
+            return
+        for name, config in inputs.items():
+            if INITIAL_POSE in allowed(config):
+                what = "the mission's localizer takes none" if localizers else "the mission has no localizer"
+                self._complain(("inputs", name, "allow"), f"{INITIAL_POSE}: {what}")
 
     def _check_bus(self) -> None:
         words = self._data.get("bus")

@@ -17,6 +17,7 @@ from artemis.mission.actions import FollowerUse, PluginUse
 from artemis.mission.behaviours import installed_behaviours
 from artemis.mission.files import files_like, read_data, read_table
 from artemis.mission.injector import FaultInjector
+from artemis.mission.page import add_page
 from artemis.mission.parts import expanded
 from artemis.mission.problems import nearest, problems_from
 from artemis.yaml_file import Data, Document, KeyPath, read, survey
@@ -32,7 +33,7 @@ Configs = Mapping[str, Config | None]
 class MissionReading:
     """A mission file, and what is wrong in it; a wrong part does not hide the others."""
 
-    def __init__(self, path: FilePath, simulate: bool = False) -> None:
+    def __init__(self, path: FilePath, simulate: bool = False, page: Mapping[str, Any] | None = None) -> None:
         self._folder = path.parent
         self._problems: list[str] = []
         self._documents: dict[str, Document] = {}
@@ -51,6 +52,8 @@ class MissionReading:
         for place, problem in misfits:
             self._complain(place, problem)
         self._data = self._document.data if isinstance(self._document.data, dict) else {}
+        if page is not None:
+            add_page(self._data, page)
         self._simulated = simulate or self._data.get("bus") == "simulation"
         self._robot_source = str(path)
 

@@ -43,7 +43,7 @@ class ChargeEstimate:
         }
         self._coulombs = HOUR * battery.capacity_ah
         self._charge, self._scale = -1.0, 1.0
-        self._var, self._mixed, self._scale_var = 0.25, 0.0, FIRST_SCALE**2
+        self._var, self._mixed, self._scale_var = 0.0, 0.0, FIRST_SCALE**2
         self._under_load = 0.0
         self._joules, self._per_metre, self._watts = 0.0, battery.joules_per_metre, battery.idle_w
         self._seen, self._sum = 0.0, 0.0
@@ -56,6 +56,8 @@ class ChargeEstimate:
         if self._charge < 0.0:
             self._charge = battery.charge_at(volts + battery.resistance_ohm * amperes)
             self._under_load = volts
+            _, slope = battery.voltage_at(self._charge)
+            self._var = (NOISE / slope) ** 2
         self._predict(amperes * dt / self._coulombs, dt)
         self._joules += watts * dt
         self._watts += (modelled - self._watts) * (1.0 - exp(-dt / RECENT_S))

@@ -97,8 +97,7 @@ class Gate:
 
     def _ramp(self, speed: float, target: float, dt: float) -> float:
         """One step from `speed` towards `target`; a change of direction first comes to a halt."""
-        if speed * target < 0.0:
-            target = 0.0
+        target = 0.0 if speed * target < 0.0 else target
         step = (self._acceleration if abs(target) > abs(speed) else self._deceleration) * dt
         return _clamp(target, speed - step, speed + step)
 

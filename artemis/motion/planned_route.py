@@ -23,6 +23,17 @@ ROUND_CORNERS = 0.10
 _MICRO = 1e6
 
 
+def packed_goal(goal: Pose) -> tuple[int, ...]:
+    """A goal in the frame of the map, in micrometres and microradians: of a job before the route that is known."""
+    return tuple(round(part * _MICRO) for part in (goal.x, goal.y, goal.heading))
+
+
+def unpacked_goal(values: Sequence[int]) -> Pose:
+    """What was `packed_goal`."""
+    x, y, heading = (value / _MICRO for value in values)
+    return Pose(x=x, y=y, heading=heading)
+
+
 def packed(points: Array) -> tuple[int, ...]:
     """Points of a route in micrometres and micrometres per second, one after the other.
 

@@ -10,8 +10,9 @@ from typing import TypeGuard
 import numpy as np
 from msgspec import Struct, json
 
+from artemis.plugins.answers import NUMBER
 from artemis.plugins.contracts import Acting, Declared, State
-from artemis.plugins.guard import NUMBER, told
+from artemis.plugins.guard import told
 from artemis.progress import DONE, SignalValue
 from artemis.values import Action, DriveCommand
 

@@ -21,7 +21,7 @@ from artemis.errors import ConfigError
 from artemis.motion.path import Path
 from artemis.motion.route import Route
 from artemis.scan import Scan
-from artemis.values import DriveCommand, OperatorInput, Pose, PoseFix, Snapshot, Tick, Tracking
+from artemis.values import DriveCommand, LocatedPose, OperatorInput, Pose, PoseFix, Snapshot, Tick, Tracking
 from artemis.vehicle import RobotFile
 
 if TYPE_CHECKING:
@@ -48,6 +48,8 @@ class PluginContext:
     """Folder of the run, for what an observer writes; None for the others."""
     routes: Mapping[int, Route] = field(default_factory=dict)
     """The paths of the mission's steps that are known before the run, by the step's number, for an observer."""
+    mission: bytes = b""
+    """The mission of a run as JSON, in its file's own form, for an observer."""
     wake: Callable[[], None] = lambda: None
     """Asks for an extra tick now, off the schedule, in which every input is read: for a stop button that was pressed.
     May be called from any thread."""
@@ -299,6 +301,17 @@ class SeesTicks(Protocol):
 
 
 @runtime_checkable
+class TakesInitialPose(Protocol):
+    """A localizer that may be told about where the robot is: by a person, who sees it on the map."""
+
+    def begin_at(self, initial: LocatedPose) -> None:
+        """Look for the robot around this pose; without a covariance as near as it sees fit. Never waits.
+
+        What it then finds, it tells as always. If that is not there, it goes on as before (LOC-07, `TellsProblems`).
+        """
+
+
+@runtime_checkable
 class TakesTimeOnce(Protocol):
     """A localizer that takes long the first time: a run in real time has it prepared before the robot is touched."""
 
@@ -330,10 +343,10 @@ class ShowsState(Protocol):
 
 @runtime_checkable
 class TellsProblems(Protocol):
-    """An input that knows more of what is wrong with it than that it is lost: one over a network."""
+    """An input over a network, or a localizer, that knows more of what is wrong with it than that it is lost."""
 
     def take_problems(self) -> list[tuple[str, str]]:
-        """What went wrong since the last `read`: rows NET-.. of the fault table, each with a few words."""
+        """What went wrong since it was last asked: of an input rows NET-.., of a localizer LOC-07, with a few words."""
 
 
 @runtime_checkable
@@ -350,6 +363,14 @@ class LimitsInput(Protocol):
 
     max_speed_m_s: float | None
     """Of the virtual front wheel [m/s]; None: as the robot file says."""
+
+
+@runtime_checkable
+class AllowsRequests(Protocol):
+    """Keys of an input over which others may ask for something."""
+
+    allow: tuple[str, ...]
+    """What: `goal_pose` is a goal for the step `goto`, `initialpose` about where the robot is, for the localizer."""
 
 
 @runtime_checkable

@@ -45,7 +45,7 @@ def _plain(fix: PoseFix) -> PoseFix | None:
         return None
     if not (0.0 <= quality <= 1.0 and 0.0 <= doubt <= FARTHEST):
         return None
-    if not all(_is_positive(*spread) for spread in (covariance, common) if spread):
+    if not all(is_positive(*spread) for spread in (covariance, common) if spread):
         return None
     return PoseFix(
         time=time,
@@ -58,7 +58,7 @@ def _plain(fix: PoseFix) -> PoseFix | None:
     )
 
 
-def _is_positive(xx: float, xy: float, xh: float, yy: float, yh: float, hh: float) -> bool:
+def is_positive(xx: float, xy: float, xh: float, yy: float, yh: float, hh: float) -> bool:
     """Whether a covariance is definite, within the bounds of what anybody measures."""
     if not all(SUREST <= variance <= VAGUEST for variance in (xx, yy, hh)):
         return False

@@ -6,17 +6,15 @@ program. An answer goes on as plain values: numbers are floats, whatever the plu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from itertools import repeat
-from math import isfinite
-from typing import ClassVar, TypeGuard
+from collections.abc import Callable, Mapping, Set
+from typing import ClassVar
 
-import numpy as np
 from msgspec.structs import replace
 
 from artemis.config import Config
 from artemis.errors import DeviceLost
 from artemis.motion.path import Path
+from artemis.plugins.answers import is_in_range, is_whole_input, plain_input
 from artemis.plugins.contracts import (
     Acting,
     Behaviour,
@@ -27,20 +25,12 @@ from artemis.plugins.contracts import (
     SeesTicks,
     ShowsState,
     State,
+    TakesInitialPose,
     TellsProblems,
 )
 from artemis.plugins.fixes import plain_fixes
 from artemis.plugins.process import AskedPlugin
-from artemis.values import (
-    Action,
-    DriveCommand,
-    OperatorInput,
-    PoseFix,
-    Request,
-    Snapshot,
-    Tick,
-    Tracking,
-)
+from artemis.values import LocatedPose, OperatorInput, PoseFix, Request, Snapshot, Tick
 
 LATE = 0.015
 """A plugin has this long for an answer [s]."""
@@ -51,13 +41,13 @@ BAD_SAMPLES, BAD_TIME = 5, 1.0
 LOST, OUT_OF_RANGE, NOT_SHOWN = "INP-01", "INP-06", "INP-16"
 RAISED, LATE_INPUT, GARBAGE, LATE_FOLLOWER = "PLG-02", "PLG-03", "PLG-06", "PTH-09"
 IMPOSSIBLE, SLOW = "LOC-04", "LOC-06"
-NETWORK = frozenset(f"NET-{number:02}" for number in range(1, 13))
-"""What an input may say of itself."""
+NETWORK = frozenset(f"NET-{number:02}" for number in (*range(1, 13), 14))
+OF_LOCALIZER = frozenset(["LOC-07"])
+"""What an input, and a localizer, may say of itself."""
 
 LOCALIZER, FOLLOWER = "localizer", "follower"
 """Their names in faults."""
 
-NUMBER, FLAG = (int, float, np.integer, np.floating), (bool, np.bool_)
 PLUGIN_ERRORS = (Exception, SystemExit)
 """What a plugin may raise and is only its own fault. Ctrl-C while it runs is somebody's wish."""
 
@@ -85,13 +75,18 @@ class PluginGuard:
         self._bad: dict[str, list[float]] = {}
         self._problems: list[Problem] = []
         self._seeing = localizer if isinstance(localizer, SeesTicks) else None
+        self._localizer_tells = localizer if isinstance(localizer, TellsProblems) else None
         self._impossible = 0
         """Fixes in a row that cannot be true."""
         self._behaviours = 0
 
     def read(self, now: float) -> tuple[OperatorInput, ...]:
         """The newest sample of each input at run time `now` [s]; those that gave none, or garbage, are missing."""
-        return tuple(sample for name in self.inputs if (sample := self._ask(name, now)) is not None)
+        samples = tuple(sample for name in self.inputs if (sample := self._ask(name, now)) is not None)
+        for sample in samples:
+            if sample.initial_pose is not None:
+                self._begin_at(sample.initial_pose)
+        return samples
 
     def fixes(self, now: float) -> tuple[PoseFix, ...]:
         """What the localizer found since the last call, at run time `now` [s]; nothing if it gave garbage."""
@@ -109,6 +104,8 @@ class PluginGuard:
         finally:
             self._asked.end()
         self._judge_time(LATE_INPUT, LOCALIZER, self._clock() - begun)
+        if self._localizer_tells is not None:
+            self._problems += _told_of_itself(self._localizer_tells, LOCALIZER, OF_LOCALIZER)
         if (fixes := plain_fixes(found)) is None:
             self._problems.append((GARBAGE, LOCALIZER, told(found)))
             return ()
@@ -117,6 +114,18 @@ class PluginGuard:
             if self._impossible >= MISSES:
                 self._problems.append((IMPOSSIBLE, LOCALIZER, told(found[number])))
         return tuple(fix for fix in fixes if fix is not None)
+
+    def _begin_at(self, initial: LocatedPose) -> None:
+        """Tell the localizer about where the robot is; one that cannot use it is not told."""
+        if not isinstance(self._localizer, TakesInitialPose):
+            return
+        self._asked.begin(LOCALIZER)
+        try:
+            self._localizer.begin_at(initial)
+        except PLUGIN_ERRORS as error:
+            self._problems.append((RAISED, LOCALIZER, told(error)))
+        finally:
+            self._asked.end()
 
     def _let_see(self, localizer: SeesTicks, tick: Tick) -> None:
         """Hand the tick to a localizer that finds the robot by what it senses."""
@@ -208,13 +217,13 @@ class PluginGuard:
             self._asked.end()
         self._judge_time(LATE_INPUT, name, self._clock() - begun)
         if name in self._telling:
-            self._problems += _told_of_itself(self._telling[name], name)
+            self._problems += _told_of_itself(self._telling[name], name, NETWORK)
         if not is_whole_input(sample) or sample.source != name:
             self._problems.append((GARBAGE, name, told(sample)))
             return None
         if not is_in_range(sample):
             return self._instead_of(sample, name, now)
-        sample = _plain(sample)
+        sample = plain_input(sample)
         self._last[name] = now, sample
         return sample
 
@@ -297,97 +306,13 @@ class _WatchedBehaviour:
             self._judge(self._clock() - begun)
 
 
-def _told_of_itself(device: TellsProblems, name: str) -> list[Problem]:
-    """What an input says is wrong with it."""
+def _told_of_itself(device: TellsProblems, name: str, rows: Set[str]) -> list[Problem]:
+    """What an input or a localizer says is wrong with it, by one of these rows."""
     try:
         found = [(row, str(seen)) for row, seen in device.take_problems()]
     except PLUGIN_ERRORS as error:
         return [(RAISED, name, told(error))]
-    return [(row, name, seen) if row in NETWORK else (GARBAGE, name, told(row)) for row, seen in found]
-
-
-def is_whole_input(answer: object) -> TypeGuard[OperatorInput]:
-    """Whether an input's answer is a sample, with numbers, buttons and requests in it."""
-    if not isinstance(answer, OperatorInput) or not isinstance(answer.source, str):
-        return False
-    numbers = (answer.speed, answer.steering, 0.0 if answer.age is None else answer.age)
-    return (
-        all(_holds(part, NUMBER) for part in (numbers, answer.raw, answer.axes, answer.centred, answer.shaped))
-        and all(_holds(part, FLAG) for part in ((answer.enabled, answer.neutral), answer.buttons))
-        and _holds(answer.requests, (Request,))
-    )
-
-
-def _holds(parts: object, kinds: tuple[type, ...]) -> bool:
-    """Whether it is a tuple of such parts."""
-    return isinstance(parts, tuple) and all(map(isinstance, parts, repeat(kinds)))
-
-
-def is_in_range(sample: OperatorInput) -> bool:
-    """Whether a sample's numbers are finite, its axes between -1 and 1, and it is not from the future."""
-    try:
-        age = 0.0 if sample.age is None else sample.age
-        numbers = (sample.speed, sample.steering, age, *sample.raw, *sample.centred, *sample.shaped)
-        return all(map(isfinite, numbers)) and age >= 0.0 and all(-1.0 <= axis <= 1.0 for axis in sample.axes)
-    except OverflowError:  # a whole number too large for a float
-        return False
-
-
-def _plain(sample: OperatorInput) -> OperatorInput:
-    """The same sample of the types that it is declared to have."""
-    return OperatorInput(
-        source=str(sample.source),
-        speed=float(sample.speed),
-        steering=float(sample.steering),
-        enabled=bool(sample.enabled),
-        neutral=bool(sample.neutral),
-        requests=tuple(sample.requests),
-        age=None if sample.age is None else float(sample.age),
-        raw=tuple(map(float, sample.raw)),
-        axes=tuple(map(float, sample.axes)),
-        centred=tuple(map(float, sample.centred)),
-        shaped=tuple(map(float, sample.shaped)),
-        buttons=tuple(map(bool, sample.buttons)),
-    )
-
-
-def plain_following(answer: object) -> Following | None:
-    """A follower's answer of plain values; None: it is no whole one. The gate judges the command's numbers (RUN-11)."""
-    if not isinstance(answer, Following) or not isinstance(answer.finished, FLAG):
-        return None
-    command, tracking = answer.command, answer.tracking
-    if not isinstance(command, DriveCommand) or not isinstance(command.action, Action):
-        return None
-    if not isinstance(tracking, Tracking):
-        return None
-    place = (tracking.arc_length, tracking.length, tracking.cross_track, tracking.heading_error)
-    parts = [part for part in (tracking.planned_speed, tracking.feedforward) if part is not None]
-    if not _holds((*place, *parts, command.speed, command.steering), NUMBER):
-        return None
-    try:
-        arc_length, length, cross_track, heading_error = map(float, place)
-        planned_speed, feedforward = _part(tracking.planned_speed), _part(tracking.feedforward)
-        speed, steering = float(command.speed), float(command.steering)
-    except OverflowError:  # a whole number too large for a float
-        return None
-    if not all(map(isfinite, (arc_length, length, cross_track, heading_error, planned_speed or 0, feedforward or 0))):
-        return None
-    return Following(
-        command=DriveCommand(speed=speed, steering=steering, action=command.action),
-        tracking=Tracking(
-            arc_length=arc_length,
-            length=length,
-            cross_track=cross_track,
-            heading_error=heading_error,
-            planned_speed=planned_speed,
-            feedforward=feedforward,
-        ),
-        finished=bool(answer.finished),
-    )
-
-
-def _part(value: float | None) -> float | None:
-    return None if value is None else float(value)
+    return [(row, name, seen) if row in rows else (GARBAGE, name, told(row)) for row, seen in found]
 
 
 def told(value: object) -> str:

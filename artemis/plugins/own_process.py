@@ -6,22 +6,19 @@ sockets. A process that ends is started again; ticks that pass meanwhile are not
 
 from __future__ import annotations
 
-import os
 import pickle
 import select
-import signal
 import socket
 import struct
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import fields
-from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import msgspec
 
 from artemis import config
+from artemis.bridges.child_process import ChildProcess
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Frame, Traffic
 from artemis.errors import ConfigError, PluginError
@@ -46,8 +43,6 @@ APART = 1.2
 """That it is back is told so long after it was told that it ended [s]: the first warning is over by then."""
 LONGEST_PAUSE = 8.0
 """Between two starts of one that ends again and again [s]."""
-_WORDS = 200
-"""So much of the last line that a process wrote is told."""
 _LENGTH = struct.Struct("<I")
 _MAIN = "from artemis.plugins.own_process import main; main()"
 
@@ -90,7 +85,7 @@ class ObserverProcess:
             raise PluginError(f"PLG-01 {context.name}: the plugin cannot be made: {words}") from error
         self._map = context.map
         self._map()  # what is known is read before the run
-        self._first = _framed(pickle.dumps(sys.path)) + _framed(setup)
+        self._first = _framed(setup)
         self._problems: list[Problem] = []
         self._child: _Child | None = _Child(self._first)
         self._pause = self._again_at = self._ended_at = 0.0
@@ -131,6 +126,8 @@ class ObserverProcess:
         self._listen(child)
         if child.made and not child.over and not self._tell(child, (tick, traffic, now)):
             child.over = f"took nothing for {HANG:g} s, and was killed"
+        if not child.made and stopwatch() - child.begun > BEGIN:
+            child.over = child.over or f"it was not made within {BEGIN:g} s"
         self._missed += not child.made
         if child.over or child.refused:
             self._end(child)
@@ -203,20 +200,14 @@ class _Child:
         self.map: ShownMap | None = None
         """The newest that it was sent."""
         self._heard = bytearray()
-        ours, others = socket.socketpair()
-        self._link, self._errors = ours, TemporaryFile()
+        self._link, others = socket.socketpair()
         with others:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _MAIN, str(others.fileno())],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=self._errors,
-                pass_fds=(others.fileno(),),
-                start_new_session=True,  # a terminal's signals are not for it
-            )
+            self._process = ChildProcess(["-c", _MAIN], [others.fileno()])
         self.pid = self._process.pid
+        self._link.settimeout(BEGIN)  # it reads once it has imported what it needs
+        if not self.say(first):
+            self.over = f"took nothing for {BEGIN:g} s, and was killed"
         self._link.settimeout(HANG)
-        self.say(first)
 
     def say(self, data: bytes) -> bool:
         """Send bytes; False: they are not taken. That it has ended shows when it is heard."""
@@ -230,6 +221,7 @@ class _Child:
 
     def hear(self, patience: float) -> None:
         """Take what it said; with `patience` [s] wait until its observer is made, or it ends."""
+        self._process.trim()
         until = stopwatch() + patience
         while not self.over:
             wait = 0.0 if self.made or self.refused else max(until - stopwatch(), 0.0)
@@ -250,24 +242,10 @@ class _Child:
 
     def kill(self) -> str:
         """How it ended; it is made to, if it has not. Harmless when repeated."""
-        if self._process.returncode is None and self.over == _CLOSED:
-            try:
-                self._process.wait(1.0)  # its connection is gone: so is it
-            except subprocess.TimeoutExpired:
-                pass
-        if self._process.poll() is None:
-            self._process.kill()
-            self._process.wait()
-        if self._errors.closed:
-            return self.over
+        if self.over == _CLOSED:
+            self._process.wait(1.0)  # its connection is gone: so is it
         self._link.close()
-        with self._errors:
-            self._errors.seek(max(0, self._errors.seek(0, os.SEEK_END) - 10 * _WORDS))
-            lines = self._errors.read().decode(errors="replace").strip().splitlines()
-        last = f": {lines[-1][:_WORDS]}" if lines else ""
-        if (status := self._process.returncode) < 0:
-            return f"killed by {signal.Signals(-status).name}{last}"
-        return f"ended with status {status}{last}"
+        return self._process.end()
 
     def _receive(self) -> None:
         try:
@@ -300,7 +278,6 @@ def _framed(data: bytes) -> bytes:
 def main() -> None:
     """Be the other process: argument is the number of its socket."""
     with socket.socket(fileno=int(sys.argv[1])) as link, link.makefile("rb") as stream:
-        sys.path[:] = pickle.loads(_read(stream))
         setup: _Setup = pickle.loads(_read(stream))
         maps: list[ShownMap | None] = [None]
         context = PluginContext(**setup.context, map=lambda: maps[0])  # type: ignore[arg-type]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from artemis.errors import ConfigError, PluginError
 from artemis.plugins.contracts import (
+    AllowsRequests,
     ChoosesDevice,
     HasOwnProcess,
     LimitsAge,
@@ -41,6 +42,11 @@ def stale_limit(plugin: object) -> float:
     if not isinstance(limit, int | float) or isinstance(limit, bool) or not 0.0 < limit <= OLDEST:
         raise ConfigError(f"{plugin!r}: stale_s is {limit!r}; expected more than 0, at most {OLDEST:g} s")
     return limit
+
+
+def allowed(config: object) -> tuple[str, ...]:
+    """What others may ask for over an input with these keys."""
+    return config.allow if isinstance(config, AllowsRequests) else ()
 
 
 def is_pure(plugin: object) -> bool:

@@ -8,11 +8,13 @@ from typing import Any
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT
+from artemis.families.family import Errors
 from artemis.motion.potentiometers import memory_words
 from artemis.progress import MissionEvent
+from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.journal import Entry, Level
 from artemis.states.requests import ignored
-from artemis.supervision.catalogue import EMERGENCIES, ROWS, emergency
+from artemis.supervision.catalogue import ROWS, emergency
 from artemis.supervision.catalogue.row import SHORT
 from artemis.supervision.supervisor import ALL_RECOVERIES
 from artemis.values import (
@@ -42,9 +44,9 @@ _Key = tuple[str, str]
 class EventLog:
     """Sees every tick with its frames and tells what is new."""
 
-    def __init__(self, nodes: Mapping[str, int]) -> None:
-        """`nodes`: the drives' node ids by their names."""
-        self._nodes = nodes
+    def __init__(self, nodes: Mapping[str, int], errors: Errors) -> None:
+        """`nodes`: the drives' node ids by their names; `errors`: what their error codes mean."""
+        self._nodes, self._errors = nodes, errors
         self._previous: Tick | None = None
         self._verdict = Verdict()
         self._recent: deque[tuple[float, Sequence[tuple[bool, Frame]]]] = deque()
@@ -53,6 +55,7 @@ class EventLog:
         self._recoveries = 0
         self._forgotten_by = "person"
         self._storms: dict[str, _Storm] = {}
+        self._poses = AskedPoses()
 
     @property
     def time(self) -> float:
@@ -69,14 +72,14 @@ class EventLog:
         """
         previous, self._previous = self._previous, tick
         sensed = tick.snapshot.sensed
-        if previous is None:
-            self._origin = now - sensed.time
+        self._origin = self._origin if previous else now - sensed.time
         self._keep(sensed.time, frames)
         entries: list[Entry] = []
-        if sensed.answers:
-            entries += [Entry(time=sensed.time, kind="answer", text=answer) for answer in sensed.answers]
-        if sensed.requests:
-            entries += self._requests(tick, previous.mode if previous else tick.mode)
+        if sensed.answers or sensed.requests:
+            entries += self._asked(tick, previous)
+        for sample in sensed.inputs:
+            if sample.goal is not None or sample.initial_pose is not None:
+                entries += self._poses.entries(tick, sample)
         for drive in sensed.drives:
             if drive.emergencies or drive.boots:
                 entries += self._said(sensed.time, drive)
@@ -92,7 +95,7 @@ class EventLog:
         if tick.wish.phase and (previous is None or tick.wish.phase != previous.wish.phase):
             entries.append(Entry(time=sensed.time, kind="phase", text=tick.wish.phase))
         if sensed.results or tick.wish.jobs:
-            entries += _jobs(tick)
+            entries += _jobs(tick, self._errors)
         return entries
 
     def end(self) -> list[Entry]:
@@ -124,6 +127,12 @@ class EventLog:
 
     # -------------------------------------------------------------------------------------------------- requests
 
+    def _asked(self, tick: Tick, previous: Tick | None) -> Iterator[Entry]:
+        """Answers and requests."""
+        for answer in tick.snapshot.sensed.answers:
+            yield Entry(time=tick.snapshot.time, kind="answer", text=answer)
+        yield from self._requests(tick, previous.mode if previous else tick.mode)
+
     def _requests(self, tick: Tick, mode: Mode) -> Iterator[Entry]:
         """Who asked for what, in which mode; what it leads to, other entries tell, and if to nothing, why."""
         sensed = tick.snapshot.sensed
@@ -146,7 +155,7 @@ class EventLog:
         old, new = _by_key(before), _by_key(verdict)
         for key, fault in new.items():
             if key not in old or (fault.severity, fault.final) != (old[key].severity, old[key].final):
-                yield _fault(time, fault, sensed)
+                yield _fault(time, fault, sensed, self._errors)
         gone = [fault for key, fault in old.items() if key not in new]
         stopped = [fault for fault in gone if fault.severity >= Severity.CONTROLLED_STOP]
         asked = previous is not None and previous.mode in _STOPPED and Request.ACKNOWLEDGE in sensed.requests
@@ -260,9 +269,9 @@ def code_name(code: int) -> str:
     return f"EMCY 0x{code:04X}" if code >= 0 else "damaged EMCY"
 
 
-def meaning(code: int) -> str:
-    """An error code of a drive, and what it means."""
-    return f"0x{code:04X} {ROWS[EMERGENCIES[code]].name}" if code in EMERGENCIES else f"0x{code:04X} unknown"
+def meaning(code: int, errors: Mapping[int, str]) -> str:
+    """An error code of a drive, and what it means: `errors` are its family's rows by code."""
+    return f"0x{code:04X} {ROWS[errors[code]].name if code in errors else 'unknown'}"
 
 
 def happened(event: MissionEvent, mode: Mode) -> str:
@@ -285,11 +294,11 @@ def happened(event: MissionEvent, mode: Mode) -> str:
     return f"{event.kind}: {event.text}"
 
 
-def values_of(result: JobResult) -> str:
-    """What a job brought back, in words."""
+def values_of(result: JobResult, errors: Errors) -> str:
+    """What a job brought back, in words; `errors`: what the drives' error codes mean."""
     match result.kind:
         case JobKind.READ_HISTORY if result.ok:
-            return ", ".join(map(meaning, result.values)) or "empty"
+            return ", ".join([meaning(code, errors[result.drive]) for code in result.values]) or "empty"
         case JobKind.CLEAR_TARGET if result.values:
             return f"stale set-point {result.values[0]} cleared"
         case JobKind.READ_CALIBRATION if result.ok:
@@ -297,7 +306,7 @@ def values_of(result: JobResult) -> str:
     return ""
 
 
-def _fault(time: float, fault: Fault, sensed: Sensed) -> Entry:
+def _fault(time: float, fault: Fault, sensed: Sensed, errors: Errors) -> Entry:
     row = ROWS[fault.id]
     level = Level.ERROR if fault.severity >= Severity.CONTROLLED_STOP else Level.WARNING
     data: dict[str, Any] = {
@@ -308,7 +317,7 @@ def _fault(time: float, fault: Fault, sensed: Sensed) -> Entry:
     }
     codes = [code for drive in sensed.drives if drive.name == fault.device for code in drive.emergencies]
     for code in codes:
-        if code and emergency(fault.device, code).id == fault.id:
+        if code and emergency(fault.device, code, errors[fault.device]).id == fault.id:
             data["code"] = code
     return Entry(time=time, kind="fault", text=f"{fault.id} {fault.text}", level=level, data=data)
 
@@ -350,7 +359,7 @@ def _emergency(time: float, drive: str, code: int) -> Entry:
     return Entry(time=time, kind="emergency", text=f"{drive}: {code_name(code)}", level=level, data=data)
 
 
-def _jobs(tick: Tick) -> Iterator[Entry]:
+def _jobs(tick: Tick, errors: Errors) -> Iterator[Entry]:
     """Orders and what became of them, but for looks at drives that are off as they should be."""
     time = tick.snapshot.time
     for result in tick.snapshot.sensed.results:
@@ -358,7 +367,7 @@ def _jobs(tick: Tick) -> Iterator[Entry]:
             continue
         outcome = "done" if result.ok else "failed"
         text = f"{result.kind.value} {result.drive}: {outcome}" + (f", {result.detail}" if result.detail else "")
-        if told := values_of(result):
+        if told := values_of(result, errors):
             text += f": {told}"
         level = Level.INFO if result.ok else Level.WARNING
         data = {**_order(result), "ok": result.ok, "values": list(result.values)}

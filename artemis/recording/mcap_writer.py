@@ -16,6 +16,7 @@ from artemis.build import kind_of_build, version
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Traffic
 from artemis.errors import RecordingError
+from artemis.families.family import Errors
 from artemis.motion.poses import placed, seen_from
 from artemis.plugins.guard import Problem
 from artemis.plugins.observing import LOOK, Beside
@@ -57,6 +58,7 @@ class Recorder:
         threaded: bool,
         journal: Journal | None = None,
         nodes: Mapping[str, int] | None = None,
+        errors: Errors | None = None,
         scanners: Mapping[str, Pose] | None = None,
         disk: Disk | None = None,
     ) -> None:
@@ -68,6 +70,7 @@ class Recorder:
             threaded: See above.
             journal: Where events are written, too; closed with the recorder.
             nodes: The drives' node ids by their names: whose frames a fault's entry shows.
+            errors: What the drives' error codes mean, by their names.
             scanners: Where they sit on the robot, by their names: their scans are drawn there.
             disk: Makes the file.
 
@@ -75,7 +78,7 @@ class Recorder:
             RecordingError: the file cannot be made.
         """
         self._path, self._journal = path, journal
-        self._chronicle = EventLog(nodes or {})
+        self._chronicle = EventLog(nodes or {}, errors or {})
         self._scanners = {name: spatial_pose(place) for name, place in (scanners or {}).items()}
         self._scan_slots: dict[str, int] = {}
         self._start = _nanoseconds(provenance.start)

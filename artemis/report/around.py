@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +12,6 @@ from artemis.route_planning.obstacle_layer import PlacedScan, placed_returns
 from artemis.scan import Scan
 from artemis.values import JobKind, Tick
 from artemis.vehicle import RobotFile
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 EVERY, NEAR = 0.5, 2.5
 """A scan is kept so often while the robot is slowed down [s], of it what is so near [m]."""
@@ -52,12 +48,3 @@ class DrivenAround:
             points = placed_returns(PlacedScan(sensed.time, pose.pose, scan), self._scanners[name])
             near = np.hypot(points[:, 0] - pose.pose.x, points[:, 1] - pose.pose.y) < NEAR
             self.seen.append(points[near])
-
-    def draw(self, axes: Axes, route: str, seen: str) -> None:
-        """Into a figure from above, in two colours."""
-        for number, points in enumerate(self.routes):
-            label = "planned" if number == 0 else None
-            axes.plot(points[:, 0], points[:, 1], color=route, linewidth=5.0, alpha=0.45, label=label, zorder=1)
-        for number, points in enumerate(self.seen):
-            label = "seen then" if number == 0 else None
-            axes.plot(points[:, 0], points[:, 1], ".", color=seen, markersize=2, label=label, zorder=3)

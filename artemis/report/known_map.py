@@ -74,17 +74,6 @@ def made_map(folder: Path, time: Array, estimated: Array) -> OccupancyMap | None
     return replace(content, origin=(x, y, heading))
 
 
-def draw_under(axes: Axes, content: OccupancyMap) -> None:
-    """Draw a map faintly under what is drawn already, with room for what is occupied."""
-    limits = np.array([axes.get_xlim(), axes.get_ylim()])
-    draw_cells(axes, content, faint=0.5)
-    points = content.points()
-    if len(points):
-        limits = np.stack([np.minimum(limits[:, 0], points.min(0)), np.maximum(limits[:, 1], points.max(0))], 1)
-    axes.set_adjustable("box")
-    axes.set(xlim=limits[0], ylim=limits[1], aspect="equal")
-
-
 def draw_cells(axes: Axes, content: OccupancyMap, *, faint: float = 0.0) -> None:
     """Cells in grey, in the frame of the map; `faint`, 0 to 1: so much lighter, and nothing where nothing is known."""
     from matplotlib.transforms import Affine2D  # takes long, and who only reads a recording needs none

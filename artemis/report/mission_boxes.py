@@ -172,6 +172,15 @@ def name_of(word: str, body: Body) -> str:
     return f"{word} {_text(word, body)}".rstrip()
 
 
+def _destination(to: object) -> str:
+    match to:
+        case {"x_m": x, "y_m": y}:
+            return f"x {x:g} m, y {y:g} m"
+        case {"from_input": name}:
+            return f"a goal of {name}"
+    return str(to)
+
+
 def _text(word: str, body: Body) -> str:
     if not isinstance(body, dict):
         return f"“{body}”" if isinstance(body, str) else ""
@@ -180,10 +189,8 @@ def _text(word: str, body: Body) -> str:
     match word, body:
         case "follow", {"path": path}:
             return _path(path) + (f", {laps} laps" if (laps := body.get("laps", 1)) > 1 else "")
-        case "goto", {"to": str(place)}:
-            return place
-        case "goto", {"to": {"x_m": x, "y_m": y}}:
-            return f"x {x:g} m, y {y:g} m"
+        case "goto", {"to": to}:
+            return _destination(to)
         case "wait", {"seconds": float() | int() as seconds}:
             return f"{seconds:g} s"
         case "wait", {"for": condition}:

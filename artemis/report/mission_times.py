@@ -27,6 +27,8 @@ class StepTime:
     name: str
     number: int = 0
     """How often it began."""
+    began: float | None = None
+    """When it first did [s of the run]; None: never, or beside others."""
     time: float = 0.0
     """In which it was the present step and the mission ran [s]; steps beside others have none."""
     outcomes: Counter[str] = field(default_factory=Counter)
@@ -79,6 +81,7 @@ class MissionTimes:
             step = self.steps[position.step] if position.step < len(self.steps) else None
             if step is not None and (not step.open or (step is not self._present and position.done == 0.0)):
                 step.number += 1
+                step.began = time if step.began is None else step.began
             if step is not None and (not step.open or step is not self._present):
                 step.open = "unfinished"
             self._present = step
@@ -101,6 +104,14 @@ class MissionTimes:
     def ran(self) -> list[StepTime]:
         """Steps that began."""
         return [step for step in self.steps if step.number]
+
+    def began(self) -> dict[str, float]:
+        """When steps first began [s of the run], by name; of several with one name the first of the mission."""
+        times: dict[str, float] = {}
+        for step in self.ran:
+            if step.began is not None:
+                times.setdefault(step.name, step.began)
+        return times
 
     @property
     def marks(self) -> dict[str, str]:

@@ -1,8 +1,8 @@
-"""The page that a run leaves behind: one HTML file with everything inside, for light and dark screens."""
+"""The page that a run leaves behind: one HTML file with everything inside, for screens and for paper."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from math import degrees
@@ -13,13 +13,17 @@ from artemis.motion.comparison import Comparison
 from artemis.recording.disk import write_whole
 from artemis.recording.journal import Entry, Level
 from artemis.recording.mcap_reader import Recording
+from artemis.report import truth_charts
+from artemis.report.chart_data import ChartData, ShownRun
 from artemis.report.fault_words import explained, histories
 from artemis.report.known_map import made_map
 from artemis.report.mission_boxes import boxes_of, is_list
 from artemis.report.mission_chart import chart
 from artemis.report.mission_times import MissionTimes
+from artemis.report.page_parts import chart_sections, folded, framed, map_section, table
+from artemis.report.path_map import PathMap
 from artemis.report.series import Series, read_series
-from artemis.report.summary import Summary, summary
+from artemis.report.summary import Summary, consumption, summary
 from artemis.report.truth_words import comparison_rows
 
 MAX_FAULTS = 20
@@ -28,35 +32,8 @@ MAX_STEPS, MAX_BOXES = 300, 300
 """Rows of the table of steps, and boxes of the mission's picture, if it has words."""
 MAX_ENTRIES = 300
 """Rows of the table of events; the journal holds all."""
-
-_STYLE = """
-:root { color-scheme: light dark;
-  --ink: #1d2125; --paper: #ffffff; --faint: #f3f5f7; --line: #dde1e6; --alarm: #c23b3b; }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #d9dde2; --paper: #16191d; --faint: #1f2429; --line: #343b43; --alarm: #ef7d7d; }
-}
-* { box-sizing: border-box; }
-body { margin: 0 auto; padding: 32px 20px 64px; max-width: 1000px; color: var(--ink); background: var(--paper);
-       font: 15px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; }
-h1 { font-size: 26px; font-weight: 600; margin: 0; }
-h2 { font-size: 17px; font-weight: 600; margin: 40px 0 2px; }
-p { margin: 2px 0 10px; opacity: .72; }
-.warning { opacity: 1; margin: 12px 0; padding: 8px 12px; background: var(--faint);
-           border-left: 3px solid var(--alarm); }
-.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(150px, 1fr)); gap: 10px; margin: 20px 0 8px; }
-.cards div { background: var(--faint); border-radius: 6px; padding: 10px 12px; }
-.cards b { display: block; font-size: 20px; font-weight: 600; font-variant-numeric: tabular-nums; }
-.cards span { font-size: 12.5px; opacity: .72; }
-.chart { overflow-x: auto; }
-.chart svg { max-width: none; }
-svg { display: block; width: 100%; height: auto; }
-table { border-collapse: collapse; width: 100%; font-size: 13.5px; font-variant-numeric: tabular-nums; }
-th, td { text-align: left; padding: 4px 10px 4px 0; border-bottom: 1px solid var(--line); vertical-align: top; }
-th { font-weight: 600; }
-.number { text-align: right; white-space: nowrap; }
-.warn td { font-weight: 600; }
-.error td { color: var(--alarm); font-weight: 600; }
-""".strip()
+JOBS = ("job", "result")
+"""Kinds of events with a table of their own."""
 
 
 def write_report(
@@ -69,71 +46,93 @@ def write_report(
     Raises:
         RecordingError: the file cannot be written.
     """
-    from artemis.report import figures, truth_figures  # matplotlib takes a third of a second to import
-
-    run, sections = series or read_series(recording), list[str]()
-    if run.map is None:
-        try:
-            run = replace(run, map=made_map(recording.path.parent, run.time[run.placed :], run.estimated[run.placed :]))
-        except ConfigError as error:
-            sections = [f'<p class="warning">The map is not drawn: {escape(str(error))}</p>']
+    run, problem = with_map(recording, series or read_series(recording))
     facts = summary(recording, run)
-    if truth is not None:
-        sections += [_truth_section(*truth), *_figures(truth_figures.truth_drawn(run, truth[1]))]
-    page = _page(facts, [*sections, *_figures(figures.drawn(run))], run, recording)
-    write_whole(out, page)
-    return facts
-
-
-def _figures(drawn: Iterable[tuple[str, str, str]]) -> list[str]:
-    return [f"<h2>{title}</h2>\n<p>{caption}</p>\n{svg}" for title, caption, svg in drawn]
-
-
-def _truth_section(source: str, comparison: Comparison) -> str:
-    rows = (("", row) for row in comparison_rows(comparison, source))
-    caption = "Odometry against the truth. Errors of the place in mm, of the heading in degrees."
-    return f"<h2>Truth</h2>\n<p>{caption}</p>\n{_table(('', ''), rows, numbers=0)}"
-
-
-def _page(facts: Summary, sections: Sequence[str], run: Series, recording: Recording) -> str:
-    entries = run.entries
-    title = f"{facts.mission or 'Run'} · {facts.start:%Y-%m-%d %H:%M:%S} UTC"
-    missing = f'<p class="warning">The recording is not whole: {escape(facts.missing)}.</p>' if facts.missing else ""
-    made_from = ", ".join(f"{key} {value}" for key, value in recording.versions.items() if not key.startswith("start"))
+    picture = PathMap([ShownRun(name="", series=run)])
+    errors = [(truth_charts.TITLE, truth_charts.CAPTION, truth_charts.error_charts(truth[1]))] if truth else []
+    data = ChartData([ShownRun(name="", series=run)], {}, picture.places(), errors)
     parts = [
-        f"<h1>{escape(facts.mission or 'Run')}</h1>",
-        f"<p>{escape(facts.robot)} · {facts.start:%Y-%m-%d %H:%M:%S} UTC · {escape(facts.result)}</p>",
-        f"<p>Resumes {escape(facts.resumed)}.</p>" if facts.resumed else "",
-        missing,
+        *heading(facts, f"{facts.robot} · {facts.start:%Y-%m-%d %H:%M:%S} UTC"),
         '<div class="cards">',
         *(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for name, value in _cards(facts)),
         "</div>",
-        _faults_section(entries),
-        *sections,
-        "<h2>Summary</h2>",
-        _table(("", ""), (("", (name, value)) for name, value in _rows(facts)), numbers=0),
-        "<h2>Steps</h2>",
-        _steps_table(facts) if is_list(recording.mission) else _mission_section(recording, run.mission),
-        "<h2>Events</h2>",
-        _entries_table(entries),
-        f"<p>{escape(made_from)}</p>",
+        faults_section(run.entries),
+        problem,
+        *(_truth_sections(*truth) if truth is not None else ()),
+        map_section(picture),
+        *chart_sections(data),
+        "<h2>Details</h2>",
+        *details(recording, facts, run),
+        f"<p>{escape(_versions(recording))}</p>",
     ]
-    return (
-        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(title)}</title>\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<style>\n{_STYLE}\n</style>\n</head>\n<body>\n" + "\n".join(filter(None, parts)) + "\n</body>\n</html>\n"
-    )
+    title = f"{facts.mission or 'Run'} · {facts.start:%Y-%m-%d %H:%M:%S} UTC"
+    write_whole(out, framed(title, parts, data))
+    return facts
 
 
-def _faults_section(entries: Sequence[Entry]) -> str:
+def with_map(recording: Recording, run: Series) -> tuple[Series, str]:
+    """The run on the map that it made, if it was localised on none; and in HTML why that is not drawn, or nothing."""
+    if run.map is not None:
+        return run, ""
+    try:
+        made = made_map(recording.path.parent, run.time[run.placed :], run.estimated[run.placed :])
+    except ConfigError as error:
+        return run, f'<p class="warning">The map is not drawn: {escape(str(error))}</p>'
+    return replace(run, map=made), ""
+
+
+def heading(facts: Summary, below: str) -> list[str]:
+    """Which run it is, how it ended, and what is wrong with its recording."""
+    bad = "" if facts.result.startswith(("done", "ended normally")) else " bad"
+    faults = f", {len(facts.faults)} fault{'s' * (len(facts.faults) > 1)}" if facts.faults else ""
+    missing = f'<p class="warning">The recording is not whole: {escape(facts.missing)}.</p>' if facts.missing else ""
+    return [
+        f"<h1>{escape(facts.mission or 'Run')}</h1>",
+        f"<p>{escape(below)}</p>",
+        f'<p class="result{bad}">{escape(facts.result + faults)}</p>',
+        f"<p>Resumes {escape(facts.resumed)}.</p>" if facts.resumed else "",
+        missing,
+    ]
+
+
+def _versions(recording: Recording) -> str:
+    return ", ".join(f"{key} {value}" for key, value in recording.versions.items() if not key.startswith("start"))
+
+
+def _truth_sections(source: str, comparison: Comparison) -> list[str]:
+    from artemis.report.truth_figures import truth_drawn  # matplotlib takes a third of a second to import
+
+    rows = (("", row) for row in comparison_rows(comparison, source))
+    caption = "Odometry against the truth. Errors of the place in mm, of the heading in degrees."
+    told = f"<h2>Truth</h2>\n<p>{caption}</p>\n{table(('', ''), rows, numbers=0)}"
+    drawn = truth_drawn(comparison)
+    return [told, *(f"<h2>{title}</h2>\n<p>{caption}</p>\n{svg}" for title, caption, svg in drawn)]
+
+
+def faults_section(entries: Sequence[Entry], of: str = "") -> str:
     """Every fault with what to look for and what comes next, and what the drives remember of theirs."""
     rows = [("error", (what, advice, did, then, time)) for time, what, advice, did, then in explained(entries)]
     if not rows:
         return ""
-    table = _table(("fault", "look for", "artemis", "next", "run time [s]"), rows[:MAX_FAULTS], numbers=1)
+    head = ("fault", "look for", "artemis", "next", "run time [s]")
+    shown = table(head, rows[:MAX_FAULTS], numbers=1, stacking=True)
     more = f"<p>{len(rows) - MAX_FAULTS} more are among the events.</p>" if len(rows) > MAX_FAULTS else ""
     told = "".join(f"<p>Error history of {escape(history)}</p>" for history in histories(entries))
-    return f"<h2>Faults</h2>\n{table}{more}{told}"
+    return f"<h2>Faults{escape(of)}</h2>\n{shown}{more}{told}"
+
+
+def details(recording: Recording, facts: Summary, run: Series, of: str = "") -> list[str]:
+    """What few want to know, folded away."""
+    jobs = [entry for entry in run.entries if entry.kind in JOBS]
+    events = [entry for entry in run.entries if entry.kind not in JOBS]
+    steps = _steps_table(facts) if is_list(recording.mission) else _mission_section(recording, run.mission)
+    numbers = table(("", ""), (("", (name, value)) for name, value in _rows(facts)), numbers=0)
+    return [
+        folded(f"Summary{of}", "all numbers of the run", numbers, printed=True),
+        folded(f"Steps{of}", f"{len(run.mission.ran) or len(facts.steps)} of the mission", steps, printed=True),
+        folded(f"Events{of}", f"{len(events)}", _entries_table(events)),
+        folded(f"Jobs of the drives{of}", f"{len(jobs)}", _entries_table(jobs)) if jobs else "",
+    ]
 
 
 def _cards(facts: Summary) -> list[tuple[str, str]]:
@@ -147,6 +146,7 @@ def _cards(facts: Summary) -> list[tuple[str, str]]:
         cards.append((f"cross-track RMS, {facts.source}", _millimetres(facts.cross_track_rms)))
     if facts.true_cross_track_rms is not None:
         cards.append(("cross-track RMS, true", _millimetres(facts.true_cross_track_rms)))
+    cards.append(("faults", str(len(facts.faults))))
     return cards
 
 
@@ -168,6 +168,7 @@ def _rows(facts: Summary) -> list[tuple[str, str]]:
         ("highest speed: robot, a wheel", f"{facts.max_speed:.3f} m/s, {facts.max_wheel_speed:.3f} m/s"),
         ("largest steering angle of a wheel", f"{degrees(facts.max_steering):.1f}°"),
         ("stood for obstacles", _seconds(facts.waited) if facts.waited else ""),
+        ("battery", consumption(facts)),
         ("frames", str(facts.frames)),
         ("bus load: mean, highest", f"{100 * facts.bus_load_mean:.1f} %, {100 * facts.bus_load_max:.1f} %"),
     ]
@@ -178,7 +179,7 @@ def _steps_table(facts: Summary) -> str:
     if not facts.steps:
         return "<p>No step began.</p>"
     rows = (("", (s.value, f"{s.begin:.2f}", f"{s.end:.2f}", _seconds(s.end - s.begin))) for s in facts.steps)
-    return _table(("step", "begin [s]", "end [s]", "took"), rows, numbers=3)
+    return table(("step", "begin [s]", "end [s]", "took"), rows, numbers=3)
 
 
 def _mission_section(recording: Recording, run: MissionTimes) -> str:
@@ -187,7 +188,7 @@ def _mission_section(recording: Recording, run: MissionTimes) -> str:
         ("", (step.name, step.path, step.left, str(step.number), f"{step.time:.1f}" if step.time else ""))
         for step in run.ran[:MAX_STEPS]
     )
-    table = _table(("step", "in the mission", "ended with", "ran", "took [s]"), rows, numbers=2) if run.ran else ""
+    ran = table(("step", "in the mission", "ended with", "ran", "took [s]"), rows, numbers=2) if run.ran else ""
     more = f"<p>{len(run.ran) - MAX_STEPS} more ran.</p>" if len(run.ran) > MAX_STEPS else ""
     box = boxes_of(recording.mission)
     few = sum(1 for _ in box.inside()) <= MAX_BOXES
@@ -197,7 +198,7 @@ def _mission_section(recording: Recording, run: MissionTimes) -> str:
         else "<p>Too large to be drawn here; artemis graph MISSION --svg FILE draws it.</p>"
     )
     words = "<p>The mission; pale steps did not run. Time counts while the mission runs: not in a stop or fault.</p>"
-    return (table + more if run.ran else "<p>No step began.</p>") + words + picture
+    return (ran + more if run.ran else "<p>No step began.</p>") + words + picture
 
 
 def _entries_table(entries: Sequence[Entry]) -> str:
@@ -205,26 +206,15 @@ def _entries_table(entries: Sequence[Entry]) -> str:
     rows = (
         (names.get(entry.level, ""), (entry.kind, entry.text, f"{entry.time:.2f}")) for entry in entries[:MAX_ENTRIES]
     )
-    table = _table(("kind", "event", "run time [s]"), rows, numbers=1)
+    shown = table(("kind", "event", "run time [s]"), rows, numbers=1)
     more = len(entries) - MAX_ENTRIES
-    return table + (f"\n<p>{more} more are in journal.jsonl.</p>" if more > 0 else "")
-
-
-def _table(head: Sequence[str], rows: Iterable[tuple[str, Sequence[str]]], *, numbers: int) -> str:
-    """A table; each row comes with its class. The last `numbers` columns are numbers."""
-    kinds = [""] * (len(head) - numbers) + [' class="number"'] * numbers
-    lines = ["<table>"]
-    if any(head):
-        cells = "".join(f"<th{kind}>{escape(name)}</th>" for kind, name in zip(kinds, head, strict=True))
-        lines.append(f"<tr>{cells}</tr>")
-    for name, values in rows:
-        cells = "".join(f"<td{kind}>{escape(value)}</td>" for kind, value in zip(kinds, values, strict=True))
-        lines.append(f'<tr class="{name}">{cells}</tr>' if name else f"<tr>{cells}</tr>")
-    return "\n".join([*lines, "</table>"])
+    return shown + (f"\n<p>{more} more are in journal.jsonl.</p>" if more > 0 else "")
 
 
 def _seconds(duration: float) -> str:
     minutes, seconds = divmod(duration, 60)
+    if minutes >= 60:
+        return f"{minutes // 60:.0f} h {minutes % 60:02.0f} min"
     return f"{minutes:.0f} min {seconds:04.1f} s" if minutes else f"{seconds:.1f} s"
 
 

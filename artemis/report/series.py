@@ -96,6 +96,15 @@ class Series:
     """Speed that an obstacle left, where that was less than was wished [m/s]; nan elsewhere."""
     around: DrivenAround
     """What was seen there, and routes that were planned."""
+    volts: Array
+    """Supply voltage under load [V]; nan where none was measured, or the robot file describes no battery."""
+    charge: Array
+    """Of the battery, 0 to 1; nan likewise."""
+    charge_std: Array
+    watts: Array
+    """Taken of it [W]."""
+    joules: float | None
+    """Taken of it in the run [J]; None likewise."""
     waited: float
     """How long the robot stood for obstacles [s]."""
     ticks: int
@@ -154,17 +163,11 @@ _COLUMNS = (
     *("arc_length", "cross_track", "true_arc_length", "true_cross_track"),
     *("std", "std_heading", "quality"),
     *("speed", "planned_speed", "feedforward", "feedback", "late", "slowed"),
+    *("volts", "charge", "charge_std", "watts"),
 )
 """Those before the set-points and measured values of the drives."""
 _AT = {name: number for number, name in enumerate(_COLUMNS)}
 _NO_POSE = Pose(x=nan, y=nan, heading=nan)
-_SET_POINTS = {
-    ("traction", "left"): attrgetter("speed_left"),
-    ("traction", "right"): attrgetter("speed_right"),
-    ("steering", "left"): attrgetter("steering_left"),
-    ("steering", "right"): attrgetter("steering_right"),
-}
-"""By role and side of a drive."""
 _MEASURED = {"traction": attrgetter("velocity"), "steering": attrgetter("position")}
 _NOT_FOLLOWING = nan, nan, nan, nan, nan
 
@@ -177,7 +180,7 @@ class _Reader:
         self._true_poses = TruePoses(recording)
         self._states = {name: _Spans() for name in robot.drives}
         self._drives = [
-            (name, _SET_POINTS[drive.role, drive.side], self._states[name], _MEASURED[drive.role])
+            (name, attrgetter(drive.set_point), self._states[name], _MEASURED[drive.role])
             for name, drive in robot.drives.items()
         ]
         self._entries = recording.events()
@@ -196,6 +199,7 @@ class _Reader:
         self._given, self._true_given = GivenErrors(), GivenErrors()
         self._error_end: float | None = None
         self._way = self._waited = 0.0
+        self._joules: float | None = None
         self._driven: float | None = None
         """By the odometry, before this tick [m]; None: unknown, or counted anew."""
         self._placed_after = -inf
@@ -238,6 +242,9 @@ class _Reader:
         self._waited += snapshot.dt if clearance is not None and clearance.blocked else 0.0
         row += (odometry.speed, planned_speed, feedforward, feedback, sensed.late)
         row.append(clearance.speed if clearance is not None and slowed else nan)
+        if (battery := snapshot.battery) is not None:
+            self._joules = battery.joules
+        row += (nan,) * 4 if battery is None else (battery.volts, battery.charge, battery.charge_std, battery.watts)
         heard = {drive.name: drive for drive in sensed.drives}
         for name, set_point, states, measured in self._drives:
             drive = heard.get(name) or DriveFeedback(name=name)
@@ -286,6 +293,11 @@ class _Reader:
             feedback=columns["feedback"],
             late=columns["late"],
             slowed=columns["slowed"],
+            volts=columns["volts"],
+            charge=columns["charge"],
+            charge_std=columns["charge_std"],
+            watts=columns["watts"],
+            joules=self._joules,
             around=self._around,
             waited=self._waited,
             ticks=self._ticks,

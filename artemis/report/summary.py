@@ -53,6 +53,10 @@ class Summary:
     position_error_end: float | None
     """Distance of the last estimated from the last true position."""
     frames: int
+    charge: tuple[float, float] | None
+    """Of the battery at the start and at the end, 0 to 1."""
+    joules: float | None
+    """Taken of it."""
     bus_load_mean: float
     bus_load_max: float
     """Shares, each frame counted with its most stuff bits."""
@@ -97,6 +101,8 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
         true_given_max=run.true_given_error.max,
         position_error_end=run.error_end,
         frames=run.frames,
+        charge=(float(charge[0]), float(charge[-1])) if len(charge := run.charge[np.isfinite(run.charge)]) else None,
+        joules=run.joules,
         bus_load_mean=float(np.mean(run.bus_load)) if len(run.bus_load) else 0.0,
         bus_load_max=_largest(run.bus_load),
         waited=run.waited,
@@ -115,6 +121,15 @@ def _result(recording: Recording, run: Series) -> str:
         return "ended normally"
     mode = run.modes[-1].value if run.modes else "the beginning"
     return f"broken off in {mode}"
+
+
+def consumption(facts: Summary) -> str:
+    """What was taken of the battery, in words; empty: nobody knows."""
+    if facts.charge is None or facts.joules is None:
+        return ""
+    begin, end = facts.charge
+    metre = f", {facts.joules / facts.distance:.0f} J/m" if facts.distance > 1.0 else ""
+    return f"{begin:.1%} to {end:.1%}, {facts.joules / 3600.0:.2f} Wh taken{metre}"
 
 
 def _largest(values: Array) -> float:

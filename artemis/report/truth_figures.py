@@ -1,4 +1,4 @@
-"""Figures of a comparison with the truth: the path coloured by its error, over time and distance, relative errors."""
+"""Figures of a comparison with the truth: the path coloured by its error, relative errors."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from artemis.motion.clocks import longest_gap
 from artemis.motion.comparison import Comparison
-from artemis.report.figures import ALARM, ESTIMATED, INK, TRUE, WIDTH, legend, stacked, style, svg, thinned
-from artemis.report.series import Series
+from artemis.report.figures import ESTIMATED, INK, TRUE, WIDTH, legend, style, svg
+from artemis.report.truth_charts import after_gap
 
 PIECES = 800
 """Of the coloured line, at most about."""
-ERROR_COLORS = LinearSegmentedColormap.from_list("error", ["#2f7ed8", "#1b9e8a", "#e3c02f", "#e8832a", ALARM])
-"""From none to the largest; readable on light and dark pages."""
+ERROR_COLORS = LinearSegmentedColormap.from_list("error", ["#3b6fb6", "#8a83a8", "#d9a13a", "#c94f00"])
+"""From none to the largest, from blue to orange: readable on light and dark pages, and with any colour vision."""
 
 
 def error_map(comparison: Comparison) -> Figure:
@@ -26,7 +25,7 @@ def error_map(comparison: Comparison) -> Figure:
     figure = Figure(figsize=(WIDTH, 6.2), layout="constrained")
     axes = figure.add_subplot()
     rows = _spaced(comparison)
-    joined = ~_after_gap(comparison)[rows[1:]]
+    joined = ~after_gap(comparison)[rows[1:]]
     true = np.where(np.append(True, joined)[:, np.newaxis], comparison.true[rows, :2], np.nan)
     axes.plot(*true.T, color=INK, linewidth=1.0, alpha=0.55, label="true")
     places, errors = comparison.estimated[rows, :2], 1000 * comparison.error[rows]
@@ -50,26 +49,6 @@ def error_map(comparison: Comparison) -> Figure:
     return figure
 
 
-def error_figure(run: Series, comparison: Comparison) -> Figure:
-    """Distance and angle from the true pose over time and over the distance."""
-    torn = np.where(_after_gap(comparison), np.nan, 1.0)
-    errors, turns = 1000 * torn * comparison.error, np.degrees(torn * comparison.heading_error)
-    known = bool(np.isfinite(turns).any())
-    figure, axes = stacked(run, 3 if known else 2, 1.7, sharex=False, sharey=False)
-    axes[0].plot(*thinned(comparison.time, errors), color=ESTIMATED)
-    axes[-1].plot(*thinned(comparison.distance, errors), color=ESTIMATED)
-    axes[-1].set_xlabel("distance by the odometry [m]")
-    for each in (axes[0], axes[-1]):
-        each.set_ylabel("place [mm]")
-        each.set_ylim(bottom=0.0)
-    if known:
-        axes[1].plot(*thinned(comparison.time, turns), color=ESTIMATED)
-        axes[1].axhline(0.0, color=INK, linewidth=0.6)
-        axes[1].set_xlim(axes[0].get_xlim())
-        axes[1].set(xlabel="run time [s]", ylabel="heading [°]")
-    return figure
-
-
 def relative_figure(comparison: Comparison) -> Figure:
     """Mean errors of the motion over stretches of the distance, by their length, and the largest ones."""
     figure = Figure(figsize=(WIDTH, 2.6), layout="constrained")
@@ -89,24 +68,14 @@ def relative_figure(comparison: Comparison) -> Figure:
     return figure
 
 
-def truth_drawn(run: Series, comparison: Comparison) -> Iterator[tuple[str, str, str]]:
+def truth_drawn(comparison: Comparison) -> Iterator[tuple[str, str, str]]:
     """Title, caption and SVG element of every figure that has something to show."""
     with style():
         caption = "Seen from above, in the frame of the truth: odometry coloured by its distance from the true place."
         yield "Path and its error", caption, svg(error_map(comparison))
-        yield (
-            "Errors",
-            "Distance from the true place, and angle left of the true heading.",
-            svg(error_figure(run, comparison)),
-        )
         if comparison.relative:
             caption = "Error of the motion over stretches of the distance, beginning anywhere: mean (bars) and largest."
             yield "Relative errors", caption, svg(relative_figure(comparison))
-
-
-def _after_gap(comparison: Comparison) -> NDArray[np.bool_]:
-    """Which poses follow a time without any; lines are broken there."""
-    return np.append(False, np.diff(comparison.time) > longest_gap(comparison.time))
 
 
 def _spaced(comparison: Comparison) -> NDArray[np.int64]:
@@ -114,4 +83,4 @@ def _spaced(comparison: Comparison) -> NDArray[np.int64]:
     distance = comparison.distance
     step = max(distance[-1], 1e-3) / PIECES
     evenly = np.unique(distance // step, return_index=True)[1]
-    return np.unique(np.concatenate([evenly, np.flatnonzero(_after_gap(comparison)), [len(distance) - 1]]))
+    return np.unique(np.concatenate([evenly, np.flatnonzero(after_gap(comparison)), [len(distance) - 1]]))

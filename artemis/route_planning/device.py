@@ -13,7 +13,7 @@ from dataclasses import replace
 from math import hypot
 
 from artemis.devices.device import Readings, Report, Work
-from artemis.motion.planned_route import PLANNER
+from artemis.motion.planned_route import PLANNER, unpacked_goal
 from artemis.route_planning.floor import Destination
 from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
@@ -49,8 +49,9 @@ class RoutePlanner:
 
     async def _warm(self, pool: ProcessPoolExecutor) -> None:
         first = next(iter(self._destinations.values()))
+        there = first.goal or first.floor.origin
         try:
-            await asyncio.get_running_loop().run_in_executor(pool, plan_route, self._request(first, first.goal))
+            await asyncio.get_running_loop().run_in_executor(pool, plan_route, self._request(first, there, there))
         except BrokenProcessPool:
             return  # the first job says so
 
@@ -91,7 +92,11 @@ class RoutePlanner:
 
     async def perform(self, job: Job) -> JobResult:
         """Plan a route for the step that the job names, from where the robot is; or keep the job's, if it is free."""
-        request = replace(self._request(self._destinations[int(job.value)], self._pose), present=job.values)
+        destination, present = self._destinations[int(job.value)], job.values
+        goal = destination.goal or unpacked_goal(present[:3])
+        if destination.goal is None:
+            present = present[3:]
+        request = replace(self._request(destination, self._pose, goal), present=present)
         if self._pool is None:
             planned = plan_route(request)
             await asyncio.sleep(MODELLED + MODELLED_PER_POSE * planned.expanded)
@@ -103,12 +108,12 @@ class RoutePlanner:
         ok = planned.arrived or bool(planned.values)
         return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, detail=planned.detail, values=planned.values)
 
-    def _request(self, destination: Destination, start: Pose) -> RouteRequest:
+    def _request(self, destination: Destination, start: Pose, goal: Pose) -> RouteRequest:
         return RouteRequest(
             floor=destination.floor,
             robot=self._robot,
             start=start,
-            goal=destination.goal,
+            goal=goal,
             speed=destination.speed,
             margin=destination.margin,
             placed_scans=tuple(self._placed_scans),

@@ -56,6 +56,11 @@ class Floor:
         dx, dy = poses[:, 0] - self.origin.x, poses[:, 1] - self.origin.y
         return np.column_stack([c * dx + s * dy, c * dy - s * dx, poses[:, 2] - self.origin.heading])
 
+    def contains(self, local: Array) -> bool:
+        """Whether a pose that is seen from the origin lies on the map."""
+        rows, columns = self.occupied.shape
+        return bool(0 <= local[0] < columns * CELL and 0 <= local[1] < rows * CELL)
+
     def cells_of(self, points: Array) -> NDArray[np.int64]:
         """Rows and columns of points of the map, shape (n, 2), of those that lie within; shape (2, m)."""
         c, s = math.cos(self.origin.heading), math.sin(self.origin.heading)
@@ -118,8 +123,8 @@ class Destination(Struct, frozen=True, kw_only=True):
     """What a step of a mission wants routes for."""
 
     floor: Floor
-    goal: Pose
-    """In the frame of the map."""
+    goal: Pose | None
+    """In the frame of the map; None: each job has its own."""
     speed: float
     """Highest, of the virtual front wheel [m/s]."""
     margin: float
@@ -130,9 +135,8 @@ class Destination(Struct, frozen=True, kw_only=True):
 
 def goal_problem(floor: Floor, robot: RobotFile, goal: Pose, margin: float) -> str | None:
     """Why a robot cannot stand at a pose of the map; None: it can."""
-    x, y, _ = pose = floor.local(goal)
-    rows, columns = floor.occupied.shape
-    if not (0 <= x < columns * CELL and 0 <= y < rows * CELL):
+    pose = floor.local(goal)
+    if not floor.contains(pose):
         return "it lies outside of the map"
     if not covered(floor.occupied, pose, outline_box(robot, margin + SPARE)).any():
         return None

@@ -186,6 +186,8 @@ class _Planning:
             return PlannedRoute(arrived=True, detail="the robot is there already")
         if request.present and self._rest_is_free():
             return PlannedRoute(values=request.present, detail="the rest of the route is free")
+        if not self._floor.contains(self._goal):
+            return PlannedRoute(detail="the goal lies outside of the map")
         if not _fits(self._goal, self._clear, self._checked):
             return PlannedRoute(detail="something stands at the goal")
         nearness = 1.0 + NEARNESS * np.maximum(0.0, 1.0 - self._clear / BESIDE)

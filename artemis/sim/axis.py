@@ -12,8 +12,8 @@ from enum import Enum
 from functools import lru_cache
 from typing import Any
 
+from artemis.drive_schema import Drive
 from artemis.sim.regulators import Regulators
-from artemis.vehicle import Drive
 
 NOMINAL_VOLTAGE = 24.0
 """Supply at which a motor reaches its no-load speed [V]."""
@@ -39,11 +39,13 @@ class Regulation(Enum):
     VELOCITY = "ramp to the target velocity"
     PROFILE = "trapezoidal profile to the target position"
     POSITION = "hold the target position at once, no ramp"
+    EVEN = "reach the target position at an even speed, the profile's"
     CURRENT = "the target is the current"
 
 
 # Looking a member up in its class costs more than all the physics of a step.
 _OFF, _VELOCITY, _PROFILE, _POSITION = Regulation.OFF, Regulation.VELOCITY, Regulation.PROFILE, Regulation.POSITION
+_EVEN = Regulation.EVEN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,12 +74,19 @@ class Failure:
 
     blocked: bool = False
     """The shaft is held by an obstacle."""
+    clamped: bool = False
+    """The shaft is held by the drive's own brake."""
     gain: float = 1.0
     """The shaft is regulated to so many times the velocity asked for; negative: it turns the other way."""
     braking: float = math.inf
     """Highest deceleration under regulation [rpm/s]."""
     regulators: Regulators | None = None
     """Loops with other gains than those of the robot file; None: as the constants above say."""
+
+    @property
+    def held(self) -> bool:
+        """The shaft cannot turn."""
+        return self.blocked or self.clamped
 
     def braked(self, before: float, after: float, dt: float) -> float:
         """The velocity `after` a step, as far as the deceleration that is left allows."""
@@ -184,6 +193,11 @@ class Axis:
         return self.heat > self.continuous_current * self.continuous_current
 
     @property
+    def top_rpm(self) -> float:
+        """Highest speed at the present supply [rpm]."""
+        return self.no_load_rpm * _SPEED_SHARE_PER_VOLT * self.supply_voltage
+
+    @property
     def arrived(self) -> bool:
         """The demand has reached the target (or rest, when halted)."""
         if self.regulation is Regulation.PROFILE and not self.halted:
@@ -195,7 +209,7 @@ class Axis:
     @property
     def lag(self) -> float:
         """Following error: demand minus actual position [counts]; 0 unless a position is regulated."""
-        if self.regulation is Regulation.PROFILE or self.regulation is Regulation.POSITION:
+        if self.regulation in (Regulation.PROFILE, Regulation.POSITION, Regulation.EVEN):
             return self.demand_position - self.position
         return 0.0
 
@@ -213,9 +227,11 @@ class Axis:
             if wanted != self.target:
                 wanted = self.demand_velocity = self._ramped(wanted, self.target, dt)
             current, after = self._regulated(before, wanted, speed_blend, dt)
-        elif regulation is _POSITION or regulation is _PROFILE:
+        elif regulation is _POSITION or regulation is _PROFILE or regulation is _EVEN:
             if regulation is _PROFILE:
                 self._advance_profile(dt)
+            elif regulation is _EVEN:
+                self._advance_evenly(dt)
             else:
                 self.demand_position, self.demand_velocity = self.target, 0.0
             error = self.demand_position - self.position
@@ -225,7 +241,7 @@ class Axis:
             current, after = self._unregulated(before, dt)
         if before or after:
             self.position += (before + after) * 0.5 * dt * self.counts_per_rpm_s
-        if regulation is not _POSITION and regulation is not _PROFILE:
+        if regulation is not _POSITION and regulation is not _PROFILE and regulation is not _EVEN:
             self.demand_position = self.position
         self.velocity, self.current = after, current
         self.heat += (current * current - self.heat) * dt / self.thermal_time
@@ -243,13 +259,13 @@ class Axis:
             after = self._rolled(before, current, dt)
             top = min(self.current_mode_rpm, self.no_load_rpm * _SPEED_SHARE_PER_VOLT * self.supply_voltage)
             after = max(-top, min(top, after))
-        return current, 0.0 if self.failure is not None and self.failure.blocked else after
+        return current, 0.0 if self.failure is not None and self.failure.held else after
 
     def _regulated(self, before: float, wanted: float, blend: float, dt: float) -> tuple[float, float]:
         """Current and velocity after `dt` of a speed loop that asks for the velocity `wanted`."""
         failure = self.failure
         if failure is not None:
-            if failure.blocked:
+            if failure.held:
                 return self._within_limit(math.copysign(math.inf, wanted)) if wanted else 0.0, 0.0
             wanted *= failure.gain
             if failure.regulators is not None:
@@ -328,6 +344,17 @@ class Axis:
             after = self._ramped(before, math.copysign(min(self.profile_velocity, stoppable), remaining), dt)
         self.demand_position += (before + after) * 0.5 * dt * self.counts_per_rpm_s
         self.demand_velocity = after
+
+    def _advance_evenly(self, dt: float) -> None:
+        """One step towards the target at the profile's velocity [rpm]."""
+        way = self.profile_velocity * dt * self.counts_per_rpm_s
+        remaining = self.target - self.demand_position
+        if -way < remaining < way:
+            self.demand_position, way = self.target, remaining
+        else:
+            way = math.copysign(way, remaining)
+            self.demand_position += way
+        self.demand_velocity = way / (dt * self.counts_per_rpm_s)
 
 
 @lru_cache(maxsize=8)

@@ -1,7 +1,7 @@
-"""The object dictionary of a first-generation EPOS: what may be read and written, when, and by what it is refused.
+"""The object dictionary of a simulated EPOS: what may be read and written, when, and by what it is refused.
 
 Checks come in the order object, sub-index, access, length, range, device state, and then the object's own.
-The objects themselves stand in `epos_objects.py`.
+The objects themselves stand in `epos_objects.py` and `epos4_objects.py`.
 """
 
 from __future__ import annotations
@@ -48,6 +48,17 @@ class AccessRefused(ArtemisError):
         super().__init__(f"refused with SDO abort 0x{code:08X}{name}")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AbortRules:
+    """By which code a generation of drives refuses a number out of range, and one of the wrong length."""
+
+    too_high: int = AbortCode.TOO_HIGH
+    too_low: int = AbortCode.TOO_LOW
+    too_long: int = AbortCode.TOO_LONG
+    cuts_bytes: bool = True
+    """Data that is too long for an object of one byte is cut, not refused."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Refusal:
     """A failure: requests for an object are aborted with this code, so many more times (None: always)."""
@@ -59,6 +70,7 @@ class Refusal:
 class Type(IntEnum):
     """Data types, with the index CiA 301 gives them."""
 
+    BOOL = 0x01
     I8 = 0x02
     I16 = 0x03
     I32 = 0x04
@@ -70,6 +82,7 @@ class Type(IntEnum):
 
 
 FORMATS = {
+    Type.BOOL: "B",
     Type.I8: "b",
     Type.I16: "h",
     Type.I32: "i",
@@ -121,6 +134,57 @@ class ObjectEntry:
         return SIZES.get(self.type)
 
 
+def row(
+    index: int,
+    sub: int,
+    kind: Type,
+    marks: str,
+    default: int = 0,
+    low: int | None = None,
+    high: int | None = None,
+    choices: frozenset[int] | None = None,
+) -> ObjectEntry:
+    """One object of a table. `marks`: its access, then of `cfg`, `dis`, `R` and `T` those that hold.
+
+    Args:
+        index: Index.
+        sub: Sub-index.
+        kind: Data type.
+        marks: `cfg` a configuration parameter, `dis` writable only while the power stage is disabled, `R` and `T`
+            mappable into received and transmitted PDOs.
+        default: Value from the factory.
+        low: Lowest value; None: of the type.
+        high: Highest value; None: of the type.
+        choices: The only values allowed, where they are not a range.
+    """
+    bits = 8 * SIZES[kind]
+    lowest, highest = (-(1 << bits - 1), (1 << bits - 1) - 1) if kind in SIGNED else (0, (1 << bits) - 1)
+    access, *rest = marks.split()
+    return ObjectEntry(
+        index=index,
+        sub=sub,
+        type=kind,
+        access=access,
+        default=default,
+        minimum=lowest if low is None else low,
+        maximum=highest if high is None else high,
+        choices=choices,
+        receive="R" in rest,
+        transmit="T" in rest,
+        disabled_only="dis" in rest,
+        configuration="cfg" in rest,
+    )
+
+
+def with_counts(rows: list[ObjectEntry]) -> tuple[ObjectEntry, ...]:
+    """All rows, and for each object with sub-indices its sub-index 0, the highest of them, where no row has it."""
+    counts: dict[int, int] = {}
+    for entry in rows:
+        counts[entry.index] = max(counts.get(entry.index, 0), entry.sub)
+    described = {entry.index for entry in rows if entry.sub == 0}
+    return (*rows, *(row(i, 0, Type.U8, "const", n) for i, n in counts.items() if n > 0 and i not in described))
+
+
 class Dictionary:
     """Values and rules of all objects of one drive.
 
@@ -128,7 +192,9 @@ class Dictionary:
     taken.
     """
 
-    def __init__(self, entries: Sequence[ObjectEntry], power_off: Callable[[], bool]) -> None:
+    def __init__(
+        self, entries: Sequence[ObjectEntry], power_off: Callable[[], bool], rules: AbortRules | None = None
+    ) -> None:
         self.entries = {entry.key: entry for entry in entries}
         self.values: dict[int, int] = {}
         """Stored numbers by `key_of`; what a live object holds is behind its getter."""
@@ -146,6 +212,7 @@ class Dictionary:
         """Failure: writes over SDO are taken and not kept."""
         self._indices = {entry.index for entry in entries}
         self._power_off = power_off
+        self._rules = AbortRules() if rules is None else rules
 
     def find(self, index: int, sub: int) -> ObjectEntry:
         """The object at this place.
@@ -195,7 +262,7 @@ class Dictionary:
         return value if isinstance(value, bytes) else struct.pack("<" + FORMATS[entry.type], value)
 
     def download(self, index: int, sub: int, data: bytes, *, length_told: bool = True) -> None:
-        """Write an object as a client does over SDO; data that is too long is cut for byte objects (since 2023h).
+        """Write an object as a client does over SDO; an EPOS of 2023h or later cuts what is too long for a byte.
 
         Args:
             index: Index.
@@ -211,10 +278,10 @@ class Dictionary:
             raise AccessRefused(AbortCode.READ_ONLY)
         self._refuse(entry.key)
         size = SIZES[entry.type]
-        if not length_told or size == 1:
+        if not length_told or (size == 1 and self._rules.cuts_bytes):
             data = data[:size]
         if len(data) != size:
-            raise AccessRefused(AbortCode.TOO_LONG if len(data) > size else AbortCode.TOO_SHORT)
+            raise AccessRefused(self._rules.too_long if len(data) > size else AbortCode.TOO_SHORT)
         value = int.from_bytes(data, "little", signed=entry.type in SIGNED)
         self._judge_range(entry, value)
         if entry.disabled_only and not self._power_off():
@@ -260,9 +327,9 @@ class Dictionary:
 
     def _judge_range(self, entry: ObjectEntry, value: int) -> None:
         if value > entry.maximum:
-            raise AccessRefused(AbortCode.TOO_HIGH)
+            raise AccessRefused(self._rules.too_high)
         if value < entry.minimum:
-            raise AccessRefused(AbortCode.TOO_LOW)
+            raise AccessRefused(self._rules.too_low)
         if entry.choices is not None and value not in entry.choices:
             raise AccessRefused(AbortCode.RANGE)
 

@@ -1,34 +1,32 @@
-"""A simulated first-generation EPOS: a CANopen node that is only frames in, frames out, and time.
+"""A simulated EPOS: a CANopen node that is only frames in, frames out, and time; with the first generation's parts.
 
 What its parts do: `dictionary` and `epos_objects` hold the objects, `epos_sdo` serves them, `epos_pdo` maps them,
 `epos_power` is the device state machine, `epos_motion` the modes of operation, `epos_errors` the error memory,
 `epos_error_control` heartbeats and guarding, `epos_parameters` the non-volatile memory; `axis` is what it moves;
-`epos_failures` is what it can be made to do wrong.
+`epos_failures` is what it can be made to do wrong. `epos4` makes an EPOS4 of it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container
-from typing import Annotated
 
-from pydantic import Field
-
-from artemis.config import Config
 from artemis.devices.can_bus import Frame
+from artemis.drive_schema import Drive
 from artemis.drive_states import DriveState, Nmt
 from artemis.sim.axis import Axis
 from artemis.sim.dictionary import Dictionary, key_of
+from artemis.sim.epos1_motion import Epos1Motion
 from artemis.sim.epos_error_control import ErrorControl
 from artemis.sim.epos_errors import LIFE_GUARD, OVER_VOLTAGE, PDO_LENGTH, UNDER_VOLTAGE, ErrorMemory
 from artemis.sim.epos_failures import EposFailures, Post, Sending, Speech
 from artemis.sim.epos_motion import Motion
-from artemis.sim.epos_objects import millivolts, objects
+from artemis.sim.epos_objects import VOLATILE, millivolts, objects
 from artemis.sim.epos_parameters import ParameterMemory, judge_motor_and_sensor
 from artemis.sim.epos_pdo import ON_REQUEST, ProcessData, ReceivePdo, TransmitPdo
 from artemis.sim.epos_power import PowerStage
 from artemis.sim.epos_sdo import SdoServer
-from artemis.vehicle import Drive
+from artemis.sim.epos_settings import SimSettings
 
 NMT_ID = 0x000
 EMCY_ID, SDO_ANSWER_ID, SDO_REQUEST_ID, ERROR_CONTROL_ID = 0x080, 0x580, 0x600, 0x700
@@ -36,31 +34,10 @@ START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02
 REMOTE = 0x0200
 """Statusword bit 9: the node is operational."""
 
-Seconds = Annotated[float, Field(ge=0)]
 Handler = Callable[[Frame, float], None]
 
 # Looking a member up in its class is slow.
-_OPERATIONAL, _RAMP_OF_FAULT = Nmt.OPERATIONAL, DriveState.FAULT_REACTION_ENABLED
-
-
-class SimSettings(Config):
-    """What differs from drive to drive, or is not in its specification."""
-
-    answer_time_s: Seconds = 0.0003
-    """From the end of an SDO request to the answer being ready."""
-    boot_time_s: Seconds = 0.05
-    """From power-up or reset to the boot-up frame."""
-    refresh_s: Seconds = 0.005
-    """Time in the state Refresh."""
-    measure_s: Seconds = 0.005
-    """Time in the state Measure Init."""
-    firmware: Annotated[int, Field(ge=0x2030, le=0xFFFF)] = 0x2033
-    """Object 0x2003:1."""
-    position_limits_clip: bool = False
-    """Limits 0x607D clip the set-point (specification, figures 7 and 21) instead of raising 0xFF09 (14.74)."""
-    under_voltage_v: Seconds = 9.0
-    over_voltage_v: Seconds = 30.0
-    """The supply thresholds are assumptions: the hardware references of the 24/1 and 24/5 are not at hand."""
+_OPERATIONAL = Nmt.OPERATIONAL
 
 
 class SimEpos:
@@ -76,7 +53,8 @@ class SimEpos:
         self._post: Post = self.outbox.append
         self.nmt: Nmt | None = None
         """None: no power."""
-        serial = self.node_id if drive.serial_number is None else drive.serial_number
+        self.boot_time = self.settings.boot_time_s
+        """From power-up or reset to the boot-up frame [s]."""
         self._lowest_voltage, self._highest_voltage = self.settings.under_voltage_v, self.settings.over_voltage_v
         self._now = 0.0
         self.next_due = math.inf
@@ -86,20 +64,8 @@ class SimEpos:
         self._handlers: dict[int, Handler] = {}
         self.hears: Container[int] = self._handlers
         """Identifiers that mean something to the node in its present state."""
-        self._dictionary = Dictionary(
-            objects(self.node_id, drive.hardware_version, self.settings.firmware, serial),
-            power_off=lambda: self._power.power_off,
-        )
-        self._errors = ErrorMemory(self._dictionary)
-        clips = self.settings.position_limits_clip
-        self._motion = Motion(self._dictionary, axis, clip_position=clips, gains=drive.gains)
-        self._power = PowerStage(
-            self._motion,
-            self._errors,
-            refresh=self.settings.refresh_s,
-            measure=self.settings.measure_s,
-            cause_remains=lambda: self._voltage_error() != 0,
-        )
+        self._dictionary = self._make_dictionary(drive)
+        self._errors, self._motion, self._power = self._make_parts(drive)
         self._sdo = SdoServer(self._dictionary)
         self._pdos = ProcessData(
             self._dictionary, pre_operational=lambda: self.nmt is Nmt.PRE_OPERATIONAL, changed=self._route
@@ -109,7 +75,43 @@ class SimEpos:
         self.failures = EposFailures(*parts, outbox=self.outbox, send_through=self._send_through)
         """What it can be made to do wrong."""
         self._describe()
-        self._parameters = ParameterMemory(self._dictionary, self._pdos, self.node_id)
+        self._parameters = self._make_memory()
+
+    # ------------------------------------------------------------------------------------------ of its generation
+
+    def _make_dictionary(self, drive: Drive) -> Dictionary:
+        serial = self.node_id if drive.serial_number is None else drive.serial_number
+        return Dictionary(
+            objects(self.node_id, drive.hardware_version, self.settings.firmware, serial),
+            power_off=lambda: self._power.power_off,
+        )
+
+    def _make_parts(self, drive: Drive) -> tuple[ErrorMemory, Motion, PowerStage]:
+        dictionary, settings = self._dictionary, self.settings
+        errors = ErrorMemory(dictionary)
+        motion = Epos1Motion(dictionary, self.axis, clip_position=settings.position_limits_clip, gains=drive.gains)
+        power = PowerStage(
+            motion,
+            errors,
+            refresh=settings.refresh_s,
+            measure=settings.measure_s,
+            cause_remains=lambda: self._voltage_error() != 0,
+        )
+        return errors, motion, power
+
+    def _make_memory(self) -> ParameterMemory:
+        memory = ParameterMemory(self._dictionary, volatile=VOLATILE)
+        memory.restore_identifiers(self._pdos, self.node_id)
+        return memory
+
+    def _describe(self) -> None:
+        """Tie the objects that belong to the node as a whole."""
+        getters, written = self._dictionary.getters, self._dictionary.written
+        getters[key_of(0x207C, 1)] = lambda: millivolts(self.axis.analog[0])
+        getters[key_of(0x207C, 2)] = lambda: millivolts(self.axis.analog[1])
+        written[key_of(0x1005, 0)] = lambda _: self._route()
+        judge_motor_and_sensor(self._dictionary)
+        self._describe_device()
 
     # ------------------------------------------------------------------------------------------ for the owner
 
@@ -151,7 +153,7 @@ class SimEpos:
             alarms, self._alarms = self._alarms, []
             for code in alarms:
                 self._raise_error(code)
-        self._power.finish_reaction()
+        self._power.finish_ramp(now)
         if self._power.due <= now:
             self._after_command(*self._power.advance(now))
         if self._control.due <= now:
@@ -195,15 +197,10 @@ class SimEpos:
 
     # ------------------------------------------------------------------------------------------ objects of the node
 
-    def _describe(self) -> None:
-        """Tie the objects that belong to the node as a whole."""
-        getters, written = self._dictionary.getters, self._dictionary.written
-        getters[key_of(0x207C, 1)] = lambda: millivolts(self.axis.analog[0])
-        getters[key_of(0x207C, 2)] = lambda: millivolts(self.axis.analog[1])
-        getters[key_of(0x6041, 0)] = self._statusword
-        written[key_of(0x1005, 0)] = lambda _: self._route()
-        written[key_of(0x6040, 0)] = self._obey
-        judge_motor_and_sensor(self._dictionary)
+    def _describe_device(self) -> None:
+        """Tie status and command."""
+        self._dictionary.getters[key_of(0x6041, 0)] = self._statusword
+        self._dictionary.written[key_of(0x6040, 0)] = self._obey
 
     def _statusword(self) -> int:
         status = self._power.pattern | self._motion.status_bits()
@@ -237,7 +234,7 @@ class SimEpos:
         self._now = now
         self._sdo.reset()
         self._control.stop()
-        self._boot_end = self.next_due = now + self.settings.boot_time_s
+        self._boot_end = self.next_due = now + self.boot_time
         self._route()
 
     def _finish_boot(self) -> None:
@@ -352,7 +349,7 @@ class SimEpos:
             error = self._voltage_error()
         if error and error not in self._errors.active:
             self._alarms.append(error)
-        elif not self._pdos.on_change and self._power.state is not _RAMP_OF_FAULT:
+        elif not (self._pdos.on_change or self._power.ramping):
             return
         self._wake(self._now)
 

@@ -45,6 +45,7 @@ class ErrorControl:
         self._heartbeat_time = 0.0
         self._life_deadline = math.inf
         self._toggle = 0
+        self._guarded = key_of(0x100C, 0) in dictionary.entries
         for sub in CONSUMERS:
             dictionary.checks[key_of(0x1016, sub)] = self._consumer_judge(sub)
             dictionary.written[key_of(0x1016, sub)] = lambda _: self._read_consumers()
@@ -83,8 +84,8 @@ class ErrorControl:
         self._read_consumers()
 
     def answer_guard(self, state: int, now: float) -> int | None:
-        """Answer to a guarding request: state and toggle bit; None while a heartbeat is produced instead."""
-        if self._heartbeat_time:
+        """Answer to a guarding request: state and toggle bit; None while a heartbeat is produced instead, or always."""
+        if self._heartbeat_time or not self._guarded:
             return None
         answer = state | self._toggle
         self._toggle ^= TOGGLE

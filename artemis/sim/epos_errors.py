@@ -1,7 +1,11 @@
-"""Device errors of a simulated EPOS: table, error register, error history (EPOS firmware specification 2010, 12.2)."""
+"""Device errors of a simulated EPOS: error register, error history; the first generation's table.
+
+Source: EPOS firmware specification 2010, 12.2. The EPOS4's table is in `epos4_errors.py`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from enum import Enum
 from functools import partial
 from typing import NamedTuple
@@ -21,6 +25,9 @@ class Reaction(Enum):
     NONE = "none"
     QUICK_STOP = "ramp with 0x6085, then power off"
     POWER_OFF = "power off at once"
+    FAULT_OPTION = "as object 0x605E says"  # EPOS4
+    ABORT_OPTION = "as object 0x6007 says"  # EPOS4
+    WARNING = "none; bit 7 of the statusword tells"  # EPOS4
 
 
 class EposError(NamedTuple):
@@ -69,12 +76,23 @@ ERRORS = {
 class ErrorMemory:
     """Which errors are active, and the last five that came."""
 
-    def __init__(self, dictionary: Dictionary) -> None:
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        table: Mapping[int, EposError] = ERRORS,
+        *,
+        until_bus_reset: Collection[int] = (CAN_PASSIVE,),
+        until_node_reset: Collection[int] = (HALL_NOT_FOUND,),
+    ) -> None:
+        """`table`: by code; `until_bus_reset`, `until_node_reset`: codes for which a fault reset waits for these."""
         self.active: set[int] = set()
         self.register = 0
         """Object 0x1001."""
         self.history: list[int] = []
         """Newest first."""
+        self._table = table
+        self._until_bus_reset = frozenset(until_bus_reset)
+        self._until_node_reset = frozenset(until_node_reset)
         self._bus_was_reset = False
         getters = dictionary.getters
         getters[key_of(0x1001, 0)] = lambda: self.register
@@ -82,7 +100,7 @@ class ErrorMemory:
         for place in range(HISTORY_LENGTH):
             getters[key_of(0x1003, place + 1)] = partial(self._entry, place)
         dictionary.checks[key_of(0x1003, 0)] = _judge_cleared
-        dictionary.written[key_of(0x1003, 0)] = lambda _: self.history.clear()
+        dictionary.written[key_of(0x1003, 0)] = lambda _: self.forget()
 
     def reset(self) -> None:
         """Power-up or node reset: nothing ever happened."""
@@ -94,19 +112,29 @@ class ErrorMemory:
         if code in self.active:
             return False
         self.active.add(code)
-        self.register |= ERRORS.get(code, GENERIC).register
+        self.register |= self._table.get(code, GENERIC).register
         self.history = [code, *self.history][:HISTORY_LENGTH]
-        if code == CAN_PASSIVE:
+        if code in self._until_bus_reset:
             self._bus_was_reset = False
         return True
 
     def note_bus_reset(self) -> None:
-        """NMT Reset Communication: what 0x8120 waits for before a fault reset is taken."""
+        """NMT Reset Communication: what some errors wait for before a fault reset is taken."""
         self._bus_was_reset = True
 
     def may_clear(self) -> bool:
-        """A fault reset is enough: no 0x8120 before NMT Reset Communication, no 0xFF04 before Reset Node."""
-        return HALL_NOT_FOUND not in self.active and (CAN_PASSIVE not in self.active or self._bus_was_reset)
+        """A fault reset is enough: no error waits for NMT Reset Communication or Reset Node."""
+        if not self.active.isdisjoint(self._until_node_reset):
+            return False
+        return self._bus_was_reset or self.active.isdisjoint(self._until_bus_reset)
+
+    def reaction(self, code: int) -> Reaction:
+        """What an error does to the motor."""
+        return self._table.get(code, GENERIC).reaction
+
+    def forget(self) -> None:
+        """The history is cleared."""
+        self.history.clear()
 
     def clear(self) -> None:
         """Fault reset: nothing is active any more; the history stays."""

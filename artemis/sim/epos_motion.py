@@ -1,53 +1,67 @@
-"""The drive function of a simulated EPOS: what each mode of operation asks of the motor axis.
+"""The drive function of a simulated EPOS: what the modes of operation that all generations have ask of the motor axis.
 
 Sources: EPOS firmware specification 2010, chapter 9 and 14.59 to 14.93; application note "Device Programming" 2009.
+What each generation adds is in `epos1_motion.py` and `epos4_motion.py`.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from math import floor
+from typing import ClassVar
 
 from artemis.sim.axis import STILL_RPM, Axis, Regulation
 from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos_errors import FOLLOWING_ERROR, OVERLOADED, POSITION_LIMIT
 from artemis.sim.epos_objects import HIGHEST, LOWEST, OFF
 from artemis.sim.regulators import regulators_for
-from artemis.vehicle import Gains
 
 PROFILE_POSITION, PROFILE_VELOCITY, HOMING = 1, 3, 6
-POSITION, VELOCITY, CURRENT = -1, -2, -3
 
 NEW_SET_POINT, AT_ONCE, RELATIVE, HALT = 0x0010, 0x0020, 0x0040, 0x0100  # controlword bits 4, 5, 6, 8
 BIT_10, LIMIT_ACTIVE, BIT_12, BIT_13, REFERENCED = 0x0400, 0x0800, 0x1000, 0x2000, 0x8000  # statusword
 
-PRESENT_PLACE = 35
-"""Homing method: the present place becomes the home position."""
-NO_HOMING = 0
 SPEED_WINDOW_RPM = 10.0
 """Target velocity counts as reached within this; the specification names no window."""
 
-FINE_VELOCITY = 0x0008
-"""0x2008 bit 3: velocity from the time between encoder pulses."""
-
 # What is needed after every step and every SYNC, found once.
-_PROFILE, _HOLDING, _RAMPING = Regulation.PROFILE, Regulation.POSITION, Regulation.VELOCITY
-_MISCELLANEOUS = key_of(0x2008, 0)
-_POSITION_SETTING = key_of(0x2062, 0)
+_PROFILE, _HOLDING, _RAMPING, _EVEN = Regulation.PROFILE, Regulation.POSITION, Regulation.VELOCITY, Regulation.EVEN
 _TARGET_VELOCITY = key_of(0x60FF, 0)
 _TOP_VELOCITY = key_of(0x607F, 0)
 _ACCELERATION = key_of(0x6083, 0)
 _DECELERATION = key_of(0x6084, 0)
-_GAINS = tuple(
-    key_of(index, sub) for index, subs in ((0x60F6, 2), (0x60F9, 2), (0x60FB, 3)) for sub in range(1, subs + 1)
-)
 
 
-class Motion:
-    """Modes of operation of one drive. Positions here are the drive's counter: 0 at power-up, moved by homing."""
+class Motion(ABC):
+    """Modes of operation of one drive. Positions here are the drive's counter: 0 at power-up, moved by homing.
 
-    def __init__(self, dictionary: Dictionary, axis: Axis, *, clip_position: bool, gains: Gains | None) -> None:
-        """`gains`: those with which the loops of `axis` are tuned; None: the drive's own."""
+    A generation ties its own objects in `describe`, and has limits, modes without a ramp and homing methods of its own.
+    """
+
+    position_limit_error: ClassVar[int] = POSITION_LIMIT
+    """Code for a place beyond 0x607D."""
+    crowded_error: ClassVar[int] = OVERLOADED
+    """Code for a set-point with no place to wait; 0: it is only not acknowledged."""
+
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        axis: Axis,
+        *,
+        clip_position: bool,
+        gains: tuple[int, ...],
+        nominal_gains: tuple[int, ...] | None,
+    ) -> None:
+        """Stand still.
+
+        Args:
+            dictionary: Its objects.
+            axis: What it moves.
+            clip_position: Position limits clip the set-point.
+            gains: Keys of the regulators' gains, in the order of `regulators_for`.
+            nominal_gains: Those with which the loops of `axis` are tuned; None: the drive's own.
+        """
         self.axis = axis
         self.mode = PROFILE_POSITION
         self.commanded = False
@@ -66,11 +80,14 @@ class Motion:
         self._following_limit = math.inf
         self._window: float | None = None
         self._inside = 0.0
+        self.rpm = 1.0
+        """Unit of the drive's velocities [rpm]."""
+        self._gain_keys = gains
         self._factory_gains = self._gains()
-        self._nominal_gains = gains.numbers if gains is not None else self._factory_gains
+        self._nominal_gains = self._factory_gains if nominal_gains is None else nominal_gains
         # The same as the axis counts it, for what is looked at after every step: from the first to below the second.
         self._counter_range = self._allowed_range = (-math.inf, math.inf)
-        self._describe()
+        self.describe()
 
     # ------------------------------------------------------------------------------------------ what can be read
 
@@ -78,26 +95,10 @@ class Motion:
         """Position actual value (0x6064) [counts]."""
         return floor(self.axis.position + 0.5) - self._zero
 
-    def encoder_counter(self) -> int:
-        """The raw 16-bit counter (0x2020), untouched by homing."""
-        return (floor(self.axis.position + 0.5) - self._power_up) & 0xFFFF
-
     def position_demand(self) -> int:
         """Output of the trajectory generator (0x6062) [counts]."""
         demand = floor(self.axis.demand_position + 0.5) - self._zero
         return max(LOWEST, min(HIGHEST, demand))
-
-    def counts_per_ms(self) -> int:
-        """Counts in the last millisecond: all that the drive knows of a speed at short notice."""
-        axis = self.axis
-        place = axis.position + 0.5
-        return floor(place) - floor(place - axis.velocity * axis.counts_per_rpm_s * 0.001)
-
-    def velocity(self) -> int:
-        """Velocity actual value (0x606C) [rpm], in steps of 1 count/ms unless 0x2008 bit 3 asks for finer ones."""
-        if self._values[_MISCELLANEOUS] & FINE_VELOCITY:
-            return round(self.axis.velocity)
-        return round(self.counts_per_ms() * 60000 / self.axis.counts_per_turn)
 
     def status_bits(self) -> int:
         """The statusword's bits 10, 12 and 13 of the present mode, 11 and 15."""
@@ -136,28 +137,17 @@ class Motion:
     def _in_window(self, window: float) -> bool:
         return abs(self.axis.target - self.axis.position) <= window
 
-    def _describe(self) -> None:
+    def describe(self) -> None:
         """Tie the objects of motion to this object."""
-        axis, getters, written = self.axis, self._dictionary.getters, self._dictionary.written
-        getters[key_of(0x2020, 0)] = self.encoder_counter
-        getters[key_of(0x2027, 0)] = lambda: _int16(axis.current_averaged)
-        getters[key_of(0x2028, 0)] = lambda: round(axis.velocity_averaged)
-        getters[key_of(0x20F4, 0)] = lambda: _int16(axis.lag)
+        getters, written = self._dictionary.getters, self._dictionary.written
         getters[key_of(0x6061, 0)] = lambda: self.mode
         getters[key_of(0x6062, 0)] = self.position_demand
         getters[key_of(0x6064, 0)] = self.position
-        getters[key_of(0x6069, 0)] = lambda: self.counts_per_ms() * 1000
-        getters[key_of(0x606B, 0)] = lambda: round(axis.demand_velocity)
-        getters[key_of(0x606C, 0)] = self.velocity
-        getters[key_of(0x6078, 0)] = lambda: _int16(axis.current)
         written[key_of(0x6060, 0)] = self._change_mode
-        written[key_of(0x2062, 0)] = lambda _: self._set_direct(POSITION)
-        written[key_of(0x206B, 0)] = lambda _: self._set_direct(VELOCITY)
-        written[key_of(0x2030, 0)] = lambda _: self._set_direct(CURRENT)
-        for index, subs in ((0x6065, (0,)), (0x6067, (0,)), (0x607D, (1, 2)), (0x6410, (1, 2, 4, 5))):
+        for index, subs in ((0x6065, (0,)), (0x6067, (0,)), (0x607D, (1, 2))):
             for sub in subs:
                 written[key_of(index, sub)] = lambda _: self.configure()
-        for key in _GAINS:
+        for key in self._gain_keys:
             written[key] = lambda _: self._tune(self._gains())
 
     # ------------------------------------------------------------------------------------------ life and power
@@ -176,21 +166,26 @@ class Motion:
 
     def configure(self) -> None:
         """Take over limits from the dictionary."""
-        number, axis = self._dictionary.number, self.axis
-        axis.continuous_current = float(number(0x6410, 1))
-        axis.output_current = float(number(0x6410, 2))
-        axis.current_mode_rpm = float(number(0x6410, 4))
-        axis.thermal_time = number(0x6410, 5) * 0.1
-        low, high = number(0x607D, 1), number(0x607D, 2)
-        limits = (-math.inf if low == LOWEST else low, math.inf if high == HIGHEST else high)
+        number = self._dictionary.number
+        self.read_limits()
+        limits = self.position_limits()
         self._limits = None if limits == (-math.inf, math.inf) else limits
         following, window = number(0x6065), number(0x6067)
         self._following_limit = math.inf if following == OFF else float(following)
         self._window = None if window == OFF else float(window)
         self._count_from(self._zero)
 
+    @abstractmethod
+    def read_limits(self) -> None:
+        """Take over what a generation has objects of its own for."""
+
+    def position_limits(self) -> tuple[float, float]:
+        """Objects 0x607D [counts]: one at the end of its range is off, which is an infinite one."""
+        low, high = self._dictionary.number(0x607D, 1), self._dictionary.number(0x607D, 2)
+        return -math.inf if low == LOWEST else float(low), math.inf if high == HIGHEST else float(high)
+
     def _gains(self) -> tuple[int, ...]:
-        return tuple(self._values[key] for key in _GAINS)
+        return tuple(self._values[key] for key in self._gain_keys)
 
     def _tune(self, gains: tuple[int, ...]) -> None:
         """Take over the regulators' gains."""
@@ -208,7 +203,7 @@ class Motion:
         self._count_from(floor(self.axis.position + 0.5) - position)
 
     def engage(self) -> None:
-        """Operation Enable begins: modes 3, -1 and -2 obey at once what their set-point object still holds."""
+        """Operation Enable begins: a mode that needs no command obeys at once what its set-point object still holds."""
         self.commanded = True
         self._begin_mode()
 
@@ -219,7 +214,7 @@ class Motion:
         self.axis.regulate(Regulation.OFF, 0.0)
 
     def quick_stop(self) -> None:
-        """Ramp down with 0x6085 in the profile modes, as hard as the current allows in the others; then stand still.
+        """Ramp down with 0x6085 in the profile modes, as hard as the current allows in others; then stand still.
 
         For the current mode the specification says nothing; it stops like the other two.
         """
@@ -229,8 +224,12 @@ class Motion:
 
     def fault_stop(self) -> None:
         """Ramp of a fault reaction: 0x6085 in every mode."""
+        self.brake(0x6085)
+
+    def brake(self, ramp: int) -> None:
+        """Ramp down with the deceleration of this index."""
         self.commanded = False
-        self.axis.deceleration = float(self._dictionary.number(0x6085))
+        self.axis.deceleration = float(self._dictionary.number(ramp))
         self.axis.regulate(Regulation.VELOCITY, 0.0)
 
     def forgive(self) -> None:
@@ -254,7 +253,7 @@ class Motion:
         elif self.mode == PROFILE_POSITION:
             return self._handshake(bool(rising))
         elif self.mode == HOMING and rising:
-            self._home()
+            self.home()
         return 0
 
     def _set_velocity(self) -> None:
@@ -266,7 +265,7 @@ class Motion:
         axis.regulate(_RAMPING, float(max(-top, min(top, target))))
 
     def _handshake(self, rising: bool) -> int:
-        """Set-point handshake of the profile position mode; a set-point with no place to wait overloads the device."""
+        """Set-point handshake of the profile position mode; a set-point may have no place to wait."""
         axis, controlword = self.axis, self._controlword
         axis.halted = bool(controlword & HALT)
         if axis.halted:
@@ -279,7 +278,7 @@ class Motion:
             elif self._queued is None:
                 self._queued = set_point
             else:
-                return OVERLOADED
+                return self.crowded_error
             self._acknowledged = True
         elif not controlword & NEW_SET_POINT and self._queued is None:
             self._acknowledged = False
@@ -299,28 +298,13 @@ class Motion:
             return target
         return max(self._limits[0], min(self._limits[1], target))
 
-    def _set_direct(self, mode: int) -> None:
-        """A set-point of the modes without a ramp takes effect as it is written."""
-        if not self.commanded or self.mode != mode:
-            return
-        if mode == POSITION:
-            target = float(self._clipped(self._values[_POSITION_SETTING]) + self._zero)
-            self.axis.regulate(_HOLDING, target)
-            self.axis.demand_position = target
-        elif mode == VELOCITY:
-            self.axis.acceleration = self.axis.deceleration = math.inf
-            self.axis.regulate(Regulation.VELOCITY, float(self._dictionary.number(0x206B)))
-        else:
-            self.axis.regulate(Regulation.CURRENT, float(self._dictionary.number(0x2030)))
+    @abstractmethod
+    def set_direct(self, mode: int) -> None:
+        """A mode without a ramp begins with what its set-point object still holds."""
 
-    def _home(self) -> None:
-        """Method 35 succeeds where it stands, method 0 needs nothing; all others miss their switches: homing error."""
-        method = self._dictionary.number(0x6098)
-        self._homed = method in (PRESENT_PLACE, NO_HOMING)
-        self._homing_failed = not self._homed
-        if method == PRESENT_PLACE:
-            self._count_from(floor(self.axis.position + 0.5) - self._dictionary.number(0x2081))
-        self.referenced = self.referenced or self._homed
+    @abstractmethod
+    def home(self) -> None:
+        """Begin homing."""
 
     def _change_mode(self, mode: int) -> None:
         if mode == self.mode:
@@ -338,18 +322,13 @@ class Motion:
         axis = self.axis
         if self.mode == PROFILE_VELOCITY:
             self._set_velocity()
-        elif self.mode in (POSITION, VELOCITY):
-            self._set_direct(self.mode)
-        elif self.mode == CURRENT:
-            axis.regulate(Regulation.CURRENT, 0.0)  # 0x2030 is evaluated when it is written
         elif self.mode in (PROFILE_POSITION, HOMING):
             axis.halted = False
             axis.deceleration = float(self._dictionary.number(0x6084))
             distance = axis.velocity * abs(axis.velocity) / (2.0 * axis.deceleration) * axis.counts_per_rpm_s
             axis.regulate(Regulation.PROFILE, float(floor(axis.position + distance + 0.5)))
         else:
-            axis.deceleration = float(self._dictionary.number(0x6084))
-            axis.regulate(Regulation.VELOCITY, 0.0)  # diagnostic, master encoder, step/direction: stands still
+            self.set_direct(self.mode)
 
     # ------------------------------------------------------------------------------------------ supervision
 
@@ -366,9 +345,9 @@ class Motion:
         low, high = self._allowed_range
         demand = axis.demand_position
         if not (low <= position < high and low <= demand < high) and self.mode != HOMING:
-            return POSITION_LIMIT
+            return self.position_limit_error
         regulation = axis.regulation
-        if regulation is _HOLDING or regulation is _PROFILE:
+        if regulation is _HOLDING or regulation is _PROFILE or regulation is _EVEN:
             limit = self._following_limit
             if not -limit <= demand - position <= limit:
                 self._followed_badly = True
@@ -383,5 +362,6 @@ class Motion:
         return 0
 
 
-def _int16(value: float) -> int:
+def int16(value: float) -> int:
+    """The nearest number of an INTEGER16."""
     return round(value) if -32768.0 <= value <= 32767.0 else 32767 if value > 0.0 else -32768

@@ -1,8 +1,6 @@
 """The objects of the first-generation EPOS (EPOS firmware specification, April 2010, chapter 14; EDS of the 24/1).
 
-One row an object: index, sub-index, type, "access and marks", default, lowest and highest value. Marks: `cfg` a
-configuration parameter, `dis` writable only while the power stage is disabled, `R` and `T` mappable into received and
-transmitted PDOs.
+One row an object: index, sub-index, type, "access and marks" (`dictionary.row`), default, lowest and highest value.
 """
 
 from __future__ import annotations
@@ -10,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
-from artemis.sim.dictionary import SIGNED, SIZES, ObjectEntry, Type
+from artemis.sim.dictionary import ObjectEntry, Type, row, with_counts
 
 I8, I16, I32, U8, U16, U32 = Type.I8, Type.I16, Type.I32, Type.U8, Type.U16, Type.U32
 
@@ -53,35 +51,6 @@ HARDWARE = {
 }
 
 
-def _row(
-    index: int,
-    sub: int,
-    kind: Type,
-    marks: str,
-    default: int = 0,
-    low: int | None = None,
-    high: int | None = None,
-    choices: frozenset[int] | None = None,
-) -> ObjectEntry:
-    bits = 8 * SIZES[kind]
-    lowest, highest = (-(1 << bits - 1), (1 << bits - 1) - 1) if kind in SIGNED else (0, (1 << bits) - 1)
-    access, *rest = marks.split()
-    return ObjectEntry(
-        index=index,
-        sub=sub,
-        type=kind,
-        access=access,
-        default=default,
-        minimum=lowest if low is None else low,
-        maximum=highest if high is None else high,
-        choices=choices,
-        receive="R" in rest,
-        transmit="T" in rest,
-        disabled_only="dis" in rest,
-        configuration="cfg" in rest,
-    )
-
-
 @cache
 def objects(node_id: int, hardware_version: int, firmware: int, serial_number: int) -> tuple[ObjectEntry, ...]:
     """All objects of one drive as it leaves the factory.
@@ -95,35 +64,30 @@ def objects(node_id: int, hardware_version: int, firmware: int, serial_number: i
     hardware = HARDWARE.get(hardware_version & 0xFFF0, HARDWARE[0x6210])
     rows = _communication(node_id) + _identity(node_id, hardware_version, firmware, serial_number)
     rows += _process_data(node_id) + _setup() + _profile() + _motor(hardware)
-    counts: dict[int, int] = {}
-    for row in rows:
-        counts[row.index] = max(counts.get(row.index, 0), row.sub)
-    described = {row.index for row in rows if row.sub == 0}
-    rows += [_row(i, 0, U8, "const", n) for i, n in counts.items() if n > 0 and i not in described]
-    return tuple(rows)
+    return with_counts(rows)
 
 
 def _communication(node_id: int) -> list[ObjectEntry]:
     return [
-        _row(0x1000, 0, U32, "ro", 0x00020192),
-        _row(0x1001, 0, U8, "ro"),
-        _row(0x1003, 0, U8, "rw", 0, 0, 5),
-        *(_row(0x1003, sub, U32, "ro") for sub in range(1, 6)),
-        _row(0x1005, 0, U32, "rw", 0x80, 0x01, 0x7FF),
-        _row(0x100C, 0, U16, "rw cfg"),
-        _row(0x100D, 0, U8, "rw cfg"),
-        _row(0x1010, 1, U32, "rw", 1),
-        _row(0x1011, 1, U32, "rw dis", 1),
-        *(_row(0x1011, sub, U32, "ro") for sub in range(2, 5)),
-        _row(0x1011, 5, U32, "rw", 1),
-        _row(0x1014, 0, U32, "ro", 0x80 + node_id),
-        _row(0x1016, 1, U32, "rw cfg"),
-        _row(0x1016, 2, U32, "rw cfg"),
-        _row(0x1017, 0, U16, "rw cfg"),
-        _row(0x1020, 1, U32, "rw"),
-        _row(0x1020, 2, U32, "rw"),
-        _row(0x1200, 1, U32, "ro", 0x600 + node_id),
-        _row(0x1200, 2, U32, "ro", 0x580 + node_id),
+        row(0x1000, 0, U32, "ro", 0x00020192),
+        row(0x1001, 0, U8, "ro"),
+        row(0x1003, 0, U8, "rw", 0, 0, 5),
+        *(row(0x1003, sub, U32, "ro") for sub in range(1, 6)),
+        row(0x1005, 0, U32, "rw", 0x80, 0x01, 0x7FF),
+        row(0x100C, 0, U16, "rw cfg"),
+        row(0x100D, 0, U8, "rw cfg"),
+        row(0x1010, 1, U32, "rw", 1),
+        row(0x1011, 1, U32, "rw dis", 1),
+        *(row(0x1011, sub, U32, "ro") for sub in range(2, 5)),
+        row(0x1011, 5, U32, "rw", 1),
+        row(0x1014, 0, U32, "ro", 0x80 + node_id),
+        row(0x1016, 1, U32, "rw cfg"),
+        row(0x1016, 2, U32, "rw cfg"),
+        row(0x1017, 0, U16, "rw cfg"),
+        row(0x1020, 1, U32, "rw"),
+        row(0x1020, 2, U32, "rw"),
+        row(0x1200, 1, U32, "ro", 0x600 + node_id),
+        row(0x1200, 2, U32, "ro", 0x580 + node_id),
     ]
 
 
@@ -131,18 +95,18 @@ def _identity(node_id: int, hardware_version: int, firmware: int, serial_number:
     last_digits = int(f"{serial_number % 10**8:d}", 16)  # the last 8 decimal digits, written as hexadecimal ones
     return [
         ObjectEntry(index=0x1008, sub=0, type=Type.STRING, access="const", default=b"EPOS"),
-        _row(0x1018, 1, U32, "ro", 0x000000FB),
-        _row(0x1018, 2, U32, "ro", hardware_version << 16),
-        _row(0x1018, 3, U32, "ro", firmware << 16),
-        _row(0x1018, 4, U32, "ro", last_digits),
-        _row(0x2000, 0, U8, "rw", node_id, 1, 127),
-        _row(0x2001, 0, U16, "rw", 0, 0, 6),
-        _row(0x2002, 0, U16, "rw", 3, 0, 5),
-        _row(0x2003, 1, U16, "ro", firmware),
-        _row(0x2003, 2, U16, "ro", hardware_version),
-        *(_row(0x2003, sub, U16, "ro") for sub in (3, 4, 5)),
-        _row(0x2004, 0, Type.U64, "const", serial_number),
-        _row(0x2005, 0, U16, "rw", 500),
+        row(0x1018, 1, U32, "ro", 0x000000FB),
+        row(0x1018, 2, U32, "ro", hardware_version << 16),
+        row(0x1018, 3, U32, "ro", firmware << 16),
+        row(0x1018, 4, U32, "ro", last_digits),
+        row(0x2000, 0, U8, "rw", node_id, 1, 127),
+        row(0x2001, 0, U16, "rw", 0, 0, 6),
+        row(0x2002, 0, U16, "rw", 3, 0, 5),
+        row(0x2003, 1, U16, "ro", firmware),
+        row(0x2003, 2, U16, "ro", hardware_version),
+        *(row(0x2003, sub, U16, "ro") for sub in (3, 4, 5)),
+        row(0x2004, 0, Type.U64, "const", serial_number),
+        row(0x2005, 0, U16, "rw", 500),
     ]
 
 
@@ -150,91 +114,91 @@ def _process_data(node_id: int) -> list[ObjectEntry]:
     rows = []
     for number in range(4):
         rows += [
-            _row(0x1400 + number, 1, U32, "rw cfg", 0x200 + 0x100 * number + node_id),
-            _row(0x1400 + number, 2, U8, "rw cfg", 255, choices=frozenset({1, 255})),
-            _row(0x1800 + number, 1, U32, "rw cfg", TPDO_COB_IDS[number] + node_id),
-            _row(0x1800 + number, 2, U8, "rw cfg", 255, choices=frozenset({1, 253, 255})),
-            _row(0x1800 + number, 3, U16, "rw cfg"),
+            row(0x1400 + number, 1, U32, "rw cfg", 0x200 + 0x100 * number + node_id),
+            row(0x1400 + number, 2, U8, "rw cfg", 255, choices=frozenset({1, 255})),
+            row(0x1800 + number, 1, U32, "rw cfg", TPDO_COB_IDS[number] + node_id),
+            row(0x1800 + number, 2, U8, "rw cfg", 255, choices=frozenset({1, 253, 255})),
+            row(0x1800 + number, 3, U16, "rw cfg"),
         ]
         for base, mapping in ((0x1600, RPDO_DEFAULTS[number]), (0x1A00, TPDO_DEFAULTS[number])):
-            rows.append(_row(base + number, 0, U8, "rw cfg", len(mapping), 0, MAPPING_PLACES))
+            rows.append(row(base + number, 0, U8, "rw cfg", len(mapping), 0, MAPPING_PLACES))
             places = mapping + (0,) * (MAPPING_PLACES - len(mapping))
-            rows += [_row(base + number, sub + 1, U32, "rw cfg", place) for sub, place in enumerate(places)]
+            rows += [row(base + number, sub + 1, U32, "rw cfg", place) for sub, place in enumerate(places)]
     return rows
 
 
 def _setup() -> list[ObjectEntry]:
     return [
-        _row(0x2008, 0, U16, "rw cfg dis"),
-        *(_row(0x200C, sub, U32, "rw cfg") for sub in range(1, 5)),
-        _row(0x2020, 0, U16, "ro T"),
-        _row(0x2021, 0, U16, "ro T"),
-        _row(0x2022, 0, U16, "ro T"),
-        _row(0x2027, 0, I16, "ro T"),
-        _row(0x2028, 0, I32, "ro T"),
-        _row(0x2030, 0, I16, "rw R T"),
-        _row(0x2062, 0, I32, "rw R T"),
-        _row(0x206B, 0, I32, "rw R T"),
-        *(_row(0x2070, sub + 1, U16, "rw cfg", use, 0, 15) for sub, use in enumerate((15, 14, 13, 2, 1, 0))),
-        _row(0x2071, 1, U16, "ro T"),
-        _row(0x2071, 2, U16, "rw cfg", 0xE007),
-        _row(0x2071, 3, U16, "rw cfg"),
-        _row(0x2071, 4, U16, "rw cfg", 0x0008),
-        _row(0x2074, 1, I32, "ro T"),  # the position marker: no digital input is wired, so nothing is ever captured
-        _row(0x2074, 2, U8, "rw cfg", 0, 0, 2),
-        _row(0x2074, 3, U8, "rw cfg", 0, 0, 3),
-        _row(0x2074, 4, U16, "rw T"),
-        *(_row(0x2074, sub, I32, "ro T") for sub in (5, 6)),
-        _row(0x2078, 1, U16, "rw R T"),
-        _row(0x2078, 2, U16, "rw cfg"),
-        _row(0x2078, 3, U16, "rw cfg"),
-        *(_row(0x2079, sub + 1, U16, "rw cfg", use, 0, 15) for sub, use in enumerate((15, 14, 13, 12))),
-        _row(0x207C, 1, I16, "ro T"),
-        _row(0x207C, 2, I16, "ro T"),
-        _row(0x2080, 0, U16, "rw cfg R T", 500),
-        _row(0x2081, 0, I32, "rw R T"),
-        _row(0x20F4, 0, I16, "ro T"),
-        _row(0x2210, 1, U16, "rw cfg dis", 500, 16, 7500),
-        _row(0x2210, 2, U16, "rw cfg dis", 1, 1, 3),
-        _row(0x2210, 3, U16, "rw"),
-        _row(0x2210, 4, U16, "rw cfg dis", 0, 0, 3),
+        row(0x2008, 0, U16, "rw cfg dis"),
+        *(row(0x200C, sub, U32, "rw cfg") for sub in range(1, 5)),
+        row(0x2020, 0, U16, "ro T"),
+        row(0x2021, 0, U16, "ro T"),
+        row(0x2022, 0, U16, "ro T"),
+        row(0x2027, 0, I16, "ro T"),
+        row(0x2028, 0, I32, "ro T"),
+        row(0x2030, 0, I16, "rw R T"),
+        row(0x2062, 0, I32, "rw R T"),
+        row(0x206B, 0, I32, "rw R T"),
+        *(row(0x2070, sub + 1, U16, "rw cfg", use, 0, 15) for sub, use in enumerate((15, 14, 13, 2, 1, 0))),
+        row(0x2071, 1, U16, "ro T"),
+        row(0x2071, 2, U16, "rw cfg", 0xE007),
+        row(0x2071, 3, U16, "rw cfg"),
+        row(0x2071, 4, U16, "rw cfg", 0x0008),
+        row(0x2074, 1, I32, "ro T"),  # the position marker: no digital input is wired, so nothing is ever captured
+        row(0x2074, 2, U8, "rw cfg", 0, 0, 2),
+        row(0x2074, 3, U8, "rw cfg", 0, 0, 3),
+        row(0x2074, 4, U16, "rw T"),
+        *(row(0x2074, sub, I32, "ro T") for sub in (5, 6)),
+        row(0x2078, 1, U16, "rw R T"),
+        row(0x2078, 2, U16, "rw cfg"),
+        row(0x2078, 3, U16, "rw cfg"),
+        *(row(0x2079, sub + 1, U16, "rw cfg", use, 0, 15) for sub, use in enumerate((15, 14, 13, 12))),
+        row(0x207C, 1, I16, "ro T"),
+        row(0x207C, 2, I16, "ro T"),
+        row(0x2080, 0, U16, "rw cfg R T", 500),
+        row(0x2081, 0, I32, "rw R T"),
+        row(0x20F4, 0, I16, "ro T"),
+        row(0x2210, 1, U16, "rw cfg dis", 500, 16, 7500),
+        row(0x2210, 2, U16, "rw cfg dis", 1, 1, 3),
+        row(0x2210, 3, U16, "rw"),
+        row(0x2210, 4, U16, "rw cfg dis", 0, 0, 3),
     ]
 
 
 def _profile() -> list[ObjectEntry]:
     indices = ((0x6089, I8, 0), (0x608A, U8, 0xAC), (0x608B, I8, 0), (0x608C, U8, 0xA4), (0x608D, I8, 0))
     return [
-        _row(0x6040, 0, U16, "rw R T"),
-        _row(0x6041, 0, U16, "ro T"),
-        _row(0x6060, 0, I8, "rw R T", 1, choices=MODES),
-        _row(0x6061, 0, I8, "ro T", 1),
-        _row(0x6062, 0, I32, "ro T"),
-        _row(0x6064, 0, I32, "ro T"),
-        _row(0x6065, 0, U32, "rw cfg R T", 2000),
-        _row(0x6067, 0, U32, "rw cfg", OFF),
-        _row(0x6068, 0, U16, "rw cfg"),
-        _row(0x6069, 0, I32, "ro T"),
-        _row(0x606B, 0, I32, "ro T"),
-        _row(0x606C, 0, I32, "ro T"),
-        _row(0x6078, 0, I16, "ro T"),
-        _row(0x607A, 0, I32, "rw R T"),
-        _row(0x607C, 0, I32, "rw cfg R T"),
-        _row(0x607D, 1, I32, "rw cfg", LOWEST),
-        _row(0x607D, 2, I32, "rw cfg", HIGHEST),
-        _row(0x607F, 0, U32, "rw cfg", 25000, 1, 25000),
-        _row(0x6081, 0, U32, "rw R T", 1000, 1, 25000),
-        _row(0x6083, 0, U32, "rw R T", 10000, 1),
-        _row(0x6084, 0, U32, "rw R T", 10000, 1),
-        _row(0x6085, 0, U32, "rw R T", 10000, 1),
-        _row(0x6086, 0, I16, "rw cfg R T", 0, 0, 1),
-        *(_row(index, 0, kind, "rw dis", fixed, choices=frozenset({fixed})) for index, kind, fixed in indices),
-        _row(0x608E, 0, U8, "rw dis", 0xA4, choices=frozenset({0xA4})),
-        _row(0x6098, 0, I8, "rw cfg R T", 7, choices=HOMING_METHODS),
-        _row(0x6099, 1, U32, "rw cfg R T", 100),
-        _row(0x6099, 2, U32, "rw cfg R T", 10),
-        _row(0x609A, 0, U32, "rw cfg R T", 1000),
-        _row(0x60FF, 0, I32, "rw R T"),
-        _row(0x6502, 0, U32, "const", 0x003F0025),
+        row(0x6040, 0, U16, "rw R T"),
+        row(0x6041, 0, U16, "ro T"),
+        row(0x6060, 0, I8, "rw R T", 1, choices=MODES),
+        row(0x6061, 0, I8, "ro T", 1),
+        row(0x6062, 0, I32, "ro T"),
+        row(0x6064, 0, I32, "ro T"),
+        row(0x6065, 0, U32, "rw cfg R T", 2000),
+        row(0x6067, 0, U32, "rw cfg", OFF),
+        row(0x6068, 0, U16, "rw cfg"),
+        row(0x6069, 0, I32, "ro T"),
+        row(0x606B, 0, I32, "ro T"),
+        row(0x606C, 0, I32, "ro T"),
+        row(0x6078, 0, I16, "ro T"),
+        row(0x607A, 0, I32, "rw R T"),
+        row(0x607C, 0, I32, "rw cfg R T"),
+        row(0x607D, 1, I32, "rw cfg", LOWEST),
+        row(0x607D, 2, I32, "rw cfg", HIGHEST),
+        row(0x607F, 0, U32, "rw cfg", 25000, 1, 25000),
+        row(0x6081, 0, U32, "rw R T", 1000, 1, 25000),
+        row(0x6083, 0, U32, "rw R T", 10000, 1),
+        row(0x6084, 0, U32, "rw R T", 10000, 1),
+        row(0x6085, 0, U32, "rw R T", 10000, 1),
+        row(0x6086, 0, I16, "rw cfg R T", 0, 0, 1),
+        *(row(index, 0, kind, "rw dis", fixed, choices=frozenset({fixed})) for index, kind, fixed in indices),
+        row(0x608E, 0, U8, "rw dis", 0xA4, choices=frozenset({0xA4})),
+        row(0x6098, 0, I8, "rw cfg R T", 7, choices=HOMING_METHODS),
+        row(0x6099, 1, U32, "rw cfg R T", 100),
+        row(0x6099, 2, U32, "rw cfg R T", 10),
+        row(0x609A, 0, U32, "rw cfg R T", 1000),
+        row(0x60FF, 0, I32, "rw R T"),
+        row(0x6502, 0, U32, "const", 0x003F0025),
     ]
 
 
@@ -243,16 +207,16 @@ def _motor(hardware: Hardware) -> list[ObjectEntry]:
     gains = ((0x60F6, (400, 120)), (0x60F9, (400, 120)), (0x60FB, (150, 10, 200)))
     return [
         *(
-            _row(index, sub + 1, I16, "rw cfg R T", gain, 0, 32767)
-            for index, row in gains
-            for sub, gain in enumerate(row)
+            row(index, sub + 1, I16, "rw cfg R T", gain, 0, 32767)
+            for index, loop in gains
+            for sub, gain in enumerate(loop)
         ),
-        _row(0x60FB, 4, U16, "rw cfg R T"),
-        _row(0x60FB, 5, U16, "rw cfg R T"),
-        _row(0x6402, 0, U16, "rw cfg dis", 10, choices=frozenset({1, 10, 11})),
-        _row(0x6410, 1, U16, "rw cfg R T", continuous, 0, continuous),
-        _row(0x6410, 2, U16, "rw cfg R T", output, 0, output),
-        _row(0x6410, 3, U8, "rw cfg dis", 1, 1, 255),
-        _row(0x6410, 4, U16, "rw cfg R T", 30000, 1, 65535),
-        _row(0x6410, 5, U16, "rw cfg", 40, 1, hardware.thermal_time),
+        row(0x60FB, 4, U16, "rw cfg R T"),
+        row(0x60FB, 5, U16, "rw cfg R T"),
+        row(0x6402, 0, U16, "rw cfg dis", 10, choices=frozenset({1, 10, 11})),
+        row(0x6410, 1, U16, "rw cfg R T", continuous, 0, continuous),
+        row(0x6410, 2, U16, "rw cfg R T", output, 0, output),
+        row(0x6410, 3, U8, "rw cfg dis", 1, 1, 255),
+        row(0x6410, 4, U16, "rw cfg R T", 30000, 1, 65535),
+        row(0x6410, 5, U16, "rw cfg", 40, 1, hardware.thermal_time),
     ]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection
 from artemis.devices.can_bus import Frame
 from artemis.motion.totals import total
 from artemis.sim.dictionary import FORMATS, SIZES, AbortCode, AccessRefused, Dictionary, key_of
-from artemis.sim.epos_objects import MAPPING_PLACES, TPDO_COB_IDS
+from artemis.sim.epos_objects import TPDO_COB_IDS
 
 COUNT = 4
 INVALID, NO_RTR = 1 << 31, 1 << 30
@@ -160,10 +160,10 @@ class ProcessData:
         checks, written = self._dictionary.checks, self._dictionary.written
         for number in range(COUNT):
             for parameters, mapping, count in ((0x1400, 0x1600, 2), (0x1800, 0x1A00, 3)):
-                checks[key_of(parameters + number, 1)] = _judge_identifier
+                checks[key_of(parameters + number, 1)] = judge_identifier
                 for sub in range(1, count + 1):
                     written[key_of(parameters + number, sub)] = self._rebuilder(parameters, number)
-                for sub in range(MAPPING_PLACES + 1):
+                for sub in range(self._dictionary.entries[key_of(mapping + number, 0)].maximum + 1):
                     key = key_of(mapping + number, sub)
                     checks[key] = (
                         self._judge_length(mapping + number) if sub == 0 else self._judge_place(mapping + number)
@@ -225,7 +225,7 @@ def _take_effect(received: Collection[tuple[ReceivePdo, tuple[int, ...]]]) -> No
             write(values[at])
 
 
-def _judge_identifier(cob_id: int) -> None:
+def judge_identifier(cob_id: int) -> None:
     """Bits 10 to 0 are 0x181 to 0x57F, or 0 in a PDO that is not valid; bits 29 to 11 are 0."""
     allowed = LOWEST_ID <= cob_id & 0x7FF <= HIGHEST_ID or (cob_id & INVALID and not cob_id & 0x7FF)
     if cob_id & 0x3FFFF800 or not allowed:

@@ -1,16 +1,16 @@
-"""The device state machine of a simulated EPOS, which is not that of a generic CiA 402 drive.
+"""The device state machine of a simulated EPOS: that of the first generation, which is not quite CiA 402's.
 
-Source: EPOS firmware specification 2010, 8.1.
+Source: EPOS firmware specification 2010, 8.1. The EPOS4's is made of it in `epos4_power.py`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Enum
 
 from artemis.drive_states import DriveState
-from artemis.sim.epos_errors import ERRORS, GENERIC, ErrorMemory, Reaction
+from artemis.sim.epos_errors import ErrorMemory, Reaction
 from artemis.sim.epos_motion import Motion
 
 CYCLE = 0.001
@@ -91,7 +91,15 @@ class PowerStage:
     """Device state of one drive; switches the drive function on and off."""
 
     def __init__(
-        self, motion: Motion, errors: ErrorMemory, *, refresh: float, measure: float, cause_remains: Callable[[], bool]
+        self,
+        motion: Motion,
+        errors: ErrorMemory,
+        *,
+        refresh: float,
+        measure: float,
+        cause_remains: Callable[[], bool],
+        patterns: Mapping[DriveState, int] = PATTERNS,
+        transitions: Mapping[tuple[DriveState, DeviceCommand], DriveState] = TRANSITIONS,
     ) -> None:
         self.state = DriveState.START
         self.due = math.inf
@@ -101,12 +109,16 @@ class PowerStage:
         self._refresh = refresh
         self._measure = measure
         self._cause_remains = cause_remains
+        self.ramping = False
+        """The motor is braked, and what follows when it stands is still to come."""
+        self._patterns = patterns
+        self._transitions = transitions
         self._controlword = 0
         self._waiting: int | None = None
         self._refused: frozenset[DriveState] = frozenset()
         self._idle: int | None = None
         """A controlword that asks for no transition in the present state: found once, met in every cycle."""
-        self.pattern = PATTERNS[self.state]
+        self.pattern = patterns[self.state]
         """Statusword bits of the present state."""
 
     @property
@@ -145,14 +157,12 @@ class PowerStage:
             self._motion.note(controlword)
             return 0, self._reset_fault()
         command = command_of(controlword)
-        following = None if command is None else TRANSITIONS.get((self.state, command))
+        following = None if command is None else self._transitions.get((self.state, command))
         if following is None or following in self._refused:
             self._idle = controlword
             return self._motion.command(controlword), False
         self._motion.note(controlword)
-        self._enter(following)
-        if following is DriveState.REFRESH:
-            self.due = now + self._refresh
+        self._follow(following, now)
         return 0, False
 
     def refuse(self, states: frozenset[DriveState]) -> None:
@@ -165,7 +175,7 @@ class PowerStage:
 
     def fail(self, code: int, now: float) -> None:
         """React to a device error."""
-        reaction = ERRORS.get(code, GENERIC).reaction
+        reaction = self._errors.reaction(code)
         if reaction is Reaction.NONE or self.state in (DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED):
             return
         if reaction is Reaction.QUICK_STOP:
@@ -191,10 +201,16 @@ class PowerStage:
         waiting, self._waiting = self._waiting, None
         return self.command(waiting, now)
 
-    def finish_reaction(self) -> None:
+    def finish_ramp(self, now: float) -> None:
         """Transition 18, when the ramp of the enabled fault reaction has ended."""
-        if self.state is DriveState.FAULT_REACTION_ENABLED and self._motion.axis.demand_velocity == 0.0:
+        if self.ramping and self._motion.axis.demand_velocity == 0.0:
             self._enter(DriveState.FAULT)
+
+    def _follow(self, following: DriveState, now: float) -> None:
+        """A command leads to this state."""
+        self._enter(following)
+        if following is DriveState.REFRESH:
+            self.due = now + self._refresh
 
     def _reset_fault(self) -> bool:
         """Transition 15; an error without reaction (0x8150) is reset in every state, and changes none."""
@@ -210,7 +226,8 @@ class PowerStage:
 
     def _enter(self, state: DriveState, due: float = math.inf) -> None:
         self.state, self.due = state, due
-        self.pattern, self._idle = PATTERNS[state], None
+        self.pattern, self._idle = self._patterns[state], None
+        self.ramping = state is DriveState.FAULT_REACTION_ENABLED
         if state is DriveState.OPERATION_ENABLE:
             self._motion.engage()
         elif state is DriveState.QUICK_STOP_ACTIVE:

@@ -14,7 +14,6 @@ from artemis.states.mode import OFF, ON, STEERING_ON, Failed, Routine, finish_jo
 from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveFeedback, Fault, Job, JobKind, Snapshot, Wish
-from artemis.vehicle import OPERATING_MODES
 
 READINGS = 100
 """Readings of each potentiometer that are averaged (thesis 4.3.1)."""
@@ -56,7 +55,7 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
     shared.bring_up.taken = shared.plan.blind
-    snapshot = yield from enable(STEERING_ON, snapshot)
+    snapshot = yield from enable(shared.plan, STEERING_ON, snapshot)
     if shared.plan.blind:
         return snapshot
     errors: dict[str, list[float]] = {name: [] for name in names}
@@ -71,7 +70,7 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
     angles = [positions[name] + correction for name, correction in corrections.items()]
     snapshot = yield from do(STEERING_ON, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
     snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
-    return (yield from enable(ON, snapshot))
+    return (yield from enable(shared.plan, ON, snapshot))
 
 
 def do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
@@ -85,9 +84,11 @@ def do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
     return snapshot
 
 
-def enable(wish: Wish, snapshot: Snapshot) -> Routine:
+def enable(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
     """Enable the drives that `wish` wants enabled, wheels held; the supervisor judges one that takes too long."""
-    while any(_goal(wish, drive) is Goal.ENABLED and not _is_on(drive) for drive in snapshot.sensed.drives):
+    steering = frozenset(plan.drives("steering"))
+    goals = {drive.name: wish.steering if drive.name in steering else wish.traction for drive in snapshot.sensed.drives}
+    while any(goals[drive.name] is Goal.ENABLED and not _is_on(drive) for drive in snapshot.sensed.drives):
         command = DriveCommand(steering=snapshot.set_points.steering)
         snapshot = yield replace(wish, command=command, phase="enabling")
     return snapshot
@@ -131,14 +132,6 @@ class Lookout:
         return replace(wish, jobs=(*wish.jobs, *jobs))
 
 
-def _goal(wish: Wish, drive: DriveFeedback) -> Goal:
-    return wish.steering if _is_steering(drive) else wish.traction
-
-
-def _is_steering(drive: DriveFeedback) -> bool:
-    return drive.mode == OPERATING_MODES["steering"]
-
-
 def _is_on(drive: DriveFeedback) -> bool:
     return drive.state is DriveState.OPERATION_ENABLE
 
@@ -147,7 +140,7 @@ def steer(
     plan: Plan, target: float, snapshot: Snapshot, errors: dict[str, list[float]], phase: str = "aligning"
 ) -> Routine:
     """Turn the wheels to the virtual angle `target`; add each tick's potentiometers minus encoder to `errors`."""
-    latest = snapshot.time + STEER_TIME
+    latest, steering = snapshot.time + STEER_TIME, frozenset(plan.drives("steering"))
     wish = replace(STEERING_ON, command=DriveCommand(steering=target), phase=phase)
     while True:
         snapshot = yield wish
@@ -155,7 +148,7 @@ def steer(
             if drive.name in errors:
                 errors[drive.name].append(_angle(plan, drive.name, drive.potentiometers) - drive.position)
         away = [d for d in snapshot.sensed.drives if abs(_way_to_go(plan, d, snapshot)) > STRAIGHT]
-        turning = any(_is_steering(drive) and abs(drive.velocity) > REST for drive in snapshot.sensed.drives)
+        turning = any(drive.name in steering and abs(drive.velocity) > REST for drive in snapshot.sensed.drives)
         if snapshot.set_points.steering == target and not away and not turning:
             return snapshot
         if snapshot.time > latest:
@@ -166,10 +159,11 @@ def steer(
 
 def _way_to_go(plan: Plan, drive: DriveFeedback, snapshot: Snapshot) -> float:
     """Set-point minus measured angle of a steered wheel [rad]; 0 for a traction drive."""
-    described, points = plan.robot.drives[drive.name], snapshot.set_points
+    described = plan.robot.drives[drive.name]
     if described.role != "steering":
         return 0.0
-    return (points.steering_left if described.side == "left" else points.steering_right) - drive.position
+    told: float = getattr(snapshot.set_points, described.set_point)
+    return told - drive.position
 
 
 def _read_potentiometers(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snapshot, tuple[Readings, Snapshot]]:

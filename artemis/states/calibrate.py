@@ -25,12 +25,12 @@ class CalibrateMode(RoutineMode):
                 snapshot = yield from try_gains(shared, step, snapshot)
             case TurnStep() as step:
                 snapshot = yield from turn(plan, step, snapshot)
-            case _:
+            case _ if plan.robot.has_potentiometers:
                 snapshot = yield from align(shared, snapshot)
         is_last = shared.tree.is_list and shared.current is plan.steps[-1]
         if plan.blind or (type(shared.current) is not CalibrateStep and is_last):
             yield replace(OFF, event=Event.END, over=True, phase="calibrated")
-        snapshot = yield from enable(ON, snapshot)
+        snapshot = yield from enable(plan, ON, snapshot)
         stand = replace(ON, command=DriveCommand(steering=snapshot.set_points.steering))
         yield replace(stand, event=Event.DONE, over=True, phase="aligned")
         while True:

@@ -102,7 +102,7 @@ class FollowMode:
 
     def _on_path(self, drive: PartByPart, following: Following, snapshot: Snapshot) -> Wish:
         """As the follower says, unless it is at the end, or something is wrong."""
-        if self.shared.rests:
+        if self.shared.rests or (isinstance(self.shared.current, GotoStep) and not self.shared.planned):  # another goal
             return stand(snapshot, event=Event.DONE if snapshot.standing else None)
         if following.finished:  # whatever the follower still commands
             return replace(stand(snapshot, event=Event.DONE), over=True) if snapshot.standing else stand(snapshot)

@@ -54,7 +54,7 @@ def try_gains(shared: Shared, step: GainsStep, snapshot: Snapshot) -> Routine:
     shared.results.tried.update(step.gains)
     snapshot = yield from do(off, _jobs(shared.bring_up, step.gains), snapshot)
     snapshot = yield from do(off, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
-    snapshot = yield from enable(STEERING_ON, snapshot)
+    snapshot = yield from enable(shared.plan, STEERING_ON, snapshot)
     swings, straight = _swings(shared.plan), False
     while not straight:
         snapshot = yield from _hold(shared.plan, 0.0, REST, "straightening", swings, snapshot)
@@ -89,7 +89,7 @@ def turn(plan: Plan, step: TurnStep, snapshot: Snapshot) -> Routine:
     target = car.steering_from_left(step.angle) if step.side == "left" else car.steering_from_right(step.angle)
     held = replace(STEERING_ON, command=DriveCommand(steering=snapshot.set_points.steering))
     snapshot = yield from _switch_off(held, plan.drives("traction"), snapshot)
-    snapshot = yield from enable(STEERING_ON, snapshot)
+    snapshot = yield from enable(plan, STEERING_ON, snapshot)
     swings = _swings(plan)
     for wanted, seconds, phase in ((0.0, REST, "at rest"), (target, WATCH, "turning"), (0.0, WATCH, "turning back")):
         snapshot = yield from _hold(plan, wanted, seconds, phase, swings, snapshot)
@@ -129,11 +129,10 @@ def _hold(
 
 def _errors(plan: Plan, snapshot: Snapshot) -> Iterator[tuple[str, float]]:
     """Set-point less angle of each steered wheel [rad]."""
-    told = {"left": snapshot.set_points.steering_left, "right": snapshot.set_points.steering_right}
     for drive in snapshot.sensed.drives:
         described = plan.robot.drives[drive.name]
         if described.role == "steering":
-            yield drive.name, told[described.side] - drive.position
+            yield drive.name, getattr(snapshot.set_points, described.set_point) - drive.position
 
 
 class OscillationDetector:
@@ -151,8 +150,7 @@ class OscillationDetector:
         self._time = snapshot.time
         for drive in snapshot.sensed.drives:
             if drive.name in self._swings:
-                left = self._robot.drives[drive.name].side == "left"
-                self._distances[drive.name] += (points.speed_left if left else points.speed_right) * dt
+                self._distances[drive.name] += getattr(points, self._robot.drives[drive.name].set_point) * dt
                 often = self._swings[drive.name].count(snapshot.time, self._distances[drive.name] - drive.position)
                 if often > MOST_SWINGS:
                     seen = f"oscillates: {often} turns by {1000 * SHAKE:g} mm or more in {SWING_TIME:g} s; less P or I"
@@ -163,7 +161,7 @@ class OscillationDetector:
 def restore_gains(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
     """Give drives that are off the robot file's gains again; one that does not take them is told."""
     tried, drives = shared.results.tried, shared.plan.robot.drives
-    known = {name: gains.numbers for name in tried if (gains := drives[name].gains) is not None}
+    known = {name: numbers for name in tried if (numbers := drives[name].gain_numbers)}
     if not known:
         return snapshot
     results, snapshot = yield from finish_jobs(replace(wish, phase="restoring gains"), _jobs(shared.bring_up, known))

@@ -1,14 +1,35 @@
-"""How a `goto` gets its route: a job plans it while the robot stands in mode ready."""
+"""How a `goto` gets its goal, if it asks for it, and its route: a job plans it while the robot stands in mode ready."""
 
 from __future__ import annotations
 
+from math import degrees
+
 from msgspec.structs import replace
 
-from artemis.motion.planned_route import PLANNER
-from artemis.progress import NO_PATH
+from artemis.motion.planned_route import PLANNER, packed_goal
+from artemis.progress import NO_PATH, MissionEvent
 from artemis.states.follow import place_fault
+from artemis.states.mode import PATIENCE, give_up
 from artemis.states.plan import GotoStep, Shared
-from artemis.values import Event, Job, JobKind, Snapshot, Wish
+from artemis.values import Event, Job, JobKind, Pose, Snapshot, Wish
+
+
+def take_goal(shared: Shared, snapshot: Snapshot) -> tuple[MissionEvent, ...]:
+    """Take the goal that the present step asks for, if it is another one; a route that leads elsewhere is forgotten."""
+    step, number = shared.current, shared.position.step
+    if not isinstance(step, GotoStep) or not step.asks:
+        return ()
+    goals = [sample.goal for sample in snapshot.sensed.inputs if sample.source == step.asks and sample.goal is not None]
+    if not goals or goals[0] == shared.goals.get(number):
+        return ()
+    shared.goals[number] = goals[0]
+    shared.planned, shared.replans, shared.replanning, shared.stood = (), 0, False, (0.0, 0.0)
+    return (MissionEvent(kind="goal", place="", text=f"{place_words(goals[0])} (by {step.asks})"),)
+
+
+def place_words(pose: Pose) -> str:
+    """A pose on the map, for people."""
+    return f"x {pose.x:.2f} m, y {pose.y:.2f} m, {degrees(pose.heading):.0f} degrees"
 
 
 class RoutePlanning:
@@ -17,23 +38,34 @@ class RoutePlanning:
     def __init__(self, shared: Shared) -> None:
         self._shared, self._entry = shared, -1
         self._job: Job | None = None
+        self._goal: Pose | None = None
+        self._refused = ""
+        self._waited = 0.0
 
     def begin(self) -> None:
         """The robot stands, perhaps elsewhere: what is under way is of no use."""
-        self._job = None
+        self._job, self._refused, self._waited = None, "", 0.0
 
     def step(self, step: GotoStep, stand: Wish, snapshot: Snapshot) -> Wish:
-        """Order a route, wait for it, and drive; without one the step ends, unless another route is known."""
+        """Order a route, wait for it, and drive; without one the step ends, unless another route or goal is known."""
         shared = self._shared
         if shared.entry != self._entry:
-            self._entry, self._job = shared.entry, None
+            self._entry = shared.entry
+            self.begin()
             shared.planned, shared.replans, shared.replanning, shared.stood = (), 0, False, (0.0, 0.0)
-        stand = replace(stand, phase=f"planning a route to {step.place}")
+        goal = shared.goals.get(shared.position.step) if step.asks else None
+        place = step.place if goal is None else place_words(goal)
+        stand = replace(stand, phase=f"planning a route to {place}")
         if fault := place_fault(snapshot, localized=shared.plan.localized):
             return replace(stand, fault=fault)
+        if step.asks and goal is None:
+            return self._wait(step, stand, snapshot)
+        if goal != self._goal:
+            self._goal, self._job = goal, None
         if self._job is None:
             (job,) = shared.bring_up.jobs(JobKind.PLAN, [PLANNER], [shared.position.step])
-            self._job = replace(job, values=shared.planned) if shared.replanning else job
+            present = shared.planned if shared.replanning else ()
+            self._job = replace(job, values=present if goal is None else (*packed_goal(goal), *present))
             return replace(stand, jobs=(self._job,))
         result = next((each for each in snapshot.sensed.results if each.id == self._job.id), None)
         if result is None:
@@ -47,4 +79,17 @@ class RoutePlanning:
         if result.ok:
             shared.planned, shared.stood = result.values, (0.0, 0.0)
             return replace(stand, event=Event.FOLLOW, done=0.0)
-        return replace(stand, event=Event.FOLLOW) if again else replace(stand, outcome=NO_PATH)
+        if again:
+            return replace(stand, event=Event.FOLLOW)
+        if goal is None:
+            return replace(stand, outcome=NO_PATH)
+        del shared.goals[shared.position.step]
+        self._refused, self._waited = f"no route to {place}: {result.detail}; ", 0.0
+        return self._wait(step, stand, snapshot)
+
+    def _wait(self, step: GotoStep, stand: Wish, snapshot: Snapshot) -> Wish:
+        """Stand until somebody gives a goal."""
+        self._goal, self._job = None, None
+        self._waited += snapshot.dt
+        stand = replace(stand, phase=f"{self._refused}waiting for {step.place}")
+        return give_up(stand, late=True) if self._waited > PATIENCE else stand

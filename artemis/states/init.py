@@ -7,7 +7,8 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from artemis.drive_states import DriveState, Goal, Nmt
-from artemis.states.alignment import align
+from artemis.families.objects import LOST_HEARTBEAT
+from artemis.states.homing import find_angles
 from artemis.states.keeping import contradiction
 from artemis.states.mode import (
     LISTEN,
@@ -26,8 +27,7 @@ from artemis.states.mode import (
 )
 from artemis.supervision import catalogue
 from artemis.supervision.measures import FAULT_STATES
-from artemis.supervision.supervisor import LOST_HEARTBEAT
-from artemis.values import DriveFeedback, Event, JobKind, Request, Snapshot, Wish
+from artemis.values import RESETS, DriveFeedback, Event, JobKind, Request, Snapshot, Wish
 
 ANSWER_TIME = 1.5
 """Longest time for a state to be reached that needs no motion [s]."""
@@ -56,14 +56,15 @@ class InitMode(RoutineMode):
         if all(result.ok for result in results):
             wish = replace(silent, phase=JobKind.CONFIGURE.value)
             jobs = bring_up.jobs(JobKind.CONFIGURE, plan.drives())
-            jobs += bring_up.jobs(JobKind.READ_CALIBRATION, plan.drives("steering"))
+            jobs += bring_up.jobs(JobKind.READ_CALIBRATION, plan.drives("steering") * plan.robot.has_potentiometers)
             results, snapshot = yield from finish_jobs(wish, jobs)
         if all(result.fault == NO_ANSWER for result in results):
             raise Failed(SILENT, catalogue.fault("COM-32"))
         if fault := failure(results) or contradiction(shared, results):
             raise Failed(SILENT, fault)
         bring_up.connected = True
-        snapshot = yield from self._prove_watchdog(snapshot)
+        forgetful = [result.drive for result in results if result.kind is JobKind.CONFIGURE and result.values]
+        snapshot = yield from self._prove_watchdog(snapshot, forgetful)
         latest = snapshot.time + PATIENCE
         while (held := hands_on(snapshot.sensed.inputs)) or not (
             bring_up.armed or Request.ARM in snapshot.sensed.requests
@@ -73,17 +74,19 @@ class InitMode(RoutineMode):
                 yield give_up(replace(OFF, phase="no operator to arm"), late=late)
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
         bring_up.armed = bring_up.held = False
-        yield from align(shared, snapshot)
+        yield from find_angles(shared, snapshot)
         first, bring_up.aligned, bring_up.placed = not bring_up.placed, not plan.blind, True
         stand = at_rest(plan)
         yield replace(stand, event=Event.ALIGNED, reset_pose=first, phase="as found" if plan.blind else "aligned")
         while True:
             yield stand
 
-    def _prove_watchdog(self, snapshot: Snapshot) -> Routine:
+    def _prove_watchdog(self, snapshot: Snapshot, forgetful: list[str]) -> Routine:
         """Withhold our heartbeat once, with no torque on: every drive must report it, then reset.
 
-        A drive that is in fault before it can miss our heartbeat has another reason, which no reset may hide.
+        A drive that is in fault before it can miss our heartbeat has another reason, which no reset may hide. Those
+        that are `forgetful`, or left the exchange of process data, have their communication reset and are configured
+        again.
         """
         snapshot = yield from self._until(_off, WAKING, "COM-08", "no process data after configuration", snapshot)
         for _ in range(HEARTBEATS):
@@ -94,7 +97,8 @@ class InitMode(RoutineMode):
         def is_lost(drive: DriveFeedback) -> bool:
             if LOST_HEARTBEAT in drive.emergencies:
                 missed.add(drive.name)
-            return drive.state is DriveState.FAULT
+            stopped = drive.name in missed and drive.nmt is Nmt.PRE_OPERATIONAL  # it may have left the exchange with it
+            return drive.state is DriveState.FAULT or stopped
 
         self.bring_up.proving = True
         earliest, problem = last_beat + WATCH_TIME, "no fault without our heartbeat"
@@ -108,6 +112,14 @@ class InitMode(RoutineMode):
                         f"in fault for another reason: {', '.join(map(hex, result.values)) or result.detail or 'none'}"
                     )
                     raise Failed(SILENT, catalogue.fault("COM-30", result.drive, seen))
+        stopped = {drive.name for drive in snapshot.sensed.drives if drive.nmt is not Nmt.OPERATIONAL}
+        again = [name for name in self.plan.drives() if name in stopped.union(forgetful)]
+        if again:
+            jobs, resets = self.bring_up.jobs, [RESETS["communication"]] * len(again)
+            for orders in jobs(JobKind.SECURE, again, resets), jobs(JobKind.CONFIGURE, again):
+                told, snapshot = yield from finish_jobs(RESETTING, orders)
+                if fault := failure(told):
+                    raise Failed(SILENT, fault)
         snapshot = yield from self._until(_off, RESETTING, "COM-08", "fault reset refused", snapshot)
         self.bring_up.proving = False
         return snapshot

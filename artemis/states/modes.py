@@ -15,6 +15,7 @@ from artemis.states.calibrate import CalibrateMode
 from artemis.states.end import EndMode
 from artemis.states.fault import FaultMode
 from artemis.states.follow import FollowMode
+from artemis.states.goto import take_goal
 from artemis.states.init import InitMode
 from artemis.states.machine import STEP_MODES, ModeMachine
 from artemis.states.mode import ModeLogic
@@ -29,6 +30,8 @@ _STOPS = (Event.STOP, Event.FAULT)
 _END, _END_REQUEST, _QUICKSTOP_REQUEST, _QUICKSTOP = Event.END, Request.END, Request.QUICKSTOP, Mode.QUICKSTOP
 RUNNING = (Mode.READY, *STEP_MODES)
 """Modes in which the mission runs; in all others it is as it was."""
+_UNDER_WAY = (Mode.READY, Mode.FOLLOW)
+"""Modes of a step `goto`."""
 _CONTROLLED_STOP, _QUICK_STOP, _OFF = Severity.CONTROLLED_STOP, Severity.QUICK_STOP, Severity.OFF
 
 
@@ -113,6 +116,7 @@ class Modes:
     def step(self, snapshot: Snapshot) -> Wish:
         """What the present mode wants of this tick, unless nothing but power off is left."""
         shared, verdict, self.events = self._shared, snapshot.verdict, ()
+        told = take_goal(shared, snapshot) if self.mode in _UNDER_WAY else ()
         wish = self._logic[self.mode].step(snapshot)
         self.failed = self.failed or wish.failed
         if not is_sane(wish.command):
@@ -122,7 +126,7 @@ class Modes:
         if self.mode in RUNNING:
             wish = self._beside.ask(snapshot, wish)
             entry, ready = shared.entry, self.mode is Mode.READY
-            self.events = shared.advance(wish, snapshot, standing=ready)
+            self.events = (*told, *shared.advance(wish, snapshot, standing=ready))
             if ready and wish.event is not _END and (shared.entry != entry or shared.rests or shared.current is None):
                 wish = replace(wish, event=None)  # what was to begin is no longer next
         if verdict.severity is _OFF:

@@ -17,8 +17,9 @@ from msgspec.structs import replace
 from artemis.motion.angles import wrap
 from artemis.motion.route import Part, Route
 from artemis.motion.totals import total
+from artemis.plugins.answers import plain_following
 from artemis.plugins.contracts import Follower, Following
-from artemis.plugins.guard import PLUGIN_ERRORS, plain_following, told
+from artemis.plugins.guard import PLUGIN_ERRORS, told
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, Fault, Pose, SetPoints, Snapshot
 from artemis.vehicle import RobotFile

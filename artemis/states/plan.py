@@ -69,6 +69,7 @@ class GotoStep(FollowStep, frozen=True, kw_only=True):
 
     place: str
     """For people."""
+    asks: str = ""  # the input that gives the goal while the step runs; empty: the planner knows it
     replans: int = 3
     """So often another route is planned where an obstacle stands on the present one."""
 
@@ -303,6 +304,7 @@ class Shared:
         """So often it was planned anew for an obstacle; and whether it is to be, now that the robot stands."""
         self.stood = 0.0, 0.0
         """Where on it the robot stood when it looked for another one last [m], and for how long in all [s]."""
+        self.goals: dict[int, Pose] = {}  # that steps were given, by their numbers; until such a step begins anew
         self.beside: Mapping[int, str] = {}
         """Steps that run beside the present one, each with the state of its behaviour (JSON; empty: it begins)."""
         self._passive = [_passive(step) for step in plan.steps]
@@ -339,7 +341,7 @@ class Shared:
             blocked: how long the robot has stood there [s].
         """
         step = self.current
-        if not isinstance(step, GotoStep) or self.replans >= step.replans:
+        if not isinstance(step, GotoStep) or not self.planned or self.replans >= step.replans:
             return False
         self.stood = done, self.waited(done) + blocked
         self.replans, self.replanning = self.replans + 1, True
@@ -376,6 +378,8 @@ class Shared:
         advanced = advance(self.tree, self._passive, position, facts)
         self.position, self.rests, self.beside = advanced.position, advanced.rests, advanced.beside
         self.entry += advanced.begun
+        if advanced.begun and not self.position.done:
+            self.goals.pop(self.position.step, None)
         return advanced.events
 
     def _signals(self, snapshot: Snapshot) -> dict[str, float | str | bool]:

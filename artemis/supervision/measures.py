@@ -13,7 +13,7 @@ from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.perception import stale_age
 from artemis.motion.totals import total
 from artemis.values import DriveFeedback, OperatorInput, Sensed, Wish
-from artemis.vehicle import OPERATING_MODES, RobotFile
+from artemis.vehicle import RobotFile
 
 Reading = tuple[str, str, float, str]
 """Row, device, value, what was seen."""
@@ -27,9 +27,10 @@ _ON, _UNKNOWN, _ENABLED, _OPERATIONAL = (
 )
 
 FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED, DriveState.FAULT_REACTION_ENABLED)
-UNDER_VOLTAGE = 0x3220
+POWER_LOST = frozenset({0x3220, 0x8A88})
+"""EMCY codes of a power stage that has nothing to work with: under-voltage, and an EPOS4's open safe torque off."""
 TOGETHER = 0.04
-"""Drives that lose their supply within this time [s] lost it for one reason."""
+"""Drives that lose their power within this time [s] lost it for one reason."""
 PRODUCER = 0x700
 """Identifier of a heartbeat, less the node's (CiA 301 7.3.3)."""
 HAND = 1.2
@@ -68,7 +69,7 @@ class DriveMeasures:
         self._stale = stale_age(tick)
         self._slack = self._stale - stale_age(0.0)
         self._traction = {name for name, drive in robot.drives.items() if drive.role == "traction"}
-        self._modes = {name: OPERATING_MODES[drive.role] for name, drive in robot.drives.items()}
+        self._modes = {name: drive.operating_mode for name, drive in robot.drives.items()}
         self._enabled: set[str] = set()
 
     def forget(self) -> None:
@@ -186,7 +187,7 @@ class HostMeasures:
                 readings.append(("COM-09", name, 1.0, ""))
         if number := self._emergencies.count(name, len(drive.emergencies), now):
             readings.append(("DRV-33", name, float(number), f"{number} in a second"))
-        if UNDER_VOLTAGE in drive.emergencies:
+        if not POWER_LOST.isdisjoint(drive.emergencies):
             self._supply_lost[name] = now
         return readings
 

@@ -8,6 +8,7 @@ from math import inf
 
 from msgspec.structs import replace
 
+from artemis.families.objects import LOST_HEARTBEAT
 from artemis.motion.totals import total
 from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import Kind, Row
@@ -26,8 +27,6 @@ ALL_RECOVERIES = 5
 """Automatic recoveries in a run; then a person is needed."""
 ACKNOWLEDGE_AGAIN = 2.0
 """A stuck button acknowledges once in this time [s]."""
-LOST_HEARTBEAT = 0x8130
-"""EMCY code of a drive that misses our heartbeat (CiA 301)."""
 STATE_TIME = 0.15
 """A drive that told why it is in fault shows it in its statusword within this time [s]: three ticks of the slowest."""
 ROUNDING = 1e-6
@@ -79,6 +78,7 @@ class Supervisor:
             HostMeasures(robot.host_node_id),
             Wheels(robot, tick, blind),
         )
+        self._errors = robot.errors
         self._scanners = ScannerMeasures(robot.scanners) if robot.scanners else None
         self._supply = SupplyMeasures(robot.battery) if robot.battery else None
         self._poses = PoseMeasures(tick)
@@ -120,7 +120,7 @@ class Supervisor:
         for drive in sensed.drives:
             for code in drive.emergencies:
                 if code and (last.supervised or code != LOST_HEARTBEAT):
-                    found.append(catalogue.emergency(drive.name, code))
+                    found.append(catalogue.emergency(drive.name, code, self._errors[drive.name]))
         return found
 
     def _measured(self, sensed: Sensed, last: Wish, mode: Mode, points: SetPoints) -> list[Fault]:

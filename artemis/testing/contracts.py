@@ -27,8 +27,9 @@ from artemis.motion.angles import difference
 from artemis.motion.limits import Gate, is_sane
 from artemis.motion.odometry import move
 from artemis.motion.path import Path, path_from_points
+from artemis.plugins.answers import is_in_range, is_whole_input, plain_following
 from artemis.plugins.contracts import Follower, Following, InputDevice, PluginContext
-from artemis.plugins.guard import LATE, is_in_range, is_whole_input, plain_following
+from artemis.plugins.guard import LATE
 from artemis.plugins.registry import CONTRACTS, FOLLOWERS, INPUTS, breaches
 from artemis.plugins.stated import is_live
 from artemis.values import (

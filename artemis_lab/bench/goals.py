@@ -231,6 +231,7 @@ class _GoalWitness:
         leg.plans.append(result.detail)
         robot = self._loaded.robot
         to = self._loaded.destinations[self._destinations[self._at]]
+        assert to.goal is not None
         begun = cpu_time()
         again = plan_route(
             RouteRequest(floor=to.floor, robot=robot, start=start, goal=to.goal, speed=to.speed, margin=to.margin)

@@ -10,7 +10,7 @@ import sys
 import threading
 from bisect import bisect_left
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -103,6 +103,11 @@ class LinkThread(LinkProcess):
         self._thread = threading.Thread(target=self._serve, args=(listening, theirs), daemon=True)
         self._thread.start()
         self._ours.send(_ENCODER.encode(settings))
+
+    def tell(self, status: bytes) -> None:
+        """What the robot does, for the operator."""
+        with suppress(OSError):
+            self._ours.send(status)
 
     def close(self) -> None:
         """End it."""

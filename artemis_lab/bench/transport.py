@@ -26,7 +26,7 @@ from artemis.devices.canopen import (
 from artemis.devices.serial_frames import SerialProtocol
 from artemis.devices.serial_line import SerialLine
 from artemis.sim.bus import SimBus
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.serial_drive import serial_drive
 from artemis.sim.serial_wire import SerialSettings, SimSerialPort
 from artemis.sim.world import World

@@ -58,7 +58,8 @@ def run_one(file: Path, seed: int) -> int:
     folder = campaign.scenario_folder(seed)
     shutil.rmtree(folder, ignore_errors=True)
     robot, source = campaign.robot_of(seed)
-    view = LiveView(f"seed {seed} of campaign {campaign.words.campaign}", "", lambda: None, robot.bitrate)
+    title = f"seed {seed} of campaign {campaign.words.campaign}"
+    view = LiveView(title, "", lambda: None, robot.bitrate, robot.errors)
 
     def watch(tick: Tick, traffic: Traffic) -> None:
         view.see(tick, traffic, tick.snapshot.time)

@@ -5,60 +5,38 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, create_model, model_validator
+from pydantic import Field, model_validator
 
 from artemis.config import Config
 from artemis.drive_states import DriveState, Nmt
+from artemis.sim.epos4 import SimEpos4
+from artemis.sim.epos4_objects import objects4
 from artemis.sim.epos_failures import Speech
 from artemis.sim.epos_objects import objects
+from artemis_lab.injections.emergencies import EMERGENCY_INJECTIONS, Word
 from artemis_lab.injections.stage import Count, Injection, Lasting, Needs, Nothing, Positive, Stage, Undo, together
 
 EMERGENCY = 0x080
 ABORT_GENERAL = 0x08000000
 """SDO abort code "general error" (CiA 301 7.2.4.3.17)."""
 
-Index = Annotated[int, Field(ge=0, le=0xFFFF)]
-Sub = Annotated[int, Field(ge=0, le=0xFF)]
-Word = Annotated[int, Field(ge=0, le=0xFFFF)]
-
-CODES: dict[str, tuple[str, tuple[int, ...]]] = {
-    "DRV-01": ("generic error", (0x1000,)),
-    "DRV-02": ("over-current", (0x2310,)),
-    "DRV-03": ("over-voltage", (0x3210,)),
-    "DRV-04": ("under-voltage", (0x3220,)),
-    "DRV-05": ("logic supply", (0x5113,)),
-    "DRV-06": ("over-temperature", (0x4210,)),
-    "DRV-07": ("internal software error", (0x6100,)),
-    "DRV-08": ("software parameter error", (0x6320,)),
-    "DRV-11": ("position sensor error", (0x7320,)),
-    "DRV-12": ("position sensor breach", (0xFF0A,)),
-    "DRV-13": ("encoder index", (0xFF02, 0xFF03)),
-    "DRV-14": ("hall sensor", (0xFF01,)),
-    "DRV-15": ("hall sensor not found", (0xFF04,)),
-    "DRV-16": ("hall angle", (0xFF08,)),
-    "DRV-18": ("CAN overrun", (0x8110, 0x8111)),
-    "DRV-19": ("CAN passive", (0x8120,)),
-    "DRV-20": ("host's heartbeat lost", (0x8130,)),
-    "DRV-21": ("COB-ID collision", (0x8150,)),
-    "DRV-22": ("CAN bus off", (0x81FD,)),
-    "DRV-23": ("CAN queue overrun", (0x81FE, 0x81FF)),
-    "DRV-24": ("PDO length", (0x8210,)),
-    "DRV-25": ("following error", (0x8611,)),
-    "DRV-26": ("limit switch", (0xFF06, 0xFF07)),
-    "DRV-27": ("software position limit", (0xFF09,)),
-    "DRV-28": ("overloaded", (0xFF0B,)),
-}
-"""EMCY error codes of the first generation (firmware specification 2010, 12.2)."""
-OBJECTS = {(entry.index, entry.sub) for entry in objects(1, 0, 0, 0)}
-"""Index and sub-index of everything that a drive has."""
 UNKNOWN = 0x9999
 """An error code that no EPOS has."""
 
+Index = Annotated[int, Field(ge=0, le=0xFFFF)]
+Sub = Annotated[int, Field(ge=0, le=0xFF)]
 
-class DriveError(Config):
-    """An error of the drive."""
+OBJECTS = {
+    "epos1": {(entry.index, entry.sub) for entry in objects(1, 0, 0, 0)},
+    "epos4": {(entry.index, entry.sub) for entry in objects4(1, 0, 0, 0)},
+}
+"""Index and sub-index of everything that a drive of a family has."""
 
-    code: Word
+
+class UnknownError(Config):
+    """An error of the drive that is in no table."""
+
+    code: Word = UNKNOWN
     """EMCY error code."""
     heard: bool = True
     """The EMCY frame arrives; without it only the statusword tells."""
@@ -109,7 +87,7 @@ class WrongMode(Lasting):
 class WrongStatusword(Lasting):
     """What object 0x6041 shows."""
 
-    statusword: Word = 0x002F
+    statusword: Word = 0x006F
 
 
 class StaleTarget(Config):
@@ -126,8 +104,8 @@ class ObjectOf(Lasting):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        if (self.index, self.sub) not in OBJECTS:
-            raise ValueError(f"the drive has no object 0x{self.index:04X} sub-index {self.sub}")
+        if not any((self.index, self.sub) in known for known in OBJECTS.values()):
+            raise ValueError(f"no object 0x{self.index:04X} sub-index {self.sub} in any drive")
         return self
 
 
@@ -172,23 +150,8 @@ class WrongNode(Lasting):
     answers: Literal["nothing", "another product"] = "nothing"
 
 
-def _report(stage: Stage, node: str | None, p: DriveError) -> None:
+def _report(stage: Stage, node: str | None, p: UnknownError) -> None:
     stage.drive(node).emergency(p.code, stage.now, heard=p.heard)
-
-
-def _emcy_codes(codes: tuple[int, ...]) -> type[DriveError]:
-    """Parameters of a row with these codes; the first is the default."""
-
-    def check(code: int) -> int:
-        if code not in codes:
-            raise ValueError(f"expected {' or '.join(f'0x{known:04X}' for known in codes)}, found 0x{code:04X}")
-        return code
-
-    return create_model("Emergency", __base__=DriveError, code=(Annotated[int, AfterValidator(check)], codes[0]))
-
-
-def _row(text: str, codes: tuple[int, ...]) -> Injection:
-    return Injection(f"drive reports {text}", _report, Needs.DRIVE, _emcy_codes(codes))
 
 
 def _say_emergency(stage: Stage, node: str | None, data: bytes) -> None:
@@ -219,7 +182,10 @@ def _change_state(stage: Stage, node: str | None, p: NewState) -> None:
 
 
 def _refuse_state(stage: Stage, node: str | None, p: RefusedState) -> Undo:
-    return stage.drive(node).failures.refuse_states(DriveState(p.state))
+    drive, state = stage.drive(node), DriveState(p.state)
+    if isinstance(drive, SimEpos4) and state is DriveState.REFRESH:
+        state = DriveState.OPERATION_ENABLE  # which it enters without it
+    return drive.failures.refuse_states(state)
 
 
 def _show_mode(stage: Stage, node: str | None, p: WrongMode) -> Undo:
@@ -232,8 +198,9 @@ def _show_statusword(stage: Stage, node: str | None, p: WrongStatusword) -> Undo
 
 def _keep_target(stage: Stage, node: str | None, p: StaleTarget) -> None:
     drive = stage.drive(node)
-    index = 0x60FF if stage.robot.drives[drive.name].role == "traction" else 0x2062
-    stage.once_booted(drive, lambda: drive.poke(index, 0, p.target))
+    described = stage.robot.drives[drive.name]
+    target = described.tables.set_points[described.role]
+    stage.once_booted(drive, lambda: drive.poke(target.index, target.subindex, p.target))
 
 
 def _abort(stage: Stage, node: str | None, p: RefusedObject) -> Undo:
@@ -288,24 +255,17 @@ def _nobody(stage: Stage, node: str | None, _: Lasting) -> Undo:
 def _be_another(stage: Stage, node: str | None, p: WrongNode) -> Undo:
     if p.answers == "nothing":
         return _nobody(stage, node, p)
-    failures = stage.drive(node).failures
-    return together(
-        [
-            failures.misreport(0x1018, 2, lambda product: product ^ 0x0100_0000),
-            failures.misreport(0x2003, 2, lambda version: version ^ 0x0100),
-        ]
-    )
+    drive = stage.drive(node)
+    undos = [drive.failures.misreport(0x1018, 2, lambda product: product ^ 0x0100_0000)]
+    if not isinstance(drive, SimEpos4):  # it has its hardware version in the product code alone
+        undos.append(drive.failures.misreport(0x2003, 2, lambda version: version ^ 0x0100))
+    return together(undos)
 
 
 DRIVE_INJECTIONS: dict[str, Injection] = {
-    **{id: _row(text, codes) for id, (text, codes) in CODES.items()},
+    **EMERGENCY_INJECTIONS,
     "DRV-30": Injection("drive reports that no error is left", _reset, Needs.DRIVE),
-    "DRV-31": Injection(
-        "drive reports an unknown error",
-        _report,
-        Needs.DRIVE,
-        create_model("UnknownEmergency", __base__=DriveError, code=(Word, UNKNOWN)),
-    ),
+    "DRV-31": Injection("drive reports an unknown error", _report, Needs.DRIVE, UnknownError),
     "DRV-32": Injection("EMCY frame of the wrong length", _damaged, Needs.DRIVE, DamagedEmergency),
     "DRV-33": Injection("EMCY frames without end", _storm, Needs.DRIVE, Storm),
     "COM-01": Injection("drive goes into fault, its EMCY frame is lost", _fault_silently, Needs.DRIVE, SilentFault),

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path as FilePath
+
+from pydantic import ValidationError
 
 from artemis.config import Config
 from artemis.devices.can_bus import FrameBus
@@ -15,6 +18,7 @@ from artemis.plugins.contracts import Localizer
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry
 from artemis.states.plan import Step, with_behaviours, with_followers
+from artemis.supervision.catalogue import ROWS
 from artemis.vehicle import RobotFile
 from artemis_lab.injections.bad_plugins import (
     BadBehaviour,
@@ -23,6 +27,8 @@ from artemis_lab.injections.bad_plugins import (
     BadLocalizer,
     FollowerBehaviour,
 )
+from artemis_lab.injections.drives import OBJECTS
+from artemis_lab.injections.emergencies import checked_code, known_codes
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.fault_bus import FaultBus
 from artemis_lab.injections.stage import Injection, Needs, Stage
@@ -52,6 +58,7 @@ def problems(
         yield "inject", f"no such fault: {id}{nearest(id, INJECTIONS, 'faults')}"
     else:
         yield from _check_node(fault, INJECTIONS[id], robot)
+        yield from _check_family(fault, INJECTIONS[id], robot)
         yield from _check_scanner(fault, INJECTIONS[id], robot)
         yield from _check_plugin(fault, INJECTIONS[id], inputs, follows)
 
@@ -69,8 +76,32 @@ def _check_node(fault: InjectedFault, injection: Injection, robot: RobotFile | N
         fitting = [name for name, drive in robot.drives.items() if role in (None, drive.role)]
         if node not in robot.drives:
             yield "node", f"no such drive: {node}{nearest(node, fitting, 'drives')}"
+        elif id in ROWS and ROWS[id].is_missed_by(robot):
+            yield "inject", f"{id} needs {ROWS[id].needs.value}, which {robot.robot} has not"
         elif node not in fitting:
             yield "node", f"{id} happens to {needs.value}: {', '.join(fitting)}"
+
+
+def _check_family(fault: InjectedFault, injection: Injection, robot: RobotFile | None) -> Iterator[Problem]:
+    """A drive's family has this error, this code and this object."""
+    drive = None if robot is None or fault.node is None else robot.drives.get(fault.node)
+    if drive is None:
+        return
+    family, code = drive.family, fault.options.get("code")
+    if injection.families is not None and family not in injection.families:
+        only = " and ".join(injection.families)
+        yield "node", f"{fault.inject} is no error of a drive of family {family}, only of {only}"
+    elif injection.families is not None and code in known_codes(fault.inject):
+        try:
+            checked_code(fault.inject, family, code)
+        except ValueError as error:
+            yield "code", str(error)
+    elif "index" in injection.parameters.model_fields:
+        with suppress(ValidationError):  # what is wrong with it is said of every drive
+            wanted = injection.parameters.model_validate(fault.options)
+            place = getattr(wanted, "index"), getattr(wanted, "sub")  # noqa: B009 (fields of `ObjectOf`)
+            if place not in OBJECTS.get(family, {place}):
+                yield "index", f"a drive of family {family} has no object 0x{place[0]:04X} sub-index {place[1]}"
 
 
 def _check_scanner(fault: InjectedFault, injection: Injection, robot: RobotFile | None) -> Iterator[Problem]:

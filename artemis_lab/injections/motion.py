@@ -11,6 +11,7 @@ from pydantic import Field
 
 from artemis.config import Config
 from artemis.drive_states import DriveState
+from artemis.sim.epos4 import SimEpos4
 from artemis.sim.wheels import PotentiometerFailure, SteeredWheel
 from artemis_lab.injections.fault_bus import RX_PDO_1, Direction, Rule
 from artemis_lab.injections.stage import Count, Injection, Lasting, Needs, Nothing, Positive, Stage, Undo, together
@@ -97,7 +98,7 @@ class LowVoltage(Lasting):
 class CriticalVoltage(LowVoltage):
     """Below what a drive needs."""
 
-    voltage: Annotated[float, Field(gt=0, le=60)] = 8.0
+    voltage: Annotated[float, Field(gt=0, le=60)] = 7.0
 
 
 class Sag(LowVoltage):
@@ -106,6 +107,13 @@ class Sag(LowVoltage):
     voltage: Annotated[float, Field(gt=0, le=60)] = 18.0
     within_s: Annotated[float, Field(ge=0)] = 0.0
     duration_s: Positive | None = 0.2
+
+
+class Pressed(Lasting):
+    """What the emergency stop opens."""
+
+    opens: Literal["supply", "sto"] | None = None
+    """The batteries' switch, or the safe torque off inputs; None: these, where every drive has them."""
 
 
 class Carried(Config):
@@ -242,14 +250,20 @@ def _sink(stage: Stage, node: str | None, p: LowVoltage) -> Undo:
     return charge
 
 
-def _press(stage: Stage, node: str | None, _: Lasting) -> Undo:
-    before = stage.world.battery_v
-    stage.world.battery_v = 0.0
+def _press(stage: Stage, node: str | None, p: Pressed) -> Undo:
+    drives = [drive for drive in stage.world.nodes if isinstance(drive, SimEpos4)]
+    if p.opens == "supply" or (p.opens is None and len(drives) < len(stage.world.nodes)):
+        before, stage.world.battery_v = stage.world.battery_v, 0.0
+        return lambda: setattr(stage.world, "battery_v", before)
+    if not drives:
+        raise ValueError("no drive has safe torque off inputs: `opens: supply`")
+    for drive in drives:
+        drive.open_sto(True, stage.now)
+    return together([partial(_close_sto, stage, drive) for drive in drives])
 
-    def release() -> None:
-        stage.world.battery_v = before
 
-    return release
+def _close_sto(stage: Stage, drive: SimEpos4) -> None:
+    drive.open_sto(False, stage.now)
 
 
 def _carry(stage: Stage, node: str | None, p: Carried) -> None:
@@ -272,10 +286,11 @@ def _keep_running(stage: Stage, node: str | None, p: Running) -> None:
 
 def _remember(stage: Stage, node: str | None, p: Kept) -> None:
     drive = stage.drive(node)
-    stage.once_booted(drive, partial(drive.poke, 0x200C, 1, p.zero_uv))
+    kept = stage.robot.drives[drive.name].tables.memory[0]
+    stage.once_booted(drive, partial(drive.poke, kept.index, kept.subindex, p.zero_uv))
 
 
-_EMERGENCY_STOP = Injection("the hardware emergency stop is pressed", _press, parameters=Lasting)
+_EMERGENCY_STOP = Injection("the hardware emergency stop is pressed", _press, parameters=Pressed)
 
 MOTION_INJECTIONS: dict[str, Injection] = {
     "RUN-01": Injection("motor turns faster than asked, or the other way", _turn_otherwise, Needs.TRACTION, Gain),

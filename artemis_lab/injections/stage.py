@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Annotated, Any
@@ -76,7 +76,7 @@ class Stage:
     def once_booted(self, drive: SimEpos, act: Callable[[], None]) -> None:
         """Do it now, or as soon as the drive has booted."""
         if drive.nmt is Nmt.INITIALISING:
-            self.loop.call_later(1.1 * drive.settings.boot_time_s, act)
+            self.loop.call_later(1.1 * drive.boot_time, act)
         else:
             act()
 
@@ -141,5 +141,7 @@ class Injection:
     """Makes it happen, to a drive of that name, with `parameters`; returns how to end it, if it can end."""
     needs: Needs = Needs.NOTHING
     parameters: type[Config] = Nothing
+    families: Collection[str] | None = None
+    """Of drives that it can happen to; None: all."""
     behaviour: Callable[[Any], FollowerBehaviour] | None = None
     """For faults of a follower: how it behaves, with `parameters`."""

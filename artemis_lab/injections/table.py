@@ -26,7 +26,6 @@ INJECTIONS: dict[str, Injection] = dict(
 )
 """By row of the fault table."""
 
-_EPOS4 = "only an EPOS4 knows it"
 _FILE = "is found in a file, before a run"
 _NETWORK = "needs an operator on a network: `artemis_lab.injections.damaged_link`"
 _SERIAL = "needs a serial line, which no run has: `artemis_lab.injections.damaged_serial`"
@@ -34,7 +33,6 @@ _PROCESS = "would end the simulated drives with it: they share the process"
 _DEVICE = "needs a device: `artemis.testing.fake_hid`"
 
 NOT_INJECTED: dict[str, str] = {
-    **dict.fromkeys(("DRV-09", "DRV-10", "DRV-17", "DRV-29"), _EPOS4),
     "RUN-07": "LOC-02 makes the localizer contradict the odometry",
     "RUN-08": "COM-26 makes it happen, where the robot moves",
     "INP-02": _DEVICE,
@@ -44,9 +42,10 @@ NOT_INJECTED: dict[str, str] = {
     "INP-16": _DEVICE,
     **{f"NET-{number:02}": _NETWORK for number in range(1, 11)},
     **{f"SER-{number:02}": _SERIAL for number in range(1, 6)},
-    "NET-11": "needs a page for operators",
+    "NET-11": "needs an operator at a page whose link is held up",
     "NET-12": "needs programs of others: a master that goes, a subscriber that hangs",
     "NET-13": "needs an observer with a process of its own: a simulation that keeps real time",
+    **dict.fromkeys(("NET-14", "LOC-07"), "needs somebody who gives goals and poses"),
     "LAS-08": "needs something in the robot's way",
     "LOC-06": "on virtual time a localizer takes no time",
     **{f"PTH-{number:02}": _FILE for number in range(1, 5)},

@@ -16,13 +16,16 @@ from dataclasses import dataclass
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import SYNC_FRAME, NmtCommand, nmt_frame
-from artemis.devices.epos_objects import CONTROLWORD, POSITION_SETTING, STATUSWORD, Object, settings
+from artemis.devices.epos_objects import settings
+from artemis.drive_schema import Drive
+from artemis.families.epos1 import POSITION_SETTING
+from artemis.families.objects import CONTROLWORD, STATUSWORD, TARGET_POSITION, Object
 from artemis.mission.loading import load_mission
 from artemis.motion.limits import Gate
 from artemis.sim.axis import Axis
 from artemis.sim.epos import SimEpos
 from artemis.values import DriveCommand, SetPoints
-from artemis.vehicle import Drive, RobotFile
+from artemis.vehicle import RobotFile
 
 from .composition import FIGURE_EIGHT
 from .measure import columns
@@ -33,7 +36,6 @@ NEW, AT_ONCE = 0x10, 0x20
 """Bits of the controlword in profile position mode (EPOS firmware specification 2010, 14.59)."""
 ACKNOWLEDGED = 0x1000
 """Statusword bit 12 there (14.60)."""
-TARGET_POSITION = Object(0x607A, 0, POSITION_SETTING.type)
 RXPDO, RXPDO_AT_ONCE = 0x200, 0x300
 
 Wish = Callable[[float], float]
@@ -110,7 +112,7 @@ class Rig:
     def _configure(self, robot: RobotFile) -> None:
         set_point = POSITION_SETTING if self.way.mode < 0 else TARGET_POSITION
         places = [
-            *((setting.object, setting.value) for setting in settings(robot, self.drive)),
+            *((setting.object, setting.value) for setting in settings(robot, self.drive, PERIOD)),
             (Object(0x1016, 1, STATUSWORD.type), 0),
             (Object(0x6060, 0, STATUSWORD.type), self.way.mode),
             (Object(0x6081, 0, STATUSWORD.type), self.drive.motor.max_speed_rpm),

@@ -25,3 +25,12 @@ def test_tick_calls_no_more_functions_than_it_did() -> None:
         f"calls per tick, before and now: {more}. If it is worth it, `python -m tests.bench.calls` writes the new "
         "numbers down, to be committed with the change"
     )
+
+
+@pytest.mark.exhaustive
+@pytest.mark.skipif(kind_of_build() == "compiled", reason="compiled functions are not counted")
+@pytest.mark.skipif(PYTHON not in kept(), reason="nobody has counted with this Python: python -m tests.bench.calls")
+def test_tick_with_drives_of_another_family_calls_no_more_functions() -> None:
+    if sys.getprofile() is not None:
+        pytest.skip("somebody else counts calls")
+    assert calls("artemis_epos4")["tick"] <= MARGIN * kept()[PYTHON]["tick"]

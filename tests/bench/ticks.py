@@ -16,7 +16,6 @@ from artemis.build import kind_of_build
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import SYNC_FRAME, PdoLayout, heartbeat_frame
 from artemis.devices.drive import Drives
-from artemis.devices.epos_objects import RECEIVED, SENT
 from artemis.drive_states import Nmt
 from artemis.mission.loading import load_mission
 from artemis.vehicle import RobotFile
@@ -92,7 +91,7 @@ def _answers(robot: RobotFile) -> list[Frame]:
     values = {"traction": ((0x0337, 4711), (150, -820, 3)), "steering": ((0x0337, -4711), (2510, 2480, 95, -1))}
     frames = []
     for drive in robot.drives.values():
-        for number, (mapped, content) in enumerate(zip(SENT[drive.role], values[drive.role], strict=True)):
+        for number, (mapped, content) in enumerate(zip(drive.tables.sent[drive.role], values[drive.role], strict=True)):
             data = PdoLayout([entry.type for entry in mapped]).pack(*content)
             frames.append(Frame(0x180 + 0x100 * number + drive.node_id, data))
     return frames
@@ -153,8 +152,8 @@ def _their_cycle(robot: RobotFile, answers: list[Frame]) -> Callable[[], object]
     for drive in robot.drives.values():
         node: Any = wire.add_node(canopen.RemoteNode(drive.node_id, _described()))
         for maps, mapped, base, kept in (
-            (node.rpdo, RECEIVED[drive.role][:1], 0x200, received),
-            (node.tpdo, SENT[drive.role], 0x180, sent),
+            (node.rpdo, drive.tables.received[drive.role][:1], 0x200, received),
+            (node.tpdo, drive.tables.sent[drive.role], 0x180, sent),
         ):
             for number, entries in enumerate(mapped, 1):
                 pdo = maps[number]

@@ -16,7 +16,7 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.drive import Drives
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.sim.bus import SimBus
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.wire import frame_bits
 from artemis.sim.world import World
 from artemis.values import Job, JobKind

@@ -24,7 +24,7 @@ from artemis.drive_states import Goal, Nmt
 from artemis.states.alignment import enable
 from artemis.states.init import RESETTING, WAKING
 from artemis.states.mode import ON
-from artemis.supervision.catalogue import EMERGENCIES
+from artemis.supervision import catalogue
 from artemis.values import Action, Event, Fault, Mode, Request
 
 Change = Callable[[Any], Any]
@@ -254,8 +254,12 @@ def _acknowledgment_arms(original: Any) -> Any:
     return may_go_on
 
 
+def _misnamed(found: Fault, device: str, code: int, _: object) -> Fault:
+    return catalogue.fault("DRV-01", device) if code == 0xFF06 else found
+
+
 def _not_aligned(shared: Any, snapshot: Any) -> Any:
-    return (yield from enable(ON, snapshot))
+    return (yield from enable(shared.plan, ON, snapshot))
 
 
 def _no_way_to_fault(original: Any) -> Any:
@@ -474,7 +478,7 @@ BUGS: tuple[Bug, ...] = (
         "error has another's name",
         "limit switch",
         "I3",
-        {"artemis.supervision.catalogue.EMERGENCIES": becomes({**EMERGENCIES, 0xFF06: "DRV-01"})},
+        {"artemis.supervision.catalogue.emergency": with_result(_misnamed)},
     ),
     Bug(
         "feedback may be old",

@@ -12,13 +12,15 @@ from pathlib import Path
 
 import pytest
 from campaign_files import write_campaign
+from command_line import artemis_here
 
 from artemis_lab.campaign.monitor.evidence import Violation
 from artemis_lab.campaign.one_run import Result
 from artemis_lab.campaign.runs import ResultFile, load_campaign, run_seed, table
 
 ARTEMIS = [sys.executable, "-m", "artemis", "campaign"]
-SLICE = 16
+FIRST, SLICE = 4, 4
+"""Seeds of short runs; `.ci/run` does 300."""
 PATIENCE = 500.0
 """Longest time for anything on a busy machine [s]."""
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(PATIENCE)]
@@ -35,18 +37,20 @@ def seeds_in(results: Path) -> list[int]:
 
 @pytest.mark.exhaustive
 def test_slice_of_seeds_breaks_no_invariant(tmp_path: Path) -> None:
-    done = artemis_campaign(write_campaign(tmp_path, runs=SLICE, first_seed=1, workers=2))
+    done = artemis_campaign(write_campaign(tmp_path, runs=SLICE, first_seed=FIRST, workers=2))
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert f"{SLICE} runs, 0 violations in 0 of them" in done.stdout
     assert f"{SLICE // 2} of {SLICE} runs, 0 failed" in done.stdout
     (results,) = tmp_path.glob("runs/small-*/results.jsonl")
-    assert sorted(seeds_in(results)) == list(range(1, SLICE + 1))
+    assert sorted(seeds_in(results)) == list(range(FIRST, FIRST + SLICE))
 
 
 @pytest.mark.exhaustive
 def test_interrupted_campaign_keeps_its_runs_and_goes_on(tmp_path: Path) -> None:
-    path = write_campaign(tmp_path, runs=12, workers=2)  # five of them cannot be called back once they wait
+    path = write_campaign(
+        tmp_path, runs=8, first_seed=FIRST, workers=1
+    )  # three of them cannot be called back once they wait
     results = load_campaign(path).folder / "results.jsonl"
     with subprocess.Popen([*ARTEMIS, str(path)], stdout=subprocess.PIPE, text=True) as process:
         while not (results.exists() and results.read_bytes().count(b"\n") >= 2):
@@ -57,38 +61,38 @@ def test_interrupted_campaign_keeps_its_runs_and_goes_on(tmp_path: Path) -> None
 
     assert process.returncode == 130, shown
     finished = seeds_in(results)
-    assert 2 <= len(finished) < 12
-    assert f"interrupted after {len(finished)} of 12 runs" in shown
+    assert 2 <= len(finished) < 8
+    assert f"interrupted after {len(finished)} of 8 runs" in shown
 
     again = artemis_campaign(path)
 
     assert again.returncode == 0, again.stdout
     assert f"goes on after {len(finished)} finished runs" in again.stdout
-    assert sorted(seeds_in(results)) == list(range(1, 13))
+    assert sorted(seeds_in(results)) == list(range(FIRST, FIRST + 8))
     assert seeds_in(results)[: len(finished)] == finished
 
 
 def test_broken_invariant_is_told_with_what_runs_it_alone(tmp_path: Path) -> None:
-    path = write_campaign(tmp_path, runs=2, workers=1)
+    path = write_campaign(tmp_path, runs=2, first_seed=FIRST, workers=1)
     campaign = load_campaign(path)
     broken = Violation("I4", 6.5, "stopped too late")
-    ResultFile(campaign.folder).add(Result(seed=1, status=1, time_s=9.0, injected=("DRV-02",), violations=(broken,)))
+    ResultFile(campaign.folder).add(
+        Result(seed=FIRST, status=1, time_s=9.0, injected=("DRV-02",), violations=(broken,))
+    )
 
-    done = artemis_campaign(path)
+    done = artemis_here("campaign", path)
 
     assert done.returncode == 1, done.stderr
-    assert "seed 1: I4 at 6.500 s: stopped too late" in done.stdout
-    assert f"artemis campaign {path} --seed 1" in done.stdout
-    checked = subprocess.run(
-        [*ARTEMIS[:-1], "check", campaign.scenario_folder(1) / "mission.yaml"], capture_output=True, text=True
-    )
+    assert f"seed {FIRST}: I4 at 6.500 s: stopped too late" in done.stdout
+    assert f"artemis campaign {path} --seed {FIRST}" in done.stdout
+    checked = artemis_here("check", campaign.scenario_folder(FIRST) / "mission.yaml")
     assert checked.returncode == 0, checked.stderr
 
 
 def test_one_seed_runs_in_sight_and_keeps_its_folder(tmp_path: Path) -> None:
     path = write_campaign(tmp_path)
 
-    done = artemis_campaign(path, "--seed", "4")
+    done = artemis_here("campaign", path, "--seed", "4")
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 violations" in done.stdout
@@ -98,7 +102,7 @@ def test_one_seed_runs_in_sight_and_keeps_its_folder(tmp_path: Path) -> None:
 
 
 def test_wrong_campaign_is_refused(tmp_path: Path) -> None:
-    done = artemis_campaign(write_campaign(tmp_path, runs=0))
+    done = artemis_here("campaign", write_campaign(tmp_path, runs=0))
 
     assert done.returncode == 2
     assert "campaign.yaml:3" in done.stderr
@@ -107,7 +111,7 @@ def test_wrong_campaign_is_refused(tmp_path: Path) -> None:
 def test_cluster_that_is_not_there_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 
-    done = artemis_campaign(write_campaign(tmp_path, cluster="tcp://127.0.0.1:1"))
+    done = artemis_here("campaign", write_campaign(tmp_path, cluster="tcp://127.0.0.1:1"))
 
     assert done.returncode == 2, done.stderr
     assert "no scheduler at tcp://127.0.0.1:1" in done.stderr
@@ -119,7 +123,7 @@ def test_cluster_that_loses_a_worker_finds_what_one_computer_finds(tmp_path: Pat
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     words = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
     with distributed.LocalCluster(**words) as cluster, (tmp_path / "shown").open("w+") as shown:
-        path = write_campaign(tmp_path, runs=6, cluster=cluster.scheduler_address)
+        path = write_campaign(tmp_path, runs=SLICE, first_seed=FIRST, cluster=cluster.scheduler_address)
         campaign = load_campaign(path)
         results = campaign.folder / "results.jsonl"
         lost = cluster.workers[0].pid
@@ -129,10 +133,10 @@ def test_cluster_that_loses_a_worker_finds_what_one_computer_finds(tmp_path: Pat
                 assert process.poll() is None, "ended too early"
                 time.sleep(0.05)
             os.kill(lost, signal.SIGKILL)
-            assert len(seeds_in(results)) < 6
+            assert len(seeds_in(results)) < SLICE
             assert process.wait(PATIENCE) == 0, (tmp_path / "shown").read_text()
 
-    assert sorted(seeds_in(results)) == list(range(1, 7))
+    assert sorted(seeds_in(results)) == list(range(FIRST, FIRST + SLICE))
     here = {seed: run_seed(seed, campaign.robot, campaign.robot_source) for seed in campaign.seeds}
     found = ResultFile(campaign.folder).finished
     assert found == here

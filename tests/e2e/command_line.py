@@ -25,8 +25,6 @@ from artemis.recording.mcap_reader import Recording
 MISSIONS = Path(__file__).parents[2] / "missions"
 ROBOT = MISSIONS / "robots" / "artemis.yaml"
 ARTEMIS = [sys.executable, "-m", "artemis"]
-WITHOUT_FIGURES = [sys.executable, str(Path(__file__).with_name("without_figures.py"))]
-"""The same, where a run is looked at, and not the figures of its report: a second less."""
 PATIENCE = 60.0
 """Longest time for anything on a busy machine [s]; no test waits this long when all is well."""
 SWITCH_ON_DISABLED = 0x0140
@@ -77,7 +75,7 @@ def artemis_here(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 @contextmanager
 def started(
-    *arguments: str | Path, stdin: int = subprocess.DEVNULL, program: Sequence[str] = WITHOUT_FIGURES
+    *arguments: str | Path, stdin: int = subprocess.DEVNULL, program: Sequence[str] = ARTEMIS
 ) -> Iterator[subprocess.Popen[str]]:
     """The running command; killed at the end if it still runs. Even under `nohup` it has a terminal to lose."""
     command = [*program, *map(str, arguments)]

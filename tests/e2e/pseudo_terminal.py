@@ -15,7 +15,7 @@ import termios
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from command_line import PATIENCE, WITHOUT_FIGURES, skip_if_late
+from command_line import ARTEMIS, PATIENCE, skip_if_late
 
 _LOOK = 0.1
 """After this time without output [s], whether the process still runs."""
@@ -35,7 +35,7 @@ class Terminal:
         self._decoder = codecs.getincrementaldecoder("utf-8")()
         environment = {key: value for key, value in os.environ.items() if key not in ("COLUMNS", "LINES", "NO_COLOR")}
         self.process = subprocess.Popen(
-            [*WITHOUT_FIGURES, *command],
+            [*ARTEMIS, *command],
             stdin=device,
             stdout=device,
             stderr=device,

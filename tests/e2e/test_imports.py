@@ -16,6 +16,14 @@ from artemis.commands import run
 run._conclude = lambda outcome: print("imported:", *sys.modules)
 sys.exit(run.run_and_report(Path(sys.argv[1]), True))
 """
+RUN_AND_REPORT = """
+import sys
+from pathlib import Path
+from artemis.commands import run
+status = run.run_and_report(Path(sys.argv[1]), True)
+print("imported:", *sys.modules)
+sys.exit(status)
+"""
 CHECK = """
 import sys
 from pathlib import Path
@@ -43,6 +51,13 @@ def test_a_run_along_a_path_imports_what_a_spline_needs(tmp_path: Path, program:
     names = imported(program, write_mission(tmp_path))
 
     assert unwanted(names, "matplotlib", "artemis.calibration", "artemis.report.figures", "scipy.signal") == []
+
+
+def test_the_report_of_a_run_needs_no_matplotlib(tmp_path: Path) -> None:
+    names = imported(RUN_AND_REPORT, write_mission(tmp_path))
+
+    assert "artemis.report.page" in names
+    assert unwanted(names, "matplotlib", "PIL") == []
 
 
 @pytest.mark.parametrize("program", [CHECK, RUN])

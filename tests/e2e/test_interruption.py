@@ -10,7 +10,6 @@ import pytest
 from command_line import (
     ARTEMIS,
     PATIENCE,
-    WITHOUT_FIGURES,
     assert_left_at_rest,
     endless_mission,
     modes_of,
@@ -52,7 +51,7 @@ def test_a_signal_ends_a_run_in_order_without_a_terminal(tmp_path: Path, number:
 def test_a_stop_is_never_ignored_and_only_nohup_outlives_a_terminal(
     tmp_path: Path, ignored: str, sent: list[signal.Signals], ends_by: signal.Signals
 ) -> None:
-    command = f"trap '' {ignored}; exec {' '.join(WITHOUT_FIGURES)} run {endless_mission(tmp_path)}"
+    command = f"trap '' {ignored}; exec {' '.join(ARTEMIS)} run {endless_mission(tmp_path)}"
     pipe = subprocess.PIPE
     with subprocess.Popen(["sh", "-c", command], stdin=subprocess.DEVNULL, stdout=pipe, text=True) as process:
         read_until(process, "following")

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from command_line import MISSIONS, ROBOT, WITHOUT_FIGURES, artemis, artemis_here, only_run
+from command_line import MISSIONS, ROBOT, artemis, artemis_here, only_run
 
 from artemis import cli
 from artemis.commands.path_record import Drawing, RecordedPart, record_path
@@ -54,7 +54,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ],
     }
     (folder / "mission.yaml").write_text(json.dumps(mission, indent=1))
-    done = artemis("run", folder / "mission.yaml", program=WITHOUT_FIGURES)
+    done = artemis("run", folder / "mission.yaml")
     assert done.returncode == 0, done.stderr
     (folder / "run").symlink_to(only_run(folder))
     return folder

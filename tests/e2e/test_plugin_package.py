@@ -59,27 +59,20 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Environment:
     return Environment(tmp_path_factory.mktemp("environment"))
 
 
-@pytest.mark.parametrize("kind", GROUPS)
-def test_a_new_package_works_at_once(
-    kind: str, environment: Environment, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    """The session of the docs, line by line; for a follower with the kind and the name of one."""
-    folder, shown = tmp_path_factory.mktemp(kind), {}  # kept: the environment that all kinds share refers to it
-    for line in SESSION.splitlines():
-        words = line.removeprefix("$ ").replace("input", kind).replace("curves", f"curves-{kind}")
-        program, *arguments = shlex.split(words)
-        if program == "cd":
-            folder /= arguments[0]
-        else:
-            shown[shlex.join([program, *arguments])] = environment.run(folder, program, *arguments)
-    assert re.search(
-        {"localizer": r"\b5 passed", "observer": r"\b5 passed", "scanner": r"\b8 passed"}.get(kind, r"\b1[0-9] passed"),
-        shown["pytest"],
-    )
+SUITES = {"localizer": r"\b5 passed", "observer": r"\b5 passed", "scanner": r"\b8 passed"}
+"""What pytest says of the tests of a new package."""
+
+
+def shown_by(environment: Environment, folder: Path, words: str) -> str:
+    program, *arguments = shlex.split(words)
+    return environment.run(folder, program, *arguments)
+
+
+def assert_listed_and_driven_with(kind: str, plugins: str, told: str, folder: Path) -> None:
     listed = (
         rf"^{GROUPS[kind]} +curves-{kind} +artemis-curves-{kind} 0\.1\.0 +artemis_curves_{kind}:Curves{kind.title()}"
     )
-    assert re.search(listed, shown["artemis plugins"], re.MULTILINE)
+    assert re.search(listed, plugins, re.MULTILINE)
     run = only_run(folder)
     assert {"input": "teleop", "behaviour": "act"}.get(kind, "follow") in modes_of(run)
     assert_left_at_rest(run)
@@ -88,9 +81,44 @@ def test_a_new_package_works_at_once(
     scans = [scan for tick in Recording(run).ticks() for scan in tick.snapshot.sensed.scans]
     assert (len(scans) > 50) is (kind == "scanner")
     assert kind != "observer" or len((run / "seen.txt").read_text().splitlines()) == 9
-    distance = re.search(r"^distance +(\d+\.\d+) m", shown["artemis run mission.yaml"], re.MULTILINE)
+    distance = re.search(r"^distance +(\d+\.\d+) m", told, re.MULTILINE)
     assert distance
     assert float(distance[1]) > 2.0
+
+
+def test_a_new_package_works_at_once(environment: Environment, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """The session of the docs, line by line."""
+    folder, shown = tmp_path_factory.mktemp("session"), {}  # kept: the environment refers to it
+    for line in SESSION.splitlines():
+        words = line.removeprefix("$ ").replace("curves", "curves-input")
+        if words.startswith("cd "):
+            folder /= words.removeprefix("cd ")
+        else:
+            shown[words] = shown_by(environment, folder, words)
+    assert re.search(r"\b1[0-9] passed", shown["pytest"])
+    assert_listed_and_driven_with("input", shown["artemis plugins"], shown["artemis run mission.yaml"], folder)
+
+
+OTHERS = [kind for kind in GROUPS if kind != "input"]
+
+
+@pytest.fixture(scope="module")
+def others(environment: Environment, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A folder with a package of each other kind, installed together, and what `artemis plugins` shows."""
+    folder = tmp_path_factory.mktemp("others")
+    for kind in OTHERS:
+        begin_plugin(kind, f"curves-{kind}", folder)
+    editable = " ".join(f"-e './artemis-curves-{kind}[test]'" for kind in OTHERS)
+    shown_by(environment, folder, f"pip install {editable}")
+    return folder, shown_by(environment, folder, "artemis plugins")
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_so_does_one_of_another_kind(kind: str, environment: Environment, others: tuple[Path, str]) -> None:
+    package, plugins = others[0] / f"artemis-curves-{kind}", others[1]
+    assert re.search(SUITES.get(kind, r"\b1[0-9] passed"), shown_by(environment, package, "pytest"))
+    told = shown_by(environment, package, "artemis run mission.yaml")
+    assert_listed_and_driven_with(kind, plugins, told, package)
 
 
 def test_code_of_a_new_package_is_clean(tmp_path: Path) -> None:
@@ -106,7 +134,7 @@ def test_code_of_a_new_package_is_clean(tmp_path: Path) -> None:
             done = subprocess.run(tool, cwd=package, capture_output=True, text=True, timeout=PATIENCE)
             assert done.returncode == 0, done.stdout
     checked = [str(package / part) for package in packages for part in ("src", "tests")]
-    cache = str(ROOT / "build" / "mypy")  # kept: without it everything that a plugin imports is checked again
+    cache = str(ROOT / ".mypy_cache")  # that of `make check`: what a plugin imports is not checked again
     tool = [sys.executable, "-m", "mypy", "--strict", "--config-file", settings, "--cache-dir", cache, *checked]
     done = subprocess.run(tool, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=4 * PATIENCE)
     assert done.returncode == 0, done.stdout

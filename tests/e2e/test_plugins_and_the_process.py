@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from command_line import (
     PATIENCE,
-    WITHOUT_FIGURES,
     artemis,
     assert_left_at_rest,
     endless_mission,
@@ -137,7 +136,7 @@ def test_a_plugin_that_blocks_in_simulated_time_may_until_somebody_asks_for_the_
 
 @pytest.mark.usefixtures("site")
 def test_a_plugin_that_ends_the_process_is_refused_and_named(tmp_path: Path) -> None:
-    done = artemis("run", mission(tmp_path, "leave"), program=WITHOUT_FIGURES)
+    done = artemis("run", mission(tmp_path, "leave"))
     assert done.returncode == 1
     assert "PLG-02 stick: plugin raised an error (RuntimeError('os._exit(0): nothing but artemis may end" in done.stdout
     assert "result        FAILED" in done.stdout
@@ -146,7 +145,7 @@ def test_a_plugin_that_ends_the_process_is_refused_and_named(tmp_path: Path) -> 
 
 @pytest.mark.usefixtures("site")
 def test_a_thread_that_a_plugin_leaves_is_named_and_keeps_nothing_alive(tmp_path: Path) -> None:
-    done = artemis("run", mission(tmp_path, "thread"), program=WITHOUT_FIGURES)
+    done = artemis("run", mission(tmp_path, "thread"))
     assert done.returncode == 0
     assert "result        done" in done.stdout
     assert "artemis: thread 'forgotten' was left running; artemis ends without it" in done.stderr
@@ -156,7 +155,7 @@ def test_a_thread_that_a_plugin_leaves_is_named_and_keeps_nothing_alive(tmp_path
 @pytest.mark.usefixtures("site")
 @pytest.mark.parametrize(("does", "name"), [("flood", "stick"), ("noise", "noisy")])
 def test_what_a_plugin_prints_is_named_and_does_not_flood_the_terminal(tmp_path: Path, does: str, name: str) -> None:
-    done = artemis("run", mission(tmp_path, does), program=WITHOUT_FIGURES)
+    done = artemis("run", mission(tmp_path, does))
     assert done.returncode == 0
     assert done.stdout.count("spam") == 10
     assert f"{name} prints: spam 0\n" in done.stdout
@@ -166,7 +165,7 @@ def test_what_a_plugin_prints_is_named_and_does_not_flood_the_terminal(tmp_path:
 
 @pytest.mark.usefixtures("site")
 def test_a_line_that_a_plugin_does_not_end_is_shown(tmp_path: Path) -> None:
-    done = artemis("run", mission(tmp_path, "mumble"), program=WITHOUT_FIGURES)
+    done = artemis("run", mission(tmp_path, "mumble"))
     assert done.returncode == 0
     assert "stick prints: the end of it\n" in done.stdout
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from command_line import (
-    WITHOUT_FIGURES,
     artemis,
     artemis_here,
     endless_mission,
@@ -50,7 +49,7 @@ def mission(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def failed(mission: Path) -> subprocess.CompletedProcess[str]:
-    return artemis("run", mission, "--simulate", program=WITHOUT_FIGURES)
+    return artemis("run", mission, "--simulate")
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +61,7 @@ def first(folder: Path, failed: subprocess.CompletedProcess[str]) -> Path:
 @pytest.fixture(scope="module")
 def resumed(first: Path, failed: subprocess.CompletedProcess[str]) -> subprocess.CompletedProcess[str]:
     """By the command that the failed run has told."""
-    return artemis(*label(failed.stdout, "go on").split()[1:], program=WITHOUT_FIGURES)
+    return artemis(*label(failed.stdout, "go on").split()[1:])
 
 
 def test_a_failed_run_tells_how_to_go_on(failed: subprocess.CompletedProcess[str], first: Path, mission: Path) -> None:

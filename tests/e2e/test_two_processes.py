@@ -15,7 +15,6 @@ import pytest
 from command_line import (
     PATIENCE,
     ROBOT,
-    WITHOUT_FIGURES,
     artemis,
     assert_left_at_rest,
     free_port,
@@ -123,7 +122,7 @@ def test_a_mission_is_done_against_simulated_drives_in_another_process(
     tmp_path: Path, port: int, robot: RobotFile
 ) -> None:
     with simulated_robot(port) as drives:
-        done = artemis("run", udp_mission(tmp_path, port), program=WITHOUT_FIGURES)
+        done = artemis("run", udp_mission(tmp_path, port))
         skip_if_late(done.stdout)
         assert done.returncode == 0, done.stdout + done.stderr
         assert f"ARTEMIS on udp_multicast {GROUP}" in done.stdout

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from math import isfinite
 from pathlib import Path
@@ -23,18 +24,20 @@ from msgspec import structs
 from artemis import clock
 from artemis.devices import canopen
 from artemis.devices.can_bus import Frame
-from artemis.devices.canopen import ObjectType, PdoLayout
+from artemis.devices.canopen import PdoLayout
 from artemis.devices.drive import Drives
-from artemis.devices.epos_objects import SENT
 from artemis.devices.hid.descriptor import parse_descriptor
 from artemis.devices.sdo import SdoClient
+from artemis.drive_schema import Drive
 from artemis.errors import ConfigError, DeviceError, HidError, ProtocolError, RecordingError
+from artemis.families import FAMILIES
+from artemis.families.objects import ObjectType
 from artemis.mission import load_mission
 from artemis.recording.journal import Entry, Journal, read_journal
 from artemis.recording.mcap_file import MAGIC
 from artemis.recording.mcap_reader import Recording
 from artemis.sim.axis import Axis
-from artemis.sim.epos import SimEpos
+from artemis.sim.drive_node import simulated_drive
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
@@ -45,6 +48,7 @@ MISSIONS = TESTS.parent / "missions"
 GOOD = TESTS / "broken" / "good"
 ROBOT = RobotFile.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
 DRIVE = ROBOT.drives["steer-left"]
+DRIVE_4 = RobotFile.model_validate(load(MISSIONS / "robots" / "artemis_epos4.yaml").data).drives["steer-left"]
 NODE = DRIVE.node_id
 MILLISECOND = 0.001
 
@@ -58,6 +62,13 @@ def targets(folder: Path) -> list[Target]:
         Target(name="sdo", attempt=transfer, seeds=_answers(), mutate=mutate_bytes, steps=100_000),
         Target(name="hid", attempt=describe, seeds=_descriptors(), mutate=mutate_bytes, steps=300_000),
         Target(name="sim_epos", attempt=obey, seeds=_orders(), mutate=mutate_bytes, steps=500_000),
+        Target(
+            name="sim_epos4",
+            attempt=partial(obey, drive=DRIVE_4),
+            seeds=_orders(),
+            mutate=mutate_bytes,
+            steps=1_000_000,
+        ),
         Target(
             name="recording",
             attempt=ReadRecording(folder),
@@ -96,7 +107,12 @@ _DECODERS: tuple[Callable[[bytes], object], ...] = (
     canopen.decode_answer,
     canopen.nmt_from_heartbeat,
     canopen.emergency_from_data,
-    *(PdoLayout([object_.type for object_ in pdo]).unpack for role in SENT.values() for pdo in role),
+    *(
+        PdoLayout([object_.type for object_ in pdo]).unpack
+        for family in FAMILIES.values()
+        for role in family.sent.values()
+        for pdo in role
+    ),
     *(type_.decode for type_ in ObjectType),
 )
 
@@ -164,7 +180,7 @@ def hear(data: bytes) -> None:
 def _spoken() -> list[bytes]:
     said: list[tuple[int, bytes]] = []
     for drive in ROBOT.drives.values():
-        status, details = (PdoLayout([object_.type for object_ in pdo]) for pdo in SENT[drive.role])
+        status, details = (PdoLayout([object_.type for object_ in pdo]) for pdo in drive.tables.sent[drive.role])
         values = [0] * (3 if drive.role == "traction" else 4)
         said += [
             (0x700 + drive.node_id, b"\x00"),
@@ -222,12 +238,13 @@ def _descriptors() -> list[bytes]:
     return [bytes.fromhex(str(device["report_descriptor"])) for device in devices if isinstance(device, dict)]
 
 
-def obey(data: bytes) -> None:
+def obey(data: bytes, drive: Drive = DRIVE) -> None:
     """A simulated drive, whatever it is told."""
-    axis = Axis(DRIVE)
-    node, now = SimEpos(DRIVE, axis, name="fuzzed"), 0.0
+    axis = Axis(drive)
+    node, now = simulated_drive(drive, axis, name="fuzzed"), 0.0
     node.power_on(now)
-    for pause, frame in [(31, Frame(0x080)), (31, Frame(0x080)), *_frames(data)]:
+    booted = round(node.boot_time / MILLISECOND) + 12
+    for pause, frame in [(booted, Frame(0x080)), *_frames(data)]:
         for _ in range(pause):
             now += MILLISECOND
             axis.step(MILLISECOND)
@@ -243,10 +260,11 @@ def _orders() -> list[bytes]:
     request, nmt, control = canopen.SDO_REQUEST + NODE, 0x000, 0x300 + NODE
     written = ((0x6060, 0, "B", 3), (0x6060, 0, "B", 0xFF), (0x1017, 0, "H", 100), (0x6040, 0, "H", 0x0F))
     mapped = ((0x1A00, 0, "B", 0), (0x1A00, 1, "I", 0x60410010), (0x1A00, 2, "I", 0x60640020), (0x1A00, 0, "B", 2))
-    guarded = ((0x1016, 1, "I", 0x7F00C8), (0x1800, 2, "B", 1), (0x1400, 2, "B", 255), (0x2062, 0, "i", 1000))
+    guarded = ((0x1016, 1, "I", 0x7F00C8), (0x1800, 2, "B", 1), (0x1400, 2, "B", 255))
+    moved = ((0x2062, 0, "i", 1000), (0x607A, 0, "i", 1000), (0x60C2, 1, "B", 20))
     writes = [
         canopen.encode_request(canopen.Expedited(index=index, subindex=sub, data=ObjectType(letter).encode(value)))
-        for index, sub, letter, value in (*written, *mapped, *guarded)
+        for index, sub, letter, value in (*written, *mapped, *guarded, *moved)
     ]
     read = [
         canopen.encode_request(canopen.Upload(index=index, subindex=0)) for index in (0x1000, 0x1008, 0x6041, 0x1003)

@@ -20,6 +20,7 @@ INPUTS = {
     "sdo": 100,
     "hid": 300,
     "sim_epos": 40,
+    "sim_epos4": 20,
     "recording": 100,
     "journal": 300,
     "mission": 120,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -32,7 +33,7 @@ def main() -> int:
         rules = Path(folder) / "rules"
         rules.write_text(RULES.format(folder=folder, modules="\n    ".join(modules)))
         measure = [sys.executable, "-m", "coverage", "run", f"--rcfile={rules}", "-m"]
-        status = subprocess.run([*measure, "pytest", "-q", *tests], check=False).returncode
+        status = subprocess.run([*measure, "pytest", "-n", str(os.cpu_count()), "-q", *tests], check=False).returncode
         measured = coverage.Coverage(config_file=str(rules))
         measured.combine()
         total = measured.report(show_missing=True)

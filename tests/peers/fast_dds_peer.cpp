@@ -162,7 +162,9 @@ Bytes made(const std::string& type, const std::vector<double>& numbers) {
     FastBuffer buffer;
     Cdr cdr(buffer, Cdr::LITTLE_ENDIANNESS, Cdr::DDS_CDR);
     cdr.serialize_encapsulation();
-    if (type.find("Stamped") != std::string::npos) cdr << int32_t(0) << uint32_t(0) << std::string("base_link");
+    bool on_map = type.find("Pose") != std::string::npos;
+    if (type.find("Stamped") != std::string::npos)
+        cdr << int32_t(0) << uint32_t(0) << std::string(on_map ? "map" : "base_link");
     for (double number : numbers) {
         if (type.find("std_msgs") == 0) cdr << uint8_t(number);  // Bool, Empty
         else if (type.find("ackermann") == 0) cdr << float(number);

@@ -15,7 +15,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import canopen
 from canopen.objectdictionary import ODRecord, ODVariable
@@ -30,7 +30,8 @@ from canopen.objectdictionary.datatypes import (
 from canopen.sdo.exceptions import SdoAbortedError
 
 from artemis.devices.can_bus import Frame
-from artemis.vehicle import Drive, RobotFile
+from artemis.drive_schema import Drive
+from artemis.vehicle import RobotFile
 
 SYNC, HEARTBEAT = 0x080, 0x700
 NOT_VALID = 1 << 31
@@ -167,13 +168,31 @@ class Beat:
         self._data = bytes(data)
 
 
+class States(NamedTuple):
+    """Statuswords of the device states."""
+
+    disabled: int
+    ready: int
+    switched_on: int
+    enabled: int
+    quick_stop: int
+    fault: int
+
+
 class LocalEpos(canopen.LocalNode):
     """One drive of the robot file on the wire, powered and in Pre-Operational."""
 
+    states = States(DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, FAULT)
+    set_point = 0x2062
+    """Of a steering drive."""
+    analog = 0x207C
+
     def __init__(self, wire: Wire, robot: RobotFile, drive: Drive, *, angle: float = 0.0) -> None:
         """`angle`: where a steered wheel truly stands [rad]."""
-        super().__init__(drive.node_id, described())
-        self.drive, self.status, self.position = drive, DISABLED, 0.0
+        super().__init__(drive.node_id, self.objects(drive))
+        self.latched = False
+        """No fault reset is taken."""
+        self.drive, self.status, self.position = drive, self.states.disabled, 0.0
         self._loop = asyncio.get_running_loop()
         self._controlword = 0
         self._last_sync = 0.0
@@ -191,17 +210,26 @@ class LocalEpos(canopen.LocalNode):
         self.add_read_callback(lambda index, subindex, **_: self._measured.get((index, subindex), lambda: None)())
         self.add_write_callback(self._judge_mapping)
         self.add_write_callback(self._written)
-        for (index, sub), value in {
-            (0x1018, 1): 0xFB,
-            (0x1018, 2): drive.hardware_version << 16,
-            (0x2003, 1): 0x2033,
-            (0x2003, 2): drive.hardware_version,
-        }.items():
-            self.set_data(index, sub, value.to_bytes(2 if index == 0x2003 else 4, "little"))
+        self.identify(drive)
         wire.add_node(self)
         wire.subscribe(0, self._hear_nmt)
         wire.subscribe(SYNC, self._hear_sync)
         self.nmt.state = "PRE-OPERATIONAL"
+
+    def objects(self, drive: Drive) -> canopen.ObjectDictionary:
+        """The objects of a drive that a host may want."""
+        return described()
+
+    def identify(self, drive: Drive) -> None:
+        """Give the objects that say who it is their values."""
+        self.put(0x1018, 1, 0xFB, 4)
+        self.put(0x1018, 2, drive.hardware_version << 16, 4)
+        self.put(0x2003, 1, 0x2033, 2)
+        self.put(0x2003, 2, drive.hardware_version, 2)
+
+    def put(self, index: int, sub: int, value: int, size: int) -> None:
+        """Give an object a value of so many bytes."""
+        self.set_data(index, sub, value.to_bytes(size, "little"))
 
     def value(self, index: int, sub: int = 0) -> int:
         """Present value of an object, as a client of the package sees it."""
@@ -217,8 +245,8 @@ class LocalEpos(canopen.LocalNode):
             shown = (math.degrees(angle) + turned) / calibration.slope_deg_per_v[channel]
             return round(1000 * (calibration.zero_v[channel] + shown))
 
-        self._measured[0x207C, 1] = lambda: millivolts(0)
-        self._measured[0x207C, 2] = lambda: millivolts(1)
+        self._measured[self.analog, 1] = lambda: millivolts(0)
+        self._measured[self.analog, 2] = lambda: millivolts(1)
 
     # ------------------------------------------------------------------------------------------ objects
 
@@ -239,22 +267,23 @@ class LocalEpos(canopen.LocalNode):
 
     def _obey(self, controlword: int) -> None:
         """Transitions of the device states (EPOS firmware specification 2010, 8.1.2)."""
+        states = self.states
         rising = controlword & ~self._controlword
         self._controlword = controlword
-        if self.status == FAULT:
-            if rising & 0x80:
-                self.status = DISABLED
+        if self.status == states.fault:
+            if rising & 0x80 and not self.latched:
+                self.status = states.disabled
                 self.emcy.reset()
         elif not controlword & 0x02:
-            self.status = DISABLED
+            self.status = states.disabled
         elif not controlword & 0x04:
-            self.status = QUICK_STOP if self.status in (ENABLED, QUICK_STOP) else DISABLED
-        elif controlword & 0x0F == 0x06 and self.status != QUICK_STOP:
-            self.status = READY
-        elif controlword & 0x0F == 0x07 and self.status in (READY, ENABLED):
-            self.status = SWITCHED_ON
-        elif controlword & 0x0F == 0x0F and self.status != DISABLED:
-            self.status = ENABLED
+            self.status = states.quick_stop if self.status in (states.enabled, states.quick_stop) else states.disabled
+        elif controlword & 0x0F == 0x06 and self.status != states.quick_stop:
+            self.status = states.ready
+        elif controlword & 0x0F == 0x07 and self.status in (states.ready, states.enabled):
+            self.status = states.switched_on
+        elif controlword & 0x0F == 0x0F and self.status != states.disabled:
+            self.status = states.enabled
 
     # ------------------------------------------------------------------------------------------ the host's heartbeat
 
@@ -273,7 +302,7 @@ class LocalEpos(canopen.LocalNode):
         self._alarm = self._loop.call_later((self._consumer & 0xFFFF) / 1000, self._miss_heartbeat)
 
     def _miss_heartbeat(self) -> None:
-        self.status = FAULT
+        self.status = self.states.fault
         self.emcy.send(HEARTBEAT_LOST, 0x11)
 
     # ------------------------------------------------------------------------------------------ process data
@@ -321,9 +350,9 @@ class LocalEpos(canopen.LocalNode):
     def _move(self) -> None:
         now = self._loop.time()
         elapsed, self._last_sync = now - self._last_sync, now
-        if self.status != ENABLED:
+        if self.status != self.states.enabled:
             return
         if self.drive.role == "steering":
-            self.position = self.value(0x2062)
+            self.position = self.value(self.set_point)
         else:
             self.position += self.value(0x60FF) / 60 * self.drive.sensor.counts_per_turn * min(elapsed, 0.1)

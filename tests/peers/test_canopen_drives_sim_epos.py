@@ -17,8 +17,10 @@ from canopen.profiles.p402 import BaseNode402
 from canopen.sdo.exceptions import SdoAbortedError
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_schema import Drive
 from artemis.drive_states import DriveState, Nmt
 from artemis.sim.axis import Axis
+from artemis.sim.drive_node import simulated_drive
 from artemis.sim.epos import SimEpos
 from artemis.vehicle import RobotFile
 
@@ -113,13 +115,23 @@ class Wire(canopen.Network):
             self.notify(frame.id, bytearray(frame.data), ready)
 
 
-def wire(*names: str, booted: bool = True) -> Wire:
-    robot = RobotFile.model_validate(yaml.safe_load(ROBOT.read_text(encoding="utf-8")))
-    drives = [robot.drives[name] for name in names]
-    network = Wire(*(SimEpos(drive, Axis(drive), name=name) for name, drive in zip(names, drives, strict=True)))
+def robot_drives() -> dict[str, Drive]:
+    """The drives of the robot file."""
+    return RobotFile.model_validate(yaml.safe_load(ROBOT.read_text(encoding="utf-8"))).drives
+
+
+def made_of(drives: dict[str, Drive], *, booted: bool = True) -> Wire:
+    """These drives on a wire."""
+    nodes = [simulated_drive(drive, Axis(drive), name=name) for name, drive in drives.items()]
+    network = Wire(*nodes)
     if booted:
-        network.run(0.06)
+        network.run(max(node.boot_time for node in nodes) + 0.01)
     return network
+
+
+def wire(*names: str, booted: bool = True) -> Wire:
+    drives = robot_drives()
+    return made_of({name: drives[name] for name in names}, booted=booted)
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import signal
@@ -9,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
@@ -23,8 +25,10 @@ from artemis.bridges.topics import Topics
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
 from artemis.mission.loading import load_model
 from artemis.plugins.contracts import PluginContext
+from artemis.plugins.inputs.ros1 import Ros1Input, Ros1InputConfig
 from artemis.plugins.observers.ros1 import Ros1Observer, Ros1ObserverConfig
 from artemis.testing.observers import ObserverContract
+from artemis.values import OperatorInput, Pose
 from artemis.vehicle import RobotFile
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -108,6 +112,39 @@ def test_a_map_is_latched_for_the_tools_of_ros(ros: Ros) -> None:
         observer.close()
     assert all(line in told for line in ('frame_id: "map"', "width: 40", "height: 30", "x: -2.0"))
     assert (told.count("100"), told.count("-1,")) == (7, 30 * 40 - 8)
+
+
+def test_goals_and_poses_of_the_tools_of_ros_are_passed_on(ros: Ros) -> None:
+    robot = load_model(MISSIONS / "robots/artemis.yaml", RobotFile)
+    keys = {"allow": ["goal_pose", "initialpose"], "master": ros.environment["ROS_MASTER_URI"]}
+    config = Ros1InputConfig.model_validate({**keys, "remap": {"goal_pose": "/move_base_simple/goal"}})
+    device = Ros1Input(config, PluginContext(name="rviz", robot=robot, folder=MISSIONS))
+    header = "header: {stamp: now, frame_id: map}"
+    pose = "position: {x: 1.5, y: 2.0}, orientation: {z: 0.6, w: 0.8}"
+    spread = ", ".join("0.25" if place in (0, 7, 35) else "0" for place in range(36))
+    taken, pause = list[OperatorInput](), Event()
+    try:
+        device.read(0.0)
+        for topic, type, content in (
+            ("/move_base_simple/goal", "geometry_msgs/PoseStamped", f"{{{header}, pose: {{{pose}}}}}"),
+            (
+                "/initialpose",
+                "geometry_msgs/PoseWithCovarianceStamped",
+                f"{{{header}, pose: {{pose: {{{pose}}}, covariance: [{spread}]}}}}",
+            ),
+        ):
+            tool = ros.begin("rostopic", "pub", "-1", topic, type, content)
+            while not any(device._places.values()):
+                assert tool.poll() in (None, 0)
+                pause.wait(0.02)
+            taken.append(device.read(1.0))
+    finally:
+        device.close()
+    assert device.take_problems() == []
+    goal, initial = taken[0].goal, taken[1].initial_pose
+    assert goal == Pose(x=1.5, y=2.0, heading=pytest.approx(2 * math.atan2(0.6, 0.8)))  # type: ignore[arg-type]
+    assert initial is not None
+    assert (initial.pose, initial.covariance) == (goal, (0.25, 0.0, 0.0, 0.25, 0.0, 0.25))
 
 
 def running(ros: Ros, folder: Path) -> subprocess.Popen[str]:

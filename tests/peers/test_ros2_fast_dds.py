@@ -33,7 +33,7 @@ from artemis.plugins.inputs.ros2 import Ros2Input, Ros2InputConfig
 from artemis.plugins.observers.ros2 import Ros2Observer, Ros2ObserverConfig
 from artemis.scan import Scan
 from artemis.testing.observers import ObserverContract
-from artemis.values import Tick
+from artemis.values import Pose, Tick
 from artemis.vehicle import RobotFile
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -226,6 +226,21 @@ def test_fast_dds_drives(
         program.look()
         now += STEP
     assert [sample.speed, sample.steering] == pytest.approx([speed, steering], abs=1e-3)
+
+
+def test_fast_dds_gives_a_goal(domain: int, closing: ExitStack) -> None:
+    config = Ros2InputConfig.model_validate({"domain": domain, "allow": ["goal_pose"]})
+    device = Ros2Input(config, PluginContext(name="rviz", robot=ROBOT, folder=Path()))
+    closing.callback(device.close)
+    program = peer(domain, closing)
+    program.order("say rt/goal_pose geometry_msgs/msg/PoseStamped reliable 1.5 2 0 0 0 0 1")
+    now = 0.0
+    while (goal := device.read(now).goal) is None:
+        assert now < LONGEST
+        program.look()
+        now += STEP
+    assert goal == Pose(x=1.5, y=2.0)
+    assert device.take_problems() == []
 
 
 def test_a_reliability_that_does_not_fit_is_refused_and_said_by_both(domain: int, closing: ExitStack) -> None:

@@ -13,8 +13,9 @@ from canopen.objectdictionary.datatypes import DOMAIN, INTEGER32, UNSIGNED8, UNS
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
-from artemis.devices.canopen import ObjectType, SdoAbort
+from artemis.devices.canopen import SdoAbort
 from artemis.devices.sdo import SdoClient
+from artemis.families.objects import ObjectType
 
 NODE_ID = 3
 LONG_TEXT = "a name that needs several segments of seven bytes"

@@ -18,7 +18,6 @@ from artemis.devices.canopen import (
     Emergency,
     Expedited,
     NextSegment,
-    ObjectType,
     PdoLayout,
     Request,
     Segment,
@@ -28,6 +27,7 @@ from artemis.devices.canopen import (
 )
 from artemis.drive_states import Nmt
 from artemis.errors import ProtocolError
+from artemis.families.objects import ObjectType
 
 indices = st.integers(0, 0xFFFF)
 bytes_8 = st.integers(0, 0xFF)

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from artemis.devices.hid.descriptor import parse_descriptor
 from artemis.devices.hid.port import HidInfo
 from artemis.errors import DeviceLost, HidError
+from artemis.plugins.answers import is_whole_input
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.guard import is_whole_input
 from artemis.plugins.inputs.gamepad import GamepadInput
 from artemis.plugins.inputs.gamepad_config import GamepadConfig
 from artemis.plugins.inputs.profiles import profile_named

@@ -67,6 +67,8 @@ _SWINGING = (
 MEASURE = {"calibrate": {"steering": {"reference_deg": {"left": 0.0, "right": 0.0}}}}
 _ON = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (6.6, 0.0, 0.0, 0), (7.0, 0.0, 0.0, 0))
 _NUDGED = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (3.5, 0.06, 1.0, 1), (5.0, 0.0, 0.0, 0), (5.6, 0.0, 0.0, 0))
+_LATER = tuple((time + 3.0 if time else 0.0, x, y, button) for time, x, y, button in _FORWARD)
+"""A bring-up of EPOS4 takes longer."""
 SETTINGS = {
     "bring-up": Setting([{"wait": {"seconds": 0.4}}], 0.0, Mode.INIT, moves=False),
     "standing": Setting([{"wait": {"seconds": 1.2}}], 2.501, Mode.READY, moves=False),
@@ -75,6 +77,7 @@ SETTINGS = {
     "driving": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_FORWARD),
     "driving on": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_ON),
     "nudged": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_NUDGED),
+    "driving on EPOS4": Setting([TELEOP], 6.401, Mode.TELEOP, stick=_LATER),
     "stopping": Setting([TELEOP], 3.401, Mode.QUICKSTOP, stick=_FORWARD),
     "swinging": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_SWINGING),
     "following": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW),
@@ -117,6 +120,8 @@ class Scene:
     """The robot has a laser scanner, which the mission needs."""
     localizer: bool = False
     """A simulated tracker tells where the robot is."""
+    robot: str | None = None
+    """Its file; None: ARTEMIS'."""
 
 
 def scenes(of: Mapping[str, Scene | Sequence[Scene]]) -> list[tuple[str, Scene]]:
@@ -174,6 +179,8 @@ def play(
         simulation["operator"] = [{"at_s": time, "do": what} for time, what in scene.operator]
     files = {"stick.csv": table(*setting.stick), "line.csv": straight(setting.distance)}
     keys: dict[str, Any] = {"inputs": inputs, "simulation": simulation}
+    if scene.robot is not None:
+        keys |= {"robot": scene.robot}
     if scene.scanner:
         keys |= {"robot": "artemis_lms100.yaml"}
         simulation["world"] = {"walls": [{"points": CORRIDOR}]}

@@ -26,9 +26,12 @@ from artemis_lab.injections.fault_bus import FaultBus
 from artemis_lab.injections.stage import Stage, Undo
 from artemis_lab.injections.table import inject
 
-ROBOT = RobotFile.model_validate(
-    yaml.safe_load((Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml").read_text())
+ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
+ROBOT, ROBOT_4 = (
+    RobotFile.model_validate(yaml.safe_load((ROBOTS / name).read_text()))
+    for name in ("artemis.yaml", "artemis_epos4.yaml")
 )
+"""The same machine with two generations of drives."""
 STRAIGHT = PlantParameters(start_steering_left_deg=0.0, start_steering_right_deg=0.0)
 TICK = 0.02
 SYNC, HEARTBEAT, EMERGENCY, SDO_ANSWER, SDO_REQUEST = Frame(0x080), 0x700, 0x080, 0x580, 0x600
@@ -41,19 +44,29 @@ RPM_PER_M_S = 60.0 / (72 * 2.1276596e-4)
 class Host:
     """Set-points, SYNC and heartbeat 50 times a second; everything it hears is kept."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: RobotFile = ROBOT) -> None:
+        self.robot = robot
+        self.first = robot is ROBOT
+        """Its drives are of the first generation."""
+        self.boot = 0.1 if self.first else 0.3
+        """After this they have booted [s]."""
+        self.steering_mode = -1 if self.first else 8
+        self.steered = 0x2062 if self.first else 0x607A
+        """Index of a steering drive's target."""
         self.loop = asyncio.get_running_loop()
-        self.world = World(ROBOT, STRAIGHT, start=self.loop.time())
-        self.inner = SimBus(self.world, ROBOT.bitrate, self.loop)
+        self.world = World(self.robot, STRAIGHT, start=self.loop.time())
+        self.inner = SimBus(self.world, self.robot.bitrate, self.loop)
         self.bus = FaultBus(self.inner)
         self.requests: list[Request] = []
-        self.stage = Stage(robot=ROBOT, world=self.world, bus=self.bus, loop=self.loop, request=self.requests.append)
+        self.stage = Stage(
+            robot=self.robot, world=self.world, bus=self.bus, loop=self.loop, request=self.requests.append
+        )
         self.heard: list[Frame] = []
         self.errors: list[Exception] = []
         self.beats = True
         self.exchanges = True
-        self.words = dict.fromkeys(ROBOT.drives, 0x000F)
-        self.targets = dict.fromkeys(ROBOT.drives, 0)
+        self.words = dict.fromkeys(self.robot.drives, 0x000F)
+        self.targets = dict.fromkeys(self.robot.drives, 0)
         self._deadline = self.loop.time()
         self.bus.listen(lambda: None)
 
@@ -69,29 +82,30 @@ class Host:
     def forward(self, speed: float) -> None:
         """Both driven wheels at so many m/s from the next tick on."""
         for name in self.world.driven:
-            self.targets[name] = round((-1 if ROBOT.drives[name].mirrored else 1) * speed * RPM_PER_M_S)
+            self.targets[name] = round((-1 if self.robot.drives[name].mirrored else 1) * speed * RPM_PER_M_S)
 
     # ------------------------------------------------------------------------------------------ the run
 
     async def begin(self) -> None:
         """Boot, configure, enable."""
-        await self.tick(0.1)
+        await self.tick(self.boot)
         for node in self.world.nodes:
             self._configure(node)
         for word in ENABLE:
-            self.words = dict.fromkeys(ROBOT.drives, word)
+            self.words = dict.fromkeys(self.robot.drives, word)
             await self.tick(0.06)
         assert {node.state for node in self.world.nodes} == {DriveState.OPERATION_ENABLE}
         self.take()
 
     def _configure(self, node: SimEpos) -> None:
-        drive, id = ROBOT.drives[node.name], node.node_id
+        drive, id = self.robot.drives[node.name], node.node_id
         traction = drive.role == "traction"
-        details = (0x606C0020,) if traction else (0x207C0110, 0x207C0210)
+        analog, current = (0x207C, 0x60780010) if self.first else (0x3160, 0x60770010)
+        details = (0x606C0020,) if traction else (analog << 16 | 0x0110, analog << 16 | 0x0210)
         for index, objects in (
             (0x1A00, (0x60410010, 0x60640020)),
-            (0x1A01, (*details, 0x60780010, 0x60610008)),
-            (0x1600, (0x60400010, 0x60FF0020 if traction else 0x20620020)),
+            (0x1A01, (*details, current, 0x60610008)),
+            (0x1600, (0x60400010, 0x60FF0020 if traction else self.steered << 16 | 0x0020)),
         ):
             node.poke(index, 0, 0)
             for place, mapped in enumerate(objects):
@@ -100,9 +114,11 @@ class Host:
         for index, cob_id in ((0x1800, 0x180 + id), (0x1801, 0x280 + id), (0x1400, 0x200 + id)):
             node.poke(index, 1, cob_id)
             node.poke(index, 2, 1)
-        node.poke(0x1016, 1, ROBOT.host_node_id << 16 | 200)
+        node.poke(0x1016, 1, self.robot.host_node_id << 16 | 200)
         node.poke(0x1017, 0, 100)
-        node.poke(0x6060, 0, 3 if traction else -1)
+        node.poke(0x6060, 0, 3 if traction else self.steering_mode)
+        if not self.first:
+            node.poke(0x60C2, 1, round(1000 * TICK))
         node.poke(0x6065, 0, drive.following_error_counts or 2000)
         for index in (0x6083, 0x6084):
             node.poke(index, 0, round(1.0 * RPM_PER_M_S))
@@ -123,13 +139,13 @@ class Host:
     def _write(self) -> None:
         frames = [
             Frame(
-                0x200 + ROBOT.drives[name].node_id,
+                0x200 + self.robot.drives[name].node_id,
                 self.words[name].to_bytes(2, "little") + target.to_bytes(4, "little", signed=True),
             )
             for name, target in self.targets.items()
         ]
         if self.beats:
-            frames.append(Frame(HEARTBEAT + ROBOT.host_node_id, b"\x05"))
+            frames.append(Frame(HEARTBEAT + self.robot.host_node_id, b"\x05"))
         for frame in (*frames[:4], SYNC, *frames[4:]):
             try:
                 self.bus.send(frame)
@@ -153,7 +169,7 @@ class Host:
 
     def from_drive(self, base: int, name: str) -> list[Frame]:
         """Frames of a drive: base identifier and node."""
-        return self.take(base + ROBOT.drives[name].node_id)
+        return self.take(base + self.robot.drives[name].node_id)
 
     def statuswords(self, name: str) -> list[int]:
         return [int.from_bytes(frame.data[:2], "little") for frame in self.from_drive(0x180, name)]
@@ -171,7 +187,7 @@ class Host:
 
     async def ask(self, name: str, index: int, sub: int = 0) -> list[bytes]:
         """Answers to an SDO read, within 0.2 s."""
-        node = ROBOT.drives[name].node_id
+        node = self.robot.drives[name].node_id
         self.take()
         self.bus.send(Frame(SDO_REQUEST + node, b"\x40" + index.to_bytes(2, "little") + bytes((sub,)) + bytes(4)))
         await self.tick(0.2)
@@ -179,7 +195,7 @@ class Host:
 
     async def write_u32(self, name: str, index: int, sub: int, value: int) -> list[bytes]:
         """Answers to an SDO write, within 0.2 s."""
-        node = ROBOT.drives[name].node_id
+        node = self.robot.drives[name].node_id
         self.take()
         request = b"\x23" + index.to_bytes(2, "little") + bytes((sub,)) + value.to_bytes(4, "little")
         self.bus.send(Frame(SDO_REQUEST + node, request))
@@ -203,11 +219,11 @@ def proves(*ids: str) -> Callable[[Proof], Proof]:
     return register
 
 
-def on_stage(proof: Proof) -> None:
+def on_stage(proof: Proof, robot: RobotFile = ROBOT) -> None:
     """Run it with the four drives enabled, on virtual time."""
 
     async def main() -> None:
-        host = Host()
+        host = Host(robot)
         await host.begin()
         await proof(host)
         host.bus.close()

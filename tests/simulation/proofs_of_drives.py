@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 from injection_rig import HEARTBEAT, LEFT, RIGHT, SDO_ANSWER, STEER, Host, proves
 
-from artemis.devices.epos_state import state_from_statusword
 from artemis.drive_states import DriveState, Nmt
 
 
@@ -81,14 +80,15 @@ async def _mode(host: Host) -> None:
     undo()
     host.take()
     await host.tick(0.1)
-    assert {frame.data[6] for frame in host.from_drive(0x280, STEER)[1:]} == {0xFF}
+    assert {frame.data[6] for frame in host.from_drive(0x280, STEER)[1:]} == {host.steering_mode & 0xFF}
 
 
 @proves("COM-05")
 async def _statusword(host: Host) -> None:
     host.inject("COM-05", LEFT)
     await host.tick(0.1)
-    assert state_from_statusword(host.statuswords(LEFT)[-1]) is DriveState.UNKNOWN
+    tables = host.robot.drives[LEFT].tables
+    assert tables.state(host.statuswords(LEFT)[-1]) is DriveState.UNKNOWN
     assert host.state(LEFT) is DriveState.OPERATION_ENABLE
 
 
@@ -97,8 +97,8 @@ async def _stale(host: Host) -> None:
     for node in (LEFT, STEER):
         host.drive(node).power_on(host.loop.time())
         host.inject("COM-06", node, target=-777)
-    await host.tick(0.1)
-    for node, index in ((LEFT, 0x60FF), (STEER, 0x2062)):
+    await host.tick(host.boot)
+    for node, index in ((LEFT, 0x60FF), (STEER, host.steered)):
         assert host.drive(node).read(index) == -777
 
 
@@ -155,14 +155,14 @@ async def _twice(host: Host) -> None:
     assert len(await host.ask(LEFT, 0x1018, 4)) == 2
     host.drive(LEFT).power_on(host.loop.time())
     host.take()
-    await host.tick(0.1)
+    await host.tick(host.boot)
     assert host.from_drive(HEARTBEAT, LEFT)[0].data == host.from_drive(HEARTBEAT, LEFT)[1].data == b"\0"
 
 
 @proves("COM-26")
 async def _reboot(host: Host) -> None:
     host.inject("COM-26", LEFT)
-    await host.tick(0.1)
+    await host.tick(host.boot)
     assert [frame.data for frame in host.from_drive(HEARTBEAT, LEFT)] == [b"\0"]
     assert host.drive(LEFT).read(0x1016, 1) == 0
 
@@ -204,7 +204,7 @@ async def _no_power(host: Host) -> None:
         host.take()
         await host.tick(0.2)
         assert host.take() == []
-        await host.tick(0.1)
+        await host.tick(host.boot)
         assert sorted(frame.id for frame in host.take()) == [0x701, 0x702, 0x703, 0x704]
 
 

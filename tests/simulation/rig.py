@@ -51,7 +51,8 @@ from artemis.plugins.contracts import Follower, InputDevice, TellsProblems
 from artemis.recording.replay import Replayed, replay
 from artemis.robot import Core, Robot
 from artemis.sim.bus import Disturb
-from artemis.sim.epos import SimEpos, SimSettings
+from artemis.sim.epos import SimEpos
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.world import PlantParameters
 from artemis.states.plan import Plan, Results, with_followers
 from artemis.values import Fault, Mode, Pose, Request, Tick

@@ -9,14 +9,15 @@ from every_row import Scene
 from watched import DRIVES, TRACTION
 
 from artemis.sim.epos_errors import ERRORS, Reaction
-from artemis_lab.injections.drives import CODES, UNKNOWN
+from artemis_lab.injections.drives import UNKNOWN
+from artemis_lab.injections.emergencies import CODES
 
 LEFT, RIGHT = TRACTION
 SILENT = "DRV-21"
 """A drive goes on after this error; without its EMCY frame nothing tells."""
 ON_EVERY_DRIVE = ("DRV-02", SILENT, "DRV-25")
 """Errors after which a drive switches off, goes on, and stops by itself."""
-_CODES = {**{id: codes for id, (_, codes) in CODES.items()}, "DRV-31": (UNKNOWN,)}
+_CODES = {**CODES["epos1"], "DRV-31": (UNKNOWN,)}
 _NODES = itertools.cycle(DRIVES)
 
 

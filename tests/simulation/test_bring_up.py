@@ -29,7 +29,7 @@ from rig import (
 from artemis.devices.can_bus import Frame
 from artemis.drive_states import DriveState
 from artemis.mission.loading import load_mission
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.world import PlantParameters
 from artemis.values import Mode
 

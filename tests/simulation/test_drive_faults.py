@@ -23,8 +23,8 @@ from rig import (
 )
 
 from artemis.drive_states import DriveState
+from artemis.families import EPOS1
 from artemis.sim.epos_errors import ERRORS, Reaction
-from artemis.supervision import catalogue
 from artemis.values import JobKind, Mode, Severity
 
 pytestmark = pytest.mark.short_alignment
@@ -62,7 +62,7 @@ def test_an_emergency_while_following_stops_everything_and_says_why(tmp_path: Pa
 def assert_fault_names(seen: Run, name: str, code: int) -> None:
     """The first fault is the drive's own."""
     fault = seen.faults[0]
-    assert fault.id == catalogue.EMERGENCIES[code]
+    assert fault.id == EPOS1.errors[code]
     assert (fault.device, fault.severity, fault.to_fault) == (name, Severity.QUICK_STOP, True)
     assert fault.text.startswith(f"{name}: ")
     assert f"0x{code:04X}" in fault.text
@@ -97,7 +97,7 @@ def assert_history_was_read(seen: Run, name: str, code: int) -> None:
 
 
 def test_every_code_of_the_first_generation_has_its_row() -> None:
-    assert set(ERRORS) <= set(catalogue.EMERGENCIES)
+    assert set(ERRORS) <= set(EPOS1.errors)
 
 
 @pytest.mark.sampled(3)
@@ -145,7 +145,7 @@ def test_a_drive_found_in_a_fault_that_needs_an_nmt_reset_is_brought_up(tmp_path
 def test_a_fault_that_needs_an_nmt_reset_is_acknowledged_once_though_its_emergency_was_lost(
     tmp_path: Path, code: int
 ) -> None:
-    faults = {"faults": [{"at_s": 6.2, "inject": catalogue.EMERGENCIES[code], "node": "steer-left", "heard": False}]}
+    faults = {"faults": [{"at_s": 6.2, "inject": EPOS1.errors[code], "node": "steer-left", "heard": False}]}
     acts = {"operator": [{"at_s": 10.2, "do": "acknowledge"}, {"at_s": 16.2, "do": "arm"}]}
     seen = Rig(write_mission(tmp_path, [{"wait": {"seconds": 15.0}}], simulation={**faults, **acts})).run()
     assert (seen.status, seen.fault_ids) == (0, ["COM-01"])

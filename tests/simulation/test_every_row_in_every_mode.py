@@ -12,7 +12,7 @@ from scenes_of_drives import of_code
 from watched import DRIVES, standing
 
 from artemis.values import Mode
-from artemis_lab.injections.drives import CODES
+from artemis_lab.injections.emergencies import CODES
 
 AT, FOLLOWING = SETTINGS["driving"].at, SETTINGS["following"].at
 STOPPING = [{"at_s": AT - 0.1, "inject": "DRV-25", "node": "steer-left"}]
@@ -33,7 +33,7 @@ EACH = 3
 def drawn(place: Scene, count: int, seed: int) -> list[tuple[str, Scene]]:
     """The place, with errors of drives drawn by lot."""
     dice = random.Random(seed)
-    errors = [(id, codes[0]) for id, (_, codes) in CODES.items() if id != "DRV-20"]  # in a bring-up it is expected
+    errors = [(id, codes[0]) for id, codes in CODES["epos1"].items() if id != "DRV-20"]  # in a bring-up it is expected
     found = []
     for id, code in dice.sample(errors, count):
         error = of_code(id, code, dice.choice(DRIVES))

@@ -69,10 +69,12 @@ ELSEWHERE = (
     "follow_by_tracker.yaml",
     "map_hall.yaml",
     "patrol_hall.yaml",
+    "ros_goto.yaml",
     "ros_teleop.yaml",
     "ros2_teleop.yaml",
     "rosbridge_teleop.yaml",
     "network_teleop.yaml",
+    "page_teleop.yaml",
     "record_and_follow.yaml",
     "record_and_return.yaml",
     "three_point_turn.yaml",
@@ -84,7 +86,7 @@ ELSEWHERE = (
 )
 """test_localisation.py, test_scan_map_runs.py, test_record_and_follow.py, test_reversing.py, test_follow_missions.py,
 ../peers/test_ros1_tools.py, ../peers/test_ros2_fast_dds.py, ../peers/test_rosbridge_clients.py,
-../e2e/test_operator.py, test_calibrate_scanner_runs.py,
+../e2e/test_operator.py, ../e2e/test_run_with_page.py, test_calibrate_scanner_runs.py,
 test_calibration_missions.py and test_thesis_missions.py run them, or say of which other they are twins."""
 TWIN, OTHER_TWIN = "figure_eight_socketcan.yaml", "figure_eight_udp.yaml"
 """The bus is all in which they differ, and in simulation neither has it: one of them is run."""

@@ -111,12 +111,35 @@ def test_mission_may_name_every_injection(tmp_path: Path) -> None:
     faults = [
         {"at_s": 1.0, "inject": id, **({"node": node[injection.needs]} if injection.needs in node else {})}
         for id, injection in INJECTIONS.items()
+        if "epos1" in (injection.families or ("epos1",))
     ]
     steps = [CALIBRATE, follow(), TELEOP]
     files = {"stick.csv": stick((0.0, 0.0, 0.0, 0))}
     robot = "artemis_lms100.yaml"
     mission = write_mission(tmp_path, steps, files, robot, inputs=STICK, simulation={"faults": faults})
-    assert [fault.inject for fault in load_mission(mission).mission.simulation.faults] == list(INJECTIONS)
+    assert [fault.inject for fault in load_mission(mission).mission.simulation.faults] == [
+        fault["inject"] for fault in faults
+    ]
+
+
+def test_error_code_and_object_must_be_of_the_drives_family(tmp_path: Path) -> None:
+    node = {"at_s": 1.0, "node": "steer-left"}
+    faults: list[dict[str, object]] = [
+        {**node, "inject": "DRV-34"},
+        {**node, "inject": "DRV-13", "code": 0x7381},
+        {**node, "inject": "COM-10", "index": 0x605A},
+    ]
+    with pytest.raises(ConfigError) as caught:
+        load_mission(write_mission(tmp_path, [CALIBRATE], simulation={"faults": faults}))
+    assert [problem.split(": ", 2)[2] for problem in caught.value.problems] == [
+        "DRV-34 is no error of a drive of family epos1, only of epos4",
+        "expected 0xFF02 or 0xFF03 of a drive of family epos1, found 0x7381",
+        "a drive of family epos1 has no object 0x605A sub-index 0",
+    ]
+    others = write_mission(
+        tmp_path / "epos4", [CALIBRATE], robot="artemis_epos4.yaml", simulation={"faults": faults[1:]}
+    )
+    assert len(load_mission(others).mission.simulation.faults) == 2
 
 
 def test_fault_of_a_plugin_that_the_mission_does_not_have_is_refused(tmp_path: Path) -> None:

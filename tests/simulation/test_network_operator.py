@@ -12,7 +12,7 @@ from link_rig import DRIVING, NEUTRAL, LinkedInput, Net, Operator
 from msgspec.structs import replace
 from rig import CALIBRATE, TELEOP, TICK, Rig, Run, standing, write_mission
 
-from artemis.bridges.operator.robot_end import FRESH
+from artemis.bridges.operator.session import FRESH
 from artemis.recording.mcap_reader import Recording
 from artemis.values import Mode, OperatorInput, Request, Severity
 

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import CALIBRATE, MISSIONS, Run, Seen, run
+from rig import CALIBRATE, MISSIONS, Rig, Run, Seen, run
+from test_asked_goals import Operator, events
 
 from artemis.motion.path import path_from_csv
-from artemis.values import Mode, PoseFix
+from artemis.values import LocatedPose, Mode, Pose, PoseFix
 from artemis.yaml_file import load
 
 pytestmark = [pytest.mark.slow, pytest.mark.short_alignment]
@@ -103,6 +104,26 @@ def test_a_path_is_followed_by_the_scanner_and_again_the_same(tmp_path: Path) ->
 @pytest.mark.exhaustive
 def test_a_patrol_stands_for_no_obstacle_where_none_is() -> None:
     assert run(PATROL, longest=200.0).fault_ids == []
+
+
+def test_a_robot_that_began_elsewhere_is_found_where_an_operator_says_and_replays_without_the_hint(
+    tmp_path: Path,
+) -> None:
+    pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
+    wrong = {"x_m": 6, "y_m": 1, "heading_deg": 180}
+    inputs = {"stick": {"plugin": "rosbridge", "allow": ["initialpose"]}}
+    operator = Operator()
+    rig = Rig(hall(tmp_path, standing(2.0), wrong, inputs=inputs), input=operator)
+    initial = LocatedPose(pose=Pose(x=0.2, y=-0.1, heading=0.1), frame="map", source="stick")
+    rig.at(2.5, lambda: operator.give(initial_pose=initial), name="told")
+    done = rig.run()
+    before = [fix for now, fix in fixes(done) if now <= 2.5]
+    after = [fix for now, fix in fixes(done) if now > 2.8]
+    assert {fix.doubt for fix in before} == {1.0}
+    assert {fix.doubt for fix in after} == {0.0}
+    assert off(done.seen[-1]) < 0.04
+    assert ("pose", "initial pose x 0.20 m, y -0.10 m, 6 degrees (by stick)") in events(done)
+    assert done.recompute().difference is None
 
 
 def test_the_same_run_gives_the_same_fixes(tmp_path: Path) -> None:

@@ -17,7 +17,8 @@ from artemis.devices.drive import Drives
 from artemis.devices.epos_jobs import EposJobs
 from artemis.errors import ProtocolError
 from artemis.sim.bus import SimBus
-from artemis.sim.epos import SimEpos, SimSettings
+from artemis.sim.epos import SimEpos
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.world import PlantParameters, World
 from artemis.vehicle import RobotFile
 

@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 
 from artemis.commands import calibrate_gains as command
+from artemis.drive_schema import Gains
 from artemis.motion.step_response import StepResponse
 from artemis.values import JobKind
-from artemis.vehicle import Gains, RobotFile
+from artemis.vehicle import RobotFile
 
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 LEFT, RIGHT, DRIVEN = "steer-left", "steer-right", "traction-left"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import threading
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
@@ -185,6 +185,15 @@ class Publisher:
         async def say() -> None:
             for link in self._heard_by:
                 link.write(framed(data))
+
+        self.master.run(say())
+
+    def say_all(self, messages: Sequence[bytes]) -> None:
+        """At once."""
+
+        async def say() -> None:
+            for link in self._heard_by:
+                link.write(b"".join(map(framed, messages)))
 
         self.master.run(say())
 

@@ -10,7 +10,7 @@ from core_builders import ROBOT
 from artemis.clock import run
 from artemis.devices.serial_frames import SerialProtocol
 from artemis.devices.serial_line import SerialLine, SerialObjects
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.serial_drive import SerialDrive, serial_drive
 from artemis.sim.serial_wire import SerialSettings, SerialWire, SimSerialPort
 from artemis.sim.world import PlantParameters, World

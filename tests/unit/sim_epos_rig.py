@@ -5,10 +5,12 @@ from __future__ import annotations
 import struct
 
 from artemis.devices.can_bus import Frame
+from artemis.drive_schema import Drive, Motor, Sensor
 from artemis.drive_states import DriveState
 from artemis.sim.axis import Axis
-from artemis.sim.epos import SimEpos, SimSettings
-from artemis.vehicle import Drive, Motor, Sensor
+from artemis.sim.drive_node import simulated_drive
+from artemis.sim.epos4 import SimEpos4
+from artemis.sim.epos_settings import SimSettings
 
 STEP = 0.001
 
@@ -48,6 +50,18 @@ STEERING = Drive(
     gear_ratio=946,
 )
 
+TRACTION_4, STEERING_4 = (
+    drive.model_copy(
+        update={
+            "family": "epos4",
+            "hardware_version": 0x6150,
+            "motor": drive.motor.model_copy(update={"torque_constant_mnm_per_a": 70.5}),
+        }
+    )
+    for drive in (TRACTION, STEERING)
+)
+"""The same motors on an EPOS4 50/5."""
+
 
 class Aborted(Exception):
     """The node refused a request."""
@@ -60,13 +74,13 @@ class Aborted(Exception):
 class Rig:
     def __init__(self, drive: Drive = TRACTION, *, boot: bool = True, settings: SimSettings | None = None) -> None:
         self.axis = Axis(drive)
-        self.node = SimEpos(drive, self.axis, name="rig", settings=settings)
+        self.node = simulated_drive(drive, self.axis, name="rig", settings=settings)
         self.id = drive.node_id
         self.now = 0.0
         self.heard: list[tuple[float, Frame]] = []
         self.node.power_on(0.0)
         if boot:
-            self.run(0.06)
+            self.run(self.node.boot_time + 0.01)
             self.heard.clear()
 
     def run(self, seconds: float) -> None:
@@ -142,7 +156,24 @@ class Rig:
         self.control(0x0006)
         self.control(0x000F)
         self.run(0.012)
-        assert self.status & 0x417F == 0x0137
+        assert self.status & 0x006F == 0x0027
+
+    @property
+    def epos4(self) -> SimEpos4:
+        assert isinstance(self.node, SimEpos4)
+        return self.node
+
+    def map_target(self, index: int) -> None:
+        """The first PDO that it receives carries this target [i32], and acts at SYNC; the node becomes operational."""
+        self.nmt(0x80)
+        self.map(0x1600, index << 16 | 0x20)
+        self.write(0x1400, 2, "B", 1)
+        self.nmt(0x01)
+
+    def set_point(self, target: int) -> None:
+        """A target in that PDO, and SYNC."""
+        self.send(0x200 + self.id, struct.pack("<i", target))
+        self.send(0x080)
 
     def map(self, index: int, *objects: int) -> None:
         """Change a mapping the way a client must."""

@@ -15,11 +15,12 @@ from artemis.bridges.stamps import Stamps
 from artemis.bridges.topics import Content, Topics
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
 from artemis.mission.loading import load_model
+from artemis.motion.planned_route import packed
 from artemis.motion.poses import placed
 from artemis.motion.route import route_from_csv
 from artemis.scan import Scan
 from artemis.testing.observers import ObserverContract
-from artemis.values import DriveFeedback, Fault, LocatedPose, Pose, Severity, Tick, Verdict
+from artemis.values import DriveFeedback, Fault, JobKind, JobResult, LocatedPose, Pose, Severity, Tick, Verdict
 from artemis.vehicle import RobotFile
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -90,6 +91,22 @@ def test_a_fault_is_told_at_once_with_its_words() -> None:
     tick = changed(TICKS[1], verdict=Verdict(severity=Severity.QUICK_STOP, faults=(fault,)))
     (rows,) = [said.content["status"] for said in topics.tell(tick, 0) if said.topic.name == "/diagnostics"]
     assert [rows[-1][key] for key in ("level", "name", "message")] == [2, "ARTEMIS: DRV-01 steer-left", "is gone"]
+
+
+def test_a_planned_route_is_told_on_the_map() -> None:
+    values = packed(np.array([[0.0, 0.0, 0.4], [1.0, 0.0, 0.4], [1.0, 1.0, 0.4]]))
+    result = JobResult(id=1, kind=JobKind.PLAN, drive="a route", ok=True, values=values)
+    topics = Topics(ROBOT)
+    list(topics.tell(TICKS[0], 0))
+    tick = changed(TICKS[1], sensed=replace(TICKS[1].snapshot.sensed, results=(result,)))
+    content = {said.topic.name: said.content for said in topics.tell(tick, 0)}
+    assert content["path"]["header"]["frame_id"] == "map"
+    assert [pose["pose"]["position"] for pose in content["path"]["poses"]] == [
+        {"x": 0.0, "y": 0.0},
+        {"x": 1.0, "y": 0.0},
+        {"x": 1.0, "y": 1.0},
+    ]
+    assert content["goal"] == content["path"]["poses"][-1]
 
 
 def test_battery_scans_and_paths_are_told() -> None:

@@ -15,7 +15,6 @@ from artemis.devices.canopen import (
     Expedited,
     NextSegment,
     NmtCommand,
-    ObjectType,
     PdoLayout,
     Request,
     SdoAbort,
@@ -26,6 +25,7 @@ from artemis.devices.canopen import (
 )
 from artemis.drive_states import Nmt
 from artemis.errors import ProtocolError
+from artemis.families.objects import ObjectType
 
 REQUESTS: list[tuple[str, Request]] = [
     ("40 41 60 00 00 00 00 00", Upload(index=0x6041, subindex=0)),

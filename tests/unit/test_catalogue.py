@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from artemis.families import EPOS1, EPOS4, FAMILIES, Family
 from artemis.supervision import catalogue
 from artemis.supervision.catalogue.row import ITSELF, SHORT, Found, K, Kind, Row, X, automatic
 from artemis.supervision.policy import WATCHED
@@ -83,10 +84,27 @@ def test_rows_of_a_group_are_numbered_without_gaps() -> None:
         assert sorted(numbers) == list(range(1, len(numbers) + 1))
 
 
-def test_every_error_code_of_the_first_generation_has_exactly_one_row() -> None:
-    assert sorted(code for row in catalogue.ROWS.values() for code in row.codes) == CODES
-    assert sorted(catalogue.EMERGENCIES) == CODES
-    assert all(code in catalogue.ROWS[id].codes for code, id in catalogue.EMERGENCIES.items())
+def test_every_error_code_of_the_first_generation_has_a_row() -> None:
+    assert sorted(EPOS1.errors) == CODES
+
+
+@pytest.mark.parametrize("family", FAMILIES.values(), ids=lambda family: family.name)
+def test_codes_of_a_family_mean_rows_that_drives_report(family: Family) -> None:
+    assert {catalogue.ROWS[id].found for id in family.errors.values()} == {Found.EMERGENCY}
+
+
+@pytest.mark.parametrize(
+    ("code", "first", "fourth"),
+    [
+        (0xFF01, "DRV-14", "DRV-28"),
+        (0xFF02, "DRV-13", "DRV-39"),
+        (0xFF0A, "DRV-12", "DRV-31"),
+        (0x8611, "DRV-25", "DRV-25"),
+    ],
+)
+def test_the_same_code_means_another_fault_in_another_generation(code: int, first: str, fourth: str) -> None:
+    assert catalogue.emergency("left", code, EPOS1.errors).id == first
+    assert catalogue.emergency("left", code, EPOS4.errors).id == fourth
 
 
 def test_program_raises_only_faults_of_the_table() -> None:
@@ -128,7 +146,8 @@ def test_error_of_a_drive_stops_all_and_leads_to_fault(id: str, row: Row) -> Non
     assert (row.severity, row.to_fault, row.stages) == (Severity.QUICK_STOP, True, ())
     assert row.text
     assert row.advice
-    assert row.codes or id in (catalogue.UNKNOWN_CODE, catalogue.DAMAGED_EMERGENCY)
+    known = {row for family in FAMILIES.values() for row in family.errors.values()}
+    assert id in known | {catalogue.UNKNOWN_CODE, catalogue.DAMAGED_EMERGENCY}
     assert 0.0 < row.within <= 0.02
 
 
@@ -154,21 +173,21 @@ def test_what_a_mode_finds_takes_time(id: str, row: Row) -> None:
 
 @rows(Found.BRING_UP, Found.EDGE)
 def test_what_edge_and_bring_up_find_has_no_limits(id: str, row: Row) -> None:
-    assert (row.stages, row.codes) == ((), ())
+    assert row.stages == ()
 
 
 @rows(Found.LOADING)
 def test_what_is_refused_is_refused_before_the_run(id: str, row: Row) -> None:
     assert row.within == 0.0
     assert row.severity is Severity.NONE
-    assert (row.stages, row.codes, row.shows_as, row.text) == ((), (), (), "")
+    assert (row.stages, row.shows_as, row.text) == ((), (), "")
 
 
 @rows(Found.ELSEWHERE)
 def test_row_that_shows_as_another_says_as_which_and_why(id: str, row: Row) -> None:
     assert row.reason
     assert row.shows_as
-    assert (row.stages, row.codes, row.text) == ((), (), "")
+    assert (row.stages, row.text) == ((), "")
 
 
 @rows()
@@ -181,7 +200,7 @@ def test_rows_as_which_a_row_may_be_seen_are_noticed(id: str, row: Row) -> None:
 @rows(Found.DESIGN, Found.ABSENT)
 def test_row_that_is_never_noticed_says_why(id: str, row: Row) -> None:
     assert row.reason
-    assert (row.stages, row.codes, row.text) == ((), (), "")
+    assert (row.stages, row.text) == ((), "")
 
 
 def test_texts_are_different() -> None:
@@ -303,21 +322,21 @@ def test_unknown_id_is_a_bug_of_ours() -> None:
 
 @pytest.mark.parametrize("code", CODES)
 def test_known_code_is_its_row_and_the_code_is_shown(code: int) -> None:
-    fault = catalogue.emergency("traction-left", code)
-    assert fault.id == catalogue.EMERGENCIES[code]
+    fault = catalogue.emergency("traction-left", code, EPOS1.errors)
+    assert fault.id == EPOS1.errors[code]
     assert fault.device == "traction-left"
     assert f"0x{code:04X}" in fault.text
 
 
 @pytest.mark.parametrize("code", [0x0000, 0x0001, 0x2320, 0x8250, 0xF001, 0xFFFF])
 def test_unknown_code_is_a_fault_as_well(code: int) -> None:
-    fault = catalogue.emergency("traction-left", code)
+    fault = catalogue.emergency("traction-left", code, EPOS1.errors)
     assert (fault.id, fault.severity, fault.to_fault) == ("DRV-31", Severity.QUICK_STOP, True)
     assert f"0x{code:04X}" in fault.text
 
 
 def test_message_that_cannot_be_read_is_a_fault_as_well() -> None:
-    fault = catalogue.emergency("traction-left", -1)
+    fault = catalogue.emergency("traction-left", -1, EPOS1.errors)
     assert (fault.id, fault.severity, fault.to_fault) == ("DRV-32", Severity.QUICK_STOP, True)
     assert fault.text == "traction-left: damaged error message"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
+from typing import Any
 
 import can
 import pytest
@@ -219,6 +220,29 @@ async def _asked(silent: str) -> tuple[list[NodeReport], list[Frame]]:
     world.drive(silent).power_off()
     loop.call_later(0.2, world.drive("steer-left").emergency, 0x7320, 0.2)  # it has started by then
     return await ask_nodes(ROBOT, bus), bus.sent
+
+
+@pytest.mark.parametrize(
+    ("mission", "code", "told"),
+    [
+        ("figure_eight.yaml", 0, ""),
+        ("figure_eight.yaml", 6, "; switched on again it speaks 20 kbit/s"),
+        ("figure_eight_epos4.yaml", 6, "; switched on again it speaks 50 kbit/s"),
+        ("figure_eight_epos4.yaml", 9, "; switched on again it speaks whatever bit rate it hears first"),
+    ],
+)
+@pytest.mark.usefixtures("bare")
+def test_a_drive_that_will_speak_another_bit_rate_says_so(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, mission: str, code: int, told: str
+) -> None:
+    class Stored(World):
+        def __init__(self, *given: Any, **words: Any) -> None:  # noqa: ANN401 (as of a World)
+            super().__init__(*given, **words)
+            self.nodes[-1].poke(0x2001, 0, code)
+
+    monkeypatch.setattr("artemis.sim.world.World", Stored)
+    devices.show_devices(MISSIONS / mission)
+    assert capsys.readouterr().out.splitlines()[-1].endswith(f"past errors: none{told}")
 
 
 def test_silent_drives_errors_of_the_past_and_states_are_told_by_reading_alone() -> None:

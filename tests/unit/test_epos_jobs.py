@@ -10,12 +10,13 @@ from core_builders import ROBOT
 from epos_jobs_rig import LEFT, PER_DEGREE, STEER_LEFT, STEER_RIGHT, WATCH, Rig, bring_up, changed, has, on
 
 from artemis.devices.can_bus import Frame
-from artemis.devices.epos_jobs import MAX_RESETS, RESET_FOR
+from artemis.devices.epos_jobs import MAX_RESETS
 from artemis.devices.epos_objects import Units
 from artemis.drive_states import DriveState, Nmt
 from artemis.errors import DeviceError, DeviceRestarted, DeviceTimeout, NotKept
+from artemis.families import EPOS1, FAMILIES
 from artemis.sim.dictionary import AbortCode, AccessRefused, key_of
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 from artemis.supervision.catalogue import ROWS
 from artemis.values import RESETS, Job, JobKind
 
@@ -127,11 +128,11 @@ def test_reset_that_was_asked_for_is_not_repeated() -> None:
     on(LEFT, test)
 
 
-@pytest.mark.parametrize("code", sorted(RESET_FOR))
+@pytest.mark.parametrize("code", sorted(EPOS1.resets))
 def test_fault_that_remains_is_an_error_with_what_was_tried_and_the_history(code: int) -> None:
     async def test(rig: Rig) -> None:
         stays_in_fault(rig, code)
-        reset = {"node": "NMT Reset Node", "communication": "NMT Reset Communication"}[RESET_FOR[code]]
+        reset = {"node": "NMT Reset Node", "communication": "NMT Reset Communication"}[EPOS1.resets[code]]
         told = rf"stays in fault, not switch on disabled after fault reset, {reset}; error history: 0x{code:04X}"
         with pytest.raises(DeviceError, match=told):
             await rig.jobs.secure(0.0)
@@ -175,8 +176,11 @@ def test_state_that_is_no_fault_and_remains_is_an_error_without_a_reset() -> Non
 
 
 def test_resets_are_those_of_the_fault_table() -> None:
-    needed = {code: row.recovery.reset for row in ROWS.values() for code in row.codes if row.recovery.reset}
-    assert needed == RESET_FOR
+    needed = {code: reset for code, row in EPOS1.errors.items() if (reset := ROWS[row].recovery.reset)}
+    assert needed == EPOS1.resets
+    for family in FAMILIES.values():
+        for code, row in family.errors.items():
+            assert RESETS[ROWS[row].recovery.reset] <= RESETS[family.resets.get(code, "")], (family.name, hex(code))
 
 
 def stays_in_fault(rig: Rig, code: int) -> None:

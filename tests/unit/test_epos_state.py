@@ -6,8 +6,9 @@ import itertools
 
 import pytest
 
-from artemis.devices.epos_state import COMMANDS, Controlword, controlword, state_from_statusword
+from artemis.devices.epos_state import COMMANDS, Controlword, controlword
 from artemis.drive_states import DriveState, Goal
+from artemis.families.epos1 import EPOS1
 
 STATUSWORDS = {
     "start": "x0xx xxx0 x000 0000",
@@ -66,7 +67,7 @@ def test_every_statusword_tells_the_state_of_its_pattern_and_no_other() -> None:
         for word in words(pattern):
             assert expected[word] == "unknown", "the patterns themselves exclude each other"
             expected[word] = state
-    assert [state_from_statusword(word).value for word in range(0x10000)] == expected
+    assert [EPOS1.state(word).value for word in range(0x10000)] == expected
 
 
 def test_every_state_but_unknown_has_a_pattern() -> None:

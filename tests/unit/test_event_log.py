@@ -54,7 +54,7 @@ def tick(time: float = 0.0, mode: Mode = Mode.FOLLOW, *faults: Fault, **changes:
 
 def told(*ticks: Tick, frames: Sequence[tuple[bool, Frame]] = ()) -> list[Entry]:
     """What is told of the last tick."""
-    event_log = EventLog(NODES)
+    event_log = EventLog(NODES, core_builders.ROBOT.errors)
     for seen in ticks[:-1]:
         event_log.observe(seen, frames, seen.snapshot.time)
     return event_log.observe(ticks[-1], (), ticks[-1].snapshot.time)
@@ -197,7 +197,7 @@ def test_an_acknowledgment_that_comes_too_early_is_told_with_what_is_still_there
 
 
 def test_a_recovery_without_a_person_is_told_with_the_budget_spent() -> None:
-    event_log = EventLog(NODES)
+    event_log = EventLog(NODES, core_builders.ROBOT.errors)
     entries: list[Entry] = []
     for number in range(4):
         faults = (OVERRUN,) if number % 2 == 0 else ()
@@ -286,7 +286,7 @@ def frame(identifier: int, time: float) -> tuple[bool, Frame]:
 
 def evidence(*faults: Fault, mode: Mode = Mode.FAULT) -> Entry:
     """Two seconds and a half of frames on a clock that shows 1000 s more than the run, then the faults."""
-    event_log = EventLog(NODES)
+    event_log = EventLog(NODES, core_builders.ROBOT.errors)
     for number in range(126):
         time = number * 0.02
         frames = [frame(identifier, 1000 + time) for identifier in (0x183, 0x184, 0x203, 0x080, 0x77F)]
@@ -335,7 +335,7 @@ def test_emergencies_and_boots_of_a_drive_are_told() -> None:
 
 
 def test_of_a_storm_of_emergencies_the_first_are_told_and_the_rest_counted() -> None:
-    event_log = EventLog(NODES)
+    event_log = EventLog(NODES, core_builders.ROBOT.errors)
     entries: list[Entry] = []
     for number in range(120):  # 2.4 s, of which the first 1.2 s with 100 emergencies a second
         codes = (0x8611, 0x8130) if number < 60 else ()
@@ -356,7 +356,7 @@ def test_of_a_storm_of_emergencies_the_first_are_told_and_the_rest_counted() -> 
 
 
 def test_a_storm_that_lasts_until_the_end_is_counted() -> None:
-    event_log = EventLog(NODES)
+    event_log = EventLog(NODES, core_builders.ROBOT.errors)
     event_log.observe(tick(drives=drives(drive("steer-left", emergencies=(0x8611,) * 50))), (), 0.0)
 
     (entry,) = event_log.end()

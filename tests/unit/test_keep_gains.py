@@ -14,11 +14,11 @@ from artemis import clock
 from artemis.commands import calibrate_gains as command
 from artemis.commands.gains_trial import Findings, Trial
 from artemis.devices.can_bus import Frame
+from artemis.drive_schema import Gains
 from artemis.errors import ConfigError, DeviceTimeout
 from artemis.mission.actions import NewGains
 from artemis.mission.loading import load_mission
 from artemis.motion.step_response import StepResponse
-from artemis.vehicle import Gains
 from artemis.yaml_edit import Keys, edit
 from artemis.yaml_file import Data
 

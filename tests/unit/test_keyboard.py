@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from artemis.errors import ConfigError, DeviceLost
+from artemis.plugins.answers import is_in_range, is_whole_input
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.guard import is_in_range, is_whole_input
 from artemis.plugins.inputs.keyboard import KeyboardConfig, KeyboardInput, Keys
 from artemis.values import OperatorInput, Request
 

@@ -5,6 +5,7 @@ import re
 import sys
 from pathlib import Path
 
+import core_builders
 import pytest
 from msgspec.structs import replace
 
@@ -64,7 +65,7 @@ def tick(
 
 
 def said(capsys: pytest.CaptureFixture[str], *ticks: Tick) -> list[str]:
-    view = LiveView("title", "", lambda: None, BITRATE)
+    view = LiveView("title", "", lambda: None, BITRATE, core_builders.ROBOT.errors)
     for seen in ticks:
         view.see(seen, (), seen.snapshot.time)
     view.close()
@@ -158,7 +159,10 @@ def test_output_that_nobody_reads_never_holds_up_a_tick(monkeypatch: pytest.Monk
     monkeypatch.setattr(sys, "stdout", os.fdopen(sink, "w"))
     with sys.stdout:
         view = Observation(
-            "live view", LiveView("title", "", lambda: lost.append("lost"), BITRATE), threaded=True, patience=None
+            "live view",
+            LiveView("title", "", lambda: lost.append("lost"), BITRATE, core_builders.ROBOT.errors),
+            threaded=True,
+            patience=None,
         )
         for number in range(5000):
             view.see(tick(float(number), requests=(Request.QUICKSTOP,)), (), float(number))

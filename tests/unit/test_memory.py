@@ -11,9 +11,9 @@ from epos_jobs_rig import STRAIGHT
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
-from artemis.devices.epos_objects import MEMORY
 from artemis.devices.memory import LISTEN, read_gains, store
 from artemis.errors import DeviceError, DeviceLost, WrongDevice
+from artemis.families.epos1 import EPOS1
 from artemis.sim.bus import SimBus
 from artemis.sim.epos_failures import Speech
 from artemis.sim.world import World
@@ -94,7 +94,7 @@ def test_stored_gains_outlast_the_power_and_position_limits_do_not_count_from_an
 
 def test_a_stored_calibration_outlasts_the_power() -> None:
     async def talk(world: World, bus: Shared) -> None:
-        numbers = {LEFT: tuple(range(1, len(MEMORY) + 1)), RIGHT: tuple(range(-len(MEMORY), 0))}
+        numbers = {LEFT: tuple(range(1, len(EPOS1.memory) + 1)), RIGHT: tuple(range(-len(EPOS1.memory), 0))}
         told: list[str] = []
         await store(ROBOT, bus, JobKind.WRITE_CALIBRATION, numbers, told.append)
         assert told == [LEFT, RIGHT]
@@ -102,7 +102,9 @@ def test_a_stored_calibration_outlasts_the_power() -> None:
             drive = world.drive(name)
             drive.power_on(asyncio.get_running_loop().time())
             await asyncio.sleep(0.1)
-            assert [drive.read(each.index, each.subindex) for each in MEMORY] == [number % 2**32 for number in kept]
+            assert [drive.read(each.index, each.subindex) for each in EPOS1.memory] == [
+                number % 2**32 for number in kept
+            ]
 
     on_the_bus(talk)
 

@@ -63,7 +63,7 @@ def refusal(folder: Path, old: str, new: str, file: str = "mission.yaml") -> lis
 def test_every_mission_of_the_repository_is_accepted(path: Path) -> None:
     loaded = load_mission(path)
     assert loaded.mission.mission == path.stem.replace("_", "-")
-    assert loaded.robot.robot in ("ARTEMIS", "ARTEMIS-2")
+    assert loaded.robot.drives
 
 
 @pytest.mark.parametrize("path", MISSIONS, ids=lambda path: path.stem)

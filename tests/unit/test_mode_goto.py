@@ -121,6 +121,7 @@ def blocked(steps: Shared, seconds: float, *, standing: bool = True) -> Wish:
 
 def test_another_route_is_sought_after_some_seconds_so_often_as_the_step_says() -> None:
     steps = shared(step(replans=1, obstacles=ObstacleRules(mode="stop", blocked_after=5.0)))
+    steps.planned = VALUES
 
     assert fault_of(blocked(steps, REPLAN_AFTER - 0.1))[0] == "LAS-08"
     assert fault_of(blocked(steps, REPLAN_AFTER, standing=False))[0] == "LAS-08"

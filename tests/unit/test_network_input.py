@@ -18,11 +18,12 @@ from link_rig import DRIVING, NEUTRAL, ROBOT, SECRET, Net, driving
 from msgspec.structs import replace
 
 from artemis import clock
+from artemis.bridges.child_process import ChildProcess
 from artemis.bridges.operator import frames
 from artemis.bridges.operator.link_process import _ENCODER, LinkProcess
 from artemis.bridges.operator.operator_end import RefusedLink
 from artemis.bridges.operator.pairing import write_secret
-from artemis.bridges.operator.robot_end import LinkReport
+from artemis.bridges.operator.session import LinkReport
 from artemis.bridges.operator.status import RobotStatus
 from artemis.clock import until
 from artemis.commands.operator import trusted
@@ -304,14 +305,15 @@ def test_a_quick_stop_that_was_heard_outlives_the_link_s_process(monkeypatch: py
 
 def test_the_last_reports_of_a_process_are_taken_before_its_end() -> None:
     link = LinkProcess.__new__(LinkProcess)
-    link._loop = None
+    link._loop, link._process = None, ChildProcess(["-c", "raise SystemExit('no room')"], [])
+    assert link._process.wait(PATIENCE)
     link._ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with link._ours:
         link._ours.setblocking(False)
         with its:
             its.send(_ENCODER.encode(LinkReport(requests=[Request.QUICKSTOP])))
         assert [report.requests for report in link.take()] == [[Request.QUICKSTOP]]
-        with pytest.raises(DeviceLost, match="its process has ended"):
+        with pytest.raises(DeviceLost, match="its process has ended: ended with status 1: no room"):
             link.take()
 
 
@@ -364,7 +366,7 @@ def test_its_process_brings_commands_in_and_states_out(folder: Path, encrypted: 
             assert msgspec.json.decode(end.status, type=RobotStatus).mode == TICKS[60].mode.value
         finally:
             device.close()
-            assert process.poll() == 0
+            assert process.end() == "ended with status 0"
             if protocol is not None:
                 await protocol.closed
         assert end.over == frames.RUN_OVER
@@ -400,9 +402,9 @@ def test_a_process_that_dies_is_a_lost_input(folder: Path) -> None:
         asyncio.get_running_loop().set_exception_handler(lambda loop, context: met.append(context))
         device = make(folder)
         device.read(0.0)
-        device._port._process.kill()  # type: ignore[union-attr]
+        device._port._process.end()  # type: ignore[union-attr]
         try:
-            with pytest.raises(DeviceLost, match="its process has ended"):
+            with pytest.raises(DeviceLost, match="its process has ended: killed by SIGKILL"):
                 await see(lambda: False, device)
             with suppress(DeviceLost):
                 device.read(1.0)

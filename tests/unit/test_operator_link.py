@@ -15,7 +15,8 @@ from artemis.bridges.operator import frames
 from artemis.bridges.operator.frames import Claim, ForgedFrame, MalformedFrame, SentCommand, Splitter
 from artemis.bridges.operator.link_process import _ENCODER, LARGEST
 from artemis.bridges.operator.operator_end import OperatorEnd, RefusedLink
-from artemis.bridges.operator.robot_end import BEAT_EVERY, DEAD, FRESH, MOST_WAITING, RobotEnd
+from artemis.bridges.operator.robot_end import MOST_WAITING, RobotEnd
+from artemis.bridges.operator.session import BEAT_EVERY, DEAD, FRESH
 from artemis.commands.operator_drive import NEWS_RATE, SEND_EVERY
 from artemis.values import Request
 
@@ -280,6 +281,24 @@ def test_a_flood_is_dropped_and_the_rest_drives() -> None:
         seen += net.run(TICK)
     assert rows(seen) == {"NET-10"}
     assert all(drives(each) for each in seen)
+
+
+@pytest.mark.parametrize("role", [frames.STOP, frames.DRIVE])
+def test_connections_that_prove_nothing_keep_nobody_out(role: int) -> None:
+    net = Net()
+    idle = [net.robot.connected("10.0.0.9", 0.0) for _ in range(MOST_WAITING)]
+    other = net.robot.connected("10.0.0.7", 0.0)
+    operator = net.operator("bob", role=role)
+    flood = [net.robot.connected("10.0.0.9", net.now) for _ in range(3 * MOST_WAITING)]
+    seen = net.run(0.3)
+    if role == frames.STOP:
+        assert Request.QUICKSTOP in [request for each in seen for request in each.sample.requests]
+    else:
+        assert net.robot.owner is operator.link is not None
+    assert all(link.closing for link in idle)
+    assert [link.closing for link in flood[-3:]] == [False] * 3
+    assert not other.closing
+    assert "NET-10" in rows(seen)
 
 
 def test_connections_that_prove_nothing_are_few_and_short() -> None:

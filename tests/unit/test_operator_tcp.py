@@ -16,8 +16,9 @@ from link_rig import DRIVING, NEUTRAL, SECRET, welcome
 from artemis import clock
 from artemis.bridges.operator import frames
 from artemis.bridges.operator.operator_end import RefusedLink
-from artemis.bridges.operator.robot_end import DEAD, MOST_WAITING, Arrived, RobotEnd
+from artemis.bridges.operator.robot_end import MOST_WAITING, RobotEnd
 from artemis.bridges.operator.server import OperatorServer
+from artemis.bridges.operator.session import DEAD, Arrived
 from artemis.clock import until
 from artemis.commands.operator import DeviceChoice
 from artemis.commands.operator_drive import OperatorDrive, _connected, _RobotProtocol

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 import synthetic_run
 from process_observers import Keeper, KeeperConfig, kept
 
+from artemis.bridges.child_process import ChildProcess
 from artemis.errors import ConfigError, PluginError
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
 from artemis.mission.loading import load_model
@@ -151,8 +153,7 @@ def test_one_that_ends_again_and_again_is_started_at_longer_and_longer_intervals
         run.tick()
         now[0] += 0.25
         if len(begun) < 6 and (child := run.process._child) is not None:
-            child._process.kill()  # as fast as it would by itself
-            child._process.wait()
+            child._process.end()  # as fast as it would by itself
     pauses = [after - before for before, after in pairwise(begun)]
     assert pauses == sorted(pauses)
     assert pauses[-1] >= 4.0
@@ -165,7 +166,8 @@ def test_it_ends_by_itself_with_the_run(make: Make) -> None:
     child = run.process._child
     assert child is not None
     child._link.close()  # as when the run is killed
-    assert child._process.wait(LONG) == 0
+    assert child._process.wait(LONG)
+    assert child._process.end() == "ended with status 0"
 
 
 def test_what_it_refuses_is_refused_before_the_run(make: Make) -> None:
@@ -193,3 +195,49 @@ def test_its_last_words_are_told_and_what_it_raises(make: Make) -> None:
     run.process.wait()
     run.until(lambda: len(run.problems) >= 2)
     assert run.problems[1] == ("NET-13", "far", "ended with status 3: out of luck; it is started again")
+
+
+def test_one_that_never_begins_again_is_replaced(make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = make()
+    run.process.wait()
+    works = own_process._MAIN
+    monkeypatch.setattr(own_process, "BEGIN", 0.3)
+    monkeypatch.setattr(own_process, "_MAIN", "import time; time.sleep(1000)")
+    assert run.process.pid is not None
+    os.kill(run.process.pid, signal.SIGKILL)
+    pids: set[int | None] = set()
+
+    def replaced() -> bool:
+        pids.add(run.process.pid)
+        return len(pids) > 3 and run.process.pid is None  # the next one begins after a pause
+
+    run.until(replaced)
+    monkeypatch.setattr(own_process, "_MAIN", works)
+    monkeypatch.setattr(own_process, "BEGIN", LONG)
+    run.until(lambda: any("it is back" in words for _, _, words in run.problems))
+
+
+def test_one_that_does_not_take_what_it_is_told_first_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(own_process, "BEGIN", 0.1)
+    monkeypatch.setattr(own_process, "_MAIN", "import time; time.sleep(1000)")
+    child = own_process._Child(bytes(1 << 24))
+    assert child.over == "took nothing for 0.1 s, and was killed"
+    assert child.kill() == "killed by SIGKILL"
+
+
+def test_errors_of_a_process_are_kept_to_a_bound_and_its_last_words_told() -> None:
+    ours, its = socket.socketpair()
+    program = (
+        "import os, sys; link = int(sys.argv[1]); os.write(2, bytes(1 << 18)); os.write(link, b'1');"
+        "os.read(link, 1); os.write(2, b'\\nout of luck\\n')"
+    )
+    with ours:
+        with its:
+            child = ChildProcess(["-c", program], [its.fileno()])
+        ours.recv(1)
+        child.trim()
+        assert os.fstat(child._errors.fileno()).st_size == 0
+        ours.send(b"2")
+        assert child.wait(LONG)
+    assert child.end() == "ended with status 0: out of luck"
+    assert child.end() == "ended with status 0: out of luck"

@@ -16,14 +16,17 @@ from robot_rig import StubInput
 from artemis.config import Config
 from artemis.errors import DeviceLost
 from artemis.motion.path import Path
+from artemis.plugins.answers import is_in_range, is_whole_input, plain_following
 from artemis.plugins.contracts import Acting, Following, State
-from artemis.plugins.guard import PluginGuard, is_in_range, is_whole_input, plain_following
+from artemis.plugins.guard import PluginGuard
 from artemis.supervision import catalogue
 from artemis.values import (
     Action,
     DriveCommand,
+    LocatedPose,
     Mode,
     OperatorInput,
+    Pose,
     Request,
     SetPoints,
     Severity,
@@ -34,6 +37,9 @@ from artemis.values import (
 )
 
 GOOD = OperatorInput(source="stick", speed=0.3, steering=-0.1, enabled=True, neutral=False, age=0.01, axes=(0.5, -1.0))
+
+
+INITIAL = LocatedPose(pose=Pose(x=1.0), frame="map", source="stick")
 
 
 class Desk:
@@ -608,3 +614,75 @@ def test_an_input_that_is_late_to_show_three_times_in_a_row_is_a_warning_once() 
 
     assert shown(desk, slow, 8) == [("INP-16", "stick", "showing takes it 20 ms")]
     assert len(asked) == 6
+
+
+@pytest.mark.parametrize(
+    ("changes", "whole", "in_range"),
+    [
+        ({"goal": Pose(x=1.0, heading=4.0), "initial_pose": INITIAL}, True, True),
+        ({"goal": (1.0, 2.0)}, False, True),
+        ({"goal": Pose(x="1")}, False, True),  # type: ignore[arg-type]
+        ({"initial_pose": Pose()}, False, True),
+        ({"initial_pose": replace(INITIAL, covariance=("a",) * 6)}, False, True),
+        ({"goal": Pose(x=math.nan)}, True, False),
+        ({"goal": Pose(y=1e9)}, True, False),
+        ({"goal": Pose(heading=math.inf)}, True, False),
+        ({"initial_pose": replace(INITIAL, pose=Pose(x=math.inf))}, True, False),
+        ({"initial_pose": replace(INITIAL, covariance=(1.0, 0.0))}, True, False),
+        ({"initial_pose": replace(INITIAL, covariance=(1.0, 2.0, 0.0, 1.0, 0.0, 1.0))}, True, False),
+    ],
+)
+def test_poses_of_an_input_are_whole_and_can_be(changes: dict[str, Any], whole: bool, in_range: bool) -> None:
+    desk = Desk(stick=lambda now: replace(GOOD, **changes))
+    (sample, *_) = desk.read() or (None,)
+    assert is_whole_input(replace(GOOD, **changes)) is whole
+    if not whole:
+        assert desk.problems() == [("PLG-06", "stick")]
+    elif in_range:
+        assert sample is not None
+        assert (sample.goal, sample.initial_pose) == (Pose(x=1.0, heading=4.0 - 2 * math.pi), INITIAL)
+    else:
+        assert sample is not None
+        assert (sample.goal, sample.initial_pose) == (None, None)
+
+
+class Found:
+    """A localizer that may be told where the robot is."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def __init__(self, *problems: tuple[str, str]) -> None:
+        self.told: list[LocatedPose] = []
+        self._problems = list(problems)
+
+    def fixes(self, now: float) -> tuple[()]:
+        return ()
+
+    def begin_at(self, initial: LocatedPose) -> None:
+        self.told.append(initial)
+        if initial.pose.x < 0:
+            raise ValueError("not there")
+
+    def take_problems(self) -> list[tuple[str, str]]:
+        problems, self._problems = self._problems, []
+        return problems
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def test_an_initial_pose_is_handed_to_the_localizer_and_what_that_says_is_a_fault() -> None:
+    localizer = Found(("LOC-07", "a scan fits 12% at best there"), ("NET-01", "no"))
+    given = [INITIAL, replace(INITIAL, pose=Pose(x=-1.0)), None]
+    stick = StubInput(lambda now: replace(GOOD, initial_pose=given.pop(0)))
+    guard = PluginGuard({"stick": stick}, lambda: 0.0, localizer)
+    for number in range(3):
+        guard.read(0.02 * number)
+    assert localizer.told == [INITIAL, replace(INITIAL, pose=Pose(x=-1.0))]
+    guard.fixes(0.06)
+    assert guard.take_problems() == [
+        ("PLG-02", "localizer", "ValueError('not there')"),
+        ("LOC-07", "localizer", "a scan fits 12% at best there"),
+        ("PLG-06", "localizer", "'NET-01'"),
+    ]
+    assert {catalogue.fault("LOC-07").severity, catalogue.fault("NET-14").severity} == {Severity.WARN}

@@ -14,14 +14,16 @@ from ros1_rig import Master, Peer, Publisher, free_port
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 
 from artemis.bridges.commands import Command, steered_command, twist_command
+from artemis.bridges.poses import GOAL_POSE, INITIAL_POSE, POSE_TYPES
 from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types
+from artemis.clock import wall_date
 from artemis.errors import DeviceLost
 from artemis.mission.loading import load_model
 from artemis.motion.ackermann import Ackermann
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.ros1 import Ros1Input, Ros1InputConfig
 from artemis.testing.contracts import InputContract
-from artemis.values import OperatorInput, Request
+from artemis.values import LocatedPose, OperatorInput, Pose, Request
 from artemis.vehicle import RobotFile
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions/robots/artemis.yaml", RobotFile)
@@ -136,6 +138,20 @@ def test_of_two_publishers_the_first_that_drives_has_the_robot(master: Master, m
     assert told(master, device, other, twist(-0.3, 0.0), 1.14).speed == -0.3
 
 
+def test_of_a_flood_the_newest_is_taken_now_and_then(master: Master, make: Make) -> None:
+    device = make(enabled_by="command")
+    subscription = device._thread.node.subscriptions["/cmd_vel"]  # type: ignore[union-attr]
+    peer, taken = publisher(master), list[bytes]()
+    subscription._take = lambda data, sender: taken.append(data)
+    flood = [twist(0.001 * number, 0.0) for number in range(3000)]
+    peer.say(flood[0])
+    master.until(lambda: taken)
+    peer.say_all(flood[1:])
+    master.until(lambda: taken[-1] == flood[-1])
+    assert len(taken) < len(flood) / 20
+    assert [flood.index(each) for each in taken] == sorted(flood.index(each) for each in taken)
+
+
 def test_an_ackermann_drive_is_speed_and_angle(master: Master, make: Make) -> None:
     device = make(enabled_by="command", type="ackermann_msgs/AckermannDriveStamped")
     kind = "ackermann_msgs/msg/AckermannDriveStamped"
@@ -161,6 +177,36 @@ def test_a_stop_is_always_obeyed_and_the_rest_where_it_is_allowed(master: Master
     assert (device.read(1.3).requests, len(woken)) == ((Request.ARM,), 2)
     assert not device.live
     assert make(allow=["arm", "acknowledge"], node="other").live
+
+
+def placed(kind: str, sec: int, frame: str = "map") -> bytes:
+    pose: dict[str, Any] = {"position": {"x": 1.5}, "orientation": {"w": 1.0}}
+    if kind == INITIAL_POSE:
+        pose = {"pose": pose, "covariance": [0.25 if place in (0, 7, 35) else 0.0 for place in range(36)]}
+    header = {"stamp": {"sec": sec, "nanosec": 0}, "frame_id": frame}
+    return TYPES.pack(POSE_TYPES[kind], {"header": header, "pose": pose})
+
+
+def test_goals_and_initial_poses_are_passed_on_once_where_they_are_allowed(master: Master, make: Make) -> None:
+    device, now = make(allow=[GOAL_POSE, INITIAL_POSE]), int(wall_date().timestamp())
+    assert sorted(master.served) == ["/stop"]
+    peers = {kind: publisher(master, f"/{kind}", POSE_TYPES[kind]) for kind in POSE_TYPES}
+
+    def told(kind: str, *given: Any) -> OperatorInput:  # noqa: ANN401 (of a pose)
+        peers[kind].say(placed(kind, now, *given))
+        master.until(lambda: any(device._places.values()))
+        return device.read(1.0)
+
+    assert told(GOAL_POSE).goal == Pose(x=1.5)
+    initial = told(INITIAL_POSE).initial_pose
+    assert initial == LocatedPose(
+        pose=Pose(x=1.5), frame="map", source="remote", covariance=(0.25, 0.0, 0.0, 0.25, 0.0, 0.25)
+    )
+    assert device.take_problems() == []
+    refused = told(GOAL_POSE, "odom")
+    assert (refused.goal, refused.initial_pose) == (None, None)
+    assert device.take_problems() == [("NET-14", "goal_pose: it is in the frame 'odom', and map is needed")]
+    assert device.take_problems() == []
 
 
 def test_without_a_master_and_a_publisher_it_is_lost(master: Master, make: Make) -> None:

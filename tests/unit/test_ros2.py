@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import signal
@@ -29,7 +30,7 @@ from artemis.plugins.inputs.ros2 import Ros2Input, Ros2InputConfig
 from artemis.plugins.observers.ros2 import Ros2Observer, Ros2ObserverConfig
 from artemis.testing.contracts import InputContract
 from artemis.testing.observers import ObserverContract
-from artemis.values import OperatorInput, Request
+from artemis.values import OperatorInput, Pose, Request
 from artemis.vehicle import RobotFile
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions/robots/artemis.yaml", RobotFile)
@@ -243,7 +244,7 @@ def test_a_process_that_is_killed_is_told_once_and_comes_back(domain: int, closi
     os.kill(seen.node.pid, signal.SIGKILL)
     until(lambda: seen.problems, seen.tick)
     until(lambda: len(other.heard["/odom"]) > before and not seen.node.problem, seen.tick)
-    assert seen.problems == ["its process has ended (signal 9)"]
+    assert seen.problems == ["its process: killed by SIGKILL"]
 
 
 def test_a_process_that_hangs_is_replaced(domain: int, closing: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -329,6 +330,21 @@ def test_a_stop_is_always_obeyed_and_the_rest_where_it_is_allowed(domain: int, c
     assert sample(device, 1.2).buttons == (True,)
 
 
+def test_a_goal_is_passed_on_once(domain: int, closing: ExitStack, make: Make) -> None:
+    device, other = make(allow=["goal_pose"]), program(domain, closing)
+    other.has("/goal_pose", "geometry_msgs/msg/PoseStamped")
+    other.begin()
+    until(lambda: other.meets("/goal_pose"))
+    pose = {"position": {"x": 1.5}, "orientation": {"w": 1.0}}
+    other.say("/goal_pose", header={"frame_id": "map"}, pose=pose)
+    until(lambda: device._places["goal_pose"])
+    assert (device.read(1.0).goal, device.read(1.02).goal) == (Pose(x=1.5), None)
+    other.say("/goal_pose", header={"frame_id": "base_link"}, pose=pose)
+    until(lambda: device._places["goal_pose"])
+    assert device.read(1.04).goal is None
+    assert device.take_problems() == [("NET-14", "goal_pose: it is in the frame 'base_link', and map is needed")]
+
+
 def test_a_publisher_that_offers_less_is_refused_and_told(domain: int, closing: ExitStack, make: Make) -> None:
     device, other = make(allow=["arm"]), program(domain, closing)
     other.has("/arm", EMPTY, reliable=False)
@@ -360,10 +376,35 @@ def test_without_its_process_an_input_is_lost(make: Make, monkeypatch: pytest.Mo
     os.kill(device._node.pid or 0, signal.SIGKILL)
     until(lambda: device._node.problem)
     assert not device.read(1.0).enabled
-    with pytest.raises(DeviceLost, match="its process has ended"):
+    with pytest.raises(DeviceLost, match="its process: killed by SIGKILL"):
         device.read(5.0)
     device._ask(Request.QUICKSTOP)
     assert device.read(5.1).requests == (Request.QUICKSTOP,)
+
+
+def test_a_process_that_cannot_be_started_is_told(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*arguments: object) -> None:
+        raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(process, "ChildProcess", full)
+    device = make()
+    until(lambda: device._node.problem)
+    with pytest.raises(DeviceLost, match="its process cannot be started: Resource temporarily unavailable"):
+        device.read(5.0)
+
+
+def test_of_a_flood_the_newest_is_passed_on_now_and_then(domain: int, closing: ExitStack, make: Make) -> None:
+    device, other = make(enabled_by="command"), program(domain, closing)
+    other.has("/cmd_vel", TWIST)
+    other.begin()
+    until(lambda: other.meets("/cmd_vel") and device._heard()[0])
+    taken: list[bytes] = []
+    device._node._takers[device._number] = lambda data, sender: taken.append(data)
+    for number in range(3000):
+        other.say("/cmd_vel", linear={"x": 0.001 * number})
+    last = device._node.types.pack(TWIST, {"linear": {"x": 0.001 * 2999}})
+    until(lambda: last in taken)
+    assert len(taken) < 3000 / 3
 
 
 def test_two_inputs_of_one_topic_are_one_device() -> None:

@@ -15,11 +15,12 @@ from pydantic import ValidationError
 from ros1_rig import free_port
 
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from artemis.bridges.rosbridge import server
+from artemis.bridges.rosbridge.session import ClientSession
 from artemis.errors import ConfigError, DeviceLost
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
 from artemis.mission.loading import load_model
@@ -28,7 +29,7 @@ from artemis.plugins.inputs.rosbridge import RosbridgeInput, RosbridgeInputConfi
 from artemis.plugins.observers.rosbridge import RosbridgeObserver, RosbridgeObserverConfig
 from artemis.testing.contracts import InputContract
 from artemis.testing.observers import ObserverContract
-from artemis.values import Request
+from artemis.values import Pose, Request
 from artemis.vehicle import RobotFile
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions/robots/artemis.yaml", RobotFile)
@@ -210,6 +211,20 @@ def test_a_client_drives_and_stops_and_asks_for_what_is_allowed(run: Run, throug
     assert device.read(3.0).requests == (Request.QUICKSTOP,)
 
 
+def test_a_goal_is_passed_on_and_its_sender_told_why_one_is_refused(run: Run) -> None:
+    device = run.input(allow=["goal_pose"])
+    client = run.client(device)
+    client.say(op="advertise", topic="/goal_pose", type="geometry_msgs/PoseStamped")
+    pose = {"position": {"x": 1.5, "y": 2.0}, "orientation": {"w": 1.0}}
+    for frame in ("map", "odom"):
+        client.say(op="publish", topic="/goal_pose", msg={"header": {"frame_id": frame}, "pose": pose})
+    assert client.hear()["msg"] == "it is in the frame 'odom', and map is needed"
+    assert (device.read(1.0).goal, device.read(1.02).goal) == (Pose(x=1.5, y=2.0), None)
+    assert device.take_problems() == [("NET-14", "goal_pose: it is in the frame 'odom', and map is needed")]
+    client.say(op="publish", topic="/initialpose", msg={})
+    assert client.hear()["msg"].startswith("/initialpose is not heard here")
+
+
 def test_of_two_clients_the_first_that_drives_has_the_robot(run: Run) -> None:
     device = run.input()
     one, other = run.client(device), run.client(device)
@@ -257,6 +272,29 @@ def test_connections_that_say_nothing_are_so_many_at_most(run: Run, monkeypatch:
         with socket.create_connection(place, 5.0) as one_more, suppress(ConnectionResetError):  # at once: not in 10 s
             assert one_more.recv(1) == b""
         assert client.ask("/stop")["result"]
+
+
+def test_who_says_too_much_is_closed_and_kept_out_for_a_while(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "KEPT_OUT", 1000.0)
+    monkeypatch.setattr(server, "RATE", 0.01)
+    device, heard = run.input(), list[str]()
+    take = ClientSession.take
+    monkeypatch.setattr(ClientSession, "take", lambda self, text, now: heard.append(text) or take(self, text, now))  # type: ignore[func-returns-value]
+    client, other = run.client(device), run.client(device)
+
+    def flood() -> None:
+        for number in range(100_000):
+            client.say(op="publish", topic="/cmd_vel", msg={"linear": {"x": 0.001 * (number % 100)}})
+
+    with pytest.raises(ConnectionClosed):
+        flood()
+    assert len(heard) == server.BURST
+    assert other.ask("/stop")["result"]
+    with pytest.raises((InvalidMessage, ConnectionError, EOFError)):
+        run.client(device)
+    assert device.server is not None
+    device.server._kept_out.clear()
+    assert run.client(device).ask("/stop")["result"]
 
 
 def test_a_flood_of_stops_makes_one_tick_of_its_own(run: Run) -> None:

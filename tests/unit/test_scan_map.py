@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from threading import Event
@@ -25,7 +26,7 @@ from artemis.plugins.contracts import PluginContext
 from artemis.plugins.guard import PluginGuard
 from artemis.plugins.localizers.scan_map import WAITING, ScanMapConfig, ScanMapLocalizer
 from artemis.testing.localizers import ROOM, SPEED, LocalizerContract
-from artemis.values import Pose, PoseFix, Tick
+from artemis.values import LocatedPose, Pose, PoseFix, Tick
 
 CELL = 0.05
 PLACE = Mounting(plugin="lms1xx", x_m=0.5, y_m=0.0, heading_deg=0.0, height_m=0.3, least_range_m=0.1)
@@ -119,6 +120,34 @@ def test_the_last_pose_is_a_hint_where_the_mission_wants_it_and_where_it_resumes
         assert found[0].doubt == 0.0
         assert found[0].pose.x == pytest.approx(0.0, abs=0.03)
     assert shown(made(start="last"), range(30))[0].doubt >= 1.0
+
+
+def initial(x: float, y: float, heading: float, covariance: tuple[float, ...] = ()) -> LocatedPose:
+    return LocatedPose(pose=Pose(x=x, y=y, heading=heading), frame="map", source="rviz", covariance=covariance)
+
+
+@pytest.mark.parametrize("covariance", [(), (0.25, 0.0, 0.0, 0.25, 0.0, 0.068)])
+def test_a_lost_robot_is_found_where_somebody_says_that_it_is(covariance: tuple[float, ...]) -> None:
+    localizer = made(start={"x_m": 6.0, "y_m": 2.0, "heading_deg": 90.0})
+    assert {fix.doubt for fix in shown(localizer, range(25))} == {1.0}
+    localizer.begin_at(initial(0.3, -0.2, 0.1, covariance))
+    found = shown(localizer, range(25, 75))[1:]  # the first was matched before
+    assert {fix.doubt for fix in found} == {0.0}
+    assert max(abs(fix.pose.x - SPEED * fix.time) + abs(fix.pose.y) for fix in found) < 0.04
+    assert localizer.take_problems() == []
+
+
+def test_a_pose_that_does_not_fit_is_refused_and_the_robot_is_followed_as_before() -> None:
+    localizer = made(start=START)
+    shown(localizer, range(25))
+    localizer.begin_at(initial(6.0, 2.0, 1.0))
+    found = shown(localizer, range(25, 75))
+    assert {fix.doubt for fix in found} == {0.0}
+    assert max(abs(fix.pose.x - SPEED * fix.time) + abs(fix.pose.y) for fix in found) < 0.04
+    ((row, words),) = localizer.take_problems()
+    assert row == "LOC-07"
+    assert re.fullmatch(r"a scan fits \d+% at best there", words)
+    assert localizer.take_problems() == []
 
 
 def test_in_real_time_scans_wait_for_the_thread_and_the_oldest_are_dropped(monkeypatch: pytest.MonkeyPatch) -> None:

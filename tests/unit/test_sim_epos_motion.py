@@ -7,7 +7,7 @@ from sim_epos_rig import STEERING, TRACTION, Rig
 
 from artemis.drive_states import DriveState
 from artemis.sim.axis import Failure
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 
 ENABLE, HALT, QUICK_STOP = 0x000F, 0x010F, 0x000B
 START_NOW, START_LATER, RELATIVE = 0x003F, 0x001F, 0x005F

@@ -7,7 +7,7 @@ from sim_epos_rig import STEERING, TRACTION, Rig
 
 from artemis.devices.can_bus import Frame
 from artemis.drive_states import DriveState, Nmt
-from artemis.sim.epos import SimSettings
+from artemis.sim.epos_settings import SimSettings
 
 START, STOP, PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
 

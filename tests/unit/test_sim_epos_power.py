@@ -6,9 +6,9 @@ import pytest
 from sim_epos_rig import STEERING, Rig
 
 from artemis.drive_states import DriveState
-from artemis.sim.epos import SimSettings
 from artemis.sim.epos_errors import ERRORS, HISTORY_LENGTH, Reaction
 from artemis.sim.epos_power import PATTERNS, TRANSITIONS, DeviceCommand, command_of
+from artemis.sim.epos_settings import SimSettings
 
 SHUTDOWN, SWITCH_ON, ENABLE, QUICK_STOP, DISABLE = 0x0006, 0x0007, 0x000F, 0x000B, 0x0000
 MASK = 0x417F

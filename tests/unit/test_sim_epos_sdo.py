@@ -3,8 +3,8 @@ from __future__ import annotations
 import pytest
 from sim_epos_rig import Aborted, Rig
 
-from artemis.sim.epos import SimSettings
 from artemis.sim.epos_sdo import SdoServer
+from artemis.sim.epos_settings import SimSettings
 
 
 def test_the_statusword_is_read_as_in_the_communication_guide() -> None:

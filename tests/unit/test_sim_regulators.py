@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from sim_epos_rig import STEERING, TRACTION, Rig
 
+from artemis.drive_schema import Drive, Gains
 from artemis.motion.spline import Array
 from artemis.motion.step_response import StepResponse, step_response
 from artemis.sim.axis import Axis, Regulation
 from artemis.sim.epos_parameters import SAVE
 from artemis.sim.regulators import Loop, regulators_for
-from artemis.vehicle import Drive, Gains
 
 NOMINAL = (500, 150, 1000, 100, 150, 10, 200)
 OBJECTS = [(0x60F6, 1), (0x60F6, 2), (0x60F9, 1), (0x60F9, 2), (0x60FB, 1), (0x60FB, 2), (0x60FB, 3)]

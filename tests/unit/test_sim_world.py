@@ -10,9 +10,11 @@ from pydantic import ValidationError
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
+from artemis.errors import ConfigError
 from artemis.sim.axis import Axis, Regulation
 from artemis.sim.bus import SimBus
-from artemis.sim.epos import SimSettings
+from artemis.sim.drive_node import simulated_drive
+from artemis.sim.epos_settings import SimSettings
 from artemis.sim.supply_meter import SupplyMeter
 from artemis.sim.world import PlantParameters, Supply, World
 from artemis.vehicle import RobotFile
@@ -324,3 +326,9 @@ def test_supply_meter_tells_the_voltage_at_the_drives(robot: RobotFile) -> None:
     world.advance(0.2)
     assert meter.sense(0.2).battery_v == round(world.supply_voltage, 3) < 25.0
     meter.close()
+
+
+def test_a_family_that_cannot_be_simulated_is_refused_by_name(robot: RobotFile) -> None:
+    drive = robot.drives["steer-left"].model_copy(update={"family": "cia402"})
+    with pytest.raises(ConfigError, match="x is of family cia402, which cannot be simulated"):
+        simulated_drive(drive, Axis(drive), name="x")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import socket
-import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -17,9 +16,11 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
+from artemis.bridges.child_process import ChildProcess
 from artemis.bridges.operator.frames import RUN_OVER
-from artemis.bridges.operator.robot_end import LinkReport, RobotEnd
+from artemis.bridges.operator.robot_end import RobotEnd
 from artemis.bridges.operator.server import OperatorServer, tls_context
+from artemis.bridges.operator.session import LinkReport
 from artemis.errors import DeviceLost
 from artemis.values import Request
 
@@ -50,14 +51,7 @@ class LinkProcess:
         self._ours.setblocking(False)
         self._loop: asyncio.AbstractEventLoop | None = None
         with theirs, listening:
-            fds = theirs.fileno(), listening.fileno()
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", __name__, *map(str, fds)],
-                pass_fds=fds,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                start_new_session=True,  # Ctrl-C is for the run, which ends this process at its own end
-            )
+            self._process = ChildProcess(["-m", __name__], [theirs.fileno(), listening.fileno()])
         self._ours.send(_ENCODER.encode(settings))
 
     def watch(self, news: Callable[[], None]) -> None:
@@ -83,11 +77,12 @@ class LinkProcess:
                 self._forget()
                 if reports:
                     return reports
-                raise DeviceLost("operator link", "its process has ended")
+                raise DeviceLost("operator link", f"its process has ended: {self._process.end()}")
             reports.append(_DECODER.decode(message))
 
     def tell(self, status: bytes) -> None:
         """What the robot does, for the operator; dropped where the process does not keep up."""
+        self._process.trim()
         with suppress(OSError):
             self._ours.send(status)
 
@@ -95,11 +90,8 @@ class LinkProcess:
         """End it; harmless when repeated."""
         self._forget()
         self._ours.close()
-        try:
-            self._process.wait(END_TIME)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        self._process.wait(END_TIME)
+        self._process.end()
 
     def _forget(self) -> None:
         if self._loop is not None and not self._loop.is_closed():

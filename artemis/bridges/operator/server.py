@@ -8,7 +8,8 @@ import ssl
 from collections.abc import Callable
 from pathlib import Path
 
-from artemis.bridges.operator.robot_end import BEAT_EVERY, CLAIM_TIME, RobotEnd, RobotLink
+from artemis.bridges.operator.robot_end import CLAIM_TIME, RobotEnd, RobotLink
+from artemis.bridges.operator.session import BEAT_EVERY
 from artemis.errors import ConfigError
 
 MOST_UNSENT = 32768

@@ -10,6 +10,7 @@ from artemis.bridges.ros1.connections import Connections
 from artemis.bridges.ros1.tcpros import (
     MOST_HEADER,
     QUEUE,
+    NewestBlock,
     SubscriberLink,
     framed,
     pack_header,
@@ -23,6 +24,8 @@ MOST_MESSAGE = 1 << 14
 """Bytes of a message that is heard: commands are small, and a tick may have to read many."""
 MOST_PUBLISHERS = 64
 """Publishers of a topic that are heard; of more the first."""
+AT_ONCE, APART = 1 << 18, 0.005
+"""Bytes that are read of a publisher at once, and how much time passes between two times [s]."""
 AGAIN = 1.0
 """A publisher that cannot be reached is tried again after this time [s]."""
 
@@ -189,6 +192,18 @@ class Subscription:
             if self._links.get(uri) is task:
                 del self._links[uri]
 
+    async def _take_newest(self, reader: asyncio.StreamReader, transport: asyncio.WriteTransport, sender: str) -> None:
+        """Take messages until the publisher leaves: the newest, now and then, so that a flood costs little."""
+        assert isinstance(transport, asyncio.Transport)
+        blocks = NewestBlock(MOST_MESSAGE)
+        while data := await reader.read(AT_ONCE):
+            transport.pause_reading()
+            if (newest := blocks.feed(data)) is not None:
+                self._take(newest, sender)
+            await asyncio.sleep(APART)
+            transport.resume_reading()
+        raise ConnectionResetError("the publisher has closed the connection")
+
     async def _listen(self, uri: str) -> None:
         answer = await call(uri, "requestTopic", self._node, self.topic, [["TCPROS"]])
         match answer:
@@ -208,8 +223,7 @@ class Subscription:
                 raise ValueError(fields["error"])
             self.connected.append(uri)
             try:
-                while True:
-                    self._take(await read_block(reader, MOST_MESSAGE), fields.get("callerid", "?"))
+                await self._take_newest(reader, writer.transport, fields.get("callerid", "?"))
             finally:
                 self.connected.remove(uri)
         finally:

@@ -62,6 +62,31 @@ async def read_block(reader: asyncio.StreamReader, most: int) -> bytes:
     return await reader.readexactly(length)
 
 
+class NewestBlock:
+    """The newest of the blocks in a stream of bytes: who sends a thousand in a moment is heard once."""
+
+    def __init__(self, most: int) -> None:
+        """`most`: longest block [bytes]."""
+        self._most, self._rest = most, b""
+
+    def feed(self, data: bytes) -> bytes | None:
+        """The newest block that is whole now; None: none is.
+
+        Raises:
+            ValueError: a block is longer than that; nothing after it can be read.
+        """
+        data, at, newest = self._rest + data, 0, None
+        while len(data) - at >= _LENGTH.size:
+            (length,) = _LENGTH.unpack_from(data, at)
+            if length > self._most:
+                raise ValueError(f"a block of {length} bytes; at most {self._most} are expected")
+            if len(data) - at - _LENGTH.size < length:
+                break
+            newest, at = (at + _LENGTH.size, at + _LENGTH.size + length), at + _LENGTH.size + length
+        self._rest = data[at:]
+        return None if newest is None else data[newest[0] : newest[1]]
+
+
 def set_up(writer: asyncio.StreamWriter) -> None:
     """Small messages leave at once, and a host that is gone is noticed."""
     connection: socket.socket = writer.get_extra_info("socket")

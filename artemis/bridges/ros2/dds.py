@@ -71,6 +71,8 @@ from artemis.bridges.ros2.parts import (
 
 MOST = 64
 """Messages of a topic that are taken at once."""
+APART = 0.005
+"""Between two looks what has arrived [s]: of a flood of commands the newest is passed on."""
 MOST_MESSAGE = 1 << 14
 """Bytes of a message that is passed on: commands are small, and a tick may have to read many."""
 LAST_WORDS = 0.3
@@ -323,6 +325,7 @@ def _serve(node: DdsNode, send: Callable[[bytes], None], ended: threading.Event)
             node.waiting.wait(duration(milliseconds=round(LOOK * 1000)))
         else:  # for nothing it does not wait
             ended.wait(LOOK)
+        ended.wait(APART)
         for number in range(len(node.readers)):
             for sender, data in node.take(number):
                 send(MESSAGE + READER.pack(number, sender & 0xFFFFFFFFFFFFFFFF) + data)

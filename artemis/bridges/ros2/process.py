@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -13,6 +11,7 @@ from multiprocessing.connection import Connection
 
 import msgspec
 
+from artemis.bridges.child_process import ChildProcess
 from artemis.bridges.ros2.parts import (
     FAILURE,
     INFORMATION,
@@ -28,12 +27,13 @@ from artemis.bridges.ros2.parts import (
 )
 from artemis.bridges.ros2.settings import Ros2NodeConfig, cyclone_configuration, unicast_ports
 from artemis.bridges.ros_types import Field, Ros2Types
+from artemis.clock import stopwatch
 from artemis.errors import ConfigError
 
 BEGIN, SILENCE = 10.0, 3.0
 """It has so long until it first says something, and between two times [s]; then it is ended."""
-AGAIN = 0.25
-"""After it has ended it is started again after this time [s]."""
+AGAIN = 1.0
+"""Between two starts of one that ends at once [s]; one that lived longer is started again at once."""
 END_TIME = 2.0
 """It has this long to leave at the end [s]."""
 
@@ -173,40 +173,34 @@ class NodeProcess:
     def _run(self) -> None:
         parts = msgspec.msgpack.encode(self.parts())
         while not self._end.is_set():
+            begun = stopwatch()
             failure = self._live(parts)
             self.state = NodeState([], [], [], 0)
             if not self._end.is_set():
                 self.problem = failure
-                self._end.wait(AGAIN)
+                self._end.wait(max(0.0, begun + AGAIN - stopwatch()))
 
     def _live(self, parts: bytes) -> str:
         """Have a process until it ends; returns why it did."""
         ours, its = Pipe()
-        with its:
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "artemis.bridges.ros2.dds", str(its.fileno())],
-                pass_fds=[its.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,  # an interrupt at the terminal is for the run, which then closes it
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            )
+        try:
+            with its:
+                process = ChildProcess(["-m", "artemis.bridges.ros2.dds"], [its.fileno()])
+        except OSError as error:
+            ours.close()
+            return f"its process cannot be started: {error.strerror}"
         self.pid = process.pid
-        failure = self._talk(ours, parts)
+        failure = self._talk(ours, parts, process)
         if failure:
-            process.kill()  # who sends goes on
+            process.end()  # who sends goes on
         with self._sending:
             self._connection = None
             ours.close()
-        try:
-            status = process.wait(END_TIME)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            status = process.wait()
-        return failure or f"its process has ended ({f'signal {-status}' if status < 0 else f'status {status}'})"
+        process.wait(END_TIME)
+        words = process.end()
+        return failure or f"its process: {words}"
 
-    def _talk(self, ours: Connection, parts: bytes) -> str:
+    def _talk(self, ours: Connection, parts: bytes, process: ChildProcess) -> str:
         """Tell the process what it is, and hear it until it ends; returns why it shall end, if it has not."""
         patience, silent = BEGIN, 0.0
         with suppress(EOFError, OSError):
@@ -222,6 +216,7 @@ class NodeProcess:
                 block, silent = ours.recv_bytes(), 0.0
                 kind, block = block[:1], block[1:]
                 if kind == STATE:
+                    process.trim()
                     self.state, self.problem, patience = msgspec.msgpack.decode(block, type=NodeState), "", SILENCE
                 elif kind == MESSAGE:
                     number, sender = READER.unpack_from(block)

@@ -19,7 +19,7 @@ MOST_DOMAIN = 232
 """Beyond it ports end (docs.ros.org, "The ROS_DOMAIN_ID")."""
 MOST_INDEX = 99
 """Programs on a computer that are looked for; each has two ports of the domain."""
-ANNOUNCED = 1.0
+ANNOUNCED = 0.5
 """Where nobody is reached by multicast each port is asked this often [s]."""
 _BASE, _PER_DOMAIN, _UNICAST = 7400, 250, 10
 

@@ -23,9 +23,13 @@ if TYPE_CHECKING:
 MOST_CLIENTS = 32
 MOST_MESSAGE = 1 << 16
 """Bytes that a client may say at once."""
+RATE, BURST = 200.0, 200.0
+"""What a client may say in a second, and at once [messages]: who says more is closed."""
+KEPT_OUT = 1.0
+"""From its address nobody connects for so long then [s]."""
 ALIVE = 5.0
 """A client that does not answer for so long is gone [s]."""
-_TRY_AGAIN = 1013
+_TRY_AGAIN, _TOO_MUCH = 1013, 1008
 
 
 def require_websockets(name: str) -> None:
@@ -74,6 +78,7 @@ class RosbridgeServer(LoopThread):
         self._gone = 0
         self._sessions: dict[ClientSession, _Outbox] = {}
         self._number = 0
+        self._kept_out: dict[str, float] = {}
         super().__init__(plugin)
 
     def put(self, told: Sequence[tuple[str, bytes]]) -> None:
@@ -116,12 +121,16 @@ class RosbridgeServer(LoopThread):
         from websockets.typing import Origin
 
         class Bounded(ServerConnection):
-            """Closed at once where too many have not yet said that they are clients."""
+            """Closed at once where too many are no clients yet, or one from there has just said too much."""
 
             def connection_made(self, transport: asyncio.BaseTransport) -> None:
                 super().connection_made(transport)
-                if len(self.server.handler_tasks) > 2 * MOST_CLIENTS and isinstance(transport, asyncio.Transport):
+                many = len(self.server.handler_tasks) > 2 * MOST_CLIENTS
+                if (many or is_kept_out(transport)) and isinstance(transport, asyncio.Transport):
                     transport.abort()
+
+        def is_kept_out(transport: asyncio.BaseTransport) -> bool:
+            return self._kept_out.get(_address(transport), 0.0) > self._loop.time()
 
         origins = [None, *map(Origin, self._config.origins)]
         options: dict[str, Any] = {"compression": None, "max_size": MOST_MESSAGE, "close_timeout": END_TIME / 4}
@@ -143,8 +152,15 @@ class RosbridgeServer(LoopThread):
         relay = _Relay(self._inputs, outbox)
         self._sessions[session] = outbox
         sending = asyncio.ensure_future(outbox.send(connection))
+        tokens, filled = BURST, self._loop.time()
         try:
             async for text in connection:
+                now = self._loop.time()
+                tokens, filled = min(tokens + (now - filled) * RATE, BURST) - 1.0, now
+                if tokens < 0.0:
+                    self._keep_out(_address(connection.transport), now)
+                    await connection.close(_TOO_MUCH, f"more than {RATE:g} messages in a second")
+                    return
                 if not session.take(text, self._loop.time()):
                     await relay.take(text, session)
         except ConnectionClosed:
@@ -154,6 +170,15 @@ class RosbridgeServer(LoopThread):
             self._gone += outbox.dropped
             sending.cancel()
             await asyncio.gather(sending, relay.close(), return_exceptions=True)
+
+    def _keep_out(self, address: str, now: float) -> None:
+        self._kept_out = {other: until for other, until in self._kept_out.items() if until > now}
+        self._kept_out[address] = now + KEPT_OUT
+
+
+def _address(transport: asyncio.BaseTransport) -> str:
+    peer = transport.get_extra_info("peername")
+    return str(peer[0]) if peer else ""
 
 
 class _Outbox:

@@ -1,4 +1,4 @@
-"""What `ros1`, `ros2` and `rosbridge` share: velocity commands become an operator's wish, requests to stop are obeyed.
+"""What `ros1`, `ros2` and `rosbridge` share: commands become an operator's wish, a stop is obeyed, poses are passed on.
 
 Messages arrive in another thread, and are taken at the next tick; how old a command is counts from there. Where the
 last one was to stand, silence is rest; where it was to drive, silence is a stop (INP-03).
@@ -15,11 +15,13 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 from pydantic import Field, model_validator
 
 from artemis.bridges.commands import Command, steered_command, twist_command
+from artemis.bridges.poses import FRAME, GOAL_POSE, INITIAL_POSE, POSE_TYPES, asked_initial_pose, asked_pose
 from artemis.bridges.ros1.settings import GraphName
+from artemis.clock import wall_date
 from artemis.config import Config
 from artemis.errors import ConfigError, DeviceLost
 from artemis.plugins.contracts import PluginContext
-from artemis.values import OperatorInput, Request
+from artemis.values import LocatedPose, OperatorInput, Request
 from artemis.vehicle import WishedSpeed
 
 FIND = 3.0
@@ -37,6 +39,7 @@ REQUESTS = {
     "end": Request.END,
     "done": Request.DONE,
 }
+REFUSED = "NET-14"
 BOOL, EMPTY = "std_msgs/msg/Bool", "std_msgs/msg/Empty"
 _TWIST, _STEERED = "geometry_msgs/msg/Twist", "ackermann_msgs/msg/AckermannDrive"
 
@@ -70,8 +73,11 @@ class CommandKeys(Config):
     enabled_by: Literal["topic", "command"] = "topic"
     """topic: true on the topic `enable` (std_msgs/Bool), ten times a second or more. command: any command that is
     not to stand counts as an enable button that is held, as long as it is fresh."""
-    allow: Annotated[tuple[Literal["acknowledge", "arm", "end", "done"], ...], Field(strict=False)] = ()
-    """What may be asked for besides `stop`. With acknowledge and arm somebody counts as present in the run."""
+    allow: Annotated[
+        tuple[Literal["acknowledge", "arm", "end", "done", "goal_pose", "initialpose"], ...], Field(strict=False)
+    ] = ()
+    """What may be asked for besides `stop`. With acknowledge and arm somebody counts as present in the run. goal_pose:
+    where a step `goto: {to: {from_input: NAME}}` drives; initialpose: about where the robot is, for the localizer."""
     max_speed_m_s: WishedSpeed | None = None
     """Faster commands are cut to this speed of the virtual front wheel; None: the robot's limit."""
 
@@ -79,6 +85,11 @@ class CommandKeys(Config):
     def commands(self) -> str:
         """The topic of the commands, as the mission or the default names it."""
         return self.topic or ("cmd_vel" if "Twist" in self.type else "ackermann_cmd")
+
+    @property
+    def requests(self) -> tuple[str, ...]:
+        """What may be asked for that has no content."""
+        return ("stop", *(name for name in self.allow if name in REQUESTS))
 
     @model_validator(mode="after")
     def _angle(self) -> Self:
@@ -121,7 +132,9 @@ class CommandedInput(ABC):
         self.live = {"acknowledge", "arm"} <= set(config.allow)
         package, *_, kind = config.type.split("/")
         self._type = f"{package}/msg/{kind}"
-        for type in (self._type, BOOL):
+        self._places: dict[str, deque[bytes]] = {name: deque(maxlen=1) for name in POSE_TYPES if name in config.allow}
+        """Poses that have arrived, of each kind the newest."""
+        for type in (self._type, BOOL, *(POSE_TYPES[name] for name in self._places)):
             types.prepare(type)
         self._opened = False
         self._begun: float | None = None
@@ -129,6 +142,7 @@ class CommandedInput(ABC):
         self._enables: deque[bytes] = deque(maxlen=MOST)
         self._asked: dict[Request, None] = {}
         self._stopping = False
+        self._problems: list[tuple[str, str]] = []
         self._command = Command()
         self._holder = ""
         self._news = self._enabled_at = -math.inf
@@ -170,7 +184,14 @@ class CommandedInput(ABC):
             raw=command.raw,
             axes=(math.nan,) if bad else (),  # out of range: the guard counts such samples (INP-06)
             buttons=(button,),
+            goal=None if (goal := self._placed(GOAL_POSE)) is None else goal.pose,
+            initial_pose=self._placed(INITIAL_POSE),
         )
+
+    def take_problems(self) -> list[tuple[str, str]]:
+        """Poses that could not be used since the last call."""
+        problems, self._problems = self._problems, []
+        return problems
 
     # ------------------------------------------------------------------------------------------ what the network adds
 
@@ -193,7 +214,9 @@ class CommandedInput(ABC):
         }
         if self._keys.enabled_by == "topic":
             heard["enable"] = (BOOL, lambda data, sender: self._enables.append(data))
-        for name in ("stop", *self._keys.allow):
+        for name, waiting in self._places.items():
+            heard[name] = POSE_TYPES[name], lambda data, sender, waiting=waiting: waiting.append(data)  # type: ignore[misc]
+        for name in self._keys.requests:
             request = REQUESTS[name]
             heard[name] = (EMPTY, lambda data, sender, request=request: self._ask(request))  # type: ignore[misc]
         return heard
@@ -229,6 +252,30 @@ class CommandedInput(ABC):
                 continue
             self._command, self._holder, self._news = command, sender, now
         return bad
+
+    def _placed(self, name: str) -> LocatedPose | None:
+        """The newest pose of a kind that has arrived; of one that cannot be used is told why."""
+        if not (waiting := self._places.get(name)):
+            return None
+        try:
+            return self._pose(name, waiting.popleft())
+        except ValueError as error:
+            self._refuse(name, error)
+            return None
+
+    def _refuse(self, name: str, error: ValueError) -> None:
+        self._problems.append((REFUSED, f"{name}: {error}"))
+
+    def _pose(self, name: str, data: bytes) -> LocatedPose:
+        """A pose from its bytes.
+
+        Raises:
+            ValueError: they are none, or why it cannot be used.
+        """
+        message, now = self._types.unpack(POSE_TYPES[name], data), wall_date().timestamp()
+        if name == INITIAL_POSE:
+            return asked_initial_pose(message, now, self._name)
+        return LocatedPose(pose=asked_pose(message, now), frame=FRAME, source=self._name)
 
     def _understood(self, data: bytes) -> Command:
         """A command from its bytes.

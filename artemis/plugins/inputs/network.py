@@ -6,13 +6,11 @@ sample's age counts from the robot's beat that the operator's command quotes, pl
 
 from __future__ import annotations
 
-import asyncio
 import math
 import socket
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, Protocol
+from typing import Annotated, ClassVar, Literal
 
 import msgspec
 from pydantic import Field
@@ -20,20 +18,19 @@ from pydantic import Field
 from artemis.bridges.addresses import ListenAddress, bound
 from artemis.bridges.operator.link_process import LinkProcess, LinkSettings
 from artemis.bridges.operator.pairing import default_place, read_secret
-from artemis.bridges.operator.robot_end import FRESH, Arrived, LinkReport, Problem
 from artemis.bridges.operator.server import tls_context
+from artemis.bridges.operator.session import FRESH, Arrived
 from artemis.bridges.operator.status import SHOWN_EVERY, RobotStatus, Welcome, status_of
 from artemis.config import Config
-from artemis.errors import ConfigError, DeviceLost
+from artemis.errors import ConfigError
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.inputs.commanded import REQUESTS
-from artemis.plugins.stated import STALE
-from artemis.values import OperatorInput, Request, Tick
+from artemis.plugins.inputs.linked import LinkedInput, LinkPort
+from artemis.values import Tick
 from artemis.vehicle import WishedSpeed
 
 PORT = 7482
 """Where artemis listens for operators; in no list of well-known ports."""
-LINK_LOST, LATENCY = "NET-01", "NET-02"
 
 
 class TlsFiles(Config):
@@ -61,23 +58,7 @@ class NetworkConfig(Config):
     """Faster commands are cut to this speed of the virtual front wheel; None: the robot's limit."""
 
 
-class LinkPort(Protocol):
-    """The link as the input sees it: `LinkProcess`, or what a test has instead."""
-
-    def watch(self, news: Callable[[], None]) -> None:
-        """Have `news` called on the running loop when there are reports."""
-
-    def take(self) -> list[LinkReport]:
-        """The reports since the last call, oldest first. Raises DeviceLost."""
-
-    def tell(self, status: bytes) -> None:
-        """What the robot does, for the operator."""
-
-    def close(self) -> None:
-        """End it."""
-
-
-class NetworkInput:
+class NetworkInput(LinkedInput):
     """One operator at a time, far away."""
 
     Config: ClassVar[type[Config]] = NetworkConfig
@@ -105,53 +86,21 @@ class NetworkInput:
         Raises:
             ConfigError: more speed than the robot has, a bad secret or certificate, an address that is taken.
         """
-        self._name, self._wake, self._clock = context.name, context.wake, clock
         self._top_speed = context.top_speed("max_speed_m_s", config.max_speed_m_s)
         self._limit = math.radians(context.robot.limits.steering_deg)
         self.live = {"acknowledge", "arm"} <= set(config.allow)
-        self._arrived: Arrived | None = None
-        self._report = LinkReport()
-        self._late: tuple[float, float] = (-math.inf, 0.0)
-        self._requests: list[Request] = []
-        self._problems: list[Problem] = []
-        self._released = self._heard = False
         self._shown: tuple[float, RobotStatus] | None = None
-        self._port = port
+        self._name = context.name
         if port is None:
             settings = self._settings(config, context)
             if context.real_time and settings is not None:
-                self._port = LinkProcess(_listening(config, self._name), settings)
-        if self._port is not None:
-            self._port.watch(self._hear)
+                port = LinkProcess(_listening(config, self._name), settings)
+        super().__init__(context, port, clock)
 
     @staticmethod
     def may_share(one: NetworkConfig, other: NetworkConfig, _files: Mapping[str, bytes]) -> bool:
         """Whether both listen at one port."""
         return one.port == other.port
-
-    def read(self, now: float) -> OperatorInput:
-        """What the operator wishes, as far as it still counts.
-
-        Raises:
-            DeviceLost: the link's process has ended, or there is none.
-        """
-        if self._port is None:
-            raise DeviceLost(self._name, "an operator needs real time: leave `pace: fast` out of the mission")
-        try:
-            self._take()
-        except DeviceLost:
-            requests, self._requests = tuple(self._requests), []
-            if Request.QUICKSTOP not in requests:  # a stop goes first
-                raise
-            return OperatorInput(source=self._name, neutral=False, requests=(Request.QUICKSTOP,))
-        requests, self._requests = tuple(self._requests), []
-        sample = self._sample((self._clock or asyncio.get_running_loop().time)())
-        return msgspec.structs.replace(sample, requests=requests)
-
-    def take_problems(self) -> list[Problem]:
-        """What is wrong with the link since the last call: rows of the fault table, and what was seen."""
-        problems, self._problems = self._problems, []
-        return problems
 
     def show(self, tick: Tick) -> str:
         """Tell the operator what the robot does: at once where it is news, else ten times a second."""
@@ -169,61 +118,10 @@ class NetworkInput:
 
     # ------------------------------------------------------------------------------------------
 
-    def _hear(self) -> None:
-        """Between two ticks; that the process has ended is for the next `read` to say."""
-        with suppress(DeviceLost):
-            self._take()
-
-    def _take(self) -> None:
-        """Take the link's reports; a quick stop does not wait for the next tick."""
-        assert self._port is not None
-        for report in self._port.take():
-            if (report.seat, report.since) != (self._report.seat, self._report.since):
-                self._released, self._late = False, (-math.inf, 0.0)
-            self._report, self._arrived = report, report.newest
-            self._late = report.late or self._late
-            self._requests += report.requests
-            self._problems += report.problems
-            if Request.QUICKSTOP in report.requests:
-                self._wake()
-
-    def _sample(self, now: float) -> OperatorInput:
-        """What the newest command wishes at `now` [s] of the link's clock."""
-        report, arrived = self._report, self._arrived
-        if report.seat == "free":
-            self._released = False
-            return OperatorInput(source=self._name, neutral=report.who != "", age=0.0 if report.who else None)
-        if report.seat == "lost":
-            self._released = False
-            self._problems.append((LINK_LOST, f"{report.who}: {report.why}"))
-            return OperatorInput(source=self._name, neutral=False, age=max(now - report.since, 0.0) + FRESH)
-        quoted = max(now - (report.since if arrived is None else arrived.sent), 0.0)
-        frozen = arrived is not None and arrived.age > STALE  # his device: INP-03
-        age = quoted + (0.0 if arrived is None else arrived.age)
-        if quoted > FRESH or (age > FRESH and not frozen):
-            self._released = False
-            late, how_old = self._late
-            if now - late <= FRESH:
-                self._problems.append((LATENCY, f"{report.who}: commands are {how_old * 1e3:.0f} ms old"))
-            else:
-                self._problems.append((LINK_LOST, f"{report.who}: nothing new for {age * 1e3:.0f} ms"))
-        if arrived is None:  # just seated: the first command is on its way
-            return OperatorInput(source=self._name, neutral=False, age=age)
-        if not arrived.heard:
-            self._released = False
-            return OperatorInput(source=self._name, neutral=False)
-        self._released = age <= FRESH and (self._released or arrived.neutral)
-        return OperatorInput(
-            source=self._name,
-            speed=max(min(arrived.speed, self._top_speed), -self._top_speed),
-            steering=max(min(arrived.steering, self._limit), -self._limit),
-            enabled=arrived.enabled and self._released,
-            neutral=arrived.neutral and not arrived.enabled,
-            age=age,
-            raw=(arrived.speed, arrived.steering),
-            axes=arrived.axes,
-            buttons=(arrived.enabled,),
-        )
+    def _wish(self, arrived: Arrived, now: float) -> tuple[float, float]:
+        """As commanded, within what the robot may do."""
+        speed = max(min(arrived.speed, self._top_speed), -self._top_speed)
+        return speed, max(min(arrived.steering, self._limit), -self._limit)
 
     def _settings(self, config: NetworkConfig, context: PluginContext) -> LinkSettings | None:
         """What the link's process needs; None: before a run, where the secret may still be missing.

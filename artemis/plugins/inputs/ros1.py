@@ -50,7 +50,7 @@ class Ros1Input(CommandedInput):
         thread = self._thread = NodeThread(self._config, self._name, f"artemis_{self._name}")
         resolve, node = thread.names.resolve, thread.node
         self._topic = resolve(self._config.commands)
-        for name in ("stop", *self._config.allow):
+        for name in self._config.requests:
             node.serve(Service(resolve(name), "std_srvs/Trigger", TRIGGER_MD5, partial(self._answer, name)))
         for topic, (type, take) in self._topics().items():
             node.subscribe(resolve(topic), ros1_name(type), self._definitions.definition(type)[1], take)

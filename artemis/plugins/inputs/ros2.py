@@ -10,7 +10,7 @@ from artemis.bridges.ros2.settings import Ros2Name, Ros2NodeConfig
 from artemis.bridges.ros_types import require_packages
 from artemis.config import Config
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.inputs.commanded import EMPTY, CommandedInput, CommandKeys
+from artemis.plugins.inputs.commanded import CommandedInput, CommandKeys
 from artemis.values import Tick
 
 
@@ -45,9 +45,10 @@ class Ros2Input(CommandedInput):
         self._number = -1
         for topic, (type, take) in self._topics().items():
             resolved = node.names.resolve(topic)
-            if type == EMPTY:
+            asked = topic in config.allow or topic == "stop"
+            if asked:
                 node.subscribe(resolved, type, take)
-            if type != EMPTY or topic == "stop":  # a command that was lost is of no use; a stop is heard of everybody
+            if not asked or topic == "stop":  # a command that was lost is of no use; a stop is heard of everybody
                 number = node.subscribe(resolved, type, take, reliable=False, depth=1)
                 self._number = number if topic == config.commands else self._number
         self._told: set[str] = set()

@@ -14,7 +14,7 @@ from artemis.bridges.rosbridge.session import Message, Offer
 from artemis.bridges.rosbridge.settings import ServerConfig
 from artemis.config import Config
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.inputs.commanded import REQUESTS, CommandedInput, Ros1CommandKeys
+from artemis.plugins.inputs.commanded import REQUESTS, CommandedInput, Ros1CommandKeys, Taker
 
 PORT = 9091
 
@@ -54,7 +54,10 @@ class RosbridgeInput(CommandedInput):
 
     def _open(self) -> None:
         heard = {f"/{topic.lstrip('/')}": (full_name(type), take) for topic, (type, take) in self._topics().items()}
-        services = {f"/{name}": partial(self._answer, name) for name in ("stop", *self._keys.allow)}
+        for name in self._places:
+            type, take = heard[f"/{name}"]
+            heard[f"/{name}"] = type, partial(self._take_pose, name, take)
+        services = {f"/{name}": partial(self._answer, name) for name in self._keys.requests}
         offer = Offer(heard=heard, services=services)
         self.server = RosbridgeServer(self._config, self._name, self._config.port, offer)
         self.server.start()
@@ -62,6 +65,15 @@ class RosbridgeInput(CommandedInput):
     def _heard(self) -> tuple[bool, str]:
         assert self.server is not None
         return False, self.server.problem
+
+    def _take_pose(self, name: str, take: Taker, data: bytes, sender: str) -> None:
+        """Take a pose, or tell its sender why not (ValueError). Called in the server's thread."""
+        try:
+            self._pose(name, data)
+        except ValueError as error:
+            self._refuse(name, error)
+            raise
+        take(data, sender)
 
     def _answer(self, name: str, _: Message) -> Message:
         """The response of a Trigger. Called in the server's thread."""

@@ -8,7 +8,7 @@ if they had taken their time: so the same run is the same again.
 from __future__ import annotations
 
 from collections import deque
-from math import inf, radians
+from math import inf, radians, sqrt
 from pathlib import Path as FilePath
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -20,17 +20,19 @@ from artemis.errors import ConfigError, similar
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.observing import PATIENCE, Beside
 from artemis.scan import Scan
-from artemis.values import Pose, PoseFix, Tick
+from artemis.values import LocatedPose, Pose, PoseFix, Tick
 from artemis.yaml_file import survey
 
 if TYPE_CHECKING:
     from artemis.localisation.scan_localizer import PlaceSearch, ScanLocalizer, ScanPose
     from artemis.mapping.likelihood import Match
     from artemis.mapping.occupancy import OccupancyMap
+    from artemis.mapping.se2 import Array
     from artemis.mapping.sighting import Sighting
 
 MATCHING, SEARCHING = 0.02, 3.0
 """On virtual time a scan is matched, and the whole map searched, in so long [s]."""
+REFUSED = "LOC-07"
 WAITING = 3
 """Scans that may wait for those before."""
 
@@ -87,6 +89,9 @@ class ScanMapLocalizer:
         self._found: deque[tuple[float, PoseFix]] = deque()
         """With the time from which on it may be told [s]."""
         self._looked: deque[tuple[float, PlaceSearch, Match | None]] = deque()
+        self._given: deque[LocatedPose] = deque(maxlen=1)
+        self._refused: deque[float] = deque()
+        """What was told of where the robot is; and how well the scans fitted there, where they did not."""
         self._error: BaseException | None = None
         self._dropped = 0
         threaded = context.real_time
@@ -141,6 +146,15 @@ class ScanMapLocalizer:
             found.append(self._found.popleft()[1])
         return tuple(found)
 
+    def begin_at(self, initial: LocatedPose) -> None:
+        """Search the next scan around this pose; without a covariance as at the start."""
+        self._given.append(initial)
+
+    def take_problems(self) -> list[tuple[str, str]]:
+        """Poses that were given and do not fit."""
+        refused = [self._refused.popleft() for _ in range(len(self._refused))]
+        return [(REFUSED, f"a scan fits {score:.0%} at best there") for score in refused]
+
     def close(self) -> None:
         """Let both threads end."""
         for work in (self._matching, self._searching):
@@ -187,12 +201,27 @@ class ScanMapLocalizer:
             _, search, found = self._looked.popleft()
             localizer.take(search, found)
         points = points_of(seen, self._context.robot.scanners[self._scanner], localizer.settings.matching)
+        if self._given:
+            initial = self._given.popleft()
+            localizer.begin_at(*self._around(initial))
         pose = seen.middle
         odometry = np.array([pose.x, pose.y, pose.heading]) if seen.counted else None
         matched, delay = localizer.update(points, odometry), self._delays[0]
         self._found.append((now + delay, self._fix(matched, seen.time)))
+        if localizer.refused is not None:
+            self._refused.append(localizer.refused)
         if (wanted := localizer.wanted()) is not None:
             self._searching.put((now, wanted))
+
+    def _around(self, initial: LocatedPose) -> tuple[Array, tuple[float, float]]:
+        """Where to search for the robot, and how far away: standard deviations [m, rad]."""
+        import numpy as np
+
+        pose, std = initial.pose, (self._config.start_std_m, radians(self._config.start_std_deg))
+        if initial.covariance:
+            xx, _, _, yy, _, hh = initial.covariance
+            std = sqrt(max(xx, yy)), sqrt(hh)
+        return np.array([pose.x, pose.y, pose.heading]), std
 
     def _fix(self, found: ScanPose, time: float) -> PoseFix:
         from artemis.localisation.scan_map import common_covariance

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from artemis.errors import writable
 from artemis.supervision.catalogue.communication import COMMUNICATION
 from artemis.supervision.catalogue.drives import DRIVES
@@ -15,9 +17,6 @@ from artemis.values import Fault, Severity
 
 ROWS: dict[str, Row] = {**DRIVES, **COMMUNICATION, **MOTION, **INPUTS, **SURROUNDINGS, **HOST, **SERIAL}
 """Every row by its id."""
-
-EMERGENCIES: dict[int, str] = {code: id for id, row in ROWS.items() for code in row.codes}
-"""EMCY error code -> row. A code that is not here is UNKNOWN_CODE, never ignored."""
 
 UNKNOWN_CODE, DAMAGED_EMERGENCY = "DRV-31", "DRV-32"
 
@@ -37,8 +36,14 @@ def fault(id: str, device: str = "", detail: str = "", severity: Severity | None
     )
 
 
-def emergency(device: str, code: int) -> Fault:
-    """The fault that an EMCY error code of a drive stands for; a negative code: the message was damaged."""
+def emergency(device: str, code: int, errors: Mapping[int, str]) -> Fault:
+    """The fault that an EMCY error code of a drive stands for; a negative code: the message was damaged.
+
+    Args:
+        device: Name of the drive.
+        code: What it sent.
+        errors: Its family's rows by code; one that is not there is UNKNOWN_CODE, never ignored.
+    """
     if code < 0:
         return fault(DAMAGED_EMERGENCY, device)
-    return fault(EMERGENCIES.get(code, UNKNOWN_CODE), device, f"EMCY 0x{code:04X}")
+    return fault(errors.get(code, UNKNOWN_CODE), device, f"EMCY 0x{code:04X}")

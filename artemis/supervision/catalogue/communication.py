@@ -140,7 +140,7 @@ COMMUNICATION: dict[str, Row] = {
         S1,
         K,
         within=0.42,
-        shows_as=("RUN-01", "RUN-03", "RUN-04", "STE-01", "COM-03", "COM-02", "STE-06"),
+        shows_as=("RUN-01", "RUN-03", "RUN-04", "STE-01", "COM-03", "COM-02", "STE-06", "DRV-38"),
         reason="the drive keeps its last target: supervision of the motion finds it",
     ),
     "COM-13": Row(

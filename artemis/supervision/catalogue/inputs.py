@@ -164,7 +164,7 @@ INPUTS: dict[str, Row] = {
         WARN,
         ITSELF,
         "not authenticated",
-        "pair both sides: artemis operator pair",
+        "pair both sides: artemis operator pair, artemis page pair",
         within=0.1,
     ),
     "NET-08": Row(
@@ -173,7 +173,7 @@ INPUTS: dict[str, Row] = {
         WARN,
         ITSELF,
         "not authorised",
-        "see `allow`; one operator at a time",
+        "see `allow`; one operator at a time has control",
         within=0.1,
     ),
     "NET-09": Row(
@@ -194,7 +194,15 @@ INPUTS: dict[str, Row] = {
         "which program connects there? what is too much is dropped unread",
         within=0.15,
     ),
-    "NET-11": Row("stop on a stale page", _ABSENT, S1, K, reason="needs a page for operators"),
+    "NET-11": Row(
+        "stop on a stale page",
+        Found.EDGE,
+        S1,
+        K,
+        "Stop was pressed on a page that was not told of the robot",
+        "look at the robot; the network, the page's process; an old tab",
+        within=0.1,
+    ),
     "NET-12": Row(
         "bridge not heard",
         Found.EDGE,
@@ -213,5 +221,14 @@ INPUTS: dict[str, Row] = {
         "has a process of its own, which had to be started again",
         "see the reason; what other programs were not told meanwhile is lost to them, not to the recording",
         within=2.0,
+    ),
+    "NET-14": Row(
+        "pose refused",
+        Found.EDGE,
+        WARN,
+        ITSELF,
+        "was given a goal or an initial pose that cannot be used",
+        "see the reason: the frame is `map`, and the stamp of now",
+        within=0.1,
     ),
 }

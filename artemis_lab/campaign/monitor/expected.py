@@ -42,6 +42,8 @@ W, E, M, H, F, START = When.WATCHED, When.ENABLED, When.MOVING, When.BY_HAND, Wh
 HARMLESS, UNTOLD = Expected(When.HARMLESS, stop=""), Expected(When.UNTOLD, stop="")
 _CUT = ("01", "02", "03", "04", "05", "06", "07", "08", "11", "12", "13", "14", "15", "28", "31")
 """Drive errors after which the drive is off at once (EPOS firmware specification 2010, 12.2)."""
+_CUT_4 = ("09", "10", "17", "29", "34", "35", "36", "37", "39", "41")
+"""Those that only an EPOS4 has."""
 _BRAKED = ("16", "18", "19", "20", "21", "22", "23", "24", "25", "26", "27")
 """Those after which it stops by its own ramp first."""
 UNHEARD = Expected(W, 0.1, ("COM-01",), coasts=True)
@@ -65,8 +67,8 @@ SO_LATE = 0.22
 """Scans that are at once so much later [s] leave a gap that has to be noticed."""
 
 EXPECTED: dict[str, Expected] = {
-    **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",), coasts=True) for number in _CUT},
-    **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",)) for number in _BRAKED},
+    **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",), coasts=True) for number in (*_CUT, *_CUT_4)},
+    **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",)) for number in (*_BRAKED, "38", "40")},
     "DRV-30": HARMLESS,
     "DRV-32": Expected(W, 0.02, ("DRV-32",)),
     "DRV-33": Expected(W, 0.04, ("DRV-02", "DRV-33"), coasts=True),

@@ -26,7 +26,7 @@ LISTENING = 0.2
 RECOVERIES = 5
 """Automatic recoveries in a run; then a person is needed."""
 AUTOMATIC = {
-    **dict.fromkeys(("DRV-18", "DRV-23", "COM-28", "PLG-02", "PTH-07", "COM-25"), 1),
+    **dict.fromkeys(("DRV-18", "DRV-23", "DRV-38", "COM-28", "PLG-02", "PTH-07", "COM-25"), 1),
     **dict.fromkeys(("COM-03", "COM-11", "COM-14", "COM-15", "LAS-05"), 2),
     **dict.fromkeys(("COM-07", "COM-08", "COM-31", "RUN-05", "SYS-01", "INP-01", "INP-03", "INP-06"), 3),
     **dict.fromkeys(("LAS-01", "LAS-02"), 5),
@@ -36,7 +36,10 @@ BY_ITSELF = (
     *("COM-16", "COM-20", "COM-09", "COM-06", "RUN-12", "INP-08", "DSK-02", "DSK-03", "DSK-05"),
     *("LAS-03", "LAS-06", "LAS-07", "LAS-08"),
 )
-FINAL = ("DRV-05", "DRV-21", "COM-18", "COM-19", "RUN-03", "RUN-08", "STE-04", "STE-07", "PLG-05", "PLG-07", "SYS-04")
+FINAL = (
+    *("DRV-05", "DRV-10", "DRV-17", "DRV-21", "DRV-37", "COM-18", "COM-19", "RUN-03", "RUN-08", "STE-04", "STE-07"),
+    *("PLG-05", "PLG-07", "PWR-02", "SYS-04"),
+)
 """Rows that no acknowledgment clears."""
 UNSUPPLIED = ("COM-32", "COM-33")
 """A drive has no supply."""

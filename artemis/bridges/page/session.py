@@ -1,0 +1,206 @@
+"""Operators at pages: the rules of every link, and what a page adds to them. Words and times, no socket, no clock.
+
+Who paired may watch, and may stop the robot. Only one has the seat; the others ask for it in vain until it is given
+back or lost.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+from artemis.bridges.operator.frames import MalformedFrame, SentCommand
+from artemis.bridges.operator.session import Seat, Seats, Session
+from artemis.values import Request
+
+FRESH = 0.3
+"""A page's command counts until the beat that it quotes is so old [s]: a browser's timers leave gaps of 100 to 130 ms
+where they should fire every 50 ms."""
+REQUESTS = {
+    "acknowledge": Request.ACKNOWLEDGE,
+    "arm": Request.ARM,
+    "end": Request.END,
+    "done": Request.DONE,
+    "record": Request.RECORD,
+}
+"""What who has the seat may ask for."""
+STALE_PAGE = "NET-11"
+KNOWN_STOPS = 256
+"""Presses of Stop are known by their ids; each comes by two ways."""
+
+Share = Annotated[float, Meta(ge=-1.0, le=1.0)]
+Count = Annotated[int, Meta(ge=0, le=1 << 53)]
+Id = Annotated[str, Meta(min_length=1, max_length=40)]
+Send = Callable[[dict[str, Any]], None]
+
+
+class Take(Struct, frozen=True, tag_field="t", tag="take", forbid_unknown_fields=True):
+    """Wants the seat."""
+
+    who: Annotated[str, Meta(max_length=40)] = ""
+
+
+class GiveBack(Struct, frozen=True, tag_field="t", tag="release", forbid_unknown_fields=True):
+    """Gives it back."""
+
+
+class Hold(Struct, frozen=True, tag_field="t", tag="hold", forbid_unknown_fields=True):
+    """What the hand does; sent every 50 ms by who has the seat."""
+
+    seq: Count
+    beat: Count
+    """The newest that came."""
+    waited: Annotated[float, Meta(ge=0.0, le=1e5)] = 0.0
+    """How long that had been there [ms]."""
+    held: bool = False
+    neutral: bool = True
+    x: Share = 0.0
+    """To the right."""
+    y: Share = 0.0
+    """Forward."""
+    ask: Annotated[tuple[Literal["acknowledge", "arm", "end", "done", "record"], ...], Meta(max_length=8)] = ()
+
+
+class Stop(Struct, frozen=True, tag_field="t", tag="stop", forbid_unknown_fields=True):
+    """The robot shall stop."""
+
+    id: Id
+    """Of the press."""
+    stale: bool = False
+    """The page had not heard of the robot for a while when it was pressed."""
+
+
+class Ping(Struct, frozen=True, tag_field="t", tag="ping", forbid_unknown_fields=True):
+    """How long is the way there and back?"""
+
+    at: float
+
+
+Said = Take | GiveBack | Hold | Stop | Ping
+_DECODER = msgspec.json.Decoder(Said)
+
+
+def said(text: str | bytes) -> Said:
+    """What a page says. Raises MalformedFrame."""
+    try:
+        found: Said = _DECODER.decode(text)
+    except (msgspec.DecodeError, UnicodeEncodeError) as error:
+        raise MalformedFrame(str(error)) from None
+    return found
+
+
+class PageSeats(Seats):
+    """All pages of one robot."""
+
+    def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
+        """`changed` is called when somebody else has the seat."""
+        super().__init__(REQUESTS.values(), FRESH)
+        self._changed = changed
+        self._stops: deque[str] = deque(maxlen=KNOWN_STOPS)
+
+    def seat(self, link: Session, now: float) -> None:
+        """The page has the seat now."""
+        super().seat(link, now)
+        self.links[link] = None
+        self._changed()
+
+    def stop(self, who: str, press: Stop, now: float) -> None:
+        """Somebody who paired presses Stop; the second way of the same press changes nothing."""
+        if press.id in self._stops:
+            return
+        self._stops.append(press.id)
+        self.ask(Request.QUICKSTOP)
+        if press.stale:
+            self.tell(STALE_PAGE, f"{who} pressed Stop while the page was not told of the robot", now)
+
+    def _leave(self, seat: Seat, now: float, why: str) -> None:
+        if self.owner is not None:
+            self.links.pop(self.owner, None)
+        super()._leave(seat, now, why)
+        self._changed()
+
+
+class PageSession(Session):
+    """One page, as long as it is connected."""
+
+    def __init__(self, end: PageSeats, who: str, now: float, send: Send) -> None:
+        """`who` it is, for people; `send` has it told something, and never waits."""
+        super().__init__(end, who, now)
+        self._seats, self._send = end, send
+
+    def receive(self, text: str | bytes, now: float) -> None:
+        """Take what it says at `now` [s]."""
+        if self.closing or not self._may_be_read(now):
+            if self._dropped:
+                self._seats.tell("NET-10", f"{self.who}: {self._dropped} messages dropped unread", now)
+                self._dropped = 0
+            return
+        try:
+            self._obey(said(text), now)
+        except MalformedFrame as error:
+            self._seats.tell("NET-09", f"{self.who}: {error}", now)
+            self._part(now, "it sent what cannot be read")
+
+    def tell(self, message: dict[str, Any]) -> None:
+        """Have it told something."""
+        self._send(message)
+
+    def left(self, now: float) -> None:
+        """It is gone."""
+        self._seats.disconnected(self, now)
+
+    def beat(self, status: bytes, now: float) -> None:
+        """Send a sign of life to who has the seat."""
+        age, round_trip = self.newest
+        self._send({"t": "beat", "n": self._count_beat(now), "age": age, "trip": round_trip})
+
+    def _obey(self, wanted: Said, now: float) -> None:
+        match wanted:
+            case Stop():
+                self._seats.stop(self.who, wanted, now)
+                self._send({"t": "stopping", "id": wanted.id})
+            case Ping():
+                self._send({"t": "pong", "at": wanted.at})
+            case Take():
+                self._take_seat(wanted.who, now)
+            case GiveBack():
+                self._seats.release(self, now)
+            case Hold() if self._seats.owner is self:
+                if self._is_new(wanted.seq, now):
+                    self._take(_command(wanted), now)
+            case Hold():  # on its way when the seat was lost
+                pass
+
+    def _take_seat(self, name: str, now: float) -> None:
+        owner = self._seats.owner
+        if owner is self:
+            return
+        if owner is not None:
+            self._seats.tell("NET-08", f"{self.who} was refused: {owner.who} has control", now)
+            self._send({"t": "refused", "why": f"{owner.who} has control"})
+            return
+        if name.isprintable() and name:
+            self.who = f"{name} at {self.peer}"
+        self._begin(now)
+        self._seats.seat(self, now)
+
+    def _part(self, now: float, why: str) -> None:
+        self._send({"t": "parted", "why": why})
+        self._seats.disconnected(self, now, why)
+        self.closing = not why.startswith("nothing was heard")
+
+
+def _command(given: Hold) -> SentCommand:
+    return SentCommand(
+        sequence=given.seq,
+        beat=given.beat,
+        enabled=given.held,
+        neutral=given.neutral,
+        hold=given.waited / 1e3,
+        requests=tuple(REQUESTS[word] for word in given.ask),
+        axes=(given.x, given.y),
+    )

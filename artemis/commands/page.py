@@ -1,0 +1,85 @@
+"""The page for operators, as the command line knows it: its options, and how a browser is paired with it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from artemis.errors import ConfigError
+from artemis.mission.loading import LoadedMission, plugin_from
+from artemis.mission.page import PAGE
+from artemis.page.access import grouped, key_place, new_code, read_key
+from artemis.page.certificates import kept, make, names
+from artemis.page.observer import PageObserverConfig, url_of
+
+
+def page_options(port: int | None, address: str | None, tls: tuple[Path, Path] | None) -> dict[str, Any]:
+    """Keys of the page's observer, from the command line; those that were not given are left out.
+
+    For other computers the certificate is taken that `artemis page certificate` made.
+    """
+    given: dict[str, Any] = {} if port is None else {"port": port}
+    if address is not None:
+        given["listen"] = address
+        with suppress(ValueError):  # the observer says what is wrong with it
+            tls = tls or (None if ip_address(address).is_loopback else kept())
+    if tls is not None:
+        certificate, key = tls
+        given["tls"] = {"certificate": str(certificate.absolute()), "key": str(key.absolute())}
+    return given
+
+
+def page_of(loaded: LoadedMission) -> PageObserverConfig | None:
+    """The page that a run of the mission serves; None: it serves none."""
+    for use in loaded.mission.observers.values():
+        if use.plugin == PAGE:
+            _, config = plugin_from("artemis.observers", use)
+            return config if isinstance(config, PageObserverConfig) else None
+    return None
+
+
+def certify(given: Sequence[str]) -> None:
+    """Make certificates, and say what to do with them. Raises ConfigError."""
+    authority = make(given)
+    sys.stdout.write(f"for           {', '.join(names(given))}\n")
+    sys.stdout.write(f"kept in       {authority.parent}; a page at an address for other computers finds them there\n")
+    sys.stdout.write(f"trust         {authority}: install it, once, on every phone and computer that opens the page\n")
+
+
+def pair(port: int | None, address: str | None) -> None:
+    """Say how one more browser is paired. Raises ConfigError."""
+    given = page_options(port, address, None)
+    try:
+        config = PageObserverConfig.model_validate(given)
+    except ValidationError as error:
+        raise ConfigError([str(problem["msg"]) for problem in error.errors()]) from None
+    announce(config)
+
+
+def announce(config: PageObserverConfig | None) -> None:
+    """Say how a browser is paired with a page: an address with a code that is good once, in a terminal also a QR code.
+
+    Raises:
+        ConfigError: the extra is not installed, or the page's key is bad.
+    """
+    if config is None:
+        return
+    try:
+        import segno
+    except ImportError:
+        from artemis.page.observer import INSTALL
+
+        raise ConfigError(f"the page needs the package segno: {INSTALL}") from None
+    code, url = new_code(read_key(key_place())), url_of(config)
+    address = f"{url}/pair#{code}"
+    sys.stdout.write(f"page          {address}\n")
+    if sys.stdout.isatty():
+        segno.make(address, error="l").terminal(sys.stdout, border=1, compact=True)
+    sys.stdout.write(f"              or {url} and the code {grouped(code)}; it is good once, for ten minutes\n")
+    sys.stdout.flush()

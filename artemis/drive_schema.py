@@ -1,0 +1,187 @@
+"""A drive as the robot file describes it, and what is wrong with such a description."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from artemis.axles import Side
+from artemis.config import Config, Quantity
+from artemis.families import FAMILIES, GENERATIONS
+from artemis.families.cia402 import Cia402, family_from
+from artemis.families.family import MAXON, TORQUE_CONSTANT, Family
+from artemis.yaml_file import KeyPath
+
+Current = Annotated[int, Quantity(20, 65535, "mA")]
+Unsigned32 = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
+TorqueConstant = Annotated[float, Quantity(0.1, 10_000.0, "mN·m/A")]
+SiGain = Annotated[float, Quantity(0.0, 4294.0, "")]
+"""The drive keeps millionths of it in 32 bit."""
+CurrentI = Annotated[float, Quantity(0.0, 4_294_000.0, "V/(A·s)")]
+Gain = Annotated[int, Field(ge=0, le=32767)]
+PiGains = Annotated[tuple[Gain, Gain], Field(strict=False)]
+PidGains = Annotated[tuple[Gain, Gain, Gain], Field(strict=False)]
+
+
+class Motor(Config):
+    """What the drive has to know of its motor."""
+
+    type: Literal["dc", "ec_sine", "ec_block"]
+    pole_pairs: Annotated[int, Field(ge=1, le=255)]
+    continuous_current_ma: Current
+    output_current_ma: Current
+    thermal_time_constant_s: Annotated[float, Quantity(0.1, 540.0, "s")]
+    max_speed_rpm: Annotated[int, Quantity(100, 25000, "rpm")]
+    torque_constant_mnm_per_a: TorqueConstant | None = None
+    """Families that regulate torque need it; the others do not know it."""
+
+
+class Sensor(Config):
+    """On the motor shaft. `counts_per_turn`: 4 x pulses, or 6 x pole pairs with halls only."""
+
+    type: Literal["encoder_3_channel", "encoder_2_channel", "hall"]
+    counts_per_turn: Annotated[int, Field(ge=6, le=30000)]
+
+
+class Gains(Config):
+    """Regulator gains without unit, as the EPOS and the EPOS2 have them."""
+
+    current: PiGains
+    velocity: PiGains
+    position: PidGains
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """In the order of the objects: current P, I; velocity P, I; position P, I, D."""
+        return (*self.current, *self.velocity, *self.position)
+
+
+class SiGains(Config):
+    """Regulator gains in SI units, as the EPOS4 has them; angles are of the motor shaft."""
+
+    current: Annotated[tuple[SiGain, CurrentI], Field(strict=False)]
+    """P [V/A], I [V/(A·s)]."""
+    velocity: Annotated[tuple[SiGain, SiGain], Field(strict=False)]
+    """P [A·s/rad], I [A/rad]."""
+    position: Annotated[tuple[SiGain, SiGain, SiGain], Field(strict=False)]
+    """P [A/rad], I [A/(rad·s)], D [A·s/rad]."""
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """As the drive has them, in the order of `Gains.numbers`: millionths, and of current I uV/(A·ms)."""
+        proportional, integral = self.current
+        others = [round(gain * 1e6) for gain in (*self.velocity, *self.position)]
+        return (round(proportional * 1e6), round(integral * 1e3), *others)
+
+
+class Drive(Config):
+    """One drive: a node on the bus."""
+
+    family: Literal["epos1", "epos2", "epos4", "cia402"] = "epos1"
+    """Which kind of drive it is; several kinds may share a bus."""
+    node_id: Annotated[int, Field(ge=1, le=126)]
+    role: Literal["traction", "steering"]
+    side: Side
+    mirrored: bool
+    """A positive count turns the wheel backwards (traction) or to the right (steering)."""
+    hardware_version: Unsigned32
+    """What the drive must be: 0x6010 is an EPOS 24/1, 0x6210 an EPOS 24/5 (the last digit of an EPOS and an EPOS2 does
+    not count), 0x6150 an EPOS4 50/5; of another CiA 402 drive its product code."""
+    min_firmware: Unsigned32 | None = None
+    """Lowest software version; None: the one that the family's tables were made for."""
+    serial_number: Annotated[int, Field(ge=0, le=0xFFFFFFFFFFFFFFFF)] | None = None
+    motor: Motor
+    sensor: Sensor
+    gear_ratio: Annotated[float, Quantity(1.0, 10_000.0, "motor turns per wheel turn")]
+    """Motor turns per wheel turn."""
+    gains: Gains | None = None
+    si_gains: SiGains | None = None
+    following_error_counts: Annotated[int, Field(ge=1, le=0xFFFFFFFF)] = 2000
+    cia402: Cia402 | None = None
+    """What the device profile leaves open; for `family: cia402` only."""
+
+    @property
+    def set_point(self) -> str:
+        """Name of its part of `SetPoints`: rolling speed, or angle; one in the middle has both sides alike."""
+        return f"{'speed' if self.role == 'traction' else 'steering'}_{'right' if self.side == 'right' else 'left'}"
+
+    @property
+    def tables(self) -> Family:
+        """Those of its family."""
+        return FAMILIES[self.family] if self.cia402 is None else family_from(self.cia402)
+
+    @property
+    def oldest_firmware(self) -> int:
+        """Lowest software version that is accepted."""
+        return self.tables.usual_firmware if self.min_firmware is None else self.min_firmware
+
+    @property
+    def operating_mode(self) -> int:
+        """Mode of operation (object 0x6060)."""
+        return self.tables.modes[self.role]
+
+    @property
+    def gain_numbers(self) -> tuple[int, ...]:
+        """Regulator gains as the drive has them, in the order of its objects; (): the robot file gives none."""
+        gains = self.gains or self.si_gains
+        return () if gains is None else gains.numbers
+
+
+def drive_problems(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
+    """What its family needs and is not there, or what it does not know: path of the key, and what is wrong."""
+    if (drive.cia402 is None) == (drive.family == "cia402"):
+        text = "this key is missing: it says what CiA 402 leaves open"
+        other = f"only for `family: cia402`; this drive is {drive.family}"
+        yield ("cia402",), text if drive.cia402 is None else other
+        return
+    yield from _identity(drive)
+    yield from _motor(drive)
+    yield from _profile(drive)
+
+
+def _identity(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
+    family, version = drive.tables, drive.hardware_version
+    if family.vendor == MAXON and family.generation is not None:
+        if version > 0xFFFF:
+            yield ("hardware_version",), f"expected at most 65535, found {version}"
+        elif (other := GENERATIONS.get(version >> 4 & 0xF, family)).generation != family.generation:
+            text = f"0x{version:04X} is a hardware version of the family {other.name}"
+            yield ("hardware_version",), f"{text} ({other.title}), this drive is {family.name}"
+    if drive.oldest_firmware < family.oldest_firmware:
+        text = f"expected at least 0x{family.oldest_firmware:04X}, found 0x{drive.oldest_firmware:04X}"
+        yield ("min_firmware",), f"{text}: older ones do not watch our heartbeat"
+
+
+def _motor(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
+    family, motor, sensor = drive.tables, drive.motor, drive.sensor
+    wants_torque = any(quantity == TORQUE_CONSTANT for _, quantity in family.configuration)
+    if wants_torque != (motor.torque_constant_mnm_per_a is not None):
+        text = "this key is missing: of the motor's data sheet" if wants_torque else "has no object for it"
+        yield ("motor", "torque_constant_mnm_per_a"), f"{text} ({family.title})"
+    if not family.drives(motor.type, sensor.type):
+        yield ("sensor", "type"), f"a motor of type {motor.type} cannot be driven with {sensor.type} ({family.title})"
+    in_si = family.gains_in_si
+    for key, given, fits in (
+        ("gains", drive.gains, bool(family.gains) and not in_si),
+        ("si_gains", drive.si_gains, in_si),
+    ):
+        if given is not None and not fits:
+            other = "si_gains" if in_si else "gains" if family.gains else "the maker's own tool"
+            yield (key,), f"not for this drive ({family.title}): use {other}"
+
+
+def _profile(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
+    """Of a drive that is described by the robot file alone."""
+    words = drive.cia402
+    if words is None:
+        return
+    if (words.operating_mode == 8) != (drive.role == "steering"):
+        fits = "8" if drive.role == "steering" else "3 or 9"
+        yield ("cia402", "operating_mode"), f"expected {fits} for {drive.role}, found {words.operating_mode}"
+    if drive.role == "steering" and words.analog_inputs is None:
+        yield ("cia402", "analog_inputs"), "this key is missing: a steered wheel has two potentiometers"
+    for pdo in drive.tables.sent[drive.role]:
+        if (length := sum(object.type.size for object in pdo)) > 8:
+            yield ("cia402",), f"{', '.join(map(str, pdo))} have {length} bytes; a PDO holds 8"

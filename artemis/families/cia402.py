@@ -1,0 +1,227 @@
+"""Any other drive of the device profile CiA 402 on CANopen: what the profile leaves open, the robot file says.
+
+Sources: CiA 402 (states, modes, option codes, units); what drivers of several makers' drives have to be told
+(`ros-industrial/ros2_canopen`, and the threads about it).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from artemis.config import Config, Quantity
+from artemis.families.family import (
+    CIA402_MASK,
+    CIA402_STATES,
+    STEERING,
+    SYNC_PERIOD,
+    TRACTION,
+    Bits,
+    Family,
+    OptionCode,
+)
+from artemis.families.objects import (
+    ABORT_CONNECTION,
+    ACCELERATION,
+    CONSUMER_HEARTBEAT,
+    CONTROLWORD,
+    DECELERATION,
+    FAULT_REACTION,
+    FOLLOWING_ERROR,
+    INTERPOLATION_EXPONENT,
+    INTERPOLATION_TIME,
+    LIMIT_OFF,
+    LOST_HEARTBEAT,
+    MODE,
+    MODE_DISPLAY,
+    POSITION,
+    POSITION_LIMITS,
+    PRODUCER_HEARTBEAT,
+    PRODUCT,
+    QUICK_STOP_DECELERATION,
+    QUICK_STOP_OPTION,
+    REVISION,
+    STATUSWORD,
+    TARGET_POSITION,
+    TARGET_VELOCITY,
+    TOP_PROFILE_VELOCITY,
+    VELOCITY,
+    Object,
+    ObjectType,
+    Setting,
+)
+
+PROFILE_VELOCITY = 3
+"""Mode of operation."""
+Unsigned32 = Annotated[int, Field(ge=0, le=0xFFFFFFFF)]
+OptionValue = Annotated[int, Field(ge=-128, le=127)]
+Scale = Annotated[float, Quantity(1e-6, 1e9, "")]
+
+
+class ObjectWords(Config):
+    """An object of the drive."""
+
+    index: Annotated[int, Field(ge=0x1000, le=0xFFFF)]
+    subindex: Annotated[int, Field(ge=0, le=255)] = 0
+    type: Literal["u8", "u16", "u32", "i8", "i16", "i32"]
+
+    @property
+    def object(self) -> Object:
+        """As the driver knows it."""
+        return Object(self.index, self.subindex, ObjectType[self.type.upper()])
+
+
+class SettingWords(ObjectWords):
+    """A value that the drive must have before it is enabled."""
+
+    value: int
+
+
+class CurrentWords(ObjectWords):
+    """The motor current, an object that can be mapped into a PDO."""
+
+    units_per_a: Scale
+
+
+class AnalogWords(ObjectWords):
+    """One analog input, an object that can be mapped into a PDO."""
+
+    units_per_v: Scale
+
+
+class OptionCodes(Config):
+    """What the drive does by itself; None: it has no such object, and is not asked."""
+
+    abort_connection: OptionValue | None = None
+    """0x6007: our heartbeat is lost."""
+    quick_stop: OptionValue | None = None
+    """0x605A."""
+    fault_reaction: OptionValue | None = None
+    """0x605E."""
+
+
+class Cia402(Config):
+    """What CiA 402 leaves open. `hardware_version` is the product code 0x1018:2, `min_firmware` the revision :3."""
+
+    vendor_id: Unsigned32
+    """Object 0x1018:1."""
+    operating_mode: Literal[3, 8, 9]
+    """Traction: profile velocity (3) or cyclic synchronous velocity (9); steering: cyclic synchronous position (8)."""
+    velocity_units_per_rpm: Scale
+    """Of 0x60FF, 0x606C and 0x607F; rpm of the motor shaft."""
+    acceleration_units_per_rpm_s: Scale
+    """Of 0x6083 to 0x6085."""
+    current: CurrentWords | None = None
+    """None: nobody measures it."""
+    analog_inputs: Annotated[tuple[AnalogWords, AnalogWords], Field(strict=False)] | None = None
+    """Both potentiometers of a steered wheel."""
+    option_codes: OptionCodes = OptionCodes()
+    settings: Annotated[tuple[SettingWords, ...], Field(strict=False)] = ()
+    """Written after everything else, in this order."""
+    reset_after_lost_heartbeat: bool = False
+    """A fault reset is refused until its communication was reset."""
+    interpolation_period: bool = True
+    """It has object 0x60C2, which is given the SYNC period in the cyclic modes."""
+    reset_time_s: Annotated[float, Quantity(0.05, 30.0, "s")] = 2.0
+    """A node that was reset answers again after it."""
+    state_time_s: Annotated[float, Quantity(0.05, 30.0, "s")] = 1.5
+    """Longest wait for a device state."""
+
+
+ERRORS = {
+    0x1000: "DRV-01",
+    0x2310: "DRV-02",
+    0x3210: "DRV-03",
+    0x3220: "DRV-04",
+    0x4210: "DRV-06",
+    0x4310: "DRV-06",
+    0x5113: "DRV-05",
+    0x6100: "DRV-07",
+    0x6320: "DRV-08",
+    0x7320: "DRV-11",
+    0x8110: "DRV-18",
+    0x8120: "DRV-19",
+    0x8130: "DRV-20",
+    0x8150: "DRV-21",
+    0x8210: "DRV-24",
+    0x8611: "DRV-25",
+}
+"""Codes that CiA 301 and CiA 402 give a meaning."""
+
+
+@cache
+def family_from(words: Cia402) -> Family:
+    """The family of one drive that is described so."""
+    set_points = {TRACTION: TARGET_VELOCITY, STEERING: TARGET_POSITION}
+    current = words.current.object if words.current else None
+    analog = tuple(each.object for each in words.analog_inputs or ())
+    more = (current,) if current else ()
+    return Family(
+        name="cia402",
+        title="CiA 402 drive",
+        vendor=words.vendor_id,
+        generation=None,
+        hardware=Bits(object=PRODUCT),
+        hardware_mask=0xFFFFFFFF,
+        firmware=Bits(object=REVISION),
+        oldest_firmware=0,
+        usual_firmware=0,
+        mask=CIA402_MASK,
+        states=CIA402_STATES,
+        modes=dict.fromkeys(set_points, words.operating_mode),
+        set_points=set_points,
+        received={role: ((CONTROLWORD, target), (CONTROLWORD,)) for role, target in set_points.items()},
+        sent={
+            TRACTION: ((STATUSWORD, POSITION, MODE_DISPLAY), (VELOCITY, *more)),
+            STEERING: ((STATUSWORD, POSITION, MODE_DISPLAY), (*analog, *more)),
+        },
+        velocity=VELOCITY,
+        current=current,
+        analog=analog,
+        velocity_scale=words.velocity_units_per_rpm,
+        acceleration_scale=words.acceleration_units_per_rpm_s,
+        current_scale=words.current.units_per_a if words.current else 1.0,
+        analog_scale=words.analog_inputs[0].units_per_v if words.analog_inputs else 1.0,
+        configuration=_configuration(words),
+        choices={},
+        option_codes=_option_codes(words.option_codes),
+        moves_valid_pdos=False,
+        errors=ERRORS,
+        resets={LOST_HEARTBEAT: "communication"} if words.reset_after_lost_heartbeat else {},
+        bit_rate=None,
+        bit_rates={},
+        reset_time=words.reset_time_s,
+        state_time=words.state_time_s,
+    )
+
+
+def _configuration(words: Cia402) -> tuple[tuple[Object, int | str], ...]:
+    interpolates = words.interpolation_period and words.operating_mode != PROFILE_VELOCITY
+    interpolation = ((INTERPOLATION_EXPONENT, -3), (INTERPOLATION_TIME, SYNC_PERIOD)) if interpolates else ()
+    return (
+        (FOLLOWING_ERROR, "following error"),
+        *zip(POSITION_LIMITS, LIMIT_OFF, strict=True),
+        (TOP_PROFILE_VELOCITY, "top velocity"),
+        (ACCELERATION, "acceleration"),
+        (DECELERATION, "deceleration"),
+        (QUICK_STOP_DECELERATION, "quick-stop deceleration"),
+        (PRODUCER_HEARTBEAT, "node heartbeat"),
+        (CONSUMER_HEARTBEAT, "host watch"),
+        *interpolation,
+        (MODE, "mode"),
+        *((each.object, each.value) for each in words.settings),
+    )
+
+
+def _option_codes(words: OptionCodes) -> tuple[OptionCode, ...]:
+    return tuple(
+        OptionCode(setting=Setting(object, value), name=name)
+        for object, value, name in (
+            (ABORT_CONNECTION, words.abort_connection, "reaction to a lost connection"),
+            (QUICK_STOP_OPTION, words.quick_stop, "quick stop"),
+            (FAULT_REACTION, words.fault_reaction, "reaction to a fault"),
+        )
+        if value is not None
+    )

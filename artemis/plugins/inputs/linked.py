@@ -1,0 +1,152 @@
+"""What inputs share whose operator is at the other end of a link: the link's reports become samples.
+
+A process of its own alone reads what comes from the network. A sample's age counts from the robot's beat that the
+operator's command quotes, plus the age of the operator's device. After every gap, and for everyone who takes the seat,
+all controls are released once before the enable button counts.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import suppress
+from typing import ClassVar, Protocol
+
+import msgspec
+
+from artemis.bridges.operator.session import FRESH, Arrived, LinkReport, Problem
+from artemis.errors import DeviceLost
+from artemis.plugins.contracts import PluginContext
+from artemis.plugins.stated import STALE
+from artemis.values import OperatorInput, Request
+
+LINK_LOST, LATENCY = "NET-01", "NET-02"
+
+
+class LinkPort(Protocol):
+    """The link as the input sees it."""
+
+    def watch(self, news: Callable[[], None]) -> None:
+        """Have `news` called on the running loop when there are reports."""
+
+    def take(self) -> list[LinkReport]:
+        """The reports since the last call, oldest first. Raises DeviceLost."""
+
+    def tell(self, status: bytes) -> None:
+        """What the robot does, for the operator."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+class LinkedInput(ABC):
+    """One operator at a time, at the other end of a link."""
+
+    stale_s: ClassVar[float] = FRESH
+    """A command counts until the beat that it quotes is so old [s]."""
+
+    def __init__(self, context: PluginContext, port: LinkPort | None, clock: Callable[[], float] | None = None) -> None:
+        """Watch the link.
+
+        Args:
+            context: Of the run.
+            port: The link; None: there is none, as where a mission is only checked.
+            clock: Of the link's times [s]; None: the running loop's.
+        """
+        self._name, self._wake, self._clock = context.name, context.wake, clock
+        self._arrived: Arrived | None = None
+        self._report = LinkReport()
+        self._late: tuple[float, float] = (-math.inf, 0.0)
+        self._requests: list[Request] = []
+        self._problems: list[Problem] = []
+        self._released = False
+        self._port = port
+        if port is not None:
+            port.watch(self._hear)
+
+    @abstractmethod
+    def _wish(self, arrived: Arrived, now: float) -> tuple[float, float]:
+        """Speed [m/s] and angle [rad] of the virtual front wheel that a command wishes at `now` [s]."""
+
+    def read(self, now: float) -> OperatorInput:
+        """What the operator wishes, as far as it still counts.
+
+        Raises:
+            DeviceLost: the link's process has ended, or there is none.
+        """
+        if self._port is None:
+            raise DeviceLost(self._name, "an operator needs real time: leave `pace: fast` out of the mission")
+        try:
+            self._take()
+        except DeviceLost:
+            requests, self._requests = tuple(self._requests), []
+            if Request.QUICKSTOP not in requests:  # a stop goes first
+                raise
+            return OperatorInput(source=self._name, neutral=False, requests=(Request.QUICKSTOP,))
+        requests, self._requests = tuple(self._requests), []
+        sample = self._sample((self._clock or asyncio.get_running_loop().time)())
+        return msgspec.structs.replace(sample, requests=requests)
+
+    def take_problems(self) -> list[Problem]:
+        """What is wrong with the link since the last call: rows of the fault table, and what was seen."""
+        problems, self._problems = self._problems, []
+        return problems
+
+    def _hear(self) -> None:
+        """Between two ticks; that the process has ended is for the next `read` to say."""
+        with suppress(DeviceLost):
+            self._take()
+
+    def _take(self) -> None:
+        """Take the link's reports; a quick stop does not wait for the next tick."""
+        assert self._port is not None
+        for report in self._port.take():
+            if (report.seat, report.since) != (self._report.seat, self._report.since):
+                self._released, self._late = False, (-math.inf, 0.0)
+            self._report, self._arrived = report, report.newest
+            self._late = report.late or self._late
+            self._requests += report.requests
+            self._problems += report.problems
+            if Request.QUICKSTOP in report.requests:
+                self._wake()
+
+    def _sample(self, now: float) -> OperatorInput:
+        """What the newest command wishes at `now` [s] of the link's clock."""
+        report, arrived = self._report, self._arrived
+        if report.seat == "free":
+            self._released = False
+            return OperatorInput(source=self._name, neutral=report.who != "", age=0.0 if report.who else None)
+        if report.seat == "lost":
+            self._released = False
+            self._problems.append((LINK_LOST, f"{report.who}: {report.why}"))
+            return OperatorInput(source=self._name, neutral=False, age=max(now - report.since, 0.0) + self.stale_s)
+        quoted = max(now - (report.since if arrived is None else arrived.sent), 0.0)
+        frozen = arrived is not None and arrived.age > STALE  # his device: INP-03
+        age = quoted + (0.0 if arrived is None else arrived.age)
+        if quoted > self.stale_s or (age > self.stale_s and not frozen):
+            self._released = False
+            late, how_old = self._late
+            if now - late <= self.stale_s:
+                self._problems.append((LATENCY, f"{report.who}: commands are {how_old * 1e3:.0f} ms old"))
+            else:
+                self._problems.append((LINK_LOST, f"{report.who}: nothing new for {age * 1e3:.0f} ms"))
+        if arrived is None:  # just seated: the first command is on its way
+            return OperatorInput(source=self._name, neutral=False, age=age)
+        if not arrived.heard:
+            self._released = False
+            return OperatorInput(source=self._name, neutral=False)
+        self._released = age <= self.stale_s and (self._released or arrived.neutral)
+        speed, steering = self._wish(arrived, now)
+        return OperatorInput(
+            source=self._name,
+            speed=speed,
+            steering=steering,
+            enabled=arrived.enabled and self._released,
+            neutral=arrived.neutral and not arrived.enabled,
+            age=age,
+            raw=(arrived.speed, arrived.steering),
+            axes=arrived.axes,
+            buttons=(arrived.enabled,),
+        )

@@ -1,0 +1,32 @@
+"""The simulated drive for a drive of a robot file: which class each family has."""
+
+from __future__ import annotations
+
+from artemis.drive_schema import Drive
+from artemis.errors import ConfigError
+from artemis.sim.axis import Axis
+from artemis.sim.epos import SimEpos
+from artemis.sim.epos4 import SimEpos4
+from artemis.sim.epos_settings import SimSettings
+
+NODES: dict[str, type[SimEpos]] = {"epos1": SimEpos, "epos4": SimEpos4}
+"""By the key `family` of a drive."""
+
+
+def simulated_drive(drive: Drive, axis: Axis, *, name: str, settings: SimSettings | None = None) -> SimEpos:
+    """A simulated drive of its family, without power.
+
+    Args:
+        drive: As the robot file has it.
+        axis: What it moves.
+        name: Its name there.
+        settings: How it behaves.
+
+    Raises:
+        ConfigError: No drive of this family can be simulated.
+    """
+    kind = NODES.get(drive.family)
+    if kind is None:
+        known = " and ".join(NODES)
+        raise ConfigError(f"{name} is of family {drive.family}, which cannot be simulated; {known} can")
+    return kind(drive, axis, name=name, settings=settings)

@@ -1,0 +1,121 @@
+"""Take the pictures of the page for operators, in a real browser, from simulated runs: `make page-pictures`.
+
+Needs what `scripts/browser` installs.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parents[1] / "tests"))
+
+from page_rig import PageRig, page_rig, recorded  # noqa: E402
+
+from artemis.values import Mode, Tick  # noqa: E402
+
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
+DESKTOP = {"viewport": {"width": 1280, "height": 800}}
+HALL, LOOP, FAULT = "patrol_hall.yaml", "figure_eight.yaml", "fault_recovery_by_hand.yaml"
+UNTIL = {HALL: 45.0, LOOP: 40.0, FAULT: 25.0}
+"""Seconds of each run."""
+
+
+def at(time: float) -> Callable[[Tick], bool]:
+    """The tick at a run time [s]."""
+    return lambda tick: tick.snapshot.time >= time
+
+
+@contextmanager
+def shown(mission: str, wanted: Callable[[Tick], bool], home: Path) -> Iterator[PageRig]:
+    """The page of a run, at the first tick that is as wanted."""
+    run = recorded(mission, UNTIL[mission], home)
+    with page_rig(run, home) as rig:
+        rig.show(run.at(wanted))
+        yield rig
+
+
+def opened(browser: Any, rig: PageRig, options: Mapping[str, Any], scheme: str = "light") -> Any:  # noqa: ANN401 (of playwright)
+    """A paired page that shows it."""
+    page = browser.new_context(color_scheme=scheme, **options).new_page()
+    page.set_default_timeout(120_000)
+    page.goto(rig.pairing())
+    page.wait_for_url(f"{rig.url}/")
+    page.wait_for_selector("body[data-link=ok]")
+    until(page, "artemis.control.trip !== null && Boolean(artemis.state)")
+    return page
+
+
+def until(page: Any, wanted: str) -> None:  # noqa: ANN401
+    """Wait: the page's content policy keeps playwright's own way of waiting out."""
+    while not page.evaluate(wanted):
+        page.wait_for_timeout(50)
+
+
+def take_control(page: Any, *, hold: bool) -> None:  # noqa: ANN401
+    """Take control; and hold the stick."""
+    page.click("#take")
+    page.wait_for_selector("#stick", state="visible")
+    box = page.locator("#stick").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    while hold and not page.evaluate("artemis.hand().held"):
+        page.mouse.up()
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x - 34, y - 50, steps=3)
+
+
+def picture(page: Any, name: str) -> None:  # noqa: ANN401
+    """Keep what is seen."""
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    page.screenshot(path=HERE / f"page_{name}.png")
+
+
+def take(browser: Any, home: Path) -> None:  # noqa: ANN401
+    """All of them."""
+    with shown(HALL, at(40.0), home) as rig:
+        page = opened(browser, rig, DESKTOP)
+        take_control(page, hold=False)
+        picture(page, "desktop")
+        page = opened(browser, rig, PHONE)
+        until(page, "document.getElementById('seat').textContent.includes('has control')")
+        browser.contexts[0].close()
+        take_control(page, hold=True)
+        picture(page, "phone")
+    with shown(LOOP, at(39.0), home) as rig:
+        page = opened(browser, rig, DESKTOP, "dark")
+        page.click("#tab-charts")
+        page.wait_for_selector("#charts .uplot canvas")
+        page.wait_for_timeout(700)
+        picture(page, "charts")
+    with shown(FAULT, lambda tick: tick.mode is Mode.FAULT and "acknowledge" in tick.wish.phase, home) as rig:
+        page = opened(browser, rig, DESKTOP)
+        take_control(page, hold=False)
+        page.click("#tab-faults")
+        picture(page, "fault")
+
+
+def main() -> None:
+    """Compute the runs, then show them: the browser's driver has a loop of its own in this thread."""
+    from playwright.sync_api import sync_playwright
+
+    with tempfile.TemporaryDirectory() as folder:
+        home = Path(folder)
+        os.environ["XDG_CONFIG_HOME"] = folder
+        for mission, until in UNTIL.items():
+            recorded(mission, until, home)
+        with sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+            take(browser, home)
+            browser.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""Whole runs on drives of other families, alone and mixed: bring-up, driving, stops, faults, the ordered end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+from rig import CALIBRATE, MISSIONS, Rig, WatchedWorld, follow, write_mission
+
+from artemis.drive_states import DriveState, Nmt
+from artemis.mission.loading import load_mission
+from artemis.values import Mode, Request
+
+EPOS4 = "artemis_epos4.yaml"
+AGAIN = {"operator": [{"at_s": 12.0, "do": "acknowledge"}, {"at_s": 22.0, "do": "arm"}]}
+
+
+def mixed(mission: Path) -> Path:
+    """The mission with traction drives of the first generation beside steering drives of the fourth."""
+    robot = mission.with_name("artemis.yaml")
+    drives = yaml.safe_load((MISSIONS / "robots/artemis.yaml").read_text())["drives"]
+    described = yaml.safe_load(robot.read_text())
+    described["drives"].update({name: drive for name, drive in drives.items() if drive["role"] == "traction"})
+    robot.write_text(yaml.safe_dump(described, sort_keys=False))
+    return mission
+
+
+def ended_in_order(rig: Rig) -> bool:
+    """Every drive is off, without a fault, Pre-Operational, and watches nobody."""
+    assert rig.world is not None
+    return all(
+        (node.state, node.nmt, node.read(0x1016, 1)) == (DriveState.SWITCH_ON_DISABLED, Nmt.PRE_OPERATIONAL, 0)
+        for node in rig.world.nodes
+    )
+
+
+@pytest.mark.exhaustive
+def test_two_generations_drive_one_robot(tmp_path: Path) -> None:
+    rig = Rig(mixed(write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=EPOS4)))
+    seen = rig.run()
+    assert (seen.status, seen.fault_ids, seen.is_done) == (0, [], True)
+    assert {drive.name: drive.mode for drive in seen.ticks[-1].snapshot.sensed.drives} == {
+        "traction-left": 3,
+        "traction-right": 3,
+        "steer-left": 8,
+        "steer-right": 8,
+    }
+    assert seen.cross_track() < 0.005
+    assert ended_in_order(rig)
+    assert seen.recompute().difference is None
+
+
+@pytest.mark.exhaustive
+def test_a_quick_stop_is_the_drives_own_and_they_go_on_when_armed(tmp_path: Path) -> None:
+    simulation = {"operator": [{"at_s": 16.0, "do": "arm"}]}
+    rig = Rig(write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=EPOS4, simulation=simulation))
+    rig.while_following(rig.request(Request.QUICKSTOP), name="stop")
+    seen = rig.run()
+    assert Mode.QUICKSTOP in seen.modes
+    assert (seen.status, seen.fault_ids, seen.is_done) == (0, [], True)
+    stopped = [tick for tick in seen.in_mode(Mode.QUICKSTOP) if tick.standing]
+    assert stopped[0].now - seen.acts["stop"] < 0.4 / 1.5 + 0.15
+    assert ended_in_order(rig)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(
+    ("code", "row", "reset"),
+    [(0x8130, "DRV-20", 0x82), (0x8611, "DRV-25", None), (0xFF02, "DRV-39", 0x81), (0x8250, "DRV-38", None)],
+)
+def test_an_error_of_an_epos4_means_its_own_row_and_goes_on_once_acknowledged(
+    tmp_path: Path, code: int, row: str, reset: int | None
+) -> None:
+    rig = Rig(write_mission(tmp_path, [{"wait": {"seconds": 20.0}}], robot=EPOS4, simulation=AGAIN), longest=80.0)
+    seen = rig.at(8.0, rig.emergency("steer-left", code)).run()
+    assert seen.faults[0].id == row
+    assert f"EMCY 0x{code:04X}" in seen.faults[0].text
+    assert (seen.status, seen.is_done) == (0, True)
+    resets = [
+        frame.data[0]
+        for tick in seen.seen
+        if tick.time > 8.0
+        for frame in tick.sent
+        if frame.id == 0 and frame.data[1] == 3 and frame.data[0] in (0x81, 0x82)
+    ]
+    assert resets[:1] == ([0x82] if reset is None else [reset]), "0x82 comes with each proof of the watchdog"
+    assert ended_in_order(rig)
+
+
+@pytest.mark.parametrize(("described", "present"), [(EPOS4, "artemis.yaml"), ("artemis.yaml", EPOS4)])
+def test_drives_of_another_family_are_refused_before_they_are_configured(
+    tmp_path: Path, described: str, present: str
+) -> None:
+    other = load_mission(write_mission(tmp_path / "present", [{"wait": {"seconds": 1.0}}], robot=present))
+    rig = Rig(
+        write_mission(tmp_path / "described", [{"wait": {"seconds": 1.0}}], robot=described),
+        world=WatchedWorld(other.robot),
+    )
+    seen = rig.run()
+    assert seen.status == 1
+    assert seen.faults[0].id == "COM-33"
+    family, told = other.robot.drives["traction-left"].family, seen.faults[0].text
+    assert f"is of family {family} (" in told
+    assert told.endswith(f"the robot file says {'epos4' if described == EPOS4 else 'epos1'})")
+    assert rig.drive("traction-left").read(0x1017) == 0, "nothing was written"

@@ -1,0 +1,79 @@
+"""`--page`: what it adds to a mission, what it refuses, and that such a run still replays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from page_rig import MISSIONS
+
+from artemis.app import Parts, run_mission
+from artemis.clock import SimulatedLoop
+from artemis.commands.replay import replay_run
+from artemis.errors import ConfigError
+from artemis.mission.loading import load_mission
+from artemis.mission.page import add_page, has_page
+from artemis.planning import inputs_used, is_fast, plan_from, plugin_made, setup_for
+from artemis.plugins.inputs.scripted import ScriptedInput
+from artemis.states.plan import TeleopStep
+
+
+def test_the_page_drives_beside_the_others_and_no_faster() -> None:
+    loaded = load_mission(MISSIONS / "teleop_keyboard.yaml", page={"port": 9999})
+    (step,) = (step for step in plan_from(loaded).steps if isinstance(step, TeleopStep))
+    assert (step.input, step.lower, step.speed) == ("keys", ("page",), 0.5)
+    assert loaded.mission.inputs["page"].options == {"required": False, "max_speed_m_s": 0.5}
+    assert loaded.mission.observers["page"].options == {"input": "page", "port": 9999}
+
+
+def test_a_mission_without_an_operator_is_left_as_it_is_and_keeps_real_time() -> None:
+    plain = load_mission(MISSIONS / "figure_eight.yaml")
+    with_page = load_mission(MISSIONS / "figure_eight.yaml", page={})
+    assert [type(step) for step in plan_from(plain).steps] == [type(step) for step in plan_from(with_page).steps]
+    assert (is_fast(plain), is_fast(with_page)) == (True, False)
+
+
+def test_a_mission_s_own_page_stays() -> None:
+    loaded = load_mission(MISSIONS / "page_teleop.yaml", page={"port": 9999})
+    assert loaded.mission.inputs["page"].options == {"max_speed_m_s": 0.7}
+    assert loaded.mission.observers["page"].options == {"port": 9999}
+
+
+def test_adding_it_again_changes_nothing() -> None:
+    mission: dict[str, Any] = {"inputs": {"a": {"plugin": "x"}}, "steps": [{"teleop": {"input": "a"}}]}
+    assert not has_page(mission)
+    add_page(mission, {})
+    assert has_page(mission)
+    assert mission["steps"] == [{"teleop": {"inputs": ["a", "page"]}}]
+    once = repr(mission)
+    add_page(mission, {})
+    assert repr(mission) == once
+
+
+@pytest.mark.parametrize("section", ["inputs", "observers"])
+def test_another_thing_of_its_name_is_refused(section: str) -> None:
+    with pytest.raises(ConfigError, match=f"{section}.page"):
+        add_page({section: {"page": {"plugin": "other"}}}, {})
+
+
+@pytest.mark.parametrize("mission", [{}, {"inputs": 3, "observers": [], "steps": "x"}, {"steps": [{"teleop": 3}, 4]}])
+def test_what_is_no_mission_is_left_to_its_reader(mission: dict[str, Any]) -> None:
+    add_page(mission, {})
+
+
+def test_a_run_with_a_page_that_was_added_replays(tmp_path: Path) -> None:
+    """The recorded file of the mission does not have the page; the recorded mission has."""
+    loaded = load_mission(MISSIONS / "teleop_scripted.yaml", page={})
+    mission = loaded.mission.model_copy(update={"record": str(tmp_path), "observers": {}})
+    loaded = replace(loaded, mission=mission)
+    uses = inputs_used(loaded, simulated=True)
+    devices = {
+        name: plugin_made("artemis.inputs", use, setup_for(loaded, name))
+        for name, use in uses.items()
+        if name != "page"
+    }
+    assert any(isinstance(device, ScriptedInput) for device in devices.values())
+    outcome = run_mission(loaded, MISSIONS / "teleop_scripted.yaml", parts=Parts(inputs=devices, loop=SimulatedLoop))
+    assert replay_run(outcome.run.path) == 0

@@ -1,0 +1,115 @@
+"""What a page is told of a run: numbers, faults in words, the step tree; paths, scans and maps as parts."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from page_rig import Recorded, recorded
+
+from artemis.mapping.occupancy import OccupancyMap, ShownMap
+from artemis.motion.poses import seen_from
+from artemis.page.view import MOST_BEAMS, MOST_TRAIL, PageView, mission_in
+from artemis.values import Mode, Pose
+
+
+@pytest.fixture(scope="module")
+def faulty(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    return recorded("fault_recovery_by_hand.yaml", 25.0, tmp_path_factory.mktemp("runs"))
+
+
+@pytest.fixture(scope="module")
+def scanned(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    return recorded("look_around.yaml", 9.0, tmp_path_factory.mktemp("runs"))
+
+
+def view_of(run: Recorded) -> PageView:
+    mission = mission_in(run.loaded.mission.model_dump_json(by_alias=True).encode())
+    return PageView(run.loaded.robot, mission, run.loaded.routes)
+
+
+def seen(run: Recorded, view: PageView) -> Iterator[int]:
+    for number, (tick, traffic) in enumerate(run.ticks):
+        view.see(tick, traffic, tick.snapshot.time)
+        yield number
+
+
+def test_a_fault_comes_in_the_words_of_the_fault_table(faulty: Recorded) -> None:
+    view = view_of(faulty)
+    at = faulty.at(lambda tick: tick.mode is Mode.FAULT)
+    for number in seen(faulty, view):
+        if number == at:
+            break
+    version, faults = view.parts["faults"]
+    assert version > 1
+    worst = faults[0]
+    assert set(worst) == {"id", "device", "text", "severity", "look", "artemis", "next"}
+    assert all(worst[name] for name in ("id", "text", "look", "artemis", "next"))
+    state = view.state(faulty.ticks[at][0])
+    assert (state["mode"], state["severity"]) == ("fault", worst["severity"])
+    assert any(line["kind"] == "fault" and worst["id"] in line["text"] for line in view.log)
+
+
+def test_every_state_is_json_of_finite_numbers(faulty: Recorded) -> None:
+    view = view_of(faulty)
+    for number in seen(faulty, view):
+        if number % 50 == 0:
+            text = msgspec.json.encode(view.state(faulty.ticks[number][0]))
+            assert b"NaN" not in text
+            assert b"Infinity" not in text
+            assert len(text) < 2500
+    about = view.about()
+    assert len(about["series"]) == len(view.history[0])
+    assert about["steps"]["numbered"]
+    assert len(view.trail) <= MOST_TRAIL
+
+
+def test_the_path_of_a_step_comes_once_and_leaves_with_it(faulty: Recorded) -> None:
+    view = view_of(faulty)
+    versions = {view.parts["path"][0] for _ in seen(faulty, view)}
+    assert len(versions) == len({tick.position.step for tick, _ in faulty.ticks})
+
+
+def test_a_scan_is_where_the_scanner_saw_it(scanned: Recorded) -> None:
+    view = view_of(scanned)
+    for number in seen(scanned, view):
+        scans = scanned.ticks[number][0].snapshot.sensed.scans
+        if scans and view.parts["scan"][1] is not None and number > 100:
+            break
+    scan, located = scans[-1], scanned.ticks[number][0].snapshot.pose
+    points = np.frombuffer(base64.b64decode(view.parts["scan"][1]), "<i4").reshape(-1, 2) / 100
+    mounting = scanned.loaded.robot.scanners[scan.source]
+    x, y = points[0]
+    step = -(-len(scan.millimetres) // MOST_BEAMS)
+    beam = step * next(index for index, range in enumerate(scan.millimetres[::step]) if range > 0)
+    local = seen_from(located.pose, Pose(x=x, y=y))
+    away = np.hypot(local.x - mounting.x_m, local.y - mounting.y_m)
+    angle = np.arctan2(local.y - mounting.y_m, local.x - mounting.x_m) - mounting.heading
+    assert away == pytest.approx(scan.millimetres[beam] / 1000, abs=0.02)
+    assert np.cos(angle - (scan.start_angle + beam * scan.increment)) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_map_comes_as_runs_of_equal_cells(scanned: Recorded) -> None:
+    cells = np.array([[0, 0, 100], [-1, 100, 100]], np.int8)
+    shown = ShownMap(content=OccupancyMap(cells=cells, resolution=0.05, origin=(1.0, 2.0, 0.0)))
+    view = PageView(scanned.loaded.robot, {}, {}, lambda: shown)
+    tick, traffic = scanned.ticks[0]
+    view.see(tick, traffic, 0.0)
+    part = view.parts["map"][1]
+    assert (part["size"], part["origin"]) == ([3, 2], [1.0, 2.0, 0.0])
+    assert part["runs"] == [0, 2, 1, 1, 2, 1, 1, 2]
+    view.see(tick, traffic, 0.0)
+    assert view.parts["map"][0] == 1, "once"
+
+
+def test_a_mission_that_is_not_known_has_no_steps(scanned: Recorded) -> None:
+    assert mission_in(b"") == {}
+    assert PageView(scanned.loaded.robot, {}, {}).about()["steps"] == {"tree": None, "numbered": []}
+
+
+def test_the_key_of_a_page_is_not_in_what_is_told(faulty: Recorded, tmp_path: Path) -> None:
+    assert "key" not in view_of(faulty).about()
