@@ -13,6 +13,7 @@ from artemis.commands.calibrate_gains import FAILED, Wanted, announced, attempt,
 from artemis.commands.gains_trial import Findings, Trial
 from artemis.commands.terminal import confirmed
 from artemis.devices.epos_objects import Units
+from artemis.drive_schema import Gains
 from artemis.errors import CalibrationError, ConfigError
 from artemis.mission.actions import NewGains
 from artemis.mission.gains import MOST
@@ -34,7 +35,7 @@ from artemis.motion.step_response import SWING, StepResponse, compared, quicknes
 from artemis.planning import check_drivable, is_simulated
 from artemis.recording.mcap_reader import Recording
 from artemis.report.responses import REST, Trace, read_traces
-from artemis.vehicle import Gains, RobotFile
+from artemis.vehicle import RobotFile
 
 REPETITIONS = 3
 WORTH = 0.6

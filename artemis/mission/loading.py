@@ -141,6 +141,7 @@ class _Loading(SurroundingsChecks):
         if "obstacles" in self._data:
             self._check_obstacles((), self._part(Obstacles, "obstacles"), robot)
         self._check_scanners(robot)
+        self._check_loads(robot)
         if "mapping" in self._data:
             self._check_mapping(robot)
         scenery, grid = self._scenery()

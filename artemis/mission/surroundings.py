@@ -45,6 +45,14 @@ class SurroundingsChecks(StepChecks):
                     hint = nearest(name, robot.scanners, "scanners")
                     self._complain((*part, name), f"the robot has no such scanner{hint}")
 
+    def _check_loads(self, robot: RobotFile | None) -> None:
+        """Loads on which gains act, of drives whose gains are known."""
+        at: KeyPath = ("simulation", "true_robot", "loads")
+        for role in self._names(*at):
+            for name, drive in robot.drives.items() if robot is not None else ():
+                if drive.role == role and (drive.tables.gains_in_si or drive.gains is None):
+                    self._complain((*at, role), f"only for drives with `gains` in the robot file: {name} has none")
+
     def _check_mapping(self, robot: RobotFile | None) -> None:
         """The scanner that makes a map, and the name of its file."""
         from artemis.mission.schema import Mapping

@@ -183,11 +183,6 @@ class Axis:
         self.fail(regulators=regulators)
 
     @property
-    def top_rpm(self) -> float:
-        """Speed that the supply allows."""
-        return self.no_load_rpm * _SPEED_SHARE_PER_VOLT * self.supply_voltage
-
-    @property
     def limiting(self) -> bool:
         """The I²t limit holds the current down (EPOS firmware specification 2010, 9.12.1)."""
         return self.heat > self.continuous_current * self.continuous_current

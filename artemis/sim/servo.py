@@ -16,10 +16,10 @@ from typing import Annotated
 from pydantic import Field
 
 from artemis.config import Config, Quantity
+from artemis.drive_schema import Drive
 from artemis.motion.gain_units import POSITION_UNITS, VELOCITY_UNITS
 from artemis.sim.axis import LOADS, Axis, Load, Regulation, rolled
 from artemis.sim.regulators import Regulators
-from artemis.vehicle import Drive
 
 PERIOD = 1e-3
 """Of the velocity and position regulators [s] (EPOS hardware reference)."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from artemis.drive_schema import Drive
 from artemis.mission.loading import load_model
 from artemis.motion.gain_tuning import (
     Loop,
@@ -25,7 +26,7 @@ from artemis.motion.spline import Array
 from artemis.motion.step_response import SWING, StepResponse, compared, quickness, reversals, slope, step_response
 from artemis.sim.axis import Regulation
 from artemis.sim.servo import ServoAxis, TrueLoad
-from artemis.vehicle import Drive, RobotFile
+from artemis.vehicle import RobotFile
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml", RobotFile)
 DRIVES = {"traction": ROBOT.drives["traction-left"], "steering": ROBOT.drives["steer-left"]}

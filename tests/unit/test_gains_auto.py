@@ -11,6 +11,7 @@ from gains_rig import mission, robot_file
 from artemis.commands.calibrate_gains import Wanted
 from artemis.commands.gains_auto import calibrate_auto
 from artemis.errors import ConfigError
+from artemis.mission.loading import load_mission
 
 DRIVEN = ("traction-left", "traction-right")
 
@@ -33,6 +34,17 @@ def test_gains_are_not_given_to_what_finds_them(tmp_path: Path) -> None:
             calibrate_auto(path, wanted)
     with pytest.raises(ConfigError, match="--drive is missing"):
         calibrate_auto(path, Wanted(gains={}))
+
+
+def test_loads_are_of_drives_whose_gains_are_known(tmp_path: Path) -> None:
+    path = with_loads(tmp_path, traction={})
+    robot = tmp_path / "robots" / "artemis.yaml"
+    lines = robot.read_text().splitlines(True)
+    robot.write_text("".join(line for line in lines if "gains: {current: [400" not in line))
+    with pytest.raises(ConfigError) as caught:
+        load_mission(path)
+    assert caught.value.problems[0].startswith(f"{path}:1:")
+    assert "loads.traction: only for drives with `gains` in the robot file" in caught.value.problems[0]
 
 
 def test_wheels_that_follow_the_ramp_keep_their_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
