@@ -57,7 +57,7 @@ def calibrate_auto(mission: Path, wanted: Wanted) -> int:
     loaded = load_mission(mission)
     simulated = is_simulated(loaded, wanted.simulate)
     check_drivable(loaded, mission, simulated)
-    trial = replace(trial_from(loaded, wanted), repetitions=1)
+    trial = trial_from(loaded, wanted)
     asks = not (simulated or wanted.yes)
     if asks and not confirmed("calibrate gains", f"{announced(trial)}: go?"):
         say("nothing was moved")
@@ -83,7 +83,11 @@ def calibrate_auto(mission: Path, wanted: Wanted) -> int:
         status, found, outcome = attempt(loaded, mission, trial, wanted.simulate, machine.predicted(proposal))
         if status or found is None:
             return status
-        machine.compare(answers(Recording(outcome.run.path), trial))
+        try:
+            machine.compare(answers(Recording(outcome.run.path), trial))
+        except CalibrationError as error:
+            say(f"kept        nothing: {error}")
+            return FAILED
         if not machine.reason:
             if simulated:
                 say("kept        nothing: simulated drives do not know what gains do to a machine")
