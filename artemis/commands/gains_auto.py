@@ -20,7 +20,7 @@ from artemis.mission.gains import MOST
 from artemis.mission.loading import load_mission
 from artemis.motion.gain_tuning import (
     LARGEST,
-    Loop,
+    ControlLoop,
     MovedLoad,
     Proposal,
     StepRecord,
@@ -166,7 +166,7 @@ class Identified:
         self.reason = ""
         """Why there are no proposals, or none that is better."""
         self._robot, self._trial = robot, trial
-        self._present: dict[str, Loop] = {}
+        self._present: dict[str, ControlLoop] = {}
         self._loads: dict[str, MovedLoad] = {}
         self._first: dict[str, Trace] = {}
         self._most = tuple(
@@ -208,7 +208,7 @@ class Identified:
         current = -trace.current if self._robot.drives[trace.drive].mirrored else trace.current  # it is the motor's
         return StepRecord(time=trace.time, told=told, position=per_unit * trace.position, current=current)
 
-    def _expected(self, name: str, load: MovedLoad, loop: Loop) -> Trace:
+    def _expected(self, name: str, load: MovedLoad, loop: ControlLoop) -> Trace:
         """The first trace of a drive, as the model has it with other gains."""
         trace, per_unit = self._first[name], self._per_unit(name)
         record = self._record(trace)
@@ -237,7 +237,7 @@ class Identified:
         names = list(self._loads)
         by_load = {id(load): name for name, load in self._loads.items()}
 
-        def settled(load: MovedLoad, loop: Loop) -> float | None:
+        def settled(load: MovedLoad, loop: ControlLoop) -> float | None:
             return quickness(self._expected(by_load[id(load)], load, loop).response())
 
         found = proposals([self._loads[name] for name in names], self._most, self._present[names[0]], settled)

@@ -70,7 +70,7 @@ class StepRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Loop:
+class ControlLoop:
     """A regulator, PI or PID, whose output is a current."""
 
     is_position: bool
@@ -114,14 +114,14 @@ class Proposal:
     """Within 5 % [s], the longest of all drives, as the model predicts."""
 
 
-def loop_of(gains: Sequence[int], limit: float, top: float) -> Loop:
+def loop_of(gains: Sequence[int], limit: float, top: float) -> ControlLoop:
     """The regulator with these gains: two of a velocity, three of a position."""
     units = VELOCITY_UNITS if len(gains) == len(VELOCITY_UNITS) else POSITION_UNITS
     p, i, d = (*(unit * gain for unit, gain in zip(units, gains, strict=True)), 0.0)[:3]
-    return Loop(is_position=len(gains) == len(POSITION_UNITS), p=p, i=i, d=d, limit=limit, top=top)
+    return ControlLoop(is_position=len(gains) == len(POSITION_UNITS), p=p, i=i, d=d, limit=limit, top=top)
 
 
-def followed(load: MovedLoad, loop: Loop, time: Array, told: Array) -> tuple[Array, Array]:
+def followed(load: MovedLoad, loop: ControlLoop, time: Array, told: Array) -> tuple[Array, Array]:
     """Position [rad], from 0, and current [A] at each time, of a load that begins at rest, under these set-points."""
     position, velocity, integral, last = 0.0, 0.0, 0.0, 0.0
     late = load.delay / PERIOD
@@ -167,7 +167,7 @@ def _rolled(inertia: float, friction: float, velocity: float, current: float, dt
 # ---------------------------------------------------------------------------------------------- identification
 
 
-def identified(records: Sequence[StepRecord], loop: Loop) -> MovedLoad:
+def identified(records: Sequence[StepRecord], loop: ControlLoop) -> MovedLoad:
     """The load that explains best how one drive followed under these gains.
 
     Raises:
@@ -224,7 +224,7 @@ def _cut(record: StepRecord) -> StepRecord:
     )
 
 
-def _lag(loop: Loop, record: StepRecord) -> Array:
+def _lag(loop: ControlLoop, record: StepRecord) -> Array:
     """Set-points less positions [rad]."""
     told = record.told
     if not loop.is_position:
@@ -290,7 +290,7 @@ def placed(load: MovedLoad, time_constant: float, slower: float, is_position: bo
     return tuple(round(gain / unit) for gain, unit in zip(wanted, VELOCITY_UNITS, strict=True))
 
 
-def margins(load: MovedLoad, loop: Loop) -> tuple[float, float]:
+def margins(load: MovedLoad, loop: ControlLoop) -> tuple[float, float]:
     """Phase margin [degrees] and gain margin of the loop; a loop that is not stable has a margin of 0."""
     omega = np.geomspace(0.1, pi / PERIOD, 3000)
     s = 1j * omega
@@ -310,8 +310,8 @@ def margins(load: MovedLoad, loop: Loop) -> tuple[float, float]:
 def proposals(
     loads: Sequence[MovedLoad],
     most: Sequence[int],
-    present: Loop,
-    settled: Callable[[MovedLoad, Loop], float | None],
+    present: ControlLoop,
+    settled: Callable[[MovedLoad, ControlLoop], float | None],
 ) -> list[Proposal]:
     """Gains that suit all of these loads, from stiff to soft; empty where none have the margins.
 

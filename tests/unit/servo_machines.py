@@ -12,7 +12,7 @@ import numpy as np
 from artemis.drive_schema import Drive
 from artemis.mission.loading import load_model
 from artemis.motion.gain_tuning import (
-    Loop,
+    ControlLoop,
     MovedLoad,
     StepRecord,
     followed,
@@ -124,7 +124,7 @@ def tuned(machine: Machine) -> Tuned:
     loop = loop_of(present, 1e-3 * motor.output_current_ma, 0.9 * motor.max_speed_rpm * math.tau / 60.0)
     load = identified(before[:1], loop)
 
-    def settled(load: MovedLoad, loop: Loop) -> float | None:
+    def settled(load: MovedLoad, loop: ControlLoop) -> float | None:
         position, current = followed(load, loop, before[0].time, before[0].told)
         return quickness(response(replace(before[0], position=position, current=current)))
 

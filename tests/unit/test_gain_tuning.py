@@ -12,7 +12,7 @@ from servo_machines import DRIVES, Machine, Tuned, machine, tuned
 from artemis.errors import CalibrationError
 from artemis.motion.gain_tuning import (
     HOLD,
-    Loop,
+    ControlLoop,
     MovedLoad,
     Proposal,
     identified,
@@ -76,7 +76,7 @@ def test_what_no_load_explains_is_refused() -> None:
 
 
 def test_margins_are_those_of_an_integrator_with_dead_time() -> None:
-    loop = Loop(is_position=False, p=0.6, i=1e-6, d=0.0, limit=10.0, top=300.0)
+    loop = ControlLoop(is_position=False, p=0.6, i=1e-6, d=0.0, limit=10.0, top=300.0)
     late, crossover = LOAD.delay + HOLD, loop.p / LOAD.inertia  # L(s) = K exp(-s late) / s
     phase, gain = margins(LOAD, loop)
     assert phase == pytest.approx(90.0 - math.degrees(crossover * late), abs=0.2)
