@@ -47,7 +47,7 @@ class SurroundingsChecks(StepChecks):
 
     def _check_loads(self, robot: RobotFile | None) -> None:
         """Loads on which gains act, of drives whose gains are known."""
-        at: KeyPath = ("simulation", "true_robot", "loads")
+        at = "simulation", "true_robot", "loads"
         for role in self._names(*at):
             for name, drive in robot.drives.items() if robot is not None else ():
                 if drive.role == role and (drive.tables.gains_in_si or drive.gains is None):
