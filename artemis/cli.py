@@ -295,11 +295,14 @@ def faults(
         list[str] | None, typer.Argument(metavar="[ID...]", help="Rows such as DRV-25; all if left out.")
     ] = None,
     markdown: Annotated[bool, typer.Option("--markdown", help="As the page of the documentation.")] = False,
+    robot: Annotated[
+        Path | None, typer.Option("--robot", help="A robot file: say which rows are never noticed on it.")
+    ] = None,
 ) -> None:
     """Show the fault table: what is noticed, how fast, what follows, how it goes on."""
     from artemis.commands.faults import show_faults
 
-    show_faults(ids or [], markdown)
+    show_faults(ids or [], markdown, robot)
 
 
 @app.command()

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from artemis.axles import Side
 from artemis.config import Config, Quantity
 from artemis.families import FAMILIES, GENERATIONS
 from artemis.families.cia402 import Cia402, family_from
@@ -82,7 +83,7 @@ class Drive(Config):
     """Which kind of drive it is; several kinds may share a bus."""
     node_id: Annotated[int, Field(ge=1, le=126)]
     role: Literal["traction", "steering"]
-    side: Literal["left", "right"]
+    side: Side
     mirrored: bool
     """A positive count turns the wheel backwards (traction) or to the right (steering)."""
     hardware_version: Unsigned32
@@ -100,6 +101,11 @@ class Drive(Config):
     following_error_counts: Annotated[int, Field(ge=1, le=0xFFFFFFFF)] = 2000
     cia402: Cia402 | None = None
     """What the device profile leaves open; for `family: cia402` only."""
+
+    @property
+    def set_point(self) -> str:
+        """Name of its part of `SetPoints`: rolling speed, or angle; one in the middle has both sides alike."""
+        return f"{'speed' if self.role == 'traction' else 'steering'}_{'right' if self.side == 'right' else 'left'}"
 
     @property
     def tables(self) -> Family:

@@ -9,6 +9,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from artemis.axles import ByHand
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
 from artemis.mission.actions import Ask, Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Wait
@@ -85,10 +86,10 @@ def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
         new = {name: merged(action.gains[name], gains).numbers for name, gains in known.items() if gains is not None}
         return GainsStep(gains=new)
     if action.turn is not None:
-        return TurnStep(side=action.turn.side, angle=radians(action.turn.angle_deg))
+        return TurnStep(side=action.turn.side or robot.sides("steering")[0], angle=radians(action.turn.angle_deg))
     if isinstance(asked := action.steering, MeasureSteering):
         return SteeringStep(
-            sides=("left", "right") if asked.wheels == "both" else (asked.wheels,),
+            sides=robot.sides("steering") if asked.wheels == "both" else (asked.wheels,),
             reference={side: radians(angle) for side, angle in asked.reference_deg if angle is not None},
             save=asked.save,
             new=asked.potentiometers == "new",
@@ -231,7 +232,10 @@ def is_fast(loaded: LoadedMission, simulate: bool = False) -> bool:
         return False
     if loaded.mission.simulation.pace is not None:
         return loaded.mission.simulation.pace == "fast"
-    if asks(loaded) and not any(act.answer is not None for act in loaded.mission.simulation.operator):
+    acts = loaded.mission.simulation.operator
+    if asks(loaded) and not any(act.answer is not None for act in acts):
+        return False
+    if straight_by_hand(loaded) and not any(act.do == "accept" for act in acts):
         return False
     from artemis.plugins.registry import INPUTS, LOCALIZERS, OBSERVERS, SCANNERS, load
 
@@ -256,6 +260,11 @@ def preparations(loaded: LoadedMission, simulated: bool) -> list[Callable[[], No
         plugin: object = load(LOCALIZERS, use.plugin)
         found += [plugin.prepare] if isinstance(plugin, TakesTimeOnce) else []
     return found
+
+
+def straight_by_hand(loaded: LoadedMission) -> bool:
+    """Whether a person sets the wheels straight whenever the drives are brought up."""
+    return isinstance(loaded.robot.angle_source("left"), ByHand)
 
 
 def asks(loaded: LoadedMission) -> bool:

@@ -4,46 +4,26 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from math import degrees, radians
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from artemis.axles import OWN_SIDES, ByHand, Calibration, Geometry, HardStop, Potentiometers
 from artemis.battery import Battery
 from artemis.config import Config, Inconsistent, Quantity
 from artemis.drive_schema import Drive, drive_problems
+from artemis.linkage import MeasuredLinkage
 from artemis.mounting import Mounting, Outline
 from artemis.yaml_file import KeyPath
 
 Positive = Annotated[float, Field(gt=0)]
-Length = Annotated[float, Quantity(0.1, 10.0, "m")]
-Inset = Annotated[float, Quantity(0.0, 2.0, "m")]
 Speed = Annotated[float, Quantity(0.02, 20.0, "m/s")]
 WishedSpeed = Annotated[float, Quantity(0.001, 20.0, "m/s")]
 """Of a follower or an input; how fast a robot may drive, its file says."""
 Acceleration = Annotated[float, Quantity(0.05, 30.0, "m/s²")]
-Voltage = Annotated[float, Quantity(0.0, 5.0, "V")]
-Slope = Annotated[float, Quantity(5.0, 2000.0, "degrees/V", signed=True)]
-Rolled = Annotated[float, Quantity(1e-8, 0.1, "m per count")]
-Voltages = Annotated[tuple[Voltage, Voltage], Field(strict=False)]  # YAML knows only lists
-Slopes = Annotated[tuple[Slope, Slope], Field(strict=False)]
 
 ROLES = ("traction", "steering")
-
-
-class Geometry(Config):
-    """Where the wheels are. Kingpins stand `track_m - 2 * scrub_radius_m` apart on the front axle."""
-
-    wheelbase_m: Length
-    track_m: Length
-    """Distance of the front wheels' contact points (and of the rear wheels)."""
-    scrub_radius_m: Inset
-    """Contact point outboard of the kingpin."""
-    driven_axle: Literal["front", "rear"]
-
-    @property
-    def kingpin_distance_m(self) -> float:
-        """Distance of the kingpins [m] (thesis equation 3.6)."""
-        return self.track_m - 2 * self.scrub_radius_m
 
 
 class Limits(Config):
@@ -59,38 +39,6 @@ class Limits(Config):
     steering_deg: Annotated[float, Quantity(5.0, 79.0, "degrees")]
     """Of the virtual front wheel."""
     steering_rate_wheel_deg_s: Annotated[float, Quantity(2.0, 720.0, "degrees/s")]
-
-
-class Potentiometers(Config):
-    """One steered wheel. Both potentiometers, angle = slope * (voltage - zero), and the encoder of its motor."""
-
-    zero_v: Voltages
-    slope_deg_per_v: Slopes
-    scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
-    """True change of the wheel's angle per change that the encoder counts through the gear."""
-
-
-class SteeringCalibration(Config):
-    """Per side."""
-
-    left: Potentiometers
-    right: Potentiometers
-    disagreement_deg: Annotated[float, Quantity(0.1, 30.0, "degrees")] = 3.0
-    """The two potentiometers of a wheel may differ by this much (fault STE-03 beyond)."""
-
-
-class TractionCalibration(Config):
-    """Metres that a wheel rolls per encoder count."""
-
-    left_m_per_count: Rolled
-    right_m_per_count: Rolled
-
-
-class Calibration(Config):
-    """What was measured on this machine."""
-
-    steering: SteeringCalibration
-    traction: TractionCalibration
 
 
 class RobotFile(Config):
@@ -112,22 +60,29 @@ class RobotFile(Config):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        problems = [*_families(self), *_nodes(self), *_geometry(self.geometry), *_body(self)]
+        problems = [*_families(self), *_nodes(self), *_sides(self), *_geometry(self.geometry), *_body(self)]
         if not problems:
             problems = [*_traction(self), *_steering(self), *_limits(self.limits)]
         if problems:
             raise Inconsistent(problems)
         return self
 
+    def sides(self, role: str) -> tuple[str, ...]:
+        """Where the drives of a role act: left and right, or one in the middle."""
+        return self.geometry.sides(role)
+
     def drive_at(self, role: str, side: str) -> tuple[str, Drive]:
-        """Name and description of the drive with this role and side."""
-        return next((n, d) for n, d in self.drives.items() if (d.role, d.side) == (role, side))
+        """Name and description of the drive with this role that acts on the wheels of a side."""
+        return next((n, d) for n, d in self.drives.items() if d.role == role and d.side in (side, "middle"))
 
     @property
     def places(self) -> tuple[int, ...]:
-        """Where traction left, traction right, steering left, steering right stand in the order of the drives."""
+        """Where traction left, traction right, steering left, steering right stand in the order of the drives.
+
+        A drive in the middle stands for both sides.
+        """
         names = list(self.drives)
-        places = [(role, side) for role in ("traction", "steering") for side in ("left", "right")]
+        places = [(role, side) for role in ("traction", "steering") for side in OWN_SIDES]
         return tuple(names.index(self.drive_at(role, side)[0]) for role, side in places)
 
     @property
@@ -136,13 +91,31 @@ class RobotFile(Config):
         return {name: drive.tables.errors for name, drive in self.drives.items()}
 
     def metres_per_count(self, side: str) -> float:
-        """Distance of a driven wheel per count [m]."""
+        """Distance of a driven wheel per count [m]; of both behind a differential, the mean."""
         traction = self.calibration.traction
-        return traction.left_m_per_count if side == "left" else traction.right_m_per_count
+        own = traction.left_m_per_count if side == "left" else traction.right_m_per_count
+        found = traction.middle_m_per_count if self.sides("traction") != OWN_SIDES else own
+        assert found is not None, "checked when the file was read"
+        return found
+
+    def angle_source(self, side: str) -> Potentiometers | ByHand | HardStop:
+        """How the angle of the steering motor that turns the wheel of a side becomes known."""
+        steering = self.calibration.steering
+        own = steering.left if side == "left" else steering.right
+        found = steering.middle if self.sides("steering") != OWN_SIDES else own
+        assert found is not None, "checked when the file was read"
+        return found
 
     def potentiometers(self, side: str) -> Potentiometers:
-        """Potentiometer calibration of one side."""
-        return self.calibration.steering.left if side == "left" else self.calibration.steering.right
+        """Potentiometer calibration of the steering motor that turns the wheel of a side, where it has any."""
+        found = self.angle_source(side)
+        assert isinstance(found, Potentiometers), "asked only where it has them"
+        return found
+
+    @property
+    def has_potentiometers(self) -> bool:
+        """Whether potentiometers measure the angles of the steering motors."""
+        return isinstance(self.angle_source("left"), Potentiometers)
 
 
 Problems = Iterator[tuple[KeyPath, str]]
@@ -172,15 +145,40 @@ def _nodes(robot: RobotFile) -> Problems:
             ("host_node_id",),
             f"{robot.host_node_id} is the id of {owner[robot.host_node_id]}, too: each node has its own",
         )
+
+
+_WHERE = {"left": "on the left", "right": "on the right", "middle": "in the middle"}
+
+
+def _sides(robot: RobotFile) -> Problems:
+    """Each place has one drive, and what was measured of it."""
     found: Counter[tuple[str, str]] = Counter((drive.role, drive.side) for drive in robot.drives.values())
-    wrong = [
-        f"found {found[role, side] or 'no'} {role} drive{'s' if found[role, side] > 1 else ''} on the {side}"
-        for role in ROLES
-        for side in ("left", "right")
-        if found[role, side] != 1
-    ]
+    needed = [(role, side) for role in ROLES for side in robot.sides(role)]
+    wrong = [place for place in dict.fromkeys([*needed, *found]) if found[place] != (place in needed)]
     if wrong:
-        yield ("drives",), f"expected one traction and one steering drive on each side, {', '.join(wrong)}"
+        seen = ", ".join(
+            f"found {found[place] or 'no'} {place[0]} drive{'s' if found[place] > 1 else ''} {_WHERE[place[1]]}"
+            for place in wrong
+        )
+        yield ("drives",), f"expected {_expected(robot)}, {seen}"
+    for role, key, suffix in (("steering", "steering", ""), ("traction", "traction", "_m_per_count")):
+        measured = getattr(robot.calibration, key)
+        for side in _WHERE:
+            given = getattr(measured, f"{side}{suffix}") is not None
+            at = ("calibration", key, f"{side}{suffix}")
+            if given and side not in robot.sides(role):
+                yield at, f"there is no {role} drive {_WHERE[side]}: leave it out"
+            elif not given and side in robot.sides(role):
+                yield at, "this key is missing"
+
+
+def _expected(robot: RobotFile) -> str:
+    """The drives that a geometry needs."""
+    middle = [role for role in ROLES if robot.sides(role) != OWN_SIDES]
+    sides = [role for role in ROLES if role not in middle]
+    words = [f"{' and '.join(f'one {role}' for role in sides)} drive on each side"] if sides else []
+    words += [f"{' and '.join(f'one {role}' for role in middle)} drive in the middle"] if middle else []
+    return " and ".join(words)
 
 
 def _geometry(geometry: Geometry) -> Problems:
@@ -220,7 +218,7 @@ _CIRCUMFERENCE = Quantity(0.05, 10.0, "m a turn")
 def _traction(robot: RobotFile) -> Problems:
     """Metres per count, encoder and gear make a wheel, on both sides the same; the motor reaches the speed."""
     around = {}
-    for side in ("left", "right"):
+    for side in robot.sides("traction"):
         name, drive = robot.drive_at("traction", side)
         rolled, counts = robot.metres_per_count(side), drive.sensor.counts_per_turn * drive.gear_ratio
         around[side] = rolled * counts
@@ -239,7 +237,7 @@ def _traction(robot: RobotFile) -> Problems:
                 f"{wanted:g} m/s is more than {name} reaches: {highest:.3g} m/s ({reason}, {around[side]:.3g} m a turn)"
             )
             yield ("limits", "wheel_speed_m_s"), text
-    if not 0.8 <= around["left"] / around["right"] <= 1.25:
+    if len(around) == 2 and not 0.8 <= around["left"] / around["right"] <= 1.25:
         text = (
             f"makes wheels of {around['left']:.4g} m (left) and {around['right']:.4g} m around; expected about the same"
         )
@@ -249,10 +247,20 @@ def _traction(robot: RobotFile) -> Problems:
 def _steering(robot: RobotFile) -> Problems:
     """The potentiometers show every angle, and the motor turns as fast as it has to."""
     limits = robot.limits
-    for side in ("left", "right"):
+    if isinstance(robot.geometry.linkage, tuple):
+        low, high = MeasuredLinkage(robot.geometry).reach
+        if not low <= -limits.steering_deg < limits.steering_deg <= high:
+            yield (
+                ("limits", "steering_deg"),
+                f"{limits.steering_deg:g} degrees are beyond the linkage's table: its ends turn the virtual wheel "
+                f"to {low:.1f} and {high:.1f} degrees",
+            )
+    for side in robot.sides("steering"):
         name, drive = robot.drive_at("steering", side)
-        pots = robot.potentiometers(side)
-        for number, (zero, slope) in enumerate(zip(pots.zero_v, pots.slope_deg_per_v, strict=True)):
+        source = robot.angle_source(side)
+        yield from _sources(robot, side, source)
+        volts = zip(source.zero_v, source.slope_deg_per_v, strict=True) if isinstance(source, Potentiometers) else ()
+        for number, (zero, slope) in enumerate(volts):
             swing = limits.steering_deg / abs(slope)
             if zero - swing < 0.0 or zero + swing > 5.0:
                 yield (
@@ -273,6 +281,21 @@ def _steering(robot: RobotFile) -> Problems:
                 ("drives", name, "following_error_counts"),
                 f"{drive.following_error_counts} counts are {error:.3g} degrees of the wheel; expected 0.01 to 45",
             )
+
+
+def _sources(robot: RobotFile, side: str, source: Potentiometers | ByHand | HardStop) -> Problems:
+    """All angles become known in one way; a stop is beyond every angle."""
+    key, limit = ("calibration", "steering", side), robot.limits.steering_deg
+    if type(source) is not type(robot.angle_source("left")):
+        yield key, "expected the same source of the angle as on the left"
+    if isinstance(source, HardStop):
+        if side != "middle":
+            yield (*key, "angle"), "only a single steering motor looks for a hard stop, not one of a pair"
+        if isinstance(robot.geometry.linkage, tuple):
+            limit = max(abs(degrees(MeasuredLinkage(robot.geometry).motor(radians(end)))) for end in (-limit, limit))
+        if abs(source.stop_deg) <= limit:
+            text = f"expected beyond the {limit:.3g} degrees to which limits.steering_deg lets the motor turn"
+            yield (*key, "stop_deg"), f"{text}, found {source.stop_deg:g}"
 
 
 def _limits(limits: Limits) -> Problems:

@@ -8,7 +8,7 @@ Units are metres, radians, seconds, volts, amperes. Nothing is told of a pose th
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from math import cos, nan, pi, sin
+from math import atan2, cos, nan, pi, sin
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from artemis.bridges.diagnostics import diagnosis, signature
@@ -238,8 +238,10 @@ class _Joints:
             drive = robot.drive_at("traction", side)[1]
             turn = robot.metres_per_count(side) * drive.sensor.counts_per_turn * drive.gear_ratio
             self._radius[side] = turn / (2 * pi)
-        self._traction = {robot.drive_at("traction", side)[0]: side for side in _SIDES}
-        self._steering = {robot.drive_at("steering", side)[0]: side for side in _SIDES}
+        self._radius["middle"] = self._radius["left"]
+        self._traction = {robot.drive_at("traction", side)[0]: side for side in robot.sides("traction")}
+        self._steering = {robot.drive_at("steering", side)[0]: side for side in robot.sides("steering")}
+        self._model, self._single = Ackermann(geometry), geometry.front_wheels == 1
 
     def fixed(self, stamp: int) -> Iterator[Content]:
         """The rear wheels."""
@@ -250,12 +252,23 @@ class _Joints:
         """The front wheels, each on its kingpin; those that were heard."""
         frames = []
         for drive in drives:
-            if (side := self._steering.get(drive.name)) is not None and drive.age is not None:
-                angle, sign = drive.position, _SIDES[side]
-                x, y = self._wheelbase - sign * self._scrub * sin(angle), self._kingpin + self._scrub * cos(angle)
-                wheel = Pose(x=x, y=sign * y, heading=angle)
-                frames.append(_transform(stamp, BASE, f"front_{side}_wheel", wheel, self._radius[side]))
+            if (turned := self._steering.get(drive.name)) is not None and drive.age is not None:
+                for side, angle in self._turned(turned, drive.position):
+                    sign = _SIDES.get(side, 0)
+                    x, y = self._wheelbase - sign * self._scrub * sin(angle), self._kingpin + self._scrub * cos(angle)
+                    wheel = Pose(x=x, y=sign * y, heading=angle)
+                    frames.append(_transform(stamp, BASE, _named("front", side, "wheel"), wheel, self._radius[side]))
         return frames
+
+    def _turned(self, side: str, angle: float) -> list[tuple[str, float]]:
+        """The front wheels that a steering motor turns, with their angles [rad]; on a linkage those of a true pair."""
+        if side != "middle":
+            return [(side, angle)]
+        steering = self._model.steering_from_left(angle)
+        if self._single:
+            return [(side, steering)]
+        s, c, half = sin(steering), cos(steering), self._kingpin / self._wheelbase
+        return [(side, atan2(s, c - sign * half * s)) for side, sign in _SIDES.items()]
 
     def state(self, drives: tuple[DriveFeedback, ...]) -> Content:
         """Names, positions [rad] and velocities [rad/s] of the joints whose drives were heard."""
@@ -264,16 +277,21 @@ class _Joints:
             if drive.age is None:
                 continue
             if (side := self._steering.get(drive.name)) is not None:
-                names.append(f"front_{side}_steering")
+                names.append(_named("front", side, "steering"))
                 radius = 1.0
             elif (side := self._traction.get(drive.name)) is not None:
-                names.append(f"{self._driven}_{side}_wheel")
+                names.append(_named(self._driven, side, "wheel"))
                 radius = self._radius[side]
             else:
                 continue
             positions.append(drive.position / radius)
             velocities.append(drive.velocity / radius)
         return {"name": names, "position": positions, "velocity": velocities} if names else {}
+
+
+def _named(axle: str, side: str, what: str) -> str:
+    """Of a joint or frame; one in the middle has no side."""
+    return f"{axle}_{what}" if side == "middle" else f"{axle}_{side}_{what}"
 
 
 def _path_told(poses: Sequence[Pose], frame: str, stamp: int) -> Iterator[Told]:

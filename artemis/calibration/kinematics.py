@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
 
 import numpy as np
 
+from artemis.axles import OWN_SIDES, Geometry
 from artemis.calibration.wheel_log import WheelLog
+from artemis.linkage import MeasuredLinkage
 from artemis.motion.spline import Array
-from artemis.vehicle import Geometry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kinematics:
-    """True measures of a machine, relative to what its log was counted with."""
+    """True measures of a machine, relative to what its log was counted with.
+
+    Left and right are those of the motors; of one in the middle both are the same.
+    """
 
     distance_left: float = 1.0
     """True distance per counted distance of the left driven wheel."""
@@ -32,6 +36,12 @@ class Kinematics:
     scrub_radius: float
     """Contact point outboard of the kingpin [m]."""
     front_driven: bool = True
+    one_steers: bool = False
+    """One motor steers: it turns as far as the virtual front wheel, or as its linkage says."""
+    linkage: MeasuredLinkage | None = None
+    differential: bool = False
+    rear_track: float | None = None
+    """Of a machine with one front wheel [m]; None: as far apart as the front wheels."""
 
     @classmethod
     def of(cls, geometry: Geometry) -> Kinematics:
@@ -41,12 +51,16 @@ class Kinematics:
             kingpin_distance=geometry.kingpin_distance_m,
             scrub_radius=geometry.scrub_radius_m,
             front_driven=geometry.driven_axle == "front",
+            one_steers=geometry.sides("steering") != OWN_SIDES,
+            linkage=MeasuredLinkage(geometry) if isinstance(geometry.linkage, tuple) else None,
+            differential=geometry.differential,
+            rear_track=geometry.track_m if geometry.front_wheels == 1 else None,
         )
 
     @property
     def track(self) -> float:
         """Distance of the wheels' contact points [m]."""
-        return self.kingpin_distance + 2.0 * self.scrub_radius
+        return self.kingpin_distance + 2.0 * self.scrub_radius if self.rear_track is None else self.rear_track
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +105,15 @@ TWO_WHEELS = (
 """Of a machine with two; differences are left less right. Of parameters that look alike, the later one is held."""
 
 
+def parameters_of(geometry: Geometry) -> tuple[Parameter, ...]:
+    """Those in which a machine with such wheels may differ."""
+    pair, single = geometry.sides("steering") == OWN_SIDES, geometry.sides("traction") != OWN_SIDES
+    unknown = {"distance difference"} if single else set()
+    if not pair:
+        unknown |= {"scrub radius", "scale difference", "zero difference", "kingpin distance"}
+    return tuple(each for each in TWO_WHEELS if each.name not in unknown)
+
+
 def altered(base: Kinematics, values: dict[str, float]) -> Kinematics:
     """The machine that differs from `base` by some parameters (those that are not given: not at all)."""
 
@@ -99,7 +122,8 @@ def altered(base: Kinematics, values: dict[str, float]) -> Kinematics:
         return mean + half, mean - half
 
     distance, zero, scale = both("distance"), both("zero"), both("scale")
-    return Kinematics(
+    return replace(
+        base,
         distance_left=base.distance_left * (1.0 + distance[0]),
         distance_right=base.distance_right * (1.0 + distance[1]),
         zero_left=base.zero_left + zero[0],
@@ -109,7 +133,6 @@ def altered(base: Kinematics, values: dict[str, float]) -> Kinematics:
         wheelbase=base.wheelbase * (1.0 + values.get("wheelbase", 0.0)),
         kingpin_distance=base.kingpin_distance * (1.0 + values.get("kingpin distance", 0.0)),
         scrub_radius=base.scrub_radius * (1.0 + values.get("scrub radius", 0.0)),
-        front_driven=base.front_driven,
     )
 
 
@@ -123,6 +146,8 @@ def dead_reckoned(log: WheelLog, machine: Kinematics) -> Array:
     """
     left = machine.scale_left * (log.steering_left - machine.zero_left)
     right = machine.scale_right * (log.steering_right - machine.zero_right)
+    if machine.one_steers:
+        left, right = _on_one_motor(machine, left)
     roll_left = machine.distance_left * np.diff(log.distance_left)
     roll_right = machine.distance_right * np.diff(log.distance_right)
     if machine.front_driven:
@@ -133,6 +158,17 @@ def dead_reckoned(log: WheelLog, machine: Kinematics) -> Array:
     chord, direction = distance * np.sinc(turn / (2.0 * np.pi)), heading[:-1] + turn / 2.0
     x, y = np.cumsum(chord * np.cos(direction)), np.cumsum(chord * np.sin(direction))
     return np.column_stack([np.append(0.0, x), np.append(0.0, y), heading])
+
+
+def _on_one_motor(machine: Kinematics, motor: Array) -> tuple[Array, Array]:
+    """Angles of both front wheels [rad]: the pair about the turning point to which their motor is turned.
+
+    What a linkage is off that pair, the odometry does not know either.
+    """
+    if machine.linkage is not None:
+        motor = np.array([machine.linkage.steering(angle) for angle in motor.tolist()])
+    offset = machine.kingpin_distance / (2.0 * machine.wheelbase) * np.sin(motor)
+    return np.arctan2(np.sin(motor), np.cos(motor) - offset), np.arctan2(np.sin(motor), np.cos(motor) + offset)
 
 
 def _amid(angle: Array) -> Array:
@@ -146,17 +182,20 @@ def _rigid_motion(machine: Kinematics, left: Array, right: Array, along: Array, 
 
     Rows of u (distance) and w (turn), kingpins at (L, ±B/2), contact points R outboard, upper sign left:
     front wheel rolls u cos(d) + w (L sin(d) -+ B/2 cos(d) -+ R), front wheel grips -u sin(d) + w (L cos(d) ±
-    B/2 sin(d)) = 0, rear wheel rolls u -+ w (B/2 + R).
+    B/2 sin(d)) = 0, rear wheel rolls u -+ w S/2, S the track. A differential gives the mean of both rolling rows.
     """
     length, half, scrub = machine.wheelbase, machine.kingpin_distance / 2.0, machine.scrub_radius
-    rows = []
+    rolls, rows = [], []
     for angle, rolled, side in ((left, along, 1.0), (right, beside, -1.0)):
         sin, cos = np.sin(angle), np.cos(angle)
         if machine.front_driven:
-            rows.append((cos, length * sin - side * (half * cos + scrub), rolled))
+            rolls.append((cos, length * sin - side * (half * cos + scrub), rolled))
         else:
-            rows.append((np.ones_like(angle), np.full_like(angle, -side * (half + scrub)), rolled))
+            rolls.append((np.ones_like(angle), np.full_like(angle, -side * machine.track / 2.0), rolled))
         rows.append((-sin, length * cos + side * half * sin, np.zeros_like(angle)))
+    if machine.differential:
+        rolls = [tuple((a + b) / 2.0 for a, b in zip(*rolls, strict=True))]
+    rows += rolls
     u, w, r = (np.array(column) for column in zip(*rows, strict=True))
     uu, uw, ww, ur, wr = (np.sum(product, axis=0) for product in (u * u, u * w, w * w, u * r, w * r))
     determinant = uu * ww - uw * uw

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import degrees
 
+from artemis.axles import HardStop, Potentiometers
 from artemis.calibration.kinematics import Kinematics
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import Data
@@ -20,7 +21,8 @@ def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data
         machine: What was fitted.
 
     A wheel that counts `zero` when it is straight has its potentiometers' zero there: the voltages that they show at
-    that angle.
+    that angle. A hard stop is so much nearer or farther. What a hand sets straight is set anew at each start: nothing
+    is written of it.
     """
     found: dict[tuple[str, ...], Data] = {}
 
@@ -28,17 +30,22 @@ def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data
         if _rounded(new) != _rounded(old):
             found[keys] = _rounded(new)
 
-    lengths = {"left": machine.distance_left, "right": machine.distance_right}
-    zeros = {"left": machine.zero_left, "right": machine.zero_right}
-    scales = {"left": machine.scale_left, "right": machine.scale_right}
-    for side in ("left", "right"):
+    lengths = {"left": machine.distance_left, "right": machine.distance_right, "middle": machine.distance_left}
+    zeros = {"left": machine.zero_left, "right": machine.zero_right, "middle": machine.zero_left}
+    scales = {"left": machine.scale_left, "right": machine.scale_right, "middle": machine.scale_left}
+    for side in robot.sides("traction"):
         old = robot.metres_per_count(side)
         put(("calibration", "traction", f"{side}_m_per_count"), old, old * lengths[side])
-        wheel = robot.potentiometers(side)
-        pairs = zip(wheel.zero_v, wheel.slope_deg_per_v, strict=True)
-        volts = [_rounded(zero + degrees(zeros[side]) / slope) for zero, slope in pairs]
-        if volts != [_rounded(zero) for zero in wheel.zero_v]:
-            found["calibration", "steering", side, "zero_v"] = list(volts)
+    for side in robot.sides("steering"):
+        wheel = robot.angle_source(side)
+        if isinstance(wheel, HardStop):
+            stop = wheel.stop_deg - degrees(zeros[side])
+            put(("calibration", "steering", side, "stop_deg"), wheel.stop_deg, stop)
+        elif isinstance(wheel, Potentiometers):
+            pairs = zip(wheel.zero_v, wheel.slope_deg_per_v, strict=True)
+            volts = [_rounded(zero + degrees(zeros[side]) / slope) for zero, slope in pairs]
+            if volts != [_rounded(zero) for zero in wheel.zero_v]:
+                found["calibration", "steering", side, "zero_v"] = list(volts)
         put(("calibration", "steering", side, "scale"), wheel.scale, wheel.scale * scales[side])
     geometry = robot.geometry
     put(("geometry", "wheelbase_m"), geometry.wheelbase_m, machine.wheelbase)

@@ -26,22 +26,25 @@ class ValueRow:
     """Of the 95 % interval."""
 
 
-def rows_of(found: Estimates, metres_per_count: tuple[float, float], one_wheel: bool) -> list[ValueRow]:
+def rows_of(found: Estimates, metres_per_count: tuple[float, float]) -> list[ValueRow]:
     """Every value that was fitted or held, in the units of a robot file.
 
     Args:
         found: by a fit.
         metres_per_count: as described, left and right.
-        one_wheel: left and right are one.
+
+    Left and right are one where nothing that may differ between them is a parameter.
     """
+    known = {each.parameter.name for each in found.estimates}
     base, machine = found.base, found.machine
     rows = []
-    sides = (("", 1.0),) if one_wheel else ((" left", 1.0), (" right", -1.0))
-    for (side, sign), count in zip(sides, metres_per_count, strict=False):
+    one, two = (("", 1.0),), ((" left", 1.0), (" right", -1.0))
+    driven, sides = (two if f"{what} difference" in known else one for what in ("distance", "zero"))
+    for (side, sign), count in zip(driven, metres_per_count, strict=False):
         old, new = ((each.distance_right if sign < 0 else each.distance_left) * count for each in (base, machine))
         width = _half_width(found, {"distance": 1.0, "distance difference": sign / 2}) * count
         rows.append(_row(f"metres per count{side}", old, new, width, ".5e", ".1e"))
-    if not one_wheel:
+    if sides is two:
         old, new = (degrees(each.zero_left + each.zero_right) / 2.0 for each in (base, machine))
         rows.append(
             _row("steering zero, mean [deg]", old, new, degrees(_half_width(found, {"zero": 1.0})), ".3f", ".3f")
@@ -55,10 +58,9 @@ def rows_of(found: Estimates, metres_per_count: tuple[float, float], one_wheel: 
         width = _half_width(found, {"scale": 1.0, "scale difference": sign / 2})
         rows.append(_row(f"steering scale{side}", old, new, width, ".5f", ".5f"))
     lengths: list[tuple[str, float, float]] = [("wheelbase", base.wheelbase, machine.wheelbase)]
-    if not one_wheel:
-        lengths += [("kingpin distance", base.kingpin_distance, machine.kingpin_distance)]
-        lengths += [("scrub radius", base.scrub_radius, machine.scrub_radius)]
-    for name, old, new in lengths:
+    lengths += [("kingpin distance", base.kingpin_distance, machine.kingpin_distance)]
+    lengths += [("scrub radius", base.scrub_radius, machine.scrub_radius)]
+    for name, old, new in [row for row in lengths if row[0] in known]:
         rows.append(_row(f"{name} [m]", old, new, _half_width(found, {name: 1.0}) * old, ".5f", ".5f"))
     if isinstance(found, Fit):
         for estimate in found.estimates[-3:] if found.knows_heading else found.estimates[-3:-1]:

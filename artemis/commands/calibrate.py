@@ -83,13 +83,16 @@ def calibrate_scanner(
 @calibrate.command("steering")
 def calibrate_steering(
     mission: MissionFile,
-    side: Annotated[str | None, typer.Option(metavar="left|right", help="One wheel; both, if left out.")] = None,
+    side: Annotated[str | None, typer.Option(metavar="left|right", help="One wheel; all, if left out.")] = None,
     reference_left: Annotated[
         float | None,
         typer.Option(metavar="DEG", min=-45, max=45, help="True angle of the left wheel while it shows 0."),
     ] = None,
     reference_right: Annotated[
         float | None, typer.Option(metavar="DEG", min=-45, max=45, help="Of the right wheel.")
+    ] = None,
+    reference_middle: Annotated[
+        float | None, typer.Option(metavar="DEG", min=-45, max=45, help="Of what a single steering motor turns.")
     ] = None,
     new: Annotated[bool, typer.Option("--new", help="New potentiometers: ignore their calibration.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Keep the result without asking.")] = False,
@@ -102,7 +105,7 @@ def calibrate_steering(
     """Measure zero and slope of the steering potentiometers; keep them in the drives and the robot file."""
     from artemis.commands import calibrate_steering
 
-    given = {"left": reference_left, "right": reference_right}
+    given = {"left": reference_left, "right": reference_right, "middle": reference_middle}
     reference = {name: angle for name, angle in given.items() if angle is not None}
     if not store:
         raise typer.Exit(

@@ -17,7 +17,7 @@ from artemis.calibration.closing import Closed, ClosingFit, fit_closing
 from artemis.calibration.fit import Fit, clocks_of, fit
 from artemis.calibration.fitted_run import Run
 from artemis.calibration.increments import BIN
-from artemis.calibration.kinematics import ONE_WHEEL, TWO_WHEELS, Kinematics, Parameter
+from artemis.calibration.kinematics import ONE_WHEEL, TWO_WHEELS, Kinematics, Parameter, parameters_of
 from artemis.calibration.knowledge import Estimates
 from artemis.calibration.machine_file import Machine, log_from_table
 from artemis.calibration.plausibility import refuse_implausible, refuse_unexplained
@@ -65,11 +65,6 @@ class Source:
     metres_per_count: tuple[float, float]
     robot: RobotFile | None
     """None for a machine of somebody else."""
-
-    @property
-    def one_wheel(self) -> bool:
-        """Whether left and right are one."""
-        return self.parameters is ONE_WHEEL
 
 
 def calibrate_with_truth(
@@ -180,9 +175,8 @@ def _recorded(runs: Sequence[Path], truths: Sequence[str]) -> tuple[Source, list
     if list(truths) != [SIMULATION]:
         pairs = [(log, None) for log, _ in pairs]
     counts = robot.metres_per_count("left"), robot.metres_per_count("right")
-    return Source(
-        base=Kinematics.of(robot.geometry), parameters=TWO_WHEELS, metres_per_count=counts, robot=robot
-    ), pairs
+    base, parameters = Kinematics.of(robot.geometry), parameters_of(robot.geometry)
+    return Source(base=base, parameters=parameters, metres_per_count=counts, robot=robot), pairs
 
 
 def _run(log: WheelLog, truth: Trajectory | None, same_clock: bool) -> Run:
@@ -238,7 +232,7 @@ def _held_out(found: Fit, check: Sequence[Run]) -> list[tuple[str, Score]]:
 
 
 def _values(found: Estimates, source: Source) -> tuple[str, Sequence[str], list[tuple[str, ...]]]:
-    rows = rows_of(found, source.metres_per_count, source.one_wheel)
+    rows = rows_of(found, source.metres_per_count)
     return "Values", VALUES, [(row.name, row.nominal, row.fitted, f"+- {row.half_width}") for row in rows]
 
 

@@ -24,7 +24,6 @@ from artemis.values import JobKind, Tick
 from artemis.yaml_edit import edit
 from artemis.yaml_file import Data, read
 
-SIDES = ("left", "right")
 _KEEPING = {JobKind.WRITE_CALIBRATION: "has the new values", JobKind.STORE: "keeps the new values"}
 
 
@@ -42,7 +41,7 @@ def calibrate_steering(
 
     Args:
         source: The mission's file.
-        side: `left` or `right`; None: both.
+        side: Of the robot's steering motors; None: all.
         reference: True angle of a wheel while it shows 0, by side [degrees]; for the others a person turns the wheel.
         new: Nothing that the potentiometers say now is believed.
         yes: Keep the result without asking.
@@ -57,9 +56,10 @@ def calibrate_steering(
         DeviceLost: the bus cannot be opened; nothing has moved.
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
-    if side not in (None, *SIDES):
-        raise ConfigError(f"--side {side}: write left or right, or leave it out for both")
-    wheels = SIDES if side is None else (side,)
+    sides = load_mission(source).robot.sides("steering")
+    if side not in (None, *sides):
+        raise ConfigError(f"--side {side}: write {' or '.join(sides)}, or leave it out")
+    wheels = sides if side is None else (side,)
     if unused := [one for one in reference if one not in wheels]:
         raise ConfigError(f"--reference-{unused[0]} is of a wheel that is not measured")
     alone = yes and all(one in reference for one in wheels)
@@ -118,7 +118,10 @@ def store_steering(source: Path, simulate: bool) -> int:
     """
     loaded = load_mission(source)
     simulated, robot = is_simulated(loaded, simulate), loaded.robot
-    wanted = {robot.drive_at("steering", side)[0]: memory_numbers(robot.potentiometers(side)) for side in SIDES}
+    if not robot.has_potentiometers:
+        raise ConfigError(f"{source}: the robot has no potentiometers: there is nothing to store")
+    sides = robot.sides("steering")
+    wanted = {robot.drive_at("steering", side)[0]: memory_numbers(robot.potentiometers(side)) for side in sides}
     kept: list[str] = []
     told = "not every drive keeps what it says"
     try:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import sys
 from math import inf
+from pathlib import Path
 
 from artemis.errors import ConfigError
 from artemis.families import FAMILIES
+from artemis.mission.loading import load_model
 from artemis.mission.problems import nearest
 from artemis.supervision.catalogue import ROWS
 from artemis.supervision.catalogue.row import SHORT, Found, Kind, Recovery, Row, Threshold
 from artemis.values import Severity
+from artemis.vehicle import RobotFile
 
 SECTIONS = {
     "DRV": "What a drive reports by itself",
@@ -35,22 +38,32 @@ SECTIONS = {
 _NOTHING = "-"
 
 
-def show_faults(ids: list[str], markdown: bool) -> None:
+def show_faults(ids: list[str], markdown: bool, robot_file: Path | None = None) -> None:
     """Print the rows `ids`, or one line for each row of the table; `markdown`: the documentation's page.
 
+    With a robot file, rows for which the robot lacks something say so.
+
     Raises:
-        ConfigError: there is no such row.
+        ConfigError: there is no such row, or the robot file is refused.
     """
+    robot = None if robot_file is None else load_model(robot_file, RobotFile)
     wanted = [id.upper() for id in ids]
     if unknown := [id for id in wanted if id not in ROWS]:
         raise ConfigError([f"no such fault: {id}{nearest(id, ROWS, 'faults')}" for id in unknown])
     if markdown:
         sys.stdout.write(page())
     elif wanted:
-        sys.stdout.write("\n".join(_described(id, ROWS[id]) for id in wanted))
+        sys.stdout.write("\n".join(_described(id, ROWS[id]) + _missed(ROWS[id], robot, "  ") for id in wanted))
     else:
         for id, row in ROWS.items():
-            sys.stdout.write(f"{id}  {_reaction(row):12}  {row.name}\n")
+            sys.stdout.write(f"{id}  {_reaction(row):12}  {row.name}\n{_missed(row, robot, ' ' * 22)}")
+
+
+def _missed(row: Row, robot: RobotFile | None, indent: str) -> str:
+    """A line for a row that is never noticed on this robot."""
+    if robot is None or not row.is_missed_by(robot):
+        return ""
+    return f"{indent}never noticed on {robot.robot}: it needs {row.needs.value}\n"
 
 
 def page() -> str:
@@ -86,6 +99,10 @@ def _described(id: str, row: Row) -> str:
 
 
 def _noticed(id: str, row: Row) -> str:
+    return _detected(id, row) + (f"; needs {row.needs.value}" if row.needs.value else "")
+
+
+def _detected(id: str, row: Row) -> str:
     if row.found is Found.ELSEWHERE:
         return f"shows as {', '.join(row.shows_as)}: {row.reason}"
     return _how(id, row) + (f"; may show as {', '.join(row.shows_as)}" if row.shows_as else "")

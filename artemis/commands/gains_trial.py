@@ -63,7 +63,7 @@ class Trial:
         return now if self.new is None else {**now, "new": first + len(self._test) + 1}
 
 
-_ALIGN: dict[str, object] = {"calibrate": {"steering": "from_potentiometers"}}
+_ALIGN: dict[str, object] = {"calibrate": {"steering": "align"}}
 
 
 def write_mission(loaded: LoadedMission, source: Path, trial: Trial, folder: Path) -> tuple[LoadedMission, Path]:

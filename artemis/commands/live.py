@@ -14,10 +14,11 @@ from artemis.commands.terminal import lose_output
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
+from artemis.families.family import Errors
 from artemis.plugins.guard import Problem
 from artemis.progress import Position
 from artemis.recording.asked_poses import AskedPoses
-from artemis.recording.event_log import Errors, happened, values_of
+from artemis.recording.event_log import happened, values_of
 from artemis.recording.journal import Level
 from artemis.report.fault_words import DID, next_step
 from artemis.states.modes import RUNNING

@@ -16,12 +16,29 @@ from typing import Any
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.commands.live import LiveView
 from artemis.commands.page import announce, page_of
-from artemis.commands.terminal import ANSWER_KEYS, ANSWERING, DRIVING, HINT, KEYS, listen_to_keys, somebody_is_there
+from artemis.commands.terminal import (
+    ACCEPT_KEYS,
+    ANSWER_KEYS,
+    ANSWERING,
+    DRIVING,
+    HINT,
+    KEYS,
+    listen_to_keys,
+    somebody_is_there,
+)
 from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
-from artemis.planning import asks, check_drivable, inputs_used, is_fast, is_simulated, preparations
+from artemis.planning import (
+    asks,
+    check_drivable,
+    inputs_used,
+    is_fast,
+    is_simulated,
+    preparations,
+    straight_by_hand,
+)
 from artemis.progress import Position
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
@@ -58,6 +75,17 @@ def run_and_report(
     return outcome.exit_status
 
 
+def _with_answers(
+    loaded: LoadedMission, keys: Mapping[bytes, Request | str], hint: str
+) -> tuple[Mapping[bytes, Request | str], str]:
+    """Keys and their hint, with those for what the mission, or the bring-up of its robot, asks a person."""
+    if asks(loaded):
+        keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
+    if straight_by_hand(loaded):
+        keys, hint = {**keys, **ACCEPT_KEYS}, f"{hint}; enter accepts that the wheels stand straight"
+    return keys, hint
+
+
 def run_in_sight(
     loaded: LoadedMission,
     source: Path,
@@ -87,8 +115,7 @@ def run_in_sight(
     """
     simulated, fast = is_simulated(loaded, simulate), is_fast(loaded, simulate)
     check_drivable(loaded, source, simulated)
-    if asks(loaded):
-        keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
+    keys, hint = _with_answers(loaded, keys, hint)
     operator = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):

@@ -17,13 +17,14 @@ KEYS = {b" ": Request.QUICKSTOP, b"a": Request.ACKNOWLEDGE, b"r": Request.ARM, b
 """Space stops at once; a acknowledges, r arms again, q ends the run in order."""
 ANSWER_KEYS = {digit.encode(): digit for digit in "123456789"}
 """Number of an answer to a question of the mission."""
+ACCEPT_KEYS = {b"\n": Request.ACCEPT, b"\r": Request.ACCEPT}
+"""Enter."""
 JOG_KEYS = {
     b"+": Request.LEFT_DEGREE,
     b"-": Request.RIGHT_DEGREE,
     b".": Request.LEFT_TENTH,
     b",": Request.RIGHT_TENTH,
-    b"\n": Request.ACCEPT,
-    b"\r": Request.ACCEPT,
+    **ACCEPT_KEYS,
 }
 """Turn a wheel by a degree or a tenth to the left or right; enter accepts."""
 JOGGING = "+ - turn the wheel by a degree, . , by a tenth, enter accepts"

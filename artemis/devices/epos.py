@@ -23,7 +23,7 @@ class EposDrive:
         self.name, self.robot, self.drive, self.period = name, robot, robot.drives[name], period
         self.node_id = self.drive.node_id
         self.is_traction = self.drive.role == "traction"
-        self.own_set_point = attrgetter(f"{'speed' if self.is_traction else 'steering'}_{self.drive.side}")
+        self.own_set_point = attrgetter(self.drive.set_point)
         """Its part of all set-points: rolling speed [m/s] or wheel angle [rad]."""
         self.sdo = wire.objects(name, self.node_id)
         self.send = wire.send

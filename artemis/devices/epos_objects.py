@@ -38,7 +38,7 @@ class Units:
         if drive.role == "traction":
             per_unit = 1 / robot.metres_per_count(drive.side)
         else:
-            per_unit = counts * drive.gear_ratio / (2 * pi) / robot.potentiometers(drive.side).scale
+            per_unit = counts * drive.gear_ratio / (2 * pi) / robot.angle_source(drive.side).scale
         self.counts = -per_unit if drive.mirrored else per_unit
         """Counts per metre (traction) or radian (steering) of the wheel, signed."""
         self.rpm = self.counts * 60 / counts

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from artemis.drive_states import DriveState
 from artemis.families.objects import LOST_HEARTBEAT, Object, ObjectType, Setting
 
+Errors = Mapping[str, Mapping[int, str]]
+"""By drive: rows of the fault table by EMCY error code."""
 TRACTION, STEERING = "traction", "steering"
 MOTORS = ("dc", "ec_sine", "ec_block")
 ENCODERS = ("encoder_3_channel", "encoder_2_channel")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, model_validator
@@ -55,6 +56,8 @@ class Reference(Config):
     """Of the left wheel."""
     right: Angle | None = None
     """Of the right wheel."""
+    middle: Angle | None = None
+    """Of what a single steering motor turns."""
 
 
 LARGEST_UNSEEN_DEG = 5.0
@@ -64,8 +67,8 @@ LARGEST_UNSEEN_DEG = 5.0
 class MeasureSteering(Config):
     """Find zero and slope of the potentiometers: turn each wheel by 45 degrees to both sides and read them."""
 
-    wheels: Literal["left", "right", "both"] = "both"
-    """Which are measured."""
+    wheels: Literal["left", "right", "middle", "both"] = "both"
+    """Which are measured; middle: what a single steering motor turns, as `both` on such a robot."""
     reference_deg: Reference = Reference()
     """True angle of a wheel, left positive, while it shows 0 (of one with new potentiometers: as it is found). Without
     it a person turns the wheel until it stands straight."""
@@ -117,8 +120,8 @@ class NewGains(Config):
 class Turn(Config):
     """Turn the wheels and back at rest, to see how the steering drives follow."""
 
-    side: Literal["left", "right"] = "left"
-    """Whose angle is meant."""
+    side: Literal["left", "right", "middle"] | None = None
+    """Whose angle is meant: of the left wheel, or of a single steering motor."""
     angle_deg: Annotated[float, Field(gt=0, le=20)] = 5.0
     """To the left."""
 
@@ -128,16 +131,29 @@ class Calibrate(Config):
 
     steering: (
         Annotated[
-            Annotated[Literal["from_potentiometers"], Tag("<word>")] | Annotated[MeasureSteering, Tag("<measured>")],
+            Annotated[Literal["from_potentiometers", "align"], Tag("<word>")]
+            | Annotated[MeasureSteering, Tag("<measured>")],
             Discriminator(_kind_of_steering),
         ]
         | None
     ) = None
-    """Align the wheels, or measure their potentiometers."""
+    """Align the wheels (`align`: a robot without potentiometers, as its file says), or measure their potentiometers."""
     gains: Annotated[dict[str, NewGains], Field(min_length=1)] | None = None
     """Try other regulator gains, by drive: until the run ends, or a fault has the drives configured anew."""
     turn: Turn | None = None
     """Turn the wheels by a step."""
+
+    @property
+    def sides(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """Sides of the steering that are named, each with its keys."""
+        if isinstance(self.steering, MeasureSteering):
+            if self.steering.wheels != "both":
+                yield ("steering", "wheels"), self.steering.wheels
+            for side, angle in self.steering.reference_deg:
+                if angle is not None:
+                    yield ("steering", "reference_deg", side), side
+        if self.turn is not None and self.turn.side is not None:
+            yield ("turn", "side"), self.turn.side
 
     @model_validator(mode="after")
     def _one_key(self) -> Self:

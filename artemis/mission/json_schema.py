@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic.errors import PydanticInvalidForJsonSchema
 
-from artemis import mounting, vehicle
+from artemis import axles, drive_schema, mounting, vehicle
 from artemis.config import Config
 from artemis.errors import PluginError
 from artemis.mission import actions, by_hand, goto, obstacles, schema, waypoints, words
@@ -43,7 +43,7 @@ def mission_schema() -> dict[str, object]:
 
 def robot_schema() -> dict[str, object]:
     """JSON schema of a robot file, for editors."""
-    return _schema(vehicle.RobotFile, vehicle, mounting)
+    return _schema(vehicle.RobotFile, vehicle, axles, drive_schema, mounting)
 
 
 def _schema(model: type[Config], *modules: ModuleType | None, template: str = "#/$defs/{model}") -> dict[str, Any]:

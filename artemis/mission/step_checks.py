@@ -99,6 +99,14 @@ class StepChecks(GotoChecks):
             if step.steering.save != "nothing":
                 problem = "what is saved holds from the next start on: no other step may stand beside a calibration "
                 self._complain(("steps",), problem + "with save: drives or ask")
+        if robot is not None:
+            if step.steering not in (None, "align") and not robot.has_potentiometers:
+                problem = "the robot has no potentiometers: write `align`"
+                self._complain((*at, "steering"), problem)
+            for key, side in step.sides:
+                if side not in robot.sides("steering"):
+                    problem = f"the robot's steering motors are: {', '.join(robot.sides('steering'))}; found {side}"
+                    self._complain((*at, *key), problem)
         if step.gains is not None and robot is not None:
             from artemis.mission.gains import check_gains
 

@@ -1,4 +1,4 @@
-"""Kinematics of a car with two steered front wheels, as seen by its virtual front wheel.
+"""Kinematics of a car with steered front wheels, as seen by its virtual front wheel.
 
 The virtual wheel stands in the middle of the front axle; its speed v [m/s] and angle alpha [rad, left positive] are
 what artemis commands. The pose belongs to the centre of the rear axle. With L the wheelbase, B the distance of the
@@ -6,13 +6,18 @@ kingpins and kappa = tan(alpha) / L the curvature of the rear axle's path, a kin
 atan2(kappa L, 1 -+ kappa B/2) (left, right). All formulas here carry the factor cos(alpha), so none is singular:
 they hold for both signs, straight ahead, in reverse, and for an inner wheel turned beyond 90 degrees. They agree with
 thesis equations 3.3 and 3.5 to 3.9 (whose 3.4 prints arctan for acot) and add what rolls when an offset kingpin turns.
+
+Left and right are those of the motors. One steering motor in the middle stands for both sides, and turns as the virtual
+wheel: kingpins without distance (its linkage may be measured: `MeasuredLinkage`). One traction motor in the middle
+likewise: behind a differential it turns at the mean of both wheels.
 """
 
 from __future__ import annotations
 
 from math import atan, atan2, cos, hypot, sin, sqrt, tan
 
-from artemis.vehicle import Geometry
+from artemis.axles import Geometry
+from artemis.linkage import MeasuredLinkage
 
 
 class Ackermann:
@@ -28,9 +33,13 @@ class Ackermann:
         self._front_driven = geometry.driven_axle == "front"
         self.scrub_radius = geometry.scrub_radius_m if self._front_driven else 0.0
         # the following in wheelbases
-        self._kingpin = geometry.kingpin_distance_m / (2.0 * self.wheelbase)
+        self._kingpin = geometry.steered_kingpin_distance_m / (2.0 * self.wheelbase)
+        self._arm = geometry.kingpin_distance_m / (2.0 * self.wheelbase)
         self._outboard = self.scrub_radius / self.wheelbase
         self._half_track = geometry.track_m / (2.0 * self.wheelbase)
+        self._differential = geometry.differential
+        measured = isinstance(geometry.linkage, tuple)
+        self._linkage = MeasuredLinkage(geometry) if measured else None
 
     # ------------------------------------------------------------------------------------------ angles
 
@@ -39,18 +48,25 @@ class Ackermann:
         return atan(curvature * self.wheelbase)
 
     def wheel_angles(self, steering: float) -> tuple[float, float]:
-        """Angles (left, right) at which no wheel slips sideways (thesis eq. 3.3, 3.5)."""
+        """Angles (left, right) at which no wheel slips sideways (thesis eq. 3.3, 3.5); of one motor its own, twice."""
+        if self._linkage is not None:
+            angle = self._linkage.motor(steering)
+            return angle, angle
         s, c = sin(steering), cos(steering)
         offset = self._kingpin * s
         return atan2(s, c - offset), atan2(s, c + offset)
 
     def steering_from_left(self, angle: float) -> float:
         """Angle of the virtual wheel that belongs to the left wheel's; rises with it."""
+        if self._linkage is not None:
+            return self._linkage.steering(angle)
         s = sin(angle)
         return atan2(s, cos(angle) + self._kingpin * s)
 
     def steering_from_right(self, angle: float) -> float:
         """Angle of the virtual wheel that belongs to the right wheel's; rises with it."""
+        if self._linkage is not None:
+            return self._linkage.steering(angle)
         s = sin(angle)
         return atan2(s, cos(angle) - self._kingpin * s)
 
@@ -64,6 +80,9 @@ class Ackermann:
         The derivative of `wheel_angles`, (sin(delta) / sin(alpha))^2, in a form that holds at zero; thesis eq. 3.17
         takes the ratio of the whole changes instead, see `arrival_rates`.
         """
+        if self._linkage is not None:
+            rate /= self._linkage.slope(steering)
+            return rate, rate
         s, c = sin(steering), cos(steering)
         offset = self._kingpin * s
         return rate / (s * s + (c - offset) ** 2), rate / (s * s + (c + offset) ** 2)
@@ -74,11 +93,14 @@ class Ackermann:
         """Rolling speed of each driven wheel (left, right) per speed of the virtual wheel, at a constant angle.
 
         Front: arm of the kingpin about the turning point, less or more the scrub radius (thesis eq. 3.8, 3.9).
-        Rear: cos(alpha) (1 -+ kappa S/2), S the track.
+        Rear: cos(alpha) (1 -+ kappa S/2), S the track. With a differential the mean of both, twice.
         """
         s, c = sin(steering), cos(steering)
+        if self._differential:
+            mean = (hypot(s, c - self._arm * s) + hypot(s, c + self._arm * s)) / 2.0 if self._front_driven else c
+            return mean, mean
         if self._front_driven:
-            offset, outboard = self._kingpin * s, self._outboard * s
+            offset, outboard = self._arm * s, self._outboard * s
             return hypot(s, c - offset) - outboard, hypot(s, c + offset) + outboard
         offset = self._half_track * s
         return c - offset, c + offset

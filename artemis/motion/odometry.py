@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import cos, sin
 
+from artemis.axles import Geometry
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.angles import sinc, wrap
 from artemis.values import Odometry, Pose
-from artemis.vehicle import Geometry
 
 
 class Odometer:

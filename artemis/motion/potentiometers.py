@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import radians
 
-from artemis.vehicle import Potentiometers
+from artemis.axles import Potentiometers
 
 SUPPLY_V = 5.0
 LOWEST, HIGHEST = 0.02 * SUPPLY_V, SUPPLY_V - 0.02 * SUPPLY_V

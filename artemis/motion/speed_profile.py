@@ -63,6 +63,9 @@ def wheel_ratio(curvature: Array, robot: RobotFile) -> tuple[Array, float]:
     cosine = np.sqrt(1 - sine**2)
     if geometry.driven_axle == "front":
         outer = geometry.kingpin_distance_m / (2 * geometry.wheelbase_m) * sine
+        if geometry.differential:
+            return (np.hypot(sine, cosine - outer) + np.hypot(sine, cosine + outer)) / 2, 0.0
         scrub = geometry.scrub_radius_m
         return np.hypot(sine, cosine + outer) + scrub / geometry.wheelbase_m * sine, scrub
-    return cosine + geometry.track_m / (2 * geometry.wheelbase_m) * sine, 0.0
+    half_track = 0.0 if geometry.differential else geometry.track_m / 2
+    return cosine + half_track / geometry.wheelbase_m * sine, 0.0

@@ -8,8 +8,8 @@ from math import degrees, inf, sqrt
 from operator import mul
 from typing import Any, NamedTuple
 
+from artemis.axles import Potentiometers
 from artemis.motion.totals import mean, total
-from artemis.vehicle import Potentiometers
 
 ZERO_DIGITS, SLOPE_DIGITS = 4, 3
 """Results are rounded to 0.1 mV (0.007 degrees) and 0.001 degrees per volt: less than their standard deviation."""

@@ -61,7 +61,7 @@ class PageView:
             map: the run's map as it is at present, the same object until it changes.
         """
         self._robot, self._mission, self._routes, self._map = robot, mission, dict(routes), map
-        self._events = EventLog({name: drive.node_id for name, drive in robot.drives.items()})
+        self._events = EventLog({name: drive.node_id for name, drive in robot.drives.items()}, robot.errors)
         self._steering = {robot.drive_at("steering", side)[0]: side for side in ("left", "right")}
         self._shown_map: ShownMap | None = None
         self._faults: tuple[Fault, ...] | None = None

@@ -8,6 +8,7 @@ from typing import Any
 
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT
+from artemis.families.family import Errors
 from artemis.motion.potentiometers import memory_words
 from artemis.progress import MissionEvent
 from artemis.recording.asked_poses import AskedPoses
@@ -38,10 +39,6 @@ STORM, STORM_TIME = 20, 1.0
 """More emergencies of a drive in this time [s] are only counted (DRV-33)."""
 _STOPPED = (Mode.FAULT, Mode.QUICKSTOP)
 _Key = tuple[str, str]
-
-
-Errors = Mapping[str, Mapping[int, str]]
-"""By drive: rows of the fault table by error code (`RobotFile.errors`)."""
 
 
 class EventLog:

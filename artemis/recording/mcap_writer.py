@@ -16,12 +16,13 @@ from artemis.build import kind_of_build, version
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Traffic
 from artemis.errors import RecordingError
+from artemis.families.family import Errors
 from artemis.motion.poses import placed, seen_from
 from artemis.plugins.guard import Problem
 from artemis.plugins.observing import LOOK, Beside
 from artemis.recording import schemas
 from artemis.recording.disk import Disk, Trouble, trouble
-from artemis.recording.event_log import Errors, EventLog
+from artemis.recording.event_log import EventLog
 from artemis.recording.journal import Entry, Journal, Level
 from artemis.recording.mcap_file import McapFile
 from artemis.recording.provenance import Provenance, made_with

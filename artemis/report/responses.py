@@ -91,10 +91,8 @@ def read_traces(recording: Recording, drives: Sequence[str], steps: Sequence[int
 
 
 def _set_point(tick: TickRecord, robot: RobotFile, name: str) -> float:
-    points, drive = tick.set_points, robot.drives[name]
-    if drive.role == "traction":
-        return points.speed_left if drive.side == "left" else points.speed_right
-    return points.steering_left if drive.side == "left" else points.steering_right
+    told: float = getattr(tick.set_points, robot.drives[name].set_point)
+    return told
 
 
 def _trace(name: str, robot: RobotFile, table: Array) -> Trace:

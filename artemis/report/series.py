@@ -168,13 +168,6 @@ _COLUMNS = (
 """Those before the set-points and measured values of the drives."""
 _AT = {name: number for number, name in enumerate(_COLUMNS)}
 _NO_POSE = Pose(x=nan, y=nan, heading=nan)
-_SET_POINTS = {
-    ("traction", "left"): attrgetter("speed_left"),
-    ("traction", "right"): attrgetter("speed_right"),
-    ("steering", "left"): attrgetter("steering_left"),
-    ("steering", "right"): attrgetter("steering_right"),
-}
-"""By role and side of a drive."""
 _MEASURED = {"traction": attrgetter("velocity"), "steering": attrgetter("position")}
 _NOT_FOLLOWING = nan, nan, nan, nan, nan
 
@@ -187,7 +180,7 @@ class _Reader:
         self._true_poses = TruePoses(recording)
         self._states = {name: _Spans() for name in robot.drives}
         self._drives = [
-            (name, _SET_POINTS[drive.role, drive.side], self._states[name], _MEASURED[drive.role])
+            (name, attrgetter(drive.set_point), self._states[name], _MEASURED[drive.role])
             for name, drive in robot.drives.items()
         ]
         self._entries = recording.events()

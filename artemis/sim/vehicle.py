@@ -1,4 +1,4 @@
-"""The true vehicle: what the ground makes of four wheels, two of them steered and two of them driven.
+"""The true vehicle: what the ground makes of its wheels, of which the front ones are steered and some driven.
 
 The motion of a rigid body on its wheels (rear axle centre, u forward, omega counter-clockwise; the rear wheels do not
 slide sideways) has to satisfy, for kingpins at (L, ±B/2) and contact points R outboard of them,
@@ -9,6 +9,7 @@ slide sideways) has to satisfy, for kingpins at (L, ±B/2) and contact points R 
 
 (upper sign left), of which the driven wheels' rolling and the front wheels' grip are more than two equations: the
 vehicle moves as fits all of them best, by least squares. For wheels set as an Ackermann pair all are met exactly.
+One front wheel is a pair on one kingpin (B = R = 0). A differential gives only the mean of both rolling speeds.
 """
 
 from __future__ import annotations
@@ -26,6 +27,13 @@ class Chassis:
     track: float
     scrub_radius: float
     front_driven: bool
+    front_wheels: int = 2
+    differential: bool = False
+
+    @property
+    def half_kingpin(self) -> float:
+        """Half of the distance of the kingpins [m]."""
+        return 0.5 * self.track - self.scrub_radius if self.front_wheels == 2 else 0.0
 
 
 class Vehicle:
@@ -77,7 +85,9 @@ class Vehicle:
             distance_right *= 1.0 - self._dice.uniform(0.0, 2.0 * self._slip)
         left, right = 0.5 * (self._left + steering_left), 0.5 * (self._right + steering_right)
         self._left, self._right = steering_left, steering_right
-        if self._chassis.front_driven:
+        if self._chassis.differential:
+            fit = fit_differential(self._chassis, left, right, 0.5 * (distance_left + distance_right))
+        elif self._chassis.front_driven:
             scrub = self._chassis.scrub_radius
             fit = fit_front_driven(
                 self._chassis, left, right, distance_left + scrub * turned_left, distance_right - scrub * turned_right
@@ -109,7 +119,7 @@ def fit_front_driven(
         roll_right: The same of the right one.
     """
     length, scrub = chassis.wheelbase, chassis.scrub_radius
-    half = 0.5 * chassis.track - scrub  # of the distance between the kingpins
+    half = chassis.half_kingpin
     cos_left, sin_left = math.cos(left), math.sin(left)
     cos_right, sin_right = math.cos(right), math.sin(right)
     arm_left = length * sin_left - half * cos_left - scrub
@@ -136,8 +146,7 @@ def fit_rear_driven(
         distance_left: Rolled distance of the left rear wheel [m].
         distance_right: The same of the right one.
     """
-    length, half_track = chassis.wheelbase, 0.5 * chassis.track
-    half = half_track - chassis.scrub_radius
+    length, half_track, half = chassis.wheelbase, 0.5 * chassis.track, chassis.half_kingpin
     sin_left, sin_right = math.sin(left), math.sin(right)
     grip_left = length * math.cos(left) + half * sin_left
     grip_right = length * math.cos(right) - half * sin_right
@@ -149,3 +158,29 @@ def fit_rear_driven(
     about = half_track * (distance_right - distance_left)
     determinant = ahead * square - side * side
     return (along * square - about * side) / determinant, (ahead * about - side * along) / determinant
+
+
+def fit_differential(chassis: Chassis, left: float, right: float, distance: float) -> tuple[float, float]:
+    """Motion of a vehicle with a differential: distance of the rear axle's centre [m] and change of heading [rad].
+
+    Args:
+        chassis: The vehicle's measures; its driven front wheels have no scrub radius.
+        left: Angle of the left front wheel [rad].
+        right: Angle of the right front wheel [rad].
+        distance: Mean of what both driven wheels rolled [m].
+    """
+    length, half = chassis.wheelbase, chassis.half_kingpin
+    sin_left, cos_left, sin_right, cos_right = math.sin(left), math.cos(left), math.sin(right), math.cos(right)
+    along, about = 1.0, 0.0
+    if chassis.front_driven:
+        along = 0.5 * (cos_left + cos_right)
+        about = 0.5 * (length * (sin_left + sin_right) - half * (cos_left - cos_right))
+    grip_left, grip_right = length * cos_left + half * sin_left, length * cos_right - half * sin_right
+    # Normal equations of the mean's row and both wheels' grip rows, which have 0 on the right.
+    ahead = along * along + sin_left * sin_left + sin_right * sin_right
+    side = along * about - sin_left * grip_left - sin_right * grip_right
+    square = about * about + grip_left * grip_left + grip_right * grip_right
+    determinant = ahead * square - side * side
+    return distance * (along * square - about * side) / determinant, distance * (
+        ahead * about - side * along
+    ) / determinant

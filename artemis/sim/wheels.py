@@ -1,4 +1,4 @@
-"""The four wheels of the true robot: what a motor's counts make of them, and what their potentiometers show."""
+"""The wheels of the true robot: what a motor's counts make of them, and what their potentiometers show."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 import random
 from dataclasses import dataclass
 
+from artemis.axles import Geometry, HardStop, Potentiometers
 from artemis.sim.axis import Axis
 from artemis.vehicle import RobotFile
 
@@ -52,7 +53,7 @@ class SteeredWheel:
             name: The wheel's drive in the robot file.
             axis: Its motor.
             start: True angle of the wheel [rad], left positive.
-            zero_deg: True angle at which the calibrated potentiometers say 0.
+            zero_deg: True angle at which the calibrated potentiometers say 0; so far off is a hard stop, or a hand.
             scale: True angle per count as a multiple of the robot file's.
             backlash: Angle between the ends of the play between motor and wheel [rad]; it begins in the middle.
             slopes: True degrees per volt of both potentiometers as multiples of the robot file's.
@@ -63,16 +64,23 @@ class SteeredWheel:
         self._axis = axis
         self._start = start
         counts_per_turn = drive.sensor.counts_per_turn * drive.gear_ratio
-        calibration = robot.potentiometers(drive.side)
-        scale *= calibration.scale
+        source = robot.angle_source(drive.side)
+        scale *= source.scale
         self._coupled = (-scale if drive.mirrored else scale) * math.tau / counts_per_turn
         self._radians_per_count = self._coupled
         self._half_play = 0.5 * backlash
         self.angle = start
         """True angle of the wheel [rad], left positive."""
         self._zero_deg = zero_deg
-        self._zero_v = calibration.zero_v
-        self._slope_1, self._slope_2 = (a * b for a, b in zip(calibration.slope_deg_per_v, slopes, strict=True))
+        self._zero_v, known = (0.0, 0.0), (math.inf, math.inf)
+        if isinstance(source, Potentiometers):
+            self._zero_v, known = source.zero_v, source.slope_deg_per_v
+        self._slope_1, self._slope_2 = (a * b for a, b in zip(known, slopes, strict=True))
+        end = math.radians(abs(source.stop_deg)) if isinstance(source, HardStop) else math.inf
+        zero = math.radians(zero_deg)
+        self._stops = (zero - end, zero + end) if end < math.inf else None
+        """Where it is held to both sides [rad]."""
+        self._held = False
 
     def turn(self) -> float:
         """Let the motor take the wheel along once the play is taken up: the angle [rad]."""
@@ -80,7 +88,23 @@ class SteeredWheel:
         if self._half_play:
             angle = min(max(self.angle, angle - self._half_play), angle + self._half_play)
         self.angle = angle
+        if self._stops is not None:
+            self._meet(angle, *self._stops)
         return angle
+
+    def _meet(self, angle: float, low: float, high: float) -> None:
+        """Nothing turns beyond a stop, and the motor is held there as long as it is regulated to go on."""
+        axis, end = self._axis, high if angle >= high else low
+        at_end = angle >= high or angle <= low
+        held = at_end and axis.lag * self._coupled * end > 0.0
+        if held is not self._held:
+            self._held = held
+            axis.fail(blocked=held)
+        if at_end:
+            self.angle = end
+            axis.position = (end - self._start) / self._coupled
+            if axis.velocity * self._coupled * end > 0.0:
+                axis.velocity = 0.0
 
     def feel(self, dice: random.Random, noise: float, now: float) -> None:
         """Turn the potentiometers' shafts along: `noise` is the standard deviation of each voltage [V]."""
@@ -115,8 +139,34 @@ class SteeredWheel:
         self.turn()
 
 
+class TrueLinkage:
+    """What one steering motor makes of the front wheels."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        """As the robot's file describes it; without a linkage the motor turns the only front wheel."""
+        self._half = geometry.kingpin_distance_m / (2.0 * geometry.wheelbase_m)
+        table = geometry.linkage if isinstance(geometry.linkage, tuple) else ()
+        self._rows = [(row.motor_deg, row.left_deg, row.right_deg) for row in table]
+
+    def wheels(self, angle: float) -> tuple[float, float]:
+        """Angles of the left and right front wheel for the motor's, all [rad], left positive."""
+        if self._rows:
+            return self._measured(math.degrees(angle))
+        s, c = math.sin(angle), math.cos(angle)
+        return math.atan2(s, c - self._half * s), math.atan2(s, c + self._half * s)
+
+    def _measured(self, motor: float) -> tuple[float, float]:
+        """On the lines between the rows of the table; `motor` in degrees."""
+        row = 0
+        while row < len(self._rows) - 2 and motor > self._rows[row + 1][0]:
+            row += 1
+        (begin, left, right), (end, next_left, next_right) = self._rows[row], self._rows[row + 1]
+        share = (motor - begin) / (end - begin)
+        return math.radians(left + share * (next_left - left)), math.radians(right + share * (next_right - right))
+
+
 class DrivenWheel:
-    """One driven wheel: motor counts to true distance."""
+    """One driven wheel, or two behind a differential: motor counts to true distance."""
 
     def __init__(self, robot: RobotFile, name: str, axis: Axis, *, scale: float) -> None:
         """`scale`: true metres per count as a multiple of the robot file's."""

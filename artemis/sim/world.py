@@ -1,4 +1,4 @@
-"""The world behind the wire: four drives with their motors, the vehicle they move, and the battery that feeds them."""
+"""The world behind the wire: the drives with their motors, the vehicle they move, and the battery that feeds them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
+from artemis.axles import ByHand, Inset, Length
 from artemis.battery import HOUR, Battery
 from artemis.config import Config, Quantity
 from artemis.mounting import Degrees, Mounting, Offset
@@ -17,9 +18,9 @@ from artemis.sim.drive_node import simulated_drive
 from artemis.sim.epos import SimEpos
 from artemis.sim.epos_settings import SimSettings
 from artemis.sim.vehicle import Chassis, Vehicle
-from artemis.sim.wheels import DrivenWheel, SteeredWheel
+from artemis.sim.wheels import DrivenWheel, SteeredWheel, TrueLinkage
 from artemis.values import Pose
-from artemis.vehicle import Inset, Length, RobotFile
+from artemis.vehicle import RobotFile
 
 if TYPE_CHECKING:
     import numpy as np
@@ -93,21 +94,26 @@ class PlantParameters(Config):
     steering_zero_left_deg: WheelAngle = 0.0
     """True wheel angle where the calibrated potentiometers say 0."""
     steering_zero_right_deg: WheelAngle = 0.0
+    steering_zero_middle_deg: WheelAngle = 0.0
+    """Left and right are of steering motors on the sides, middle is of a single one; so are the following."""
     steering_scale_left: Scale = 1.0
     """True change of the wheel angle per count, as a multiple of the robot file's."""
     steering_scale_right: Scale = 1.0
+    steering_scale_middle: Scale = 1.0
     backlash_deg: Annotated[float, Quantity(0.0, 30.0, "degrees")] = 0.0
     """Play between each steering motor and its wheel, from end to end, at the wheel; the potentiometers turn with the
     wheel."""
     wheel_scale_left: Scale = 1.0
     """True metres per count, as a multiple of the robot file's."""
     wheel_scale_right: Scale = 1.0
+    wheel_scale_middle: Scale = 1.0
     wheelbase_m: Length | None = None
     track_m: Length | None = None
     scrub_radius_m: Inset | None = None
     potentiometer_slopes_left: Scales = (1.0, 1.0)
     """True degrees per volt of both potentiometers, as multiples of the robot file's."""
     potentiometer_slopes_right: Scales = (1.0, 1.0)
+    potentiometer_slopes_middle: Scales = (1.0, 1.0)
     potentiometer_noise_v: Annotated[float, Quantity(0.0, 5.0, "V")] = 0.0
     """Standard deviation."""
     slip: Annotated[float, Field(ge=0, lt=0.5)] = 0.0
@@ -115,6 +121,7 @@ class PlantParameters(Config):
     start_steering_left_deg: WheelAngle = 7.0
     """True wheel angle at power-up."""
     start_steering_right_deg: WheelAngle = -4.0
+    start_steering_middle_deg: WheelAngle = 7.0
     x_m: float = 0.0
     """True place of the rear axle's centre at power-up."""
     y_m: float = 0.0
@@ -125,7 +132,7 @@ class PlantParameters(Config):
 
 
 class World:
-    """Four powered drives on a true robot; time passes when `advance` says so."""
+    """The powered drives of a true robot; time passes when `advance` says so."""
 
     def __init__(
         self,
@@ -181,43 +188,39 @@ class World:
         return known.model_copy(update=true.model_dump(exclude_none=True))
 
     def _place(self, robot: RobotFile, true: PlantParameters, axes: dict[str, Axis]) -> None:
-        def named(role: str) -> list[str]:
-            return [robot.drive_at(role, side)[0] for side in ("left", "right")]
-
-        starts = (true.start_steering_left_deg, true.start_steering_right_deg)
-        zeros = (true.steering_zero_left_deg, true.steering_zero_right_deg)
-        steering_scales = (true.steering_scale_left, true.steering_scale_right)
-        slopes = (true.potentiometer_slopes_left, true.potentiometer_slopes_right)
-        scales = (true.wheel_scale_left, true.wheel_scale_right)
-        self.steered = {
-            name: SteeredWheel(
+        self.steered: dict[str, SteeredWheel] = {}
+        """By the names of their drives: left and right, or one in the middle."""
+        for side in robot.sides("steering"):
+            name, _ = robot.drive_at("steering", side)
+            by_hand = isinstance(robot.angle_source(side), ByHand)
+            self.steered[name] = SteeredWheel(
                 robot,
                 name,
                 axes[name],
-                start=math.radians(begin),
-                zero_deg=zero,
-                scale=scale,
+                start=math.radians(getattr(true, f"{'steering_zero' if by_hand else 'start_steering'}_{side}_deg")),
+                zero_deg=getattr(true, f"steering_zero_{side}_deg"),
+                scale=getattr(true, f"steering_scale_{side}"),
                 backlash=math.radians(true.backlash_deg),
-                slopes=pair,
+                slopes=getattr(true, f"potentiometer_slopes_{side}"),
             )
-            for name, begin, zero, scale, pair in zip(
-                named("steering"), starts, zeros, steering_scales, slopes, strict=True
-            )
-        }
-        """Left and right wheel, by the names of their drives."""
-        self.driven = {
-            name: DrivenWheel(robot, name, axes[name], scale=scale)
-            for name, scale in zip(named("traction"), scales, strict=True)
-        }
-        """Left and right wheel, by the names of their drives."""
-        self._steering_left, self._steering_right = self.steered.values()
-        self._traction_left, self._traction_right = self.driven.values()
+        self.driven: dict[str, DrivenWheel] = {}
+        """Likewise."""
+        for side in robot.sides("traction"):
+            name, _ = robot.drive_at("traction", side)
+            self.driven[name] = DrivenWheel(robot, name, axes[name], scale=getattr(true, f"wheel_scale_{side}"))
+        steered, driven = list(self.steered.values()), list(self.driven.values())
+        self._steering_left, self._steering_right = steered[0], steered[-1]
+        self._traction_left, self._traction_right = driven[0], driven[-1]
+        self._linkage = TrueLinkage(robot.geometry) if len(self.steered) == 1 else None
+        self._drives_one = len(self.driven) == 1
         geometry = robot.geometry
         self.chassis = Chassis(
             wheelbase=true.wheelbase_m or geometry.wheelbase_m,
             track=true.track_m or geometry.track_m,
             scrub_radius=geometry.scrub_radius_m if true.scrub_radius_m is None else true.scrub_radius_m,
             front_driven=geometry.driven_axle == "front",
+            front_wheels=geometry.front_wheels,
+            differential=geometry.differential,
         )
         self._vehicle = Vehicle(
             self.chassis,
@@ -242,6 +245,11 @@ class World:
     @property
     def wheel_angles(self) -> tuple[float, float]:
         """True angles of the left and right front wheel [rad], left positive."""
+        return self.motor_angles if self._linkage is None else self._linkage.wheels(self._steering_left.angle)
+
+    @property
+    def motor_angles(self) -> tuple[float, float]:
+        """True angles of what the left and the right steering motor turn [rad]; of a single one its own, twice."""
         return self._steering_left.angle, self._steering_right.angle
 
     @property
@@ -301,12 +309,11 @@ class World:
         for _ in range(steps):
             for axis in self._axes:
                 axis.step(dt)
-            self._vehicle.move(
-                self._steering_left.turn(),
-                self._steering_right.turn(),
-                self._traction_left.roll(),
-                self._traction_right.roll(),
-            )
+            left, right = self._steering_left.turn(), self._steering_right.turn()
+            if self._linkage is not None:
+                left, right = self._linkage.wheels(left)
+            rolled = self._traction_left.roll()
+            self._vehicle.move(left, right, rolled, rolled if self._drives_one else self._traction_right.roll())
         self.time = now
         self._last_step = dt
         if self._trail is not None:
@@ -317,7 +324,8 @@ class World:
     def _feel(self) -> None:
         noise = self._true.potentiometer_noise_v
         self._steering_left.feel(self._dice, noise, self.time)
-        self._steering_right.feel(self._dice, noise, self.time)
+        if self._linkage is None:
+            self._steering_right.feel(self._dice, noise, self.time)
 
     def _charge(self, supply: Supply, dt: float) -> None:
         """The batteries' voltage after `dt`: it rises near the charger, and sinks elsewhere."""

@@ -159,10 +159,11 @@ def steer(
 
 def _way_to_go(plan: Plan, drive: DriveFeedback, snapshot: Snapshot) -> float:
     """Set-point minus measured angle of a steered wheel [rad]; 0 for a traction drive."""
-    described, points = plan.robot.drives[drive.name], snapshot.set_points
+    described = plan.robot.drives[drive.name]
     if described.role != "steering":
         return 0.0
-    return (points.steering_left if described.side == "left" else points.steering_right) - drive.position
+    told: float = getattr(snapshot.set_points, described.set_point)
+    return told - drive.position
 
 
 def _read_potentiometers(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snapshot, tuple[Readings, Snapshot]]:

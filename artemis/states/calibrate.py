@@ -25,7 +25,7 @@ class CalibrateMode(RoutineMode):
                 snapshot = yield from try_gains(shared, step, snapshot)
             case TurnStep() as step:
                 snapshot = yield from turn(plan, step, snapshot)
-            case _:
+            case _ if plan.robot.has_potentiometers:
                 snapshot = yield from align(shared, snapshot)
         is_last = shared.tree.is_list and shared.current is plan.steps[-1]
         if plan.blind or (type(shared.current) is not CalibrateStep and is_last):

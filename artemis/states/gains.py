@@ -129,11 +129,10 @@ def _hold(
 
 def _errors(plan: Plan, snapshot: Snapshot) -> Iterator[tuple[str, float]]:
     """Set-point less angle of each steered wheel [rad]."""
-    told = {"left": snapshot.set_points.steering_left, "right": snapshot.set_points.steering_right}
     for drive in snapshot.sensed.drives:
         described = plan.robot.drives[drive.name]
         if described.role == "steering":
-            yield drive.name, told[described.side] - drive.position
+            yield drive.name, getattr(snapshot.set_points, described.set_point) - drive.position
 
 
 class OscillationDetector:
@@ -151,8 +150,7 @@ class OscillationDetector:
         self._time = snapshot.time
         for drive in snapshot.sensed.drives:
             if drive.name in self._swings:
-                left = self._robot.drives[drive.name].side == "left"
-                self._distances[drive.name] += (points.speed_left if left else points.speed_right) * dt
+                self._distances[drive.name] += getattr(points, self._robot.drives[drive.name].set_point) * dt
                 often = self._swings[drive.name].count(snapshot.time, self._distances[drive.name] - drive.position)
                 if often > MOST_SWINGS:
                     seen = f"oscillates: {often} turns by {1000 * SHAKE:g} mm or more in {SWING_TIME:g} s; less P or I"

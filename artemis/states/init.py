@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.families.objects import LOST_HEARTBEAT
-from artemis.states.alignment import align
+from artemis.states.homing import find_angles
 from artemis.states.keeping import contradiction
 from artemis.states.mode import (
     LISTEN,
@@ -56,7 +56,7 @@ class InitMode(RoutineMode):
         if all(result.ok for result in results):
             wish = replace(silent, phase=JobKind.CONFIGURE.value)
             jobs = bring_up.jobs(JobKind.CONFIGURE, plan.drives())
-            jobs += bring_up.jobs(JobKind.READ_CALIBRATION, plan.drives("steering"))
+            jobs += bring_up.jobs(JobKind.READ_CALIBRATION, plan.drives("steering") * plan.robot.has_potentiometers)
             results, snapshot = yield from finish_jobs(wish, jobs)
         if all(result.fault == NO_ANSWER for result in results):
             raise Failed(SILENT, catalogue.fault("COM-32"))
@@ -74,7 +74,7 @@ class InitMode(RoutineMode):
                 yield give_up(replace(OFF, phase="no operator to arm"), late=late)
             snapshot = yield replace(OFF, phase=held or "waiting for arm")
         bring_up.armed = bring_up.held = False
-        yield from align(shared, snapshot)
+        yield from find_angles(shared, snapshot)
         first, bring_up.aligned, bring_up.placed = not bring_up.placed, not plan.blind, True
         stand = at_rest(plan)
         yield replace(stand, event=Event.ALIGNED, reset_pose=first, phase="as found" if plan.blind else "aligned")

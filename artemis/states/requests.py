@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from artemis.states.homing import STRAIGHT
 from artemis.states.mode import hands_on
 from artemis.states.quickstop import waits_for
 from artemis.values import JobKind, Mode, Request, Tick
 
 _EARLY = {"listening", JobKind.SECURE.value, JobKind.CONFIGURE.value, "first contact", "proving the watchdog"}
 """Phases of the bring-up before it asks for an arm."""
+_BY_HAND = {STRAIGHT, JobKind.REFERENCE.value}
+"""Phases of the bring-up in which a person accepts that the wheels stand straight, and the one after it."""
 _ONLY_IN: Mapping[Request, tuple[Mode, str]] = {
     Request.DONE: (Mode.TELEOP, "no step by hand is running"),
     Request.RECORD: (Mode.TELEOP, "no step by hand is running"),
@@ -31,6 +34,8 @@ def ignored(request: Request, tick: Tick) -> str | None:
         return _arm_ignored(tick)
     if request is Request.ACKNOWLEDGE:
         return _acknowledge_ignored(tick)
+    if request is Request.ACCEPT and tick.mode is Mode.INIT and tick.wish.phase in _BY_HAND:
+        return None
     mode, reason = _ONLY_IN[request]
     return None if tick.mode is mode else reason
 

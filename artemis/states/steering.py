@@ -7,6 +7,7 @@ from math import copysign, degrees, inf, radians
 
 from msgspec.structs import replace
 
+from artemis.axles import Potentiometers
 from artemis.drive_states import POWERED
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.potentiometers import memory_numbers, wheel_angles
@@ -18,7 +19,6 @@ from artemis.states.mode import OFF, PATIENCE, STEERING_ON, Failed, Routine
 from artemis.states.plan import CalibrateStep, Plan, Shared
 from artemis.supervision import catalogue
 from artemis.values import DriveCommand, DriveFeedback, Fault, JobKind, Request, Severity, Snapshot, Wish
-from artemis.vehicle import Potentiometers
 
 TURN, LEAST_TURN = radians(45.0), radians(15.0)
 """A wheel is read straight and turned by so much to both sides [rad]: less where its limits are nearer."""
@@ -158,7 +158,7 @@ def _ask_straight(
     direction = 0.0 if plan.blind else 1.0  # as the alignment leaves it
     begun = snapshot.time
     while not _accepts(snapshot, begun):
-        question = f"{side} wheel at {degrees(angle):+.1f} deg: turn it until it stands straight, then accept"
+        question = f"{_wheel(side)} at {degrees(angle):+.1f} deg: turn it until it stands straight, then accept"
         _check_somebody(snapshot, begun, question)
         if jog := total(JOGS.get(request, 0.0) for request in snapshot.sensed.requests):
             here, direction = _drive(snapshot, name).position, copysign(1.0, jog)
@@ -211,7 +211,7 @@ def _pass(
 ) -> Generator[Wish, Snapshot, tuple[Pass, Snapshot]]:
     """Readings while the wheel turns slowly past `angle` [rad] in one direction."""
     name, _ = plan.robot.drive_at("steering", side)
-    begin, phase = angle - direction * WINDOW, f"reading the {side} wheel at {degrees(angle):+.0f} degrees"
+    begin, phase = angle - direction * WINDOW, f"reading the {_wheel(side)} at {degrees(angle):+.0f} degrees"
     for target in (begin - direction * LEAD, begin):
         snapshot = yield from steer(plan, _virtual(plan, side, target), snapshot, {}, phase)
     number, readings = READINGS // 2, []
@@ -225,6 +225,11 @@ def _pass(
 
 def _drive(snapshot: Snapshot, name: str) -> DriveFeedback:
     return next(drive for drive in snapshot.sensed.drives if drive.name == name)
+
+
+def _wheel(side: str) -> str:
+    """What a steering motor turns, for people."""
+    return "steering" if side == "middle" else f"{side} wheel"
 
 
 def _virtual(plan: Plan, side: str, angle: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import degrees, nan
 
+from artemis.axles import Potentiometers
 from artemis.drive_states import DriveState
 from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
 from artemis.supervision.measures import Reading
@@ -20,7 +21,8 @@ class SteeredWheelMonitor:
         """`blind`: the calibration of the potentiometers means nothing."""
         self._name, drive = robot.drive_at("steering", side)
         self._output_current_ma = drive.motor.output_current_ma
-        self._calibration = robot.potentiometers(side)
+        source = robot.angle_source(side)
+        self._calibration = source if isinstance(source, Potentiometers) else None
         self._disagreement_deg = robot.calibration.steering.disagreement_deg
         self._blind = blind
         self._changes: list[tuple[float, float]] = []
@@ -49,18 +51,20 @@ class SteeredWheelMonitor:
         load = abs(drive.current) * 1000.0 / self._output_current_ma
         if load > 0.5:
             readings.append(("STE-02", self._name, load, f"{drive.current:+.2f} A"))
+        if self._calibration is None:
+            return readings
         if is_at_a_rail(drive.potentiometers):
             readings.append(("STE-04", self._name, 1.0, "{:.2f} V and {:.2f} V".format(*drive.potentiometers)))
             return readings
         if not self._blind:
-            readings += self._potentiometers(drive)
+            readings += self._potentiometers(drive, self._calibration)
         if self._changes:
             readings += self._frozen(drive)
         return readings
 
-    def _potentiometers(self, drive: DriveFeedback) -> list[Reading]:
+    def _potentiometers(self, drive: DriveFeedback, calibration: Potentiometers) -> list[Reading]:
         readings: list[Reading] = []
-        first, second = wheel_angles(drive.potentiometers, self._calibration)
+        first, second = wheel_angles(drive.potentiometers, calibration)
         apart = degrees(abs(first - second)) / self._disagreement_deg
         if apart > 0.5:
             words = f"{degrees(first):.1f} and {degrees(second):.1f} degrees"

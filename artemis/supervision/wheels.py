@@ -40,7 +40,7 @@ PROGRESS = 0.01
 _ON, _ENABLED, _QUICK_STOPPED, _RUN = DriveState.OPERATION_ENABLE, Goal.ENABLED, Goal.QUICK_STOPPED, Action.RUN
 
 Drives = tuple[DriveFeedback, DriveFeedback, DriveFeedback, DriveFeedback]
-"""Traction left, right, steering left, right."""
+"""Traction left, right, steering left, right; one in the middle stands for both sides."""
 
 
 class Wheels:
@@ -57,7 +57,10 @@ class Wheels:
         """`blind`: the calibration of the potentiometers means nothing."""
         self._limits, self._stale = robot.limits, stale_age(tick)
         self._car = Ackermann(robot.geometry)
-        self._steered = [SteeredWheelMonitor(robot, side, blind) for side in ("left", "right")]
+        steered = [SteeredWheelMonitor(robot, side, blind) for side in robot.sides("steering")]
+        self._steered = steered[0], steered[-1]
+        """Left and right; one monitor where one motor steers."""
+        self._is_pair = len(steered) == 2
         self._by_place = itemgetter(*robot.places)
         self._rolled_at = list[float]()
         """Times of the following [s]."""
@@ -99,9 +102,10 @@ class Wheels:
             turns, (left, right) = last.steering is _ENABLED, self._steered
             if not stale[2]:
                 readings += left.read(drives[2], points.steering_left, turns)
-            if not stale[3]:
+            if self._is_pair and not stale[3]:
                 readings += right.read(drives[3], points.steering_right, turns)
-            readings += self._pair(drives, last)
+            if self._is_pair:
+                readings += self._pair(drives, last)
             readings += self._wished(last, points.clearance)
         return readings
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from artemis.axles import OWN_SIDES
 from artemis.motion.path import check_drivable, path_from_csv
 from artemis.states.outline import steps_in
 from artemis.supervision.catalogue import ROWS
@@ -144,11 +145,13 @@ def scenario(seed: int, robot: RobotFile) -> Scenario:
         "simulation": {
             "seed": dice.randrange(1 << 32),
             "pace": "fast",
-            "true_robot": _true_robot(dice),
+            "true_robot": _true_robot(dice, robot),
             "operator": operator,
             "faults": faults,
         },
     }
+    if not robot.has_potentiometers:
+        mission = json.loads(json.dumps(mission).replace('"from_potentiometers"', '"align"'))
     dies = resumed or dice.uniform(0, 1) < 0.04
     killed = round(dice.uniform(0.0, length + 1.0), 4) if dies else None
     found = Scenario(seed=seed, mission=mission, files=files, killed_at=killed, resumed=resumed)
@@ -216,17 +219,15 @@ def _recovery(dice: random.Random) -> dict[str, dict[str, str]]:
     return {id: {"resume": "continue"} for id in automatic if ROWS[id].found in WATCHED}
 
 
-def _true_robot(dice: random.Random) -> dict[str, float]:
+def _true_robot(dice: random.Random, robot: RobotFile) -> dict[str, float]:
     """A machine that is not quite as its file says, but sound."""
+    steered, driven = robot.sides("steering"), robot.sides("traction")
     return {
-        "steering_zero_left_deg": round(dice.uniform(-0.5, 0.5), 2),
-        "steering_zero_right_deg": round(dice.uniform(-0.5, 0.5), 2),
-        "wheel_scale_left": round(dice.uniform(0.99, 1.01), 4),
-        "wheel_scale_right": round(dice.uniform(0.99, 1.01), 4),
+        **{f"steering_zero_{side}_deg": round(dice.uniform(-0.5, 0.5), 2) for side in steered},
+        **{f"wheel_scale_{side}": round(dice.uniform(0.99, 1.01), 4) for side in driven},
         "potentiometer_noise_v": round(dice.uniform(0.0, 0.004), 4),
         "slip": round(dice.uniform(0.0, 0.02), 3),
-        "start_steering_left_deg": round(dice.uniform(-20.0, 20.0), 1),
-        "start_steering_right_deg": round(dice.uniform(-20.0, 20.0), 1),
+        **{f"start_steering_{side}_deg": round(dice.uniform(-20.0, 20.0), 1) for side in steered},
         "heading_deg": round(dice.uniform(-180.0, 180.0), 1),
     }
 
@@ -241,20 +242,22 @@ def _tree(dice: random.Random, robot: RobotFile) -> Part:
     """Words around a path, and maybe ahead beyond its end."""
     bend = dice.choice((0.0, 0.0, -1.0, 1.0)) * dice.uniform(0.1, 0.3)
     speed = min(round(dice.uniform(0.3, 0.6), 2), robot.limits.speed_m_s)
-    drawn = TreeDice(dice, speed, dice.sample(_fitting(robot, {"follow"}), 2))
+    drawn = TreeDice(dice, robot, speed, dice.sample(_fitting(robot, {"follow"}), 2))
     steps, table = drawn.mission(), shapes.table(shapes.sampled(lambda distance: bend, LENGTH))
     return steps, {"path.csv": table}, {}, BRING_UP + 2.0 + drawn.seconds
 
 
 def _calibrate(dice: random.Random, robot: RobotFile) -> Part:
     """One wheel's potentiometers are measured, or gains are tried, where all drives have such without unit."""
-    side, other = dice.sample(("left", "right"), 2)
+    side, other = dice.sample(OWN_SIDES, 2)
+    wheel = robot.drive_at("steering", side)[1].side
     tried = all(drive.family in ("epos1", "epos2") for drive in robot.drives.values())
-    if dice.uniform(0, 1) < 0.4 or not tried:
-        words = {"wheels": side, "reference_deg": {side: round(dice.uniform(-1.0, 1.0), 1)}}
+    if robot.has_potentiometers and (dice.uniform(0, 1) < 0.4 or not tried):
+        words = {"wheels": wheel, "reference_deg": {wheel: round(dice.uniform(-1.0, 1.0), 1)}}
         return [{"calibrate": {"steering": words}}], {}, {}, BRING_UP + 17.0
-    gains = {f"steer-{other}": {"position": [160, 10, 210]}, f"traction-{side}": {"velocity": [900, 110]}}
-    turn = {"turn": {"side": side, "angle_deg": round(dice.uniform(1.0, 6.0), 1)}}
+    steering, traction = robot.drive_at("steering", other)[0], robot.drive_at("traction", side)[0]
+    gains = {steering: {"position": [160, 10, 210]}, traction: {"velocity": [900, 110]}}
+    turn = {"turn": {"side": wheel, "angle_deg": round(dice.uniform(1.0, 6.0), 1)}}
     return [{"calibrate": step} for step in ({"gains": gains}, turn)], {}, {}, BRING_UP + 9.0
 
 
@@ -337,6 +340,7 @@ def _nodes(robot: RobotFile, id: str) -> list[str]:
 def _fitting(robot: RobotFile, words: Set[str]) -> list[str]:
     """Injections that can happen to this robot, in a mission with these steps and words."""
     general = [id for id in INJECTIONS if id not in NOT_DRAWN and id not in OF_SCANNERS and _nodes(robot, id)]
+    general = [id for id in general if not ROWS[id].is_missed_by(robot)]
     drawn = [id for id in general if not id.startswith("INP") or "teleop" in words]
     return [id for id in drawn if not id.startswith(_PLUGIN) or words & {"follow", "approach"}]
 

@@ -10,6 +10,9 @@ import random
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from artemis.axles import OWN_SIDES
+from artemis.vehicle import RobotFile
+
 Steps = list[dict[str, Any]]
 ALIGN: dict[str, Any] = {"calibrate": {"steering": "from_potentiometers"}}
 NEVER = "run_s > 1000"
@@ -32,8 +35,9 @@ class TreeDice:
         asks: One of them is a question.
     """
 
-    def __init__(self, dice: random.Random, speed: float, faults: Sequence[str]) -> None:
+    def __init__(self, dice: random.Random, robot: RobotFile, speed: float, faults: Sequence[str]) -> None:
         """`faults` will happen, by their ids: a `try` may name one."""
+        self._robot = robot
         self._dice, self._speed, self._faults = dice, speed, faults
         self._drives, self._times, self._watched = 0, 1, False
         self.seconds, self.asks = 0.0, False
@@ -76,12 +80,11 @@ class TreeDice:
         if self._times > 1 or kind == "align":
             return ALIGN
         self.seconds += 4.0
-        gains = {self._dice.choice(("steer-left", "steer-right")): {"position": [160, 10, 210]}}
-        return {
-            "calibrate": {"turn": {"side": self._dice.choice(ANSWERS), "angle_deg": 2.0}}
-            if kind == "turn"
-            else {"gains": gains}
-        }
+        name, _ = self._robot.drive_at("steering", self._dice.choice(OWN_SIDES))
+        if kind == "gains":
+            return {"calibrate": {"gains": {name: {"position": [160, 10, 210]}}}}
+        _, drive = self._robot.drive_at("steering", self._dice.choice(OWN_SIDES))
+        return {"calibrate": {"turn": {"side": drive.side, "angle_deg": 2.0}}}
 
     def _drive(self) -> dict[str, Any]:
         return self._follow() if self._drives + self._times <= 3 else self._wait()

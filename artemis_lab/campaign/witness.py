@@ -25,7 +25,7 @@ class Heard(NamedTuple):
 
 
 class Look(NamedTuple):
-    """The true machine at one instant. Pairs are left and right."""
+    """The true machine at one instant. Pairs are left and right; a motor in the middle is both."""
 
     time: float
     """[s]."""
@@ -39,7 +39,7 @@ class Look(NamedTuple):
     rolling: tuple[float, float]
     """Speed of the driven wheels [m/s], forward positive."""
     angles: tuple[float, float]
-    """Of the steered wheels [rad], left positive."""
+    """Of what the steering motors turn [rad], left positive; of a single one its own, twice."""
     enabled: tuple[bool, ...]
     """Which drives obey set-points: traction left, right, steering left, right."""
     pushed: tuple[bool, bool]
@@ -89,7 +89,7 @@ class Witness:
                 heading=pose.heading,
                 speed=world.speed,
                 rolling=(left.velocity * left_scale, right.velocity * right_scale),
-                angles=world.wheel_angles,
+                angles=world.motor_angles,
                 enabled=enabled,
                 pushed=(pushed[0], pushed[1]),
             )

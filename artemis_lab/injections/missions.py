@@ -18,6 +18,7 @@ from artemis.plugins.contracts import Localizer
 from artemis.recording.disk import Disk
 from artemis.recording.journal import Entry
 from artemis.states.plan import Step, with_behaviours, with_followers
+from artemis.supervision.catalogue import ROWS
 from artemis.vehicle import RobotFile
 from artemis_lab.injections.bad_plugins import (
     BadBehaviour,
@@ -75,6 +76,8 @@ def _check_node(fault: InjectedFault, injection: Injection, robot: RobotFile | N
         fitting = [name for name, drive in robot.drives.items() if role in (None, drive.role)]
         if node not in robot.drives:
             yield "node", f"no such drive: {node}{nearest(node, fitting, 'drives')}"
+        elif id in ROWS and ROWS[id].is_missed_by(robot):
+            yield "inject", f"{id} needs {ROWS[id].needs.value}, which {robot.robot} has not"
         elif node not in fitting:
             yield "node", f"{id} happens to {needs.value}: {', '.join(fitting)}"
 

@@ -26,6 +26,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from artemis.app import run_mission
+from artemis.axles import Geometry
 from artemis.calibration.wheel_log import recorded_log
 from artemis.commands.calibrate_odometry import calibrate_with_truth
 from artemis.mission import load_mission
@@ -35,7 +36,7 @@ from artemis.motion.truth import as_tum
 from artemis.recording.mcap_reader import Recording
 from artemis.report.figures import ESTIMATED, INK, TRUE, style
 from artemis.values import Mode, Pose
-from artemis.vehicle import Geometry, RobotFile
+from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 from artemis_lab.bench.transport import Parameters, answer_grid, answer_times, compared, comparison_grid, over_serial
 from artemis_lab.bench.transport_figure import transport_figure

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from artemis.axles import Geometry
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.spline import Array
 from artemis.motion.trajectory import Trajectory
 from artemis.values import Pose
-from artemis.vehicle import Geometry
 
 ROOT = Path(__file__).parents[2]
 GEOMETRY = Geometry(wheelbase_m=0.56, track_m=0.436, scrub_radius_m=0.0625, driven_axle="front")

@@ -33,8 +33,8 @@ steps:
 class Operator:
     """Somebody at a browser, as far as its words go."""
 
-    def __init__(self, url: str, client: httpx.Client) -> None:
-        self.url, self.client = url, client
+    def __init__(self, url: str, client: httpx.Client, run: subprocess.Popen[str]) -> None:
+        self.url, self.client, self.run = url, client, run
         self.state: dict[str, Any] = {}
 
     def _link(self, path: str) -> ClientConnection:
@@ -54,6 +54,8 @@ class Operator:
                 if told["t"] != "beat":
                     continue
                 self._hear(telemetry)
+                if self.state.get("mode") in ("fault", "quickstop") and not ask:
+                    pytest.fail(read_until(self.run, "FAULT"))  # or skips: the computer is too busy
                 sequence += 1
                 holds = held and sequence > 5 and self.state.get("mode") == "teleop" and sequence % 60 > 5
                 words = {"held": holds, "neutral": not holds, "y": 0.6 * holds, "ask": [ask] * (ask != "")}
@@ -85,7 +87,7 @@ def test_a_run_is_driven_from_its_page_and_survives_it(tmp_path: Path, monkeypat
         (code,) = re.findall(r"pair#(\w+)", read_until(run, "init"))
         with httpx.Client(base_url=url, headers={"origin": url}, timeout=20) as client:
             assert client.post("/pair", json={"code": code}).status_code == 200
-            operator = Operator(url, client)
+            operator = Operator(url, client, run)
             operator.drive("teleop: driving")
             assert client.post("/stop", json={"t": "stop", "id": "1"}).status_code == 202
             read_until(run, "quick stop")

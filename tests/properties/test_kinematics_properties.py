@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from artemis.axles import Geometry
 from artemis.motion.ackermann import Ackermann, arrival_rates
 from artemis.motion.angles import difference, wrap
-from artemis.vehicle import Geometry
 
 SETTINGS = settings(derandomize=True, deadline=None)
 

@@ -35,7 +35,7 @@ class Truth(NamedTuple):
     wheel_angles: tuple[float, float]
     """Of the steered wheels [rad]."""
     states: tuple[DriveState, ...]
-    """In the order of `DRIVES`."""
+    """In the order of `DRIVES`; a drive in the middle is both sides."""
 
 
 class WatchedWorld(World):
@@ -53,8 +53,9 @@ class WatchedWorld(World):
         self.history: list[Truth] = []
         super().__init__(robot, true, seed=seed, start=start, settings=settings)
         axes = {node.name: node.axis for node in self.nodes}
-        self._wheels = [(axes[name], 1 / Units(robot, robot.drives[name]).rpm) for name in TRACTION]
-        self._place_in_order = [self.drive(name) for name in DRIVES]
+        names = [robot.drive_at(role, side)[0] for role in ("traction", "steering") for side in ("left", "right")]
+        self._wheels = [(axes[name], 1 / Units(robot, robot.drives[name]).rpm) for name in names[:2]]
+        self._place_in_order = [self.drive(name) for name in names]
 
     def drive(self, name: str) -> SimEpos:
         """A simulated drive by its name in the robot file."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter  # scipy has no types
 
+from artemis.axles import Geometry
 from artemis.calibration.kinematics import TWO_WHEELS, Kinematics, altered
 from artemis.calibration.wheel_log import WheelLog
 from artemis.motion.ackermann import Ackermann
@@ -19,7 +20,6 @@ from artemis.motion.spline import Array
 from artemis.motion.trajectory import Trajectory
 from artemis.sim.vehicle import Chassis, Vehicle
 from artemis.values import Pose
-from artemis.vehicle import Geometry
 
 DESCRIBED = Geometry(wheelbase_m=0.56, track_m=0.436, scrub_radius_m=0.0625, driven_axle="front")
 STEP = 0.005

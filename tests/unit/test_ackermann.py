@@ -4,8 +4,8 @@ from math import atan, cos, degrees, hypot, inf, pi, radians, sin, tan
 
 import pytest
 
+from artemis.axles import Geometry
 from artemis.motion.ackermann import Ackermann, arrival_rates
-from artemis.vehicle import Geometry
 
 FRONT = Geometry(wheelbase_m=0.560, track_m=0.436, scrub_radius_m=0.0625, driven_axle="front")
 REAR = Geometry(wheelbase_m=0.560, track_m=0.436, scrub_radius_m=0.0625, driven_axle="rear")

@@ -9,6 +9,7 @@ from calibrated_drives import COUNT, DESCRIBED, STEP, counted_by_drives, drive, 
 from odometry_calibrations import calibrated
 from plain_odometry_fit import DATA, real_runs
 
+from artemis.axles import Geometry, Potentiometers
 from artemis.calibration import increments
 from artemis.calibration.closing import Closed, fit_closing
 from artemis.calibration.fit import fit
@@ -25,7 +26,7 @@ from artemis.mission.loading import load_model
 from artemis.motion.odometry import Odometer
 from artemis.motion.potentiometers import wheel_angles
 from artemis.motion.trajectory import Trajectory
-from artemis.vehicle import Geometry, Potentiometers, RobotFile
+from artemis.vehicle import RobotFile
 
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml"
 BASE = Kinematics.of(DESCRIBED)
@@ -409,7 +410,7 @@ def test_rows_have_left_right_and_mean() -> None:
     driven = drive(hidden(13), 13, duration=60.0, on_axle=True)
     found = fit([Run(log=driven.log, truth=driven.truth)], BASE, TWO_WHEELS)
 
-    rows = {row.name: row for row in rows_of(found, (2e-4, 2e-4), one_wheel=False)}
+    rows = {row.name: row for row in rows_of(found, (2e-4, 2e-4))}
 
     assert (
         float(rows["steering zero, mean [deg]"].half_width) < 0.1 < float(rows["steering zero left [deg]"].half_width)

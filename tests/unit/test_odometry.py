@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from artemis.axles import Geometry
 from artemis.motion.angles import difference
 from artemis.motion.odometry import Odometer, move
 from artemis.values import Odometry, Pose
-from artemis.vehicle import Geometry
 
 Array = npt.NDArray[np.floating]
 

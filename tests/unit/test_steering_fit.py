@@ -7,9 +7,9 @@ import random
 
 import pytest
 
+from artemis.axles import Potentiometers
 from artemis.motion.potentiometers import memory_numbers, memory_words
 from artemis.motion.steering_fit import Pass, fitted, lines_through, shown_straight
-from artemis.vehicle import Potentiometers
 
 KNOWN = Potentiometers(zero_v=(2.51, 2.48), slope_deg_per_v=(72.0, -72.0), scale=1.01)
 ZEROS, SLOPES = (2.53, 2.45), (73.5, -70.0)

@@ -6,7 +6,9 @@ from enum import Enum
 from math import inf
 from typing import NamedTuple
 
+from artemis.axles import OWN_SIDES
 from artemis.values import Severity
+from artemis.vehicle import RobotFile
 
 WARN, LIMIT, S2, S1, S0 = (
     Severity.WARN,
@@ -86,6 +88,15 @@ class Found(Enum):
     ABSENT = "not built"
 
 
+class Needs(Enum):
+    """What a robot must have for a row to be noticed at all."""
+
+    NOTHING = ""
+    STEERING_MOTORS = "a steering motor at each front wheel"
+    TRACTION_MOTORS = "a traction motor at each driven wheel"
+    POTENTIOMETERS = "potentiometers of the steering"
+
+
 class Row(NamedTuple):
     """One fault: what it is, how it is noticed, what follows, how it goes on."""
 
@@ -109,3 +120,16 @@ class Row(NamedTuple):
     """Rows as which it may be seen, or is where it has no mark of its own."""
     reason: str = ""
     """Why it has no effect, or what it would need to be noticed."""
+    needs: Needs = Needs.NOTHING
+    """Of a robot."""
+
+    def is_missed_by(self, robot: RobotFile) -> bool:
+        """Whether the robot has not what the row needs: it is never noticed there."""
+        match self.needs:
+            case Needs.STEERING_MOTORS:
+                return robot.sides("steering") != OWN_SIDES
+            case Needs.TRACTION_MOTORS:
+                return robot.sides("traction") != OWN_SIDES
+            case Needs.POTENTIOMETERS:
+                return not robot.has_potentiometers
+        return False

@@ -38,7 +38,7 @@ BY_ITSELF = (
 )
 FINAL = (
     *("DRV-05", "DRV-10", "DRV-17", "DRV-21", "DRV-37", "COM-18", "COM-19", "RUN-03", "RUN-08", "STE-04", "STE-07"),
-    *("PLG-05", "PLG-07", "SYS-04"),
+    *("PLG-05", "PLG-07", "PWR-02", "SYS-04"),
 )
 """Rows that no acknowledgment clears."""
 UNSUPPLIED = ("COM-32", "COM-33")

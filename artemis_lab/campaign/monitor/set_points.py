@@ -131,7 +131,7 @@ def _belongs(e: Evidence, angles: tuple[float, float], speeds: tuple[float, floa
 
     A wheel that is steered, be it there and back, rolls about its kingpin meanwhile: `roll` [m/s] at most.
     """
-    half = e.robot.geometry.kingpin_distance_m / 2 / e.robot.geometry.wheelbase_m
+    half = _half(e)
     virtual = [
         atan2(sin(angle), cos(angle) + side * half * sin(angle)) for angle, side in zip(angles, (1, -1), strict=True)
     ]
@@ -183,14 +183,22 @@ def _steering_targets(e: Evidence, side: str) -> Iterator[Violation]:
 
 def _radians_per_count(e: Evidence, side: str) -> float:
     _, drive = e.robot.drive_at("steering", side)
-    scale = e.robot.potentiometers(side).scale * 2 * pi / (drive.sensor.counts_per_turn * drive.gear_ratio)
+    scale = e.robot.angle_source(side).scale * 2 * pi / (drive.sensor.counts_per_turn * drive.gear_ratio)
     return -scale if drive.mirrored else scale
 
 
 def _reach(e: Evidence, side: str) -> tuple[float, float]:
     """Angles [rad] of one wheel at which the virtual front wheel stands at its limits."""
-    geometry, most = e.robot.geometry, TOLERANCE * radians(e.robot.limits.steering_deg)
-    half = geometry.kingpin_distance_m / 2 / geometry.wheelbase_m
+    most, half = TOLERANCE * radians(e.robot.limits.steering_deg), _half(e)
+    table = e.robot.geometry.linkage
+    if isinstance(table, tuple):
+        turned = [row.motor_deg for row in table]  # the file has to say all that the limit allows
+        return radians(turned[0]), radians(turned[-1])
     inward = -half if side == "left" else half
     ends = [atan2(sin(angle), cos(angle) + inward * sin(angle)) for angle in (-most, most)]
     return ends[0], ends[1]
+
+
+def _half(e: Evidence) -> float:
+    """Half of the kingpins' distance as the steering motors see it, in wheelbases: none for a single one."""
+    return e.robot.geometry.steered_kingpin_distance_m / 2 / e.robot.geometry.wheelbase_m

@@ -1,0 +1,231 @@
+"""Robots with other axles than those of ARTEMIS: what their files may say, and what motors have to do with wheels."""
+
+from __future__ import annotations
+
+from math import atan2, cos, degrees, hypot, pi, radians, sin, tan
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from artemis.axles import Geometry, LinkageRow
+from artemis.calibration.kinematics import Kinematics, dead_reckoned, parameters_of
+from artemis.calibration.robot_file import changes
+from artemis.calibration.wheel_log import WheelLog
+from artemis.commands.faults import show_faults
+from artemis.errors import ConfigError
+from artemis.linkage import MeasuredLinkage
+from artemis.mission.loading import load_model
+from artemis.motion.ackermann import Ackermann
+from artemis.motion.odometry import Odometer
+from artemis.motion.speed_profile import wheel_ratio
+from artemis.sim.vehicle import Chassis, fit_differential
+from artemis.sim.wheels import TrueLinkage
+from artemis.vehicle import RobotFile
+
+ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
+OTHERS = ("rear_driven", "tricycle", "small_car")
+ANGLES = [radians(angle) for angle in (-60.0, -31.0, -4.0, 0.0, 0.5, 17.0, 55.0)]
+
+
+def robot(name: str) -> RobotFile:
+    return load_model(ROBOTS / f"{name}.yaml", RobotFile)
+
+
+def geometry(**changed: object) -> Geometry:
+    words = {"wheelbase_m": 0.6, "track_m": 0.5, "scrub_radius_m": 0.0, "driven_axle": "rear", **changed}
+    return Geometry.model_validate(words)
+
+
+def pair(steering: float, wide: Geometry) -> tuple[float, float]:
+    """Directions of both kingpins about the turning point, from its place: (0, L / tan)."""
+    if steering == 0.0:
+        return 0.0, 0.0
+    turning, half = wide.wheelbase_m / tan(steering), wide.kingpin_distance_m / 2.0
+
+    def direction(side: float) -> float:
+        return atan2(wide.wheelbase_m, turning - side) if turning > 0 else -atan2(wide.wheelbase_m, side - turning)
+
+    return direction(half), direction(-half)
+
+
+def table_of(wide: Geometry, motors: list[float]) -> tuple[LinkageRow, ...]:
+    """An exact linkage, as somebody would measure it [degrees]."""
+    rows = [(motor, *map(degrees, pair(radians(motor), wide))) for motor in motors]
+    return tuple(LinkageRow(motor_deg=motor, left_deg=left, right_deg=right) for motor, left, right in rows)
+
+
+# ---------------------------------------------------------------------------------------------- one motor, two wheels
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_one_steering_motor_stands_for_both_sides(name: str) -> None:
+    described = robot(name)
+    steering, _ = described.drive_at("steering", "left")
+    assert described.drive_at("steering", "right")[0] == steering
+    assert described.places[2] == described.places[3]
+    assert described.drives[steering].set_point == "steering_left"
+
+
+def test_a_linkage_without_a_table_turns_its_motor_as_the_virtual_wheel() -> None:
+    car = Ackermann(geometry(linkage="ackermann"))
+    for angle in ANGLES:
+        assert car.wheel_angles(angle) == pytest.approx((angle, angle), abs=1e-15)
+        assert car.steering_from_wheel_angles(angle, angle) == pytest.approx(angle, abs=1e-12)
+        assert car.wheel_rates(angle, 0.3) == pytest.approx((0.3, 0.3))
+
+
+def test_a_measured_table_of_an_exact_linkage_is_that_linkage() -> None:
+    wide = geometry(scrub_radius_m=0.03)
+    measured = MeasuredLinkage(geometry(scrub_radius_m=0.03, linkage=table_of(wide, [*range(-60, 61, 2)])))
+    assert measured.reach == pytest.approx((-60.0, 60.0))
+    for angle in ANGLES:
+        assert measured.steering(angle) == pytest.approx(angle, abs=2e-4)
+        assert measured.motor(measured.steering(angle)) == pytest.approx(angle, abs=1e-9)
+        assert measured.slope(angle) == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_linkage_of_the_rear_driven_robot_goes_both_ways() -> None:
+    described = robot("rear_driven")
+    car = Ackermann(described.geometry)
+    for angle in (radians(number) for number in range(-45, 46, 5)):
+        motor, _ = car.wheel_angles(angle)
+        assert car.steering_from_left(motor) == pytest.approx(angle, abs=1e-9)
+        left, right = TrueLinkage(described.geometry).wheels(motor)
+        inner, outer = pair(angle, described.geometry)
+        assert (left, right) == pytest.approx((inner, outer), abs=radians(1.5))  # it is no exact one
+
+
+@pytest.mark.parametrize("axle", ["front", "rear"])
+def test_a_differential_turns_its_motor_at_the_mean_of_both_wheels(axle: str) -> None:
+    own = geometry(driven_axle=axle, linkage="ackermann")
+    wheels, behind = Ackermann(own), geometry(driven_axle=axle, linkage="ackermann", differential=True)
+    car = Ackermann(behind)
+    for angle in ANGLES:
+        mean = sum(wheels.speed_ratios(angle)) / 2.0
+        assert car.speed_ratios(angle) == pytest.approx((mean, mean))
+        rolled = 0.4 * mean
+        assert car.twist_from_wheels(rolled, rolled, angle) == pytest.approx((0.4, 0.0))
+
+
+def test_the_motor_of_a_tricycle_is_its_virtual_wheel() -> None:
+    car = Ackermann(robot("tricycle").geometry)
+    for angle in ANGLES:
+        assert car.wheel_angles(angle) == pytest.approx((angle, angle), abs=1e-15)
+        assert car.speed_ratios(angle) == pytest.approx((1.0, 1.0))
+        assert car.wheel_speeds(0.5, angle, 0.4, 0.4) == pytest.approx((0.5, 0.5))
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_path_is_driven_no_faster_than_its_fastest_motor(name: str) -> None:
+    described = robot(name)
+    car = Ackermann(described.geometry)
+    curvature = np.tan(np.array(ANGLES)) / described.geometry.wheelbase_m
+    ratio, scrub = wheel_ratio(curvature, described)
+    assert scrub == 0.0
+    assert ratio == pytest.approx([max(map(abs, car.speed_ratios(angle))) for angle in ANGLES])
+
+
+# ---------------------------------------------------------------------------------------------- the true vehicle
+
+
+@pytest.mark.parametrize("front_driven", [False, True])
+def test_a_differential_moves_the_vehicle_as_fits_best(front_driven: bool) -> None:
+    chassis = Chassis(wheelbase=0.6, track=0.5, scrub_radius=0.0, front_driven=front_driven, differential=True)
+    left, right, rolled, half = radians(22.0), radians(15.0), 0.01, 0.25
+    grip = [[-sin(d), 0.6 * cos(d) + side * half * sin(d)] for d, side in ((left, 1), (right, -1))]
+    front = np.mean([[cos(d), 0.6 * sin(d) - side * half * cos(d)] for d, side in ((left, 1), (right, -1))], axis=0)
+    rows = np.array([front if front_driven else [1.0, 0.0], *grip])
+    best, *_ = np.linalg.lstsq(rows, np.array([rolled, 0.0, 0.0]))
+    assert fit_differential(chassis, left, right, rolled) == pytest.approx(tuple(best), abs=1e-15)
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_fitted_odometry_is_that_of_the_ticks(name: str) -> None:
+    described = robot(name)
+    car, odometer = Ackermann(described.geometry), Odometer(described.geometry)
+    time = np.arange(0.0, 20.0, 0.02)
+    angles = radians(35.0) * np.sin(0.5 * time)
+    motors = np.array([car.wheel_angles(angle)[0] for angle in angles.tolist()])
+    ratios = np.array([car.speed_ratios(angle) for angle in angles.tolist()])
+    ways = np.cumsum(0.006 * ratios, axis=0)
+    log = WheelLog(name="", time=time, distance_left=ways[:, 0], distance_right=ways[:, 1],
+                   steering_left=motors, steering_right=motors)  # fmt: skip
+    poses = dead_reckoned(log, Kinematics.of(described.geometry))
+    before = ways[0]
+    for way, motor in zip(ways, motors, strict=True):
+        left, right = way - before
+        odometer.update(left, right, motor, motor, 0.02)
+        before = way
+    last = odometer.odometry.pose
+    assert hypot(last.x - poses[-1, 0], last.y - poses[-1, 1]) < 1e-3
+    assert (last.heading - poses[-1, 2] + pi) % (2 * pi) - pi == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_fit_knows_what_the_robot_has() -> None:
+    names = {name: {each.name for each in parameters_of(robot(name).geometry)} for name in (*OTHERS, "artemis")}
+    assert names["tricycle"] == names["small_car"] == {"distance", "zero", "wheelbase", "scale"}
+    assert names["rear_driven"] == names["tricycle"] | {"distance difference"}
+    assert names["artemis"] > {"scrub radius", "zero difference", "kingpin distance"}
+    assert changes(robot("tricycle"), Kinematics.of(robot("tricycle").geometry)) == {}
+
+
+# ---------------------------------------------------------------------------------------------- what a file may say
+
+
+REFUSED = {
+    ("tricycle", "side: middle", "side: left"): [
+        "drives: expected one traction and one steering drive in the middle, found no traction drive in the middle, "
+        "found no steering drive in the middle, found 1 traction drive on the left, found 1 steering drive on the left",
+    ],
+    ("tricycle", "scrub_radius_m: 0", "scrub_radius_m: 0.01"): [
+        "geometry.scrub_radius_m: expected 0 with one front wheel, found 0.01"
+    ],
+    ("tricycle", "front_wheels: 1", "front_wheels: 1\n  linkage: ackermann"): [
+        "geometry.linkage: one front wheel needs no linkage: leave it out"
+    ],
+    ("tricycle", "front_wheels: 1", "front_wheels: 1\n  differential: true"): [
+        "geometry.differential: one driven wheel needs no differential: leave it out"
+    ],
+    ("tricycle", "middle_m_per_count: 2.1276596e-4", "left_m_per_count: 2.1276596e-4"): [
+        "calibration.traction.middle_m_per_count: this key is missing",
+        "calibration.traction.left_m_per_count: there is no traction drive on the left: leave it out",
+    ],
+    ("small_car", "driven_axle: rear", "driven_axle: front"): [
+        "geometry.scrub_radius_m: expected 0 for driven front wheels with a linkage or a differential (what they roll "
+        "when they are steered is known only of wheels with their own motors)",
+    ],
+    ("small_car", "linkage: ackermann", "linkage: akermann"): [
+        "geometry.linkage: expected 'ackermann', found 'akermann'; did you mean ackermann?"
+    ],
+    ("rear_driven", "motor_deg: 10, left_deg: 10.3", "motor_deg: 10, left_deg: -10.3"): [
+        "geometry.linkage[6].left_deg: expected more than 0, the one before: each angle rises from row to row, "
+        "found -10.3",
+    ],
+    ("rear_driven", "steering_deg: 45", "steering_deg: 55"): [
+        "limits.steering_deg: 55 degrees are beyond the linkage's table: its ends turn the virtual wheel to -48.5 and "
+        "48.5 degrees",
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("edit", REFUSED, ids=lambda edit: f"{edit[0]}-{edit[2].strip()}")
+def test_axles_that_do_not_fit_together_are_refused(edit: tuple[str, str, str], tmp_path: Path) -> None:
+    name, old, new = edit
+    text = (ROBOTS / f"{name}.yaml").read_text()
+    assert old in text
+    file = tmp_path / "robot.yaml"
+    file.write_text(text.replace(old, new))
+    with pytest.raises(ConfigError) as caught:
+        load_model(file, RobotFile)
+    told = [problem.removeprefix(f"{file}:").split(": ", 1)[1] for problem in caught.value.problems]
+    assert told == REFUSED[edit]
+
+
+def test_rows_that_a_robot_can_never_notice_say_so(capsys: pytest.CaptureFixture[str]) -> None:
+    show_faults(["RUN-05", "STE-06", "STE-01"], False, ROBOTS / "rear_driven.yaml")
+    told = capsys.readouterr().out
+    assert "never noticed on rear-driven: it needs a steering motor at each front wheel" in told
+    assert told.count("never noticed") == 1
+    show_faults([], False, ROBOTS / "small_car.yaml")
+    assert capsys.readouterr().out.count("never noticed") == 8
