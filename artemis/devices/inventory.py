@@ -35,7 +35,8 @@ class NodeReport:
     revision: int = 0
     serial: int = 0
     bitrate: int | None = None
-    """What it speaks once it is switched on again [bit/s]; 0: what it hears; None: it has no such setting, or not where its family has it."""
+    """What it speaks once it is switched on again [bit/s]; 0: what it hears; None: it does not say, where its family
+    should."""
     nmt: Nmt | None = None
     """By its heartbeat; None: none was heard."""
     unheard: str = "sends no heartbeat"
