@@ -10,7 +10,7 @@ from pydantic import Field
 from artemis.axles import Side
 from artemis.config import Config, Quantity
 from artemis.families import FAMILIES, GENERATIONS
-from artemis.families.cia402 import Cia402, family_from
+from artemis.families.cia402 import NO_REACTION, Cia402, family_from, is_ours
 from artemis.families.family import MAXON, TORQUE_CONSTANT, Family
 from artemis.yaml_file import KeyPath
 
@@ -182,6 +182,19 @@ def _profile(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
         yield ("cia402", "operating_mode"), f"expected {fits} for {drive.role}, found {words.operating_mode}"
     if drive.role == "steering" and words.analog_inputs is None:
         yield ("cia402", "analog_inputs"), "this key is missing: a steered wheel has two potentiometers"
+    if words.analog_inputs is not None:
+        first, second = [each.units_per_v for each in words.analog_inputs]
+        if first != second:
+            text = f"expected {first:g}, as of the first one, found {second:g}"
+            yield ("cia402", "analog_inputs", 1, "units_per_v"), text
+    if words.option_codes.abort_connection == NO_REACTION.value:
+        text = "0 is no reaction: without our heartbeat the drive would go on with its last set-point"
+        yield ("cia402", "option_codes", "abort_connection"), text
+    for number, given in enumerate(words.settings):
+        if is_ours(words, given):
+            yield ("cia402", "settings", number), f"{given.object} is written by artemis: there are other keys for it"
+        elif not given.fits:
+            yield ("cia402", "settings", number, "value"), f"{given.value} is no {given.type}"
     for pdo in drive.tables.sent[drive.role]:
         if (length := sum(object.type.size for object in pdo)) > 8:
             yield ("cia402",), f"{', '.join(map(str, pdo))} have {length} bytes; a PDO holds 8"

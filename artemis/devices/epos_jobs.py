@@ -175,15 +175,13 @@ class EposJobs:
 
     async def configure(self) -> None:
         """Write the robot file's settings and the PDOs, read each back, and start the node; it has to be secured."""
-        problem: DeviceError | None = None
         try:
             await self._write_configuration()
-        except DeviceError as error:
-            problem = error
+        except DeviceError:
+            if self._epos.boots == self._boots:
+                raise
         if self._epos.boots != self._boots:
-            problem = DeviceRestarted(self.name, "while it was configured")
-        if problem is not None:
-            raise problem
+            raise DeviceRestarted(self.name, "while it was configured")
         self._epos.restart()
         self._epos.send(nmt_frame(NmtCommand.START, self.drive.node_id))
 
@@ -193,6 +191,9 @@ class EposJobs:
             await self._ensure(setting)
         for option in family.option_codes:
             await self._ensure_option(option)
+        for (object, value), meaning in family.forbidden:
+            if await self._held(object) == value:
+                raise NotKept(self.name, f"{object} is {value} ({meaning})")
         for object, quantity, name in family.checks:
             wanted = quantities(self._epos.robot, self.drive, period)[quantity]
             if (found := await self.read(object)) != wanted:
@@ -213,6 +214,15 @@ class EposJobs:
         except (SdoAbort, NotKept) as error:
             wanted = f"{option.setting.object} = {option.setting.value} ({option.name})"
             raise NotKept(self.name, f"does not take the option code {wanted}: {error.problem}") from error
+
+    async def _held(self, object: Object) -> int | None:
+        """Value of an object; None: the drive has none."""
+        try:
+            return await self.read(object)
+        except SdoAbort as refused:
+            if refused.code == NO_SUCH_OBJECT:
+                return None
+            raise
 
     async def _switch_pdo_off(self, cob_id: Object) -> None:
         """With the identifier that it has: another one is refused while the PDO is valid."""
@@ -324,8 +334,7 @@ class EposJobs:
     async def _write_checked(self, setting: Setting) -> None:
         await self.write(setting.object, setting.value)
         if (kept := await self.read(setting.object)) != setting.value:
-            problem = f"did not keep {setting.object}: wrote 0x{setting.value:X}, reads 0x{kept:X}"
-            raise NotKept(self.name, problem)
+            raise NotKept(self.name, f"did not keep {setting.object}: wrote 0x{setting.value:X}, reads 0x{kept:X}")
 
     async def _check_identity(self) -> None:
         """Vendor, family, hardware, firmware and serial number against the robot file."""
@@ -345,8 +354,7 @@ class EposJobs:
         if (hardware ^ self.drive.hardware_version) & family.hardware_mask:
             expected = self.drive.hardware_version
             raise WrongDevice(self.name, f"node {node} is hardware 0x{hardware:04X}, expected 0x{expected:04X}")
-        if firmware < self.drive.oldest_firmware:
-            needed = self.drive.oldest_firmware
+        if firmware < (needed := self.drive.oldest_firmware):
             raise WrongDevice(self.name, f"firmware 0x{firmware:04X} is older than 0x{needed:04X}: update the drive")
         if self.drive.serial_number is not None:
             serial = await self.read(SERIAL_NUMBER)
@@ -360,16 +368,12 @@ class EposJobs:
         """A maxon hardware version is of our family; one that tells none, by an object that only our family has."""
         family = self._family
         found = GENERATIONS.get(version >> 4 & 0xF)
-        if found is None and family.witness is not None:
-            try:
-                await self.read(family.witness)
-            except SdoAbort as refused:
-                seen = f"is no {family.title}: hardware 0x{version:04X}, without object {family.witness}"
-                raise WrongDevice(self.name, f"node {self.drive.node_id} {seen}") from refused
+        if found is None and family.witness is not None and await self._held(family.witness) is None:
+            seen = f"is no {family.title}: hardware 0x{version:04X}, without object {family.witness}"
+            raise WrongDevice(self.name, f"node {self.drive.node_id} {seen}")
         if found is not None and found is not family and (family.generation or found.mask != family.mask):
             seen = f"is of family {found.name} ({found.title}, hardware 0x{version:04X})"
-            problem = f"node {self.drive.node_id} {seen}, the robot file says {family.name}"
-            raise WrongDevice(self.name, problem)
+            raise WrongDevice(self.name, f"node {self.drive.node_id} {seen}, the robot file says {family.name}")
 
     async def _read_state(self) -> DriveState:
         return self._family.state(await self.read(STATUSWORD))

@@ -11,7 +11,7 @@ from artemis.devices.epos import EposDrive
 from artemis.devices.epos_jobs import EposJobs
 from artemis.devices.serial_line import SerialLine
 from artemis.drive_states import Nmt
-from artemis.errors import DeviceError
+from artemis.errors import DeviceError, ProtocolError
 from artemis.families.objects import DEVICE_TYPE, PRODUCT, REVISION, SERIAL_NUMBER, VENDOR
 from artemis.vehicle import RobotFile
 
@@ -35,7 +35,8 @@ class NodeReport:
     revision: int = 0
     serial: int = 0
     bitrate: int | None = None
-    """What it speaks once it is switched on again [bit/s]; 0: what it hears; None: it has no such setting."""
+    """What it speaks once it is switched on again [bit/s]; 0: what it hears; None: it does not say, where its family
+    should."""
     nmt: Nmt | None = None
     """By its heartbeat; None: none was heard."""
     unheard: str = "sends no heartbeat"
@@ -60,8 +61,7 @@ async def _ask(drive: EposDrive, serial_line: bool) -> NodeReport:
     try:
         values = [await jobs.read(object) for object in (DEVICE_TYPE, VENDOR, PRODUCT, REVISION, SERIAL_NUMBER)]
         history = await jobs.read_history()
-        family = drive.family
-        bitrate = family.bit_rates.get(await jobs.read(family.bit_rate)) if family.bit_rate else None
+        bitrate = await _bit_rate(drive, jobs)
     except DeviceError as error:
         return NodeReport(name=drive.name, node_id=drive.node_id, problem=error.problem)
     device_type, vendor, product, revision, serial = values
@@ -78,3 +78,12 @@ async def _ask(drive: EposDrive, serial_line: bool) -> NodeReport:
         nmt=Nmt.PRE_OPERATIONAL if nmt is Nmt.INITIALISING else nmt,  # a boot-up was its last word (CiA 301 7.3.2.2)
         history=history,
     )
+
+
+async def _bit_rate(drive: EposDrive, jobs: EposJobs) -> int | None:
+    """As `NodeReport.bitrate`; None also where the drive is of another family than the robot file says."""
+    family = drive.family
+    try:
+        return family.bit_rates.get(await jobs.read(family.bit_rate)) if family.bit_rate else None
+    except ProtocolError:  # no such object, or one of another type
+        return None

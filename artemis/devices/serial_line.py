@@ -43,6 +43,8 @@ PATIENCE = 0.6
 """The drive has so long for each answer [s]: its own time limit is 0.5 s (object 0x2005, communication guide 6.2.2)."""
 SILENCE = 0.55
 """After so long without a byte [s] the drive waits for a new command, whatever it was in the middle of."""
+NOISE = 5.0
+"""A line that does not fall silent for so long [s] is not a drive's: it is given up."""
 TRIES = 3
 
 OUT_OF_STEP, DAMAGED, SILENT, HALF, LOST = "SER-01", "SER-02", "SER-03", "SER-04", "SER-05"
@@ -83,6 +85,8 @@ class SerialLine:
         self._arrived = bytearray()
         self._woken = asyncio.Event()
         self._last_byte = self._loop.time()
+        self._noisy = False
+        """Silence was waited for, and did not come."""
         self._lost: DeviceLost | None = None
         port.listen(self._woken.set)
 
@@ -183,6 +187,8 @@ class SerialLine:
     async def _tried(self, command: SerialCommand, patience: float, tries: int) -> bytes:
         once = self._exchange_epos1 if self._protocol is SerialProtocol.EPOS1 else self._exchange_epos4
         broken = _Broken(SILENT, "")
+        if self._noisy:
+            await self._fall_silent()
         for _ in range(tries):
             try:
                 data = await once(command, patience)
@@ -262,12 +268,21 @@ class SerialLine:
             self._arrived.clear()
 
     async def _fall_silent(self) -> None:
-        """Throw bytes away until none has come for so long that the drive waits for a command."""
+        """Throw bytes away until none has come for so long that the drive waits for a command.
+
+        Raises:
+            ProtocolError: there is no end of them.
+        """
         self._arrived.clear()
+        self._noisy, latest = True, self._loop.time() + NOISE
         while self._loop.time() < self._last_byte + SILENCE:
+            if self._loop.time() > latest:
+                self.faults[OUT_OF_STEP] += 1
+                raise ProtocolError(f"does not fall silent ({OUT_OF_STEP}); {ADVICE[OUT_OF_STEP]}", self.name)
             await until(self._last_byte + SILENCE)
             self._fill()
             self._arrived.clear()
+        self._noisy = False
 
     async def _bytes(self, count: int, patience: float, problem: str, row: str = SILENT) -> bytes:
         """The next so many bytes; some of them at the end of `patience` [s] are half an answer."""

@@ -44,6 +44,7 @@ from artemis.families.objects import (
     QUICK_STOP_OPTION,
     REVISION,
     STATUSWORD,
+    STORE,
     TARGET_POSITION,
     TARGET_VELOCITY,
     TOP_PROFILE_VELOCITY,
@@ -78,6 +79,12 @@ class SettingWords(ObjectWords):
 
     value: int
 
+    @property
+    def fits(self) -> bool:
+        """Whether the value is one of its type."""
+        size, signed = 8 * self.object.type.size, self.type.startswith("i")
+        return -(1 << size - 1) <= self.value < 1 << size - 1 if signed else 0 <= self.value < 1 << size
+
 
 class CurrentWords(ObjectWords):
     """The motor current, an object that can be mapped into a PDO."""
@@ -95,7 +102,7 @@ class OptionCodes(Config):
     """What the drive does by itself; None: it has no such object, and is not asked."""
 
     abort_connection: OptionValue | None = None
-    """0x6007: our heartbeat is lost."""
+    """0x6007: our heartbeat is lost. Not 0, which is no action; a drive that has 0 in it is refused."""
     quick_stop: OptionValue | None = None
     """0x605A."""
     fault_reaction: OptionValue | None = None
@@ -151,6 +158,21 @@ ERRORS = {
 """Codes that CiA 301 and CiA 402 give a meaning."""
 
 
+NO_REACTION = Setting(ABORT_CONNECTION, 0)
+"""The drive goes on with its last set-point when our heartbeat is lost."""
+_OPTIONS = (ABORT_CONNECTION, QUICK_STOP_OPTION, FAULT_REACTION)
+_OURS = frozenset(
+    object.index for object in (CONSUMER_HEARTBEAT, STORE, CONTROLWORD, TARGET_POSITION, TARGET_VELOCITY, *_OPTIONS)
+)
+_PDOS = range(0x1400, 0x1C00)
+
+
+def is_ours(words: Cia402, given: ObjectWords) -> bool:
+    """Whether artemis itself writes the object: what a robot file sets must not undo a watchdog, or a mapping."""
+    own = {(object.index, object.subindex) for object, _ in _own_configuration(words)}
+    return given.index in _OURS or given.index in _PDOS or (given.index, given.subindex) in own
+
+
 @cache
 def family_from(words: Cia402) -> Family:
     """The family of one drive that is described so."""
@@ -184,9 +206,10 @@ def family_from(words: Cia402) -> Family:
         acceleration_scale=words.acceleration_units_per_rpm_s,
         current_scale=words.current.units_per_a if words.current else 1.0,
         analog_scale=words.analog_inputs[0].units_per_v if words.analog_inputs else 1.0,
-        configuration=_configuration(words),
+        configuration=(*_own_configuration(words), *((each.object, each.value) for each in words.settings)),
         choices={},
         option_codes=_option_codes(words.option_codes),
+        forbidden=((NO_REACTION, "no reaction to a lost connection"),),
         moves_valid_pdos=False,
         errors=ERRORS,
         resets={LOST_HEARTBEAT: "communication"} if words.reset_after_lost_heartbeat else {},
@@ -197,7 +220,7 @@ def family_from(words: Cia402) -> Family:
     )
 
 
-def _configuration(words: Cia402) -> tuple[tuple[Object, int | str], ...]:
+def _own_configuration(words: Cia402) -> tuple[tuple[Object, int | str], ...]:
     interpolates = words.interpolation_period and words.operating_mode != PROFILE_VELOCITY
     interpolation = ((INTERPOLATION_EXPONENT, -3), (INTERPOLATION_TIME, SYNC_PERIOD)) if interpolates else ()
     return (
@@ -211,7 +234,6 @@ def _configuration(words: Cia402) -> tuple[tuple[Object, int | str], ...]:
         (CONSUMER_HEARTBEAT, "host watch"),
         *interpolation,
         (MODE, "mode"),
-        *((each.object, each.value) for each in words.settings),
     )
 
 

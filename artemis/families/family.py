@@ -91,6 +91,8 @@ class Family:
     choices: Mapping[str, Mapping[tuple[str, str], int]]
     """Quantities that follow from the types of motor and sensor; a pair that is not there cannot be driven."""
     option_codes: tuple[OptionCode, ...] = ()
+    forbidden: tuple[tuple[Setting, str], ...] = ()
+    """Values that a drive which has the object must not have, and what they mean."""
     checks: tuple[tuple[Object, str, str], ...] = ()
     """What must be found once all that was written: object, name of the quantity, what it is called."""
     gains: tuple[Object, ...] = ()

@@ -49,6 +49,7 @@ class Hub:
         self._run: socket.socket | None = None
         self._next = self._loop.time()
         self._timer: asyncio.TimerHandle | None = None
+        self.seats.lose_run(self._loop.time())
         self._seat_changed()
 
     @property
@@ -144,7 +145,7 @@ class Hub:
             if (found := connected_to(run, self._plugin)) is not None:
                 self._run = found
                 self._loop.add_reader(found, self._heard)
-                self.seats.has_news = True
+                self.seats.has_news = self.seats.reached = True
                 self._seat_changed()
                 self.flush()
                 return
@@ -165,4 +166,5 @@ class Hub:
         self._loop.remove_reader(self._run)
         self._run.close()
         self._run = None
+        self.seats.lose_run(self._loop.time())
         self._seat_changed()

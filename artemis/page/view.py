@@ -12,6 +12,7 @@ import numpy as np
 
 from artemis.devices.can_bus import Traffic
 from artemis.drive_states import DriveState
+from artemis.motion.ackermann import Ackermann
 from artemis.motion.planned_route import route_poses
 from artemis.motion.route import Route
 from artemis.recording.event_log import EventLog
@@ -62,7 +63,8 @@ class PageView:
         """
         self._robot, self._mission, self._routes, self._map = robot, mission, dict(routes), map
         self._events = EventLog({name: drive.node_id for name, drive in robot.drives.items()}, robot.errors)
-        self._steering = {robot.drive_at("steering", side)[0]: side for side in ("left", "right")}
+        self._steering = {robot.drive_at("steering", side)[0]: side for side in robot.sides("steering")}
+        self._car = Ackermann(robot.geometry)
         self._shown_map: ShownMap | None = None
         self._faults: tuple[Fault, ...] | None = None
         self._path_of: int | None = None
@@ -167,6 +169,8 @@ class PageView:
         snapshot, position = tick.snapshot, tick.position
         located, drives, free = snapshot.pose, snapshot.sensed.drives, tick.set_points.clearance
         angles = {self._steering[d.name]: d.position for d in drives if d.name in self._steering and d.age is not None}
+        if (middle := angles.get("middle")) is not None:  # one motor: both are drawn as the virtual wheel
+            angles = dict.fromkeys(("left", "right"), self._car.steering_from_left(middle))
         points = tick.set_points
         tracking = tick.wish.tracking
         return {

@@ -311,6 +311,22 @@ def test_the_way_of_commands_is_lost_and_stop_still_goes(chromium: Any, rig: Pag
     rig.wait(lambda sample: Request.QUICKSTOP in sample.requests)
 
 
+def test_what_was_asked_for_and_could_not_be_sent_is_forgotten(chromium: Any, rig: PageRig) -> None:
+    page = in_control(chromium, rig)
+    page.evaluate(
+        "() => { const send = WebSocket.prototype.send; window.mend = () => { WebSocket.prototype.send = send; };"
+        " WebSocket.prototype.send = () => { throw new Error('gone'); }; }"
+    )
+    page.click("[data-ask=arm]")
+    page.wait_for_selector("#take", state="visible")  # nothing was heard of it for a second
+    page.evaluate("window.mend()")
+    since = len(rig.samples)
+    page.click("#take")
+    rig.wait(lambda _: any(sample.neutral for _, sample, _ in rig.samples[since:]))
+    rig.wait(lambda _: len(rig.samples) > since + 40)
+    assert not any(sample.requests for _, sample, _ in rig.samples)
+
+
 # ---------------------------------------------------------------------------------------------------- people
 
 

@@ -12,7 +12,7 @@ from local_epos import LocalEpos
 from local_epos4 import LocalEpos4
 from node_bench import PERIOD, ROBOT, STEERING, Bench, on_virtual_time, refusals
 
-from artemis.drive_schema import Drive
+from artemis.drive_schema import Drive, drive_problems
 from artemis.drive_states import DriveState
 from artemis.mission.loading import load_mission
 from artemis.plugins.guard import PluginGuard
@@ -214,6 +214,62 @@ def test_what_a_described_drive_does_not_have_or_take_is_named(
         assert refused[0].detail.startswith(problem)
 
     on_virtual_time(main())
+
+
+def test_a_described_drive_that_does_nothing_without_our_heartbeat_is_refused() -> None:
+    drive = described("steer-left", option_codes={})
+
+    async def main() -> None:
+        bench = Bench(with_drive("steer-left", drive), KINDS)
+        node = bench.nodes["steer-left"]
+        node.put(0x1018, 2, 0x61500000, 4)
+        codes = node.object_dictionary[0x6007]
+        assert isinstance(codes, ODVariable)
+        codes.min = None
+        node.put(0x6007, 0, 0, 2)
+        await bench.perform(JobKind.SECURE)
+        (refused,) = refusals(await bench.perform(JobKind.CONFIGURE))
+        assert refused.startswith("configure steer-left: 0x6007:0 is 0 ")
+        node.put(0x6007, 0, 2, 2)
+        assert not refusals(await bench.perform(JobKind.SECURE, JobKind.CONFIGURE))
+
+    on_virtual_time(main())
+
+
+SETTING = {"index": 0x2200, "subindex": 0, "type": "u8", "value": 1}
+
+
+@pytest.mark.parametrize(
+    ("words", "key", "problem"),
+    [
+        (
+            {"settings": [{**SETTING, "index": 0x1016, "subindex": 1}]},
+            ("settings", 0),
+            "0x1016:1 is written by artemis",
+        ),
+        ({"settings": [{**SETTING, "index": 0x6007}]}, ("settings", 0), "0x6007:0 is written by artemis"),
+        ({"settings": [SETTING, {**SETTING, "index": 0x6085}]}, ("settings", 1), "0x6085:0 is written by artemis"),
+        (
+            {"settings": [{**SETTING, "index": 0x1A01, "subindex": 1}]},
+            ("settings", 0),
+            "0x1A01:1 is written by artemis",
+        ),
+        ({"settings": [{**SETTING, "index": 0x6040}]}, ("settings", 0), "0x6040:0 is written by artemis"),
+        ({"settings": [{**SETTING, "value": 256}]}, ("settings", 0, "value"), "256 is no u8"),
+        ({"option_codes": {"abort_connection": 0}}, ("option_codes", "abort_connection"), "0 is no reaction"),
+        (
+            {"analog_inputs": [ANALOG[0], {**ANALOG[1], "units_per_v": 100.0}]},
+            ("analog_inputs", 1, "units_per_v"),
+            "expected 1000, as of the first one",
+        ),
+    ],
+)
+def test_what_a_description_must_not_say_is_named(
+    words: dict[str, object], key: tuple[str | int, ...], problem: str
+) -> None:
+    ((place, text),) = drive_problems(described("steer-left", **words))
+    assert place == ("cia402", *key)
+    assert text.startswith(problem)
 
 
 def test_an_option_code_that_a_drive_does_not_take_is_named() -> None:

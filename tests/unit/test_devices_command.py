@@ -254,3 +254,22 @@ def test_silent_drives_errors_of_the_past_and_states_are_told_by_reading_alone()
     assert by_name["steer-right"].nmt is Nmt.PRE_OPERATIONAL
     assert {frame.id - 0x600 for frame in sent} == {drive.node_id for drive in ROBOT.drives.values()}
     assert {frame.data[0] for frame in sent} <= {0x40, 0x60, 0x70, 0x80}  # reads, their segments, aborts
+
+
+@pytest.mark.parametrize("there", ["artemis.yaml", "artemis_epos4.yaml"])
+def test_drives_of_another_family_than_the_robot_file_says_still_tell_who_they_are(there: str) -> None:
+    robots = {
+        name: RobotFile.model_validate(load(MISSIONS / "robots" / name).data)
+        for name in ("artemis.yaml", "artemis_epos4.yaml")
+    }
+    described = next(robot for name, robot in robots.items() if name != there)
+
+    async def asked() -> list[NodeReport]:
+        loop = asyncio.get_running_loop()
+        world = World(robots[there], start=loop.time())
+        return await ask_nodes(described, SimBus(world, described.bitrate, loop))
+
+    nodes = clock.run(asked(), simulated=True)
+    assert [node.problem for node in nodes] == [""] * 4
+    versions = {drive.hardware_version for drive in robots[there].drives.values()}
+    assert {node.product >> 16 for node in nodes} <= versions

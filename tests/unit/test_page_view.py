@@ -9,12 +9,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from page_rig import Recorded, recorded
+from msgspec.structs import replace
+from page_rig import MISSIONS, Recorded, recorded
 
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
+from artemis.motion.ackermann import Ackermann
 from artemis.motion.poses import seen_from
 from artemis.page.view import MOST_BEAMS, MOST_TRAIL, PageView, mission_in
-from artemis.values import Mode, Pose
+from artemis.values import DriveFeedback, Mode, Pose
+from artemis.vehicle import RobotFile
+from artemis.yaml_file import load
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +70,18 @@ def test_every_state_is_json_of_finite_numbers(faulty: Recorded) -> None:
     assert len(about["series"]) == len(view.history[0])
     assert about["steps"]["numbered"]
     assert len(view.trail) <= MOST_TRAIL
+
+
+@pytest.mark.parametrize("robot", ["small_car", "tricycle"])
+def test_one_motor_turns_both_wheels_that_are_drawn(faulty: Recorded, robot: str) -> None:
+    described = RobotFile.model_validate(load(MISSIONS / "robots" / f"{robot}.yaml").data)
+    (name,) = [name for name, drive in described.drives.items() if drive.role == "steering"]
+    tick = faulty.ticks[0][0]
+    steering = DriveFeedback(name=name, position=0.2, age=0.0)
+    sensed = replace(tick.snapshot.sensed, drives=(steering,))
+    turned = replace(tick, snapshot=replace(tick.snapshot, sensed=sensed))
+    left, right = PageView(described, {}, {}).state(turned)["wheels"]
+    assert left == right == pytest.approx(Ackermann(described.geometry).steering_from_left(0.2))
 
 
 def test_the_path_of_a_step_comes_once_and_leaves_with_it(faulty: Recorded) -> None:

@@ -299,6 +299,27 @@ def test_whatever_happens_to_the_bytes_no_wrong_value_is_taken(
     on_line(test, protocol)
 
 
+@both
+def test_a_line_that_never_falls_silent_is_given_up(protocol: SerialProtocol) -> None:
+    async def test(rig: SerialRig) -> None:
+        async def chatter() -> None:
+            while True:
+                rig.wire.to_host(b"\x55")
+                await asyncio.sleep(0.05)
+
+        talking = asyncio.create_task(chatter())
+        try:
+            async with asyncio.timeout(60.0):
+                with pytest.raises(ProtocolError, match=r"does not fall silent \(SER-01\); is the baud rate right"):
+                    await rig.objects(FIRST).read(*STATUSWORD, 2)
+        finally:
+            talking.cancel()
+        await asyncio.sleep(2 * SILENCE)
+        assert await rig.objects(FIRST).read(*STATUSWORD, 2) == OFF
+
+    on_line(test, protocol)
+
+
 def test_who_asked_and_went_does_not_hold_up_the_line() -> None:
     async def test(rig: SerialRig) -> None:
         gone = asyncio.ensure_future(rig.objects(FIRST).read(*STATUSWORD, 2))

@@ -99,6 +99,8 @@ class PageSeats(Seats):
     def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
         """`changed` is called when somebody else has the seat."""
         super().__init__(REQUESTS.values(), FRESH)
+        self.reached = True
+        """What operators want is passed on to the run."""
         self._changed = changed
         self._stops: deque[str] = deque(maxlen=KNOWN_STOPS)
 
@@ -108,8 +110,17 @@ class PageSeats(Seats):
         self.links[link] = None
         self._changed()
 
+    def lose_run(self, now: float) -> None:
+        """Nothing is passed on any more: nobody drives."""
+        self.reached = False
+        if self.owner is not None:
+            self._leave("lost", now, "the run takes nothing from the page")
+
     def stop(self, who: str, press: Stop, now: float) -> None:
-        """Somebody who paired presses Stop; the second way of the same press changes nothing."""
+        """Somebody who paired presses Stop; the second way of the same press changes nothing.
+
+        It is kept for a run that is not reached yet.
+        """
         if press.id in self._stops:
             return
         self._stops.append(press.id)
@@ -162,7 +173,8 @@ class PageSession(Session):
         match wanted:
             case Stop():
                 self._seats.stop(self.who, wanted, now)
-                self._send({"t": "stopping", "id": wanted.id})
+                if self._seats.reached:
+                    self._send({"t": "stopping", "id": wanted.id})
             case Ping():
                 self._send({"t": "pong", "at": wanted.at})
             case Take():
@@ -178,6 +190,9 @@ class PageSession(Session):
     def _take_seat(self, name: str, now: float) -> None:
         owner = self._seats.owner
         if owner is self:
+            return
+        if not self._seats.reached:
+            self._send({"t": "refused", "why": "the run takes nothing from the page"})
             return
         if owner is not None:
             self._seats.tell("NET-08", f"{self.who} was refused: {owner.who} has control", now)

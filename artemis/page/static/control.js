@@ -37,7 +37,7 @@ function connect() {
 function hear(message) {
   switch (message.t) {
     case 'seat':
-      if (message.mine && !control.mine) { sequence = beat = 0; beatCame = 0; release(''); }
+      if (message.mine && !control.mine) { sequence = beat = 0; beatCame = 0; asked = []; release(''); }
       if (!message.mine && control.mine) release('control was given back');
       Object.assign(control, {mine: message.mine, who: message.who, run: message.run});
       changed('seat');
@@ -77,10 +77,10 @@ export function hold() {
   else if (now - beatCame > GAP) release('the link was held up: press again');
   last = now;
   const {held, x, y} = hand();
-  const sent = say({
+  say({
     t: 'hold', seq: ++sequence, beat, waited: now - beatCame, held, neutral: !held && x === 0 && y === 0, x, y, ask: asked,
   });
-  if (sent) asked = [];
+  asked = []; // what could not be sent now is not asked for later
 }
 setInterval(() => { if (control.mine) hold(); else last = 0; }, BEAT);
 setInterval(() => say({t: 'ping', at: performance.now()}), 1000);
