@@ -24,7 +24,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from artemis.bridges.operator.frames import MalformedFrame
 from artemis.bridges.operator.server import tls_context
-from artemis.bridges.page.session import Stop, said
+from artemis.bridges.page.session import StopPress, said
 from artemis.page.access import Access, grouped, new_code
 from artemis.page.hub import Hub
 
@@ -60,7 +60,7 @@ def static_file(name: str) -> tuple[bytes, str, str] | None:
     return content, TYPES[path.suffix], f'"{sha256(content).hexdigest()[:16]}"'
 
 
-class Gate:
+class AccessCheck:
     """Lets nothing pass that another site has a browser ask for."""
 
     def __init__(self, app: ASGIApp, access: Access) -> None:
@@ -102,7 +102,7 @@ class PageServer:
             WebSocketRoute("/telemetry", self._telemetry),
             WebSocketRoute("/control", self._control),
         ]
-        self.app = Gate(Starlette(routes=routes), access)
+        self.app = AccessCheck(Starlette(routes=routes), access)
 
     # ------------------------------------------------------------------------------------------ pages
 
@@ -156,7 +156,7 @@ class PageServer:
             press = said(await _body(request))
         except (MalformedFrame, ValueError):
             press = None
-        if not isinstance(press, Stop):
+        if not isinstance(press, StopPress):
             return JSONResponse({}, 400, HEADERS)
         peer = request.client.host if request.client else "somebody"
         self._hub.seats.stop(peer, press, self._hub.now)

@@ -298,7 +298,7 @@ def values_of(result: JobResult, errors: Errors) -> str:
     """What a job brought back, in words; `errors`: what the drives' error codes mean."""
     match result.kind:
         case JobKind.READ_HISTORY if result.ok:
-            return ", ".join([meaning(code, errors[result.drive]) for code in result.values]) or "empty"
+            return ", ".join([meaning(code, errors.get(result.drive, {})) for code in result.values]) or "empty"
         case JobKind.CLEAR_TARGET if result.values:
             return f"stale set-point {result.values[0]} cleared"
         case JobKind.READ_CALIBRATION if result.ok:

@@ -163,10 +163,11 @@ _COLUMNS = (
     *("arc_length", "cross_track", "true_arc_length", "true_cross_track"),
     *("std", "std_heading", "quality"),
     *("speed", "planned_speed", "feedforward", "feedback", "late", "slowed"),
-    *("volts", "charge", "charge_std", "watts"),
 )
 """Those before the set-points and measured values of the drives."""
 _AT = {name: number for number, name in enumerate(_COLUMNS)}
+_OF_BATTERY = ("volts", "charge", "charge_std", "watts")
+"""The last ones of a robot whose file describes its battery."""
 _NO_POSE = Pose(x=nan, y=nan, heading=nan)
 _MEASURED = {"traction": attrgetter("velocity"), "steering": attrgetter("position")}
 _NOT_FOLLOWING = nan, nan, nan, nan, nan
@@ -186,7 +187,8 @@ class _Reader:
         self._entries = recording.events()
         faults = [entry.time for entry in self._entries if entry.kind == "fault"]
         ticks = None if every_tick else recording.number
-        self._rows = Rows(len(_COLUMNS) + 2 * len(self._drives), _AT["x"], _AT["y"], ticks, faults)
+        width = len(_COLUMNS) + 2 * len(self._drives) + (len(_OF_BATTERY) if robot.battery else 0)
+        self._rows = Rows(width, _AT["x"], _AT["y"], ticks, faults)
         self._true_places = TruePlaces(routes_of(recording))
         self._around = DrivenAround(robot)
         self._modes = _Spans()
@@ -244,12 +246,13 @@ class _Reader:
         row.append(clearance.speed if clearance is not None and slowed else nan)
         if (battery := snapshot.battery) is not None:
             self._joules = battery.joules
-        row += (nan,) * 4 if battery is None else (battery.volts, battery.charge, battery.charge_std, battery.watts)
         heard = {drive.name: drive for drive in sensed.drives}
         for name, set_point, states, measured in self._drives:
             drive = heard.get(name) or DriveFeedback(name=name)
             row += (set_point(points), nan if drive.age is None else measured(drive))
             states.see(time, drive.state)
+        if self._recording.robot.battery:
+            row += [nan if battery is None else getattr(battery, name) for name in _OF_BATTERY]
         self._rows.add(row)
         if self._driven is not None:
             self._way += abs(odometry.distance - self._driven)
@@ -266,6 +269,9 @@ class _Reader:
         """All that was seen."""
         table = self._rows.table()
         columns = {name: table[:, number] for name, number in _AT.items()}
+        unknown = np.full(len(table), nan)
+        for number, name in enumerate(reversed(_OF_BATTERY), 1):
+            columns[name] = table[:, -number] if self._recording.robot.battery else unknown
         modes = self._modes.intervals()
         self._given.finish()
         self._true_given.finish()

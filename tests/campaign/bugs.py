@@ -110,7 +110,7 @@ async def _nothing(*_: Any) -> tuple[int, ...]:
     return ()
 
 
-def _unproven(self: Any, snapshot: Any) -> Any:
+def _unproven(self: Any, snapshot: Any, *_: Any) -> Any:
     snapshot = yield from self._until(lambda drive: drive.age is not None, WAKING, "COM-08", "", snapshot)
     return (yield from self._until(lambda drive: True, RESETTING, "COM-08", "", snapshot))
 
@@ -412,7 +412,7 @@ BUGS: tuple[Bug, ...] = (
         "I5",
         {PROOF: becomes(_unproven), "artemis.devices.epos_jobs.settings": _settings_without(0x1016)},
     ),
-    Bug("wheels are not aligned", "askew", "I5", {"artemis.states.init.align": becomes(_not_aligned)}),
+    Bug("wheels are not aligned", "askew", "I5", {"artemis.states.homing.align": becomes(_not_aligned)}),
     Bug(
         "controls may be held",
         "stick held at the start",

@@ -116,7 +116,7 @@ def test_the_report_is_one_file_that_fetches_nothing(run: Path) -> None:
     links.feed(page)
     assert links.elements > 100
     assert links.outside == []
-    assert "<script" not in page
+    assert not re.findall(r"<script[^>]*\bsrc\b", page)
     assert set(re.findall(r'\S*https?://[^"\s]*', page)) <= {
         'xmlns="http://www.w3.org/2000/svg',
         'xmlns:xlink="http://www.w3.org/1999/xlink',

@@ -57,6 +57,11 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "robot.py": ("unit/test_core_details.py", "unit/test_core.py", "unit/test_core_obstacles.py", "unit/test_robot.py"),
     "devices/epos_state.py": ("unit/test_epos_state.py", "properties/test_epos_state_properties.py"),
     "devices/canopen.py": ("unit/test_canopen.py", "properties/test_canopen_properties.py"),
+    "families/objects.py": (
+        "unit/test_canopen.py",
+        "properties/test_canopen_properties.py",
+        "unit/test_family_tables.py",
+    ),
     "supervision/measures.py": (
         "unit/test_measures.py",
         "unit/test_measures_host.py",

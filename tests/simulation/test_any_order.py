@@ -36,6 +36,7 @@ HAPPENS = sorted(
     for id, injection in INJECTIONS.items()
     if id not in MISBEHAVING | {"SYS-04", "SYS-05", "DSK-02", "DSK-05"}
     and injection.behaviour is None
+    and (injection.families is None or "epos1" in injection.families)
     and id[:3] in ("DRV", "COM", "INP", "STE", "EST", "RUN", "SYS")
 )
 

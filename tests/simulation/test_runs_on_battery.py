@@ -23,12 +23,12 @@ def drive(folder: Path, *steps: dict[str, Any], battery_v: float = 24.4, metres:
 
 
 def test_a_path_that_the_battery_does_not_reach_is_not_begun(tmp_path: Path) -> None:
-    done = drive(tmp_path / "alone", follow(0.5), battery_v=22.45)
+    done = drive(tmp_path / "alone", follow(0.5), battery_v=22.3)
     assert done.status == 1
     assert Mode.FOLLOW not in [seen.mode for seen in done.seen if seen.tick.set_points.speed]
     assert "3 m to drive, the battery reaches 0 m" in [seen.phase for seen in done.seen]
     caught = {"try": {"steps": [follow(0.5)], "catch": {"battery-short": [{"say": "not far enough"}]}}}
-    assert drive(tmp_path / "caught", caught, battery_v=22.45).status == 0
+    assert drive(tmp_path / "caught", caught, battery_v=22.3).status == 0
 
 
 def test_all_that_a_list_of_steps_follows_counts_before_it_is_begun(tmp_path: Path) -> None:

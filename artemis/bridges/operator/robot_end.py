@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection
 from artemis.bridges.operator import frames
 from artemis.bridges.operator.frames import ForgedFrame, MalformedFrame, Splitter
 from artemis.bridges.operator.quality import LinkQuality
-from artemis.bridges.operator.session import Seats, Session
+from artemis.bridges.operator.session import LinkSession, Seats
 from artemis.values import Request
 
 CLAIM_TIME = 2.0
@@ -65,7 +65,7 @@ class RobotEnd(Seats):
             link.closing = True
 
 
-class RobotLink(Session):
+class RobotLink(LinkSession):
     """One connection, from its first byte to its last."""
 
     def __init__(self, end: RobotEnd, peer: str, now: float) -> None:

@@ -86,8 +86,8 @@ class Seats:
         """
         self.allow = frozenset(allow) | {Request.QUICKSTOP, Request.DONE, Request.RECORD}
         self.fresh = fresh
-        self.owner: Session | None = None
-        self.links: dict[Session, None] = {}
+        self.owner: LinkSession | None = None
+        self.links: dict[LinkSession, None] = {}
         """The oldest first."""
         self.status = b""
         """JSON of what the robot does, for the next beat."""
@@ -95,7 +95,7 @@ class Seats:
         """What is new since the last one was taken, and whether anything is."""
         self._told: dict[str, float] = {}
 
-    def disconnected(self, link: Session, now: float, why: str = "the connection was closed") -> None:
+    def disconnected(self, link: LinkSession, now: float, why: str = "the connection was closed") -> None:
         """It is gone; harmless when repeated."""
         link.closing = True
         self.links.pop(link, None)
@@ -119,13 +119,13 @@ class Seats:
 
     # ------------------------------------------------------------------------------------------ for the sessions
 
-    def seat(self, link: Session, now: float) -> None:
+    def seat(self, link: LinkSession, now: float) -> None:
         """The link has the seat now."""
         self.owner = link
         self.report = LinkReport("held", link.who, now, requests=self.report.requests, problems=self.report.problems)
         self.has_news = True
 
-    def release(self, link: Session, now: float) -> None:
+    def release(self, link: LinkSession, now: float) -> None:
         """Who has the seat gives it back."""
         if link is self.owner:
             self._leave("free", now, "")
@@ -163,7 +163,7 @@ class Seats:
         self.owner, self.has_news = None, True
 
 
-class Session(ABC):
+class LinkSession(ABC):
     """One operator's, from the first word to the last."""
 
     def __init__(self, end: Seats, who: str, now: float) -> None:

@@ -14,7 +14,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from artemis.bridges.operator.frames import MalformedFrame, SentCommand
-from artemis.bridges.operator.session import Seat, Seats, Session
+from artemis.bridges.operator.session import LinkSession, Seat, Seats
 from artemis.values import Request
 
 FRESH = 0.3
@@ -65,7 +65,7 @@ class Hold(Struct, frozen=True, tag_field="t", tag="hold", forbid_unknown_fields
     ask: Annotated[tuple[Literal["acknowledge", "arm", "end", "done", "record"], ...], Meta(max_length=8)] = ()
 
 
-class Stop(Struct, frozen=True, tag_field="t", tag="stop", forbid_unknown_fields=True):
+class StopPress(Struct, frozen=True, tag_field="t", tag="stop", forbid_unknown_fields=True):
     """The robot shall stop."""
 
     id: Id
@@ -80,7 +80,7 @@ class Ping(Struct, frozen=True, tag_field="t", tag="ping", forbid_unknown_fields
     at: float
 
 
-Said = Take | GiveBack | Hold | Stop | Ping
+Said = Take | GiveBack | Hold | StopPress | Ping
 _DECODER = msgspec.json.Decoder(Said)
 
 
@@ -104,7 +104,7 @@ class PageSeats(Seats):
         self._changed = changed
         self._stops: deque[str] = deque(maxlen=KNOWN_STOPS)
 
-    def seat(self, link: Session, now: float) -> None:
+    def seat(self, link: LinkSession, now: float) -> None:
         """The page has the seat now."""
         super().seat(link, now)
         self.links[link] = None
@@ -116,7 +116,7 @@ class PageSeats(Seats):
         if self.owner is not None:
             self._leave("lost", now, "the run takes nothing from the page")
 
-    def stop(self, who: str, press: Stop, now: float) -> None:
+    def stop(self, who: str, press: StopPress, now: float) -> None:
         """Somebody who paired presses Stop; the second way of the same press changes nothing.
 
         It is kept for a run that is not reached yet.
@@ -135,7 +135,7 @@ class PageSeats(Seats):
         self._changed()
 
 
-class PageSession(Session):
+class PageSession(LinkSession):
     """One page, as long as it is connected."""
 
     def __init__(self, end: PageSeats, who: str, now: float, send: Send) -> None:
@@ -171,7 +171,7 @@ class PageSession(Session):
 
     def _obey(self, wanted: Said, now: float) -> None:
         match wanted:
-            case Stop():
+            case StopPress():
                 self._seats.stop(self.who, wanted, now)
                 if self._seats.reached:
                     self._send({"t": "stopping", "id": wanted.id})

@@ -14,7 +14,7 @@ from artemis.supervision.catalogue.row import (
     WARN,
     Found,
     K,
-    Needs,
+    Requirement,
     Row,
     Threshold,
     X,
@@ -84,7 +84,7 @@ MOTION: dict[str, Row] = {
         of="difference of both wheels as part of the speed",
         stages=(Threshold(LIMIT, 0.25, 0.12), Threshold(S2, 0.25, 2.0), Threshold(S2, 0.5, 0.12)),
         shows_as=("RUN-01",),
-        needs=Needs.TRACTION_MOTORS,
+        needs=Requirement.TRACTION_MOTORS,
     ),
     "RUN-06": Row(
         "one driven wheel pushes alone",
@@ -98,7 +98,7 @@ MOTION: dict[str, Row] = {
         of="one driven wheel off, the other on and moving",
         stages=(Threshold(S1, 0.0, 0.059),),
         shows_as=("COM-02", "COM-01"),
-        needs=Needs.TRACTION_MOTORS,
+        needs=Requirement.TRACTION_MOTORS,
     ),
     "RUN-07": Row(
         "odometry against localisation",
@@ -184,7 +184,7 @@ MOTION: dict[str, Row] = {
         within=0.12,
         of="difference as part of disagreement_deg",
         stages=(Threshold(S1, 1.0, 0.08),),
-        needs=Needs.POTENTIOMETERS,
+        needs=Requirement.POTENTIOMETERS,
     ),
     "STE-04": Row(
         "potentiometer open or shorted",
@@ -197,7 +197,7 @@ MOTION: dict[str, Row] = {
         within=0.06,
         of="within 2 % of a rail",
         stages=(Threshold(S1, 0.0, 0.02),),
-        needs=Needs.POTENTIOMETERS,
+        needs=Requirement.POTENTIOMETERS,
     ),
     "STE-05": Row(
         "potentiometers against encoder",
@@ -210,7 +210,7 @@ MOTION: dict[str, Row] = {
         within=0.22,
         of="difference of the angles [rad]",
         stages=(Threshold(S1, radians(4.0), 0.18),),
-        needs=Needs.POTENTIOMETERS,
+        needs=Requirement.POTENTIOMETERS,
     ),
     "STE-06": Row(
         "steering geometry",
@@ -224,7 +224,7 @@ MOTION: dict[str, Row] = {
         of="difference from a pair [rad]",
         stages=(Threshold(S1, radians(4.0), 0.18),),
         shows_as=("STE-05", "STE-01"),
-        needs=Needs.STEERING_MOTORS,
+        needs=Requirement.STEERING_MOTORS,
     ),
     "STE-07": Row(
         "potentiometer frozen",
@@ -238,7 +238,7 @@ MOTION: dict[str, Row] = {
         of="turned without a new voltage [rad]",
         stages=(Threshold(S1, radians(10.0)),),
         shows_as=("STE-03", "STE-05"),
-        needs=Needs.POTENTIOMETERS,
+        needs=Requirement.POTENTIOMETERS,
     ),
     "CAL-01": Row(
         "calibration fails",
@@ -262,6 +262,6 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=5.0,
         reason="a mission whose first path comes before its first `calibrate` is refused",
-        needs=Needs.POTENTIOMETERS,
+        needs=Requirement.POTENTIOMETERS,
     ),
 }

@@ -88,7 +88,7 @@ class Found(Enum):
     ABSENT = "not built"
 
 
-class Needs(Enum):
+class Requirement(Enum):
     """What a robot must have for a row to be noticed at all."""
 
     NOTHING = ""
@@ -120,16 +120,16 @@ class Row(NamedTuple):
     """Rows as which it may be seen, or is where it has no mark of its own."""
     reason: str = ""
     """Why it has no effect, or what it would need to be noticed."""
-    needs: Needs = Needs.NOTHING
+    needs: Requirement = Requirement.NOTHING
     """Of a robot."""
 
     def is_missed_by(self, robot: RobotFile) -> bool:
         """Whether the robot has not what the row needs: it is never noticed there."""
         match self.needs:
-            case Needs.STEERING_MOTORS:
+            case Requirement.STEERING_MOTORS:
                 return robot.sides("steering") != OWN_SIDES
-            case Needs.TRACTION_MOTORS:
+            case Requirement.TRACTION_MOTORS:
                 return robot.sides("traction") != OWN_SIDES
-            case Needs.POTENTIOMETERS:
+            case Requirement.POTENTIOMETERS:
                 return not robot.has_potentiometers
         return False
