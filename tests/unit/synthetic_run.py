@@ -106,7 +106,7 @@ def record(
     resume_point: ResumePoint | None = None,
 ) -> Path:
     made_from = replace(provenance(), resume_point=resume_point)
-    recorder = Recorder(path, made_from, threaded=threaded, journal=journal)
+    recorder = Recorder(path, made_from, threaded=threaded, journal=journal, errors=robot().errors)
     for entry in first_entries("circle", "ARTEMIS", made_from, None) if journal else []:
         recorder.note(entry)
     for each in observed:
