@@ -136,7 +136,7 @@ class _Loading(SurroundingsChecks):
             self._check_drives(mission, robot)
         inputs = self._inputs()
         _ = [self._plugin("artemis.observers", "observers", name) for name in self._names("observers")]
-        self._check_bus()
+        self._check_bus(robot)
         true_robot = self._true_robot()
         if "obstacles" in self._data:
             self._check_obstacles((), self._part(Obstacles, "obstacles"), robot)
@@ -239,8 +239,14 @@ class _Loading(SurroundingsChecks):
                 what = "the mission's localizer takes none" if localizers else "the mission has no localizer"
                 self._complain(("inputs", name, "allow"), f"{INITIAL_POSE}: {what}")
 
-    def _check_bus(self) -> None:
+    def _check_bus(self, robot: RobotFile | None) -> None:
         words = self._data.get("bus")
+        if isinstance(words, dict) and "serial" in words and robot is not None:
+            name, first = next(iter(robot.drives.items()))
+            spoken = "epos4" if first.family == "epos4" else "epos1"
+            if words.get("protocol", "epos1") != spoken:
+                text = f"the line leads to {name}, an {first.family}: write protocol: {spoken}"
+                self._complain(("bus", "protocol") if "protocol" in words else ("bus",), text)
         if isinstance(words, dict) and "serial" in words and not self._simulated:
             self._remarks.append("bus: a serial line; `artemis run` drives over CAN, or with --simulate")
         if isinstance(words, dict) and isinstance(words.get("interface"), str) and "serial" not in words:

@@ -41,6 +41,8 @@ class ChargeEstimate:
             for name, drive in robot.drives.items()
             if drive.role == "traction"
         }
+        self._least_per_metre = max(battery.idle_w / robot.limits.speed_m_s, 1e-3)
+        """At the robot's highest speed, driven by nothing [J/m]: what drives feed back on a slope does not last."""
         self._coulombs = HOUR * battery.capacity_ah
         self._charge, self._scale = -1.0, 1.0
         self._var, self._mixed, self._scale_var = 0.0, 0.0, FIRST_SCALE**2
@@ -99,7 +101,7 @@ class ChargeEstimate:
         joules = usable * self._coulombs * middle
         _, slope = battery.voltage_at(self._charge)
         std = sqrt(max(self._var, 0.0) + (CURVE / slope) ** 2)
-        all_of_it = self._coulombs * middle / max(self._scale * self._per_metre, 1e-3)
+        all_of_it = self._coulombs * middle / (self._scale * max(self._per_metre, self._least_per_metre))
         reach = usable * all_of_it
         return BatteryState(
             volts=self._under_load,

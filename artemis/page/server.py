@@ -21,6 +21,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope
 from starlette.types import Send as AsgiSend
 from starlette.websockets import WebSocket, WebSocketDisconnect
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from artemis.bridges.operator.frames import MalformedFrame
 from artemis.bridges.operator.server import tls_context
@@ -36,6 +37,8 @@ SLOW = 2.0
 """A browser that does not take a message for so long is let go [s]."""
 MOST_WATCHING, MOST_WAITING = 16, 64
 MOST_BODY = 512
+MOST_CONNECTIONS, FIRST_REQUEST = 256, 3.0
+"""At once; and how long one may say nothing at first [s]."""
 STATIC, SHARED = Path(__file__).with_name("static"), Path(__file__).parents[1] / "static"
 """The page's own files, and those that the reports of runs have, too."""
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
@@ -275,13 +278,33 @@ def _file(request: Request, name: str) -> Response:
     return Response(content, headers=headers, media_type=kind)
 
 
+class TimedProtocol(H11Protocol):
+    """HTTP whose clients have a time for their first request: connections that say nothing leave room for Stop."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin to wait."""
+        super().connection_made(transport)
+        self._patience = self.loop.call_later(FIRST_REQUEST, transport.close)
+
+    def data_received(self, data: bytes) -> None:
+        """A whole request ends the wait, also one that makes a WebSocket of it."""
+        super().data_received(data)
+        if self.cycle is not None or self.transport.get_protocol() is not self:
+            self._patience.cancel()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Nobody is waited for any more."""
+        self._patience.cancel()
+        super().connection_lost(exc)
+
+
 async def serve(
     server: PageServer, listening: socket.socket, end: asyncio.Event, tls: tuple[Path, Path] | None
 ) -> None:
     """Answer until `end` is set."""
     config = uvicorn.Config(
         server.app,
-        http="h11",
+        http=TimedProtocol,
         ws="websockets-sansio",
         ws_max_size=2048,
         ws_per_message_deflate=False,
@@ -291,7 +314,7 @@ async def serve(
         log_config=None,
         access_log=False,
         server_header=False,
-        limit_concurrency=96,
+        limit_concurrency=MOST_CONNECTIONS,
         timeout_graceful_shutdown=1,
     )
     config.load()

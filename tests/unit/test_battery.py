@@ -117,6 +117,18 @@ def test_without_load_the_charge_is_that_of_the_voltage_and_time_is_left_by_what
     assert state.range_m == pytest.approx(joules / 85.0, rel=0.02)
 
 
+def test_what_drives_feed_back_for_a_while_makes_no_range_without_end() -> None:
+    estimate = ChargeEstimate(battery(), ROBOT)
+    down = tuple(
+        DriveFeedback(name=name, current=-sign * 3.0, velocity=0.5)
+        for name, sign in (("traction-left", 1.0), ("traction-right", -1.0))
+    )
+    state = [estimate.update(24.4, down, 0.5, 1.0) for _ in range(600)][-1]
+    assert state.watts < 0.0
+    joules = (state.charge - 0.1) * 17.0 * HOUR * 24.5
+    assert state.range_m < 1.5 * joules / (20.0 / ROBOT.limits.speed_m_s)
+
+
 # ------------------------------------------------------------------------------------------------ what is wrong
 
 

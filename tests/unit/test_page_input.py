@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from artemis.bridges.operator.session import Arrived, LinkReport
+from artemis.bridges.operator.session import AT_ONCE, Arrived, LinkReport
 from artemis.bridges.page.port import ENDED, PagePort, connected_to
 from artemis.bridges.page.session import FRESH
 from artemis.errors import ConfigError, DeviceLost
@@ -202,6 +202,26 @@ def test_a_process_reports_over_the_local_socket_and_its_end_is_a_loss() -> None
 
     held, lost = asyncio.run(go())
     assert (held.seat, lost.seat, lost.who, lost.why) == ("held", "lost", "phone", ENDED)
+
+
+def test_a_tick_takes_only_so_many_reports_and_leaves_the_rest_to_the_next() -> None:
+    async def go() -> list[int]:
+        port = PagePort("page")
+        try:
+            port.watch(lambda: None)
+            process = connected_to(os.getpid(), "page")
+            assert process is not None
+            await asyncio.sleep(0)
+            for _ in range(AT_ONCE + 5):
+                process.send(msgspec.msgpack.encode(LinkReport("held", "phone", 1.0)))
+            while not (first := port.take()):
+                await asyncio.sleep(0)
+            process.close()
+            return [len(first), len(port.take())]
+        finally:
+            port.close()
+
+    assert asyncio.run(go()) == [AT_ONCE, 5 + 1]  # with the page's end
 
 
 def test_one_run_has_one_page() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import socket
 import ssl
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
+from artemis.page import server
 from artemis.page.certificates import kept, make
 from artemis.page.observer import PageObserverConfig, PageTls
 from artemis.page.server import SHARED, STATIC
@@ -62,6 +64,16 @@ def told(connection: ClientConnection, wanted: str) -> dict[str, Any]:
         message: dict[str, Any] = json.loads(connection.recv(10))
         if message.get("t") == wanted or wanted in message:
             return message
+
+
+def test_a_connection_that_says_nothing_leaves_room_for_others(
+    rig: PageRig, paired: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "FIRST_REQUEST", 0.05)
+    with link(rig, paired, "/telemetry") as watching, socket.create_connection(("127.0.0.1", rig.port)) as silent:
+        silent.settimeout(20.0)
+        assert silent.recv(1) == b""
+        assert told(watching, "state")
 
 
 def test_who_has_not_paired_sees_nothing(rig: PageRig) -> None:

@@ -171,6 +171,10 @@ def test_nothing_is_driven_over_a_serial_line(mission: Path) -> None:
         ("{serial: /dev/ttyUSB0, baud: 1200}", "bus.baud"),
         ("{serial: /dev/ttyUSB0, bitrate: 9600}", "bus.bitrate"),
         ("{serial: /dev/ttyUSB0, protocol: epos3}", "bus.protocol"),
+        (
+            "{serial: /dev/ttyUSB0, protocol: epos4}",
+            "bus.protocol: the line leads to traction-left, an epos1",
+        ),
         ("{serial: ''}", "bus.serial"),
         ("{port: /dev/ttyUSB0}", "bus"),
         ("{serial: /dev/ttyUSB0, interface: socketcan}", "bus: expected simulation, python-can's words"),

@@ -20,7 +20,7 @@ from artemis.bridges.child_process import ChildProcess
 from artemis.bridges.operator.frames import RUN_OVER
 from artemis.bridges.operator.robot_end import RobotEnd
 from artemis.bridges.operator.server import OperatorServer, tls_context
-from artemis.bridges.operator.session import LinkReport
+from artemis.bridges.operator.session import AT_ONCE, LinkReport
 from artemis.errors import DeviceLost
 from artemis.values import Request
 
@@ -60,13 +60,13 @@ class LinkProcess:
         self._loop.add_reader(self._ours, news)
 
     def take(self) -> list[LinkReport]:
-        """The reports since the last call, oldest first.
+        """Reports since the last call, oldest first, not more than a tick has time for; what is left comes next.
 
         Raises:
             DeviceLost: the process has ended, and its last reports were taken.
         """
         reports: list[LinkReport] = []
-        while True:
+        for _ in range(AT_ONCE):
             try:
                 message = self._ours.recv(LARGEST)
             except BlockingIOError:
@@ -79,6 +79,7 @@ class LinkProcess:
                     return reports
                 raise DeviceLost("operator link", f"its process has ended: {self._process.end()}")
             reports.append(_DECODER.decode(message))
+        return reports
 
     def tell(self, status: bytes) -> None:
         """What the robot does, for the operator; dropped where the process does not keep up."""

@@ -19,6 +19,8 @@ from artemis.bridges.operator.frames import MalformedFrame, SentCommand
 from artemis.bridges.operator.quality import LinkQuality
 from artemis.values import Request
 
+AT_ONCE = 64
+"""Reports that the robot takes in one call, at most: who sends them faces the network, and a tick waits."""
 BEAT_EVERY = 0.05
 """Between two beats [s]."""
 FRESH = 0.25

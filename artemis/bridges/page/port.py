@@ -15,7 +15,7 @@ from contextlib import suppress
 
 import msgspec
 
-from artemis.bridges.operator.session import LinkReport
+from artemis.bridges.operator.session import AT_ONCE, LinkReport
 from artemis.errors import ConfigError
 
 LARGEST = 65536
@@ -78,9 +78,14 @@ class PagePort:
         self._loop.add_reader(self._listening, self._accept)
 
     def take(self) -> list[LinkReport]:
-        """The reports since the last call, oldest first; a page that is gone has left the seat without a word."""
+        """Reports since the last call, oldest first, not more than a tick has time for; what is left comes next.
+
+        A page that is gone has left the seat without a word.
+        """
         reports: list[LinkReport] = []
-        while self._connection is not None:
+        for _ in range(AT_ONCE):
+            if self._connection is None:
+                break
             try:
                 message = self._connection.recv(LARGEST)
             except BlockingIOError:
