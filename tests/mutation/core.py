@@ -9,7 +9,8 @@ _MODES = ("unit/test_mode_details.py", "unit/test_mode_memory.py", "unit/test_mo
 _HANDS = ("unit/test_hand_over.py", "unit/test_mode_teleop.py")
 _MISSION = ("unit/test_mission_advance.py", "unit/test_mode_questions.py", "unit/test_mission_condition.py")
 _STOPS = ("unit/test_stop_details.py", "unit/test_modes_at_rest.py", "unit/test_mode_fault.py", *_MODES)
-_TABLE = ("unit/test_faults_page.py", "unit/test_catalogue.py", *_ROWS)
+_TABLE = ("unit/test_faults_page.py", "unit/test_catalogue.py", "unit/test_axles.py", *_ROWS)
+_BATTERY, _ROBOTS = "simulation/test_runs_on_battery.py", "simulation/test_other_robots.py"
 
 CORE: Mapping[str, tuple[str, ...]] = {
     "motion/limits.py": ("unit/test_limits.py", "properties/test_limits_properties.py"),
@@ -17,7 +18,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "motion/sweep.py": ("unit/test_sweep.py",),
     "motion/obstacles.py": ("unit/test_core_obstacles.py", "unit/test_obstacles.py"),
     "states/blocked.py": ("unit/test_core_obstacles.py", "unit/test_mode_goto.py"),
-    "states/goto.py": ("unit/test_mode_goto.py",),
+    "states/goto.py": ("unit/test_mode_goto.py", "simulation/test_asked_goals.py"),
     "states/modes.py": (
         "unit/test_modes.py",
         "unit/test_core.py",
@@ -36,10 +37,15 @@ CORE: Mapping[str, tuple[str, ...]] = {
         "unit/test_hand_over.py",
         "unit/test_mode_act.py",
         *_MISSION,
+        _BATTERY,
     ),
     "states/advance.py": (*_MISSION, "unit/test_mode_act.py", "unit/test_mission_behaviours.py"),
     "states/condition.py": _MISSION,
-    "states/init.py": ("unit/test_bring_up_details.py", "unit/test_mode_init.py", *_MODES),
+    "states/init.py": (
+        "unit/test_bring_up_details.py",
+        "unit/test_mode_init.py",
+        *_MODES,
+    ),
     "states/ready.py": (
         "unit/test_mode_goto.py",
         "unit/test_modes.py",
@@ -54,7 +60,13 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "states/quickstop.py": _STOPS,
     "states/fault.py": _STOPS,
     "states/end.py": _STOPS,
-    "robot.py": ("unit/test_core_details.py", "unit/test_core.py", "unit/test_core_obstacles.py", "unit/test_robot.py"),
+    "robot.py": (
+        "unit/test_core_details.py",
+        "unit/test_core.py",
+        "unit/test_core_obstacles.py",
+        "unit/test_robot.py",
+        _BATTERY,
+    ),
     "devices/epos_state.py": ("unit/test_epos_state.py", "properties/test_epos_state_properties.py"),
     "devices/canopen.py": ("unit/test_canopen.py", "properties/test_canopen_properties.py"),
     "families/objects.py": (
@@ -74,11 +86,13 @@ CORE: Mapping[str, tuple[str, ...]] = {
         "unit/test_wheels_braking.py",
         "unit/test_wheels_steered.py",
         *_ROWS,
+        _ROBOTS,
     ),
     "supervision/steered.py": (
         "unit/test_wheels_steered.py",
         "unit/test_wheels_exactly.py",
         *_ROWS,
+        _ROBOTS,
     ),
     "supervision/scanners.py": ("unit/test_supervisor_scanners.py",),
     "supervision/supervisor.py": (
@@ -89,6 +103,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
         "unit/test_hand_over.py",
         "unit/test_supervisor_scanners.py",
         *_ROWS,
+        _BATTERY,
     ),
     "supervision/policy.py": ("unit/test_policy.py", "unit/test_supervisor.py"),
     **{

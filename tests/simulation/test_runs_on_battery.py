@@ -55,6 +55,12 @@ def test_a_robot_whose_voltage_sags_accelerates_half_as_much(tmp_path: Path) -> 
     assert rises(tmp_path / "sagging", faults=[sag]) == pytest.approx(0.25, abs=0.02)
 
 
+def test_a_mission_may_ask_what_is_left(tmp_path: Path) -> None:
+    wait = {"wait": {"for": "charge_percent < 60 and range_m > 1000 and time_left_s > 3600", "at_most_s": 60}}
+    done = drive(tmp_path, wait)
+    assert (done.status, done.seen[-1].time < 20.0) == (0, True)
+
+
 def test_a_battery_that_is_nearly_empty_stops_the_robot(tmp_path: Path) -> None:
     sinking = {"at_s": 8.0, "inject": "PWR-02", "voltage": 21.0, "within_s": 0.2}
     done = drive(tmp_path, follow(0.5), faults=[sinking])

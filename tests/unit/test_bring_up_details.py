@@ -7,13 +7,14 @@ from itertools import groupby
 import core_builders
 import pytest
 from core_builders import NAMES, PERIOD, ROBOT, ObedientDrives, Player, fault_of, has_event, has_fault, shared
+from msgspec.structs import replace
 
 from artemis.drive_states import DriveState, Goal
 from artemis.motion.potentiometers import memory_numbers
 from artemis.states.init import ANSWER_TIME, HEARTBEATS, WATCH_TIME, InitMode
 from artemis.states.mode import PATIENCE
 from artemis.states.plan import CalibrateStep, Plan, Shared
-from artemis.values import Event, JobKind, JobResult, Wish
+from artemis.values import RESETS, Event, JobKind, JobResult, Wish
 
 Sent = tuple[bool, bool, bool]
 """Exchange, heartbeat, supervised."""
@@ -143,6 +144,32 @@ def test_steering_drive_that_keeps_another_calibration_is_a_fault(
     player.tick(results=results_of(player, {"steer-left": kept}))
     wish = player.wishes[-1] if fault else player.until(has_event)
     assert (fault_of(wish) if has_fault(wish) else None) == fault
+
+
+def forgetful() -> Player:
+    """After the configuration of drives of which one forgets it with the heartbeat."""
+    player = bring_up()
+    player.until(lambda wish: any(job.kind is JobKind.CONFIGURE for job in wish.jobs))
+    told = results_of(player, {})
+    player.tick(results=tuple(replace(each, values=(1,)) if each.drive == "traction-left" else each for each in told))
+    return player
+
+
+def test_drive_that_forgets_with_the_heartbeat_is_configured_again_after_the_proof() -> None:
+    player = forgetful()
+    assert player.until(has_event).event is Event.ALIGNED
+    proof = [wish.phase for wish in player.wishes].index("proving the watchdog")
+    again = [(job.kind, job.drive, job.value) for wish in player.wishes[proof:] for job in wish.jobs]
+    assert again[:2] == [
+        (JobKind.SECURE, "traction-left", RESETS["communication"]),
+        (JobKind.CONFIGURE, "traction-left", 0.0),
+    ]
+
+
+def test_drive_that_cannot_be_configured_again_is_a_fault() -> None:
+    player = forgetful()
+    player.refused.add((JobKind.CONFIGURE, "traction-left"))
+    assert fault_of(player.until(has_fault)) == ("COM-08", "traction-left")
 
 
 def test_drive_that_cannot_be_configured_is_a_fault() -> None:

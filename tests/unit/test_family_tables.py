@@ -70,3 +70,8 @@ def test_statuswords_of_one_generation_are_not_states_of_the_other() -> None:
 )
 def test_hardware_version_tells_the_generation(version: int, name: str) -> None:
     assert GENERATIONS[version >> 4 & 0xF].name == name
+
+
+def test_an_object_is_named_as_data_sheets_do_and_mapped_with_its_size() -> None:
+    assert str(POSITION) == "0x6064:0"
+    assert (POSITION.mapping, STATUSWORD.mapping) == (0x60640020, 0x60410010)
