@@ -155,7 +155,7 @@ def assert_left_at_rest(run: Path) -> None:
     """
     recording = Recording(run)
     frames = [(sent, frame) for _, batch in recording.frames() for sent, frame in batch]
-    ends = [frame for sent, frame in frames[-60:] if sent]
+    ends = [frame for sent, frame in frames if sent][-60:]
     for drive in recording.robot.drives.values():
         node = drive.node_id
         status = [frame.data for sent, frame in frames if not sent and frame.id == 0x180 + node]

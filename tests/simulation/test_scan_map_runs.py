@@ -182,6 +182,7 @@ def test_a_kidnapped_robot_says_so_stops_and_is_found_again(tmp_path: Path) -> N
 
 
 @pytest.mark.exhaustive
+@pytest.mark.timeout(400)
 def test_laps_are_driven_within_two_centimetres_where_the_odometry_is_metres_off(tmp_path: Path) -> None:
     done = run(hall(tmp_path, followed(laps=8), HINT), longest=900.0)
     assert set(done.fault_ids) <= {"LAS-08"}

@@ -11,7 +11,9 @@ from artemis.motion.totals import mean, total
 ARTEMIS = Path(artemis.__file__).parent
 CORE, MODULES = ("motion", "supervision", "states", "plugins", "sim"), ("values.py", "progress.py", "robot.py")
 """Whatever a tick reaches, and the simulation beside it."""
-WHILE_LOADING = {f"motion/{module}.py" for module in ("clocks", "rounding", "spline", "step_response", "comparison")}
+WHILE_LOADING = {
+    f"motion/{module}.py" for module in ("clocks", "rounding", "spline", "step_response", "comparison", "gain_tuning")
+}
 """They make a path of points or judge recordings: their results are given to the core, or come after it."""
 
 
