@@ -290,7 +290,7 @@ def test_who_says_too_much_is_closed_and_kept_out_for_a_while(run: Run, monkeypa
         flood()
     assert len(heard) == server.BURST
     assert other.ask("/stop")["result"]
-    with pytest.raises((InvalidMessage, ConnectionError, EOFError)):
+    with pytest.raises((InvalidMessage, ConnectionClosed, ConnectionError, EOFError)):
         run.client(device)
     assert device.server is not None
     device.server._kept_out.clear()
