@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from itertools import pairwise
+from operator import itemgetter
 from typing import Annotated, Self
 
 from msgspec import Struct
@@ -62,18 +63,20 @@ class Battery(Config):
 
     def voltage_at(self, charge: float) -> tuple[float, float]:
         """Voltage without load at a charge (0 to 1) [V], and how fast it rises there [V, from empty to full]."""
-        curve = self.curve_v
-        place = min(max(bisect_right([percent for percent, _ in curve], 100.0 * charge), 1), len(curve) - 1)
-        (before, low), (after, high) = curve[place - 1 : place + 1]
+        (before, low), (after, high) = self._piece(100.0 * charge, 0)
         slope = 100.0 * (high - low) / (after - before)
         return low + slope * (charge - before / 100.0), slope
 
     def charge_at(self, voltage: float) -> float:
         """The charge (0 to 1) at a voltage without load [V]."""
-        curve = self.curve_v
-        place = min(max(bisect_right([volts for _, volts in curve], voltage), 1), len(curve) - 1)
-        (before, low), (after, high) = curve[place - 1 : place + 1]
+        (before, low), (after, high) = self._piece(voltage, 1)
         return min(max((before + (after - before) * (voltage - low) / (high - low)) / 100.0, 0.0), 1.0)
+
+    def _piece(self, value: float, of: int) -> tuple[Point, Point]:
+        """The points of the curve around a charge [%] (0) or a voltage [V] (1); beyond its ends the last two."""
+        curve = self.curve_v
+        place = min(max(bisect_right(curve, value, key=itemgetter(of)), 1), len(curve) - 1)
+        return curve[place - 1], curve[place]
 
 
 class BatteryState(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):

@@ -99,6 +99,8 @@ class Family:
     """Of the regulators: current P, I; velocity P, I; position P, I, D."""
     memory: tuple[Object, ...] = ()
     """Four numbers of the user's own, which the drive keeps."""
+    serial_protocol: str = "epos1"
+    """Whose frames it speaks on a serial line: the mission's word for `bus.protocol`."""
     moves_valid_pdos: bool = True
     """A PDO's identifier may be changed together with switching it off; else it is switched off first."""
     top_velocity: int = 0x7FFFFFFF

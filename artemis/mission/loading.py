@@ -241,15 +241,18 @@ class _Loading(SurroundingsChecks):
 
     def _check_bus(self, robot: RobotFile | None) -> None:
         words = self._data.get("bus")
-        if isinstance(words, dict) and "serial" in words and robot is not None:
-            name, first = next(iter(robot.drives.items()))
-            spoken = "epos4" if first.family == "epos4" else "epos1"
-            if words.get("protocol", "epos1") != spoken:
-                text = f"the line leads to {name}, an {first.family}: write protocol: {spoken}"
-                self._complain(("bus", "protocol") if "protocol" in words else ("bus",), text)
-        if isinstance(words, dict) and "serial" in words and not self._simulated:
-            self._remarks.append("bus: a serial line; `artemis run` drives over CAN, or with --simulate")
-        if isinstance(words, dict) and isinstance(words.get("interface"), str) and "serial" not in words:
+        if not isinstance(words, dict):
+            return
+        if "serial" in words:
+            if robot is not None:
+                name, first = next(iter(robot.drives.items()))
+                spoken = first.tables.serial_protocol
+                if words.get("protocol", "epos1") != spoken:
+                    text = f"the line leads to {name}, an {first.family}: write protocol: {spoken}"
+                    self._complain(("bus", "protocol") if "protocol" in words else ("bus",), text)
+            if not self._simulated:
+                self._remarks.append("bus: a serial line; `artemis run` drives over CAN, or with --simulate")
+        elif isinstance(words.get("interface"), str):
             from artemis.devices.can_bus import check_bus_words
 
             for problem in check_bus_words(words):

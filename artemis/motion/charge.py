@@ -9,10 +9,10 @@ model, doi 10.1016/j.jpowsour.2004.02.032).
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from math import exp, sqrt
+from math import sqrt
 
 from artemis.battery import HOUR, Battery, BatteryState
-from artemis.motion.totals import total
+from artemis.motion.totals import smoothed, total
 from artemis.values import DriveFeedback
 from artemis.vehicle import RobotFile
 
@@ -25,7 +25,7 @@ CURVE = 0.1
 NOISE, EVERY = 0.06, 5.0
 """One measured voltage, of the mean of so long [s], says so much [V]: loads, and the battery's own slow recovery."""
 UNDER_LOAD = 2.0
-"""The voltage that is told is a mean of so long [s]."""
+"""The voltage that is told, and that shows a low battery, is a mean of so long [s]: a start takes more for less."""
 RECENT_M, RECENT_S = 100.0, 120.0
 """What a metre takes is learned over so long a distance [m]; the mean power over so long a time [s]."""
 
@@ -62,8 +62,8 @@ class ChargeEstimate:
             self._var = (NOISE / slope) ** 2
         self._predict(amperes * dt / self._coulombs, dt)
         self._joules += watts * dt
-        self._watts += (modelled - self._watts) * (1.0 - exp(-dt / RECENT_S))
-        self._under_load += (volts - self._under_load) * (1.0 - exp(-dt / UNDER_LOAD))
+        self._watts = smoothed(self._watts, modelled, dt, RECENT_S)
+        self._under_load = smoothed(self._under_load, volts, dt, UNDER_LOAD)
         driven = abs(speed) * dt
         if driven > 0.0:
             self._per_metre += (modelled * dt - self._per_metre * driven) / RECENT_M

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from artemis.errors import ConfigError
+from artemis.mapping.se2 import wrapped
 from artemis.motion.angles import wrap
 from artemis.motion.planned_route import packed, planned_route
 from artemis.motion.route import Route
@@ -306,7 +307,7 @@ class _Planning:
         request = self._request
         driven, places = _places(planned_route(request.present, request.robot, request.speed))
         start, away = request.start, np.hypot(places[:, 0] - request.start.x, places[:, 1] - request.start.y)
-        turned = np.abs(np.remainder(places[:, 2] - start.heading + math.pi, math.tau) - math.pi)
+        turned = np.abs(wrapped(places[:, 2] - start.heading))
         here = ((away < ON_ROUTE) & (turned < ALONG_ROUTE)).nonzero()[0][:1]
         rest = slice(here[0] + 1, None) if here.size else slice(0)
         return bool(here.size and self._are_free(places[rest], driven[rest] - driven[here[0]]).all())

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from math import exp
-
 from artemis.battery import Battery
+from artemis.motion.charge import UNDER_LOAD
+from artemis.motion.totals import smoothed
 from artemis.supervision.measures import Reading
 from artemis.values import Sensed
 
 SAG = "PWR-03"
 """The gate halves the acceleration."""
-SMOOTH = 2.0
-"""A low battery shows in the mean of so long [s]: a start takes more for less."""
 BEFORE = 10.0
 """A sag is a drop below the mean of so long [s]."""
 
@@ -32,8 +30,8 @@ class SupplyMeasures:
         if self._time is None:
             self._smooth = self._before = volts
         elapsed, self._time = sensed.time - (self._time or sensed.time), sensed.time
-        self._smooth += (volts - self._smooth) * (1.0 - exp(-elapsed / SMOOTH))
-        self._before += (volts - self._before) * (1.0 - exp(-elapsed / BEFORE))
+        self._smooth = smoothed(self._smooth, volts, elapsed, UNDER_LOAD)
+        self._before = smoothed(self._before, volts, elapsed, BEFORE)
         readings: list[Reading] = []
         if (low := self._battery.low_v - self._smooth) > 0.0:
             readings.append(("PWR-01", "", low, f"{self._smooth:.1f} V under load"))

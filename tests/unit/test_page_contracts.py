@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +12,7 @@ pytest.importorskip("uvicorn", reason="needs the extra web: pip install 'artemis
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
 pytest.importorskip("segno", reason="needs the extra web: pip install 'artemis-robot[web]'")
 
+from page_rig import free_port
 from test_page_input import Port
 
 from artemis.bridges.operator.session import Arrived, LinkReport
@@ -49,13 +49,6 @@ class TestPageInput(InputContract):
 
     def move(self, device: Any) -> None:  # noqa: ANN401
         device.held, device.stick = True, (0.5, 0.5)
-
-
-def free_port() -> int:
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        port: int = found.getsockname()[1]
-        return port
 
 
 class TestPageObserver(ObserverContract):

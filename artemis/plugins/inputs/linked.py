@@ -44,6 +44,8 @@ class LinkPort(Protocol):
 class LinkedInput(ABC):
     """One operator at a time, at the other end of a link."""
 
+    contract: ClassVar[int] = 1
+    pure: ClassVar[bool] = True
     stale_s: ClassVar[float] = FRESH
     """A command counts until the beat that it quotes is so old [s]."""
 
@@ -88,6 +90,11 @@ class LinkedInput(ABC):
         requests, self._requests = tuple(self._requests), []
         sample = self._sample((self._clock or asyncio.get_running_loop().time)())
         return msgspec.structs.replace(sample, requests=requests)
+
+    def close(self) -> None:
+        """End the link."""
+        if self._port is not None:
+            self._port.close()
 
     def take_problems(self) -> list[Problem]:
         """What is wrong with the link since the last call: rows of the fault table, and what was seen."""

@@ -19,7 +19,7 @@ from artemis.bridges.addresses import ListenAddress, bound
 from artemis.bridges.operator.link_process import LinkProcess, LinkSettings
 from artemis.bridges.operator.pairing import default_place, read_secret
 from artemis.bridges.operator.server import tls_context
-from artemis.bridges.operator.session import FRESH, Arrived
+from artemis.bridges.operator.session import Arrived
 from artemis.bridges.operator.status import SHOWN_EVERY, RobotStatus, Welcome, status_of
 from artemis.config import Config
 from artemis.errors import ConfigError
@@ -62,10 +62,7 @@ class NetworkInput(LinkedInput):
     """One operator at a time, far away."""
 
     Config: ClassVar[type[Config]] = NetworkConfig
-    contract: ClassVar[int] = 1
-    pure: ClassVar[bool] = True
     live: bool = True
-    stale_s: ClassVar[float] = FRESH
     enabled_by: ClassVar[str] = "the operator's enable button"
 
     def __init__(
@@ -110,11 +107,6 @@ class NetworkInput(LinkedInput):
                 self._shown = now, status
                 self._port.tell(msgspec.json.encode(status))
         return ""
-
-    def close(self) -> None:
-        """End the link."""
-        if self._port is not None:
-            self._port.close()
 
     # ------------------------------------------------------------------------------------------
 

@@ -37,8 +37,6 @@ class PageInput(LinkedInput):
     """One operator at a time, at a page."""
 
     Config: ClassVar[type[Config]] = PageInputConfig
-    contract: ClassVar[int] = 1
-    pure: ClassVar[bool] = True
     live: ClassVar[bool] = True
     stale_s: ClassVar[float] = FRESH
     enabled_by: ClassVar[str] = "the page's stick, or an arrow key there,"
@@ -80,11 +78,6 @@ class PageInput(LinkedInput):
     def may_share(_one: PageInputConfig, _other: PageInputConfig, _files: Mapping[str, bytes]) -> bool:
         """A run has one page."""
         return True
-
-    def close(self) -> None:
-        """End the link."""
-        if self._port is not None:
-            self._port.close()
 
     def _sample(self, now: float) -> OperatorInput:
         """As of every link; where nobody is required, nobody has a hand on it."""
