@@ -107,7 +107,8 @@ def facts_of(folder: Path) -> RunFacts:
         else:
             problems += [recording.missing] if recording.missing else []
             last = _last(recording, problems)
-            outcome, duration = outcome or recording.outcome, duration or (last.snapshot.time if last else 0.0)
+            outcome = outcome or recording.outcome
+            duration = max(duration, last.snapshot.time if last else 0.0)
             driven = driven if last is None else last.snapshot.odometry.driven
             begun = begun or _of_recording(recording)
             entries = entries or tuple(_events(recording, problems))

@@ -7,7 +7,6 @@ holds at its beginning, so that a page that goes there needs no other. All are p
 from __future__ import annotations
 
 import gzip
-import os
 import shutil
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -29,7 +28,7 @@ from artemis.report.cross_track import routes_of
 from artemis.report.known_map import known_map, made_map
 from artemis.report.mission_boxes import name_of
 from artemis.states.outline import numbered
-from artemis.values import LocatedPose
+from artemis.values import LocatedPose, Pose
 
 FORM = 1
 """Of these files; those of another number are made again."""
@@ -43,21 +42,10 @@ MOST_WAY = 6000
 """Points of the way driven."""
 MOST_LINES = 4000
 """Of the log; of a longer one those that only inform are left out."""
-TELL_EVERY = 5000
-"""States between two words on how far it is."""
 _MADE = "made.json"
 """What the files are made of."""
 _JSON = msgspec.json.Encoder().encode
 _SCANS, _RESULTS, _LAST = b'"scans":[', b'"results":[', b'"finished":true'
-
-
-def is_made(folder: Path, run: Path) -> bool:
-    """Whether these files are in a folder, and of the run as it is now."""
-    try:
-        known = msgspec.json.decode((folder / _MADE).read_bytes(), type=_Made)
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError):
-        return False
-    return known.form == FORM and known.made_of == signature(run)
 
 
 class _Made(msgspec.Struct):
@@ -65,31 +53,38 @@ class _Made(msgspec.Struct):
     made_of: list[int]
 
 
+def is_made(folder: Path, run: Path) -> bool:
+    """Whether all of these files are in a folder, and of the run as it is now."""
+    try:
+        known = msgspec.json.decode((folder / _MADE).read_bytes(), type=_Made)
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError):
+        return False
+    return known.form == FORM and known.made_of == signature(run)
+
+
 def write_replay(run: Path, folder: Path, tell: Callable[[float], None] = lambda share: None) -> None:
-    """Make these files of a run, all of them or none; `tell` is told the share that is done.
+    """Make these files of a run. `tell` is told the share that is done: from then on so much can be shown.
 
     Raises:
         RecordingError: the recording cannot be read, or the files not be written.
     """
     made_of = signature(run)
     recording = Recording(run)
-    part = folder.with_name(f".{folder.name}.{os.getpid()}")
     try:
-        try:
-            part.mkdir()
-            _put(part / "index.json.gz", _Writer(recording, part, tell).write())
-            (part / _MADE).write_bytes(_JSON(_Made(FORM, made_of)))
-            with suppress(FileNotFoundError):
-                shutil.rmtree(folder)
-            part.rename(folder)
-        finally:
-            shutil.rmtree(part, ignore_errors=True)
+        with suppress(FileNotFoundError):
+            shutil.rmtree(folder)
+        folder.mkdir()
+        _Writer(recording, folder, tell).write()
+        (folder / _MADE).write_bytes(_JSON(_Made(FORM, made_of)))
     except OSError as error:
         raise RecordingError(f"{folder}: cannot be written: {error.strerror}") from error
 
 
 def _put(file: Path, content: Any) -> None:  # noqa: ANN401 (JSON)
-    file.write_bytes(gzip.compress(_JSON(content), 6, mtime=0))
+    """Whole or not at all: who reads it does so meanwhile."""
+    part = file.with_suffix(".part")
+    part.write_bytes(gzip.compress(_JSON(content), 6, mtime=0))
+    part.replace(file)
 
 
 class _Writer:
@@ -112,35 +107,44 @@ class _Writer:
         self._time = 0.0
         self._steps: list[tuple[float, int]] = []
         self._way = _Way()
-        self._first: tuple[float, LocatedPose] | None = None
+        self._entries = recording.events()
+        self._has_map = False
 
-    def write(self) -> dict[str, Any]:
-        """Write the pieces and the map; returns the index."""
-        number = 0
-        for number, tick in enumerate(self._recording.chosen_ticks(self._is_shown), 1):
-            self._see(tick)
-            if number % TELL_EVERY == 0:
+    def write(self) -> None:
+        """Write the pieces, and the index when there are 1, 2, 4 ... of them, and at the end."""
+        for tick in self._recording.chosen_ticks(self._is_shown):
+            if len(self._states) >= IN_PIECE:
+                self._end_piece()
+                if (number := len(self._begins)) & (number - 1) == 0:
+                    self._write_index(whole=False)
                 self._tell(min(1.0, self._time / max(self._recording.duration, 1e-3)))
+            self._see(tick)
         self._end_piece()
-        recording = self._recording
-        entries = recording.events()
-        return {
+        self._write_index(whole=True)
+
+    def _write_index(self, *, whole: bool) -> None:
+        recording, entries = self._recording, self._entries
+        self._has_map = self._has_map or self._write_map()
+        begin = self._begins[0] if self._begins else 0.0
+        index = {
+            "whole": whole,
             "about": self._view.about(),
             "start": recording.start.isoformat(),
-            "begin": self._begins[0] if self._begins else 0.0,
-            "end": self._time,
-            "every": self._every,
+            "begin": begin,
+            "end": round(begin + recording.duration, 3),
+            "known": self._time,
             "pieces": self._begins,
-            "modes": _modes(entries),
-            "steps": [[begin, step, self._name(step)] for begin, step in self._steps],
+            "modes": [[entry.time, _mode_of(entry)] for entry in entries if entry.kind == "mode"],
+            "steps": [[time, step, self._name(step)] for time, step in self._steps],
             "faults": [[entry.time, entry.text, entry.level] for entry in entries if entry.kind == "fault"],
             "log": _log(entries),
             "way": self._way.points,
-            "map": self._write_map(),
+            "map": self._has_map,
             "outcome": recording.outcome,
             "problem": recording.missing or "",
             "versions": {name: text for name, text in recording.versions.items() if not name.startswith("start")},
         }
+        _put(self._folder / "index.json.gz", index)
 
     def _name(self, step: int) -> str:
         return self._names[step] if 0 <= step < len(self._names) else ""
@@ -155,8 +159,6 @@ class _Writer:
         view, snapshot = self._view, tick.snapshot
         time = self._time = round(snapshot.time, 3)
         view.show(tick)
-        if len(self._states) >= IN_PIECE:
-            self._end_piece()
         if not self._states:
             self._begins.append(time)
             self._versions.clear()
@@ -178,8 +180,6 @@ class _Writer:
             self._steps.append((time, tick.position.step))
         if not snapshot.pose.lost:
             self._way.see(time, snapshot.pose)
-            if self._first is None and snapshot.pose.frame == "map":
-                self._first = time, snapshot.pose
 
     def _end_piece(self) -> None:
         if self._states:
@@ -188,14 +188,12 @@ class _Writer:
 
     def _write_map(self) -> bool:
         """The map on which the robot was localised, or that it made; whether there is one."""
-        recording, content = self._recording, known_map(self._recording)
-        if content is None:
-            first = self._first or self._way.first
+        content, first = known_map(self._recording), self._way.first
+        if content is None and first is not None:
             with suppress(ConfigError):
-                if first is not None:
-                    pose = first[1].pose
-                    at = np.array([[pose.x, pose.y, pose.heading]])
-                    content = made_map(recording.path.parent, np.array([first[0]]), at)
+                time, pose = first
+                at = np.array([[pose.x, pose.y, pose.heading]])
+                content = made_map(self._recording.path.parent, np.array([time]), at)
         if content is not None:
             _put(self._folder / "map.json.gz", map_part(ShownMap(content=content)))
         return content is not None
@@ -206,12 +204,12 @@ class _Way:
 
     def __init__(self) -> None:
         self.points: list[tuple[float, float, float] | None] = []
-        self.first: tuple[float, LocatedPose] | None = None
+        self.first: tuple[float, Pose] | None = None
         self._frame, self._apart = "", TRAIL_STEP
 
     def see(self, time: float, located: LocatedPose) -> None:
         """Where the robot is then."""
-        self.first = self.first or (time, located)
+        self.first = self.first or (time, located.pose)
         x, y, points = located.pose.x, located.pose.y, self.points
         if located.frame != self._frame:
             self._frame = located.frame
@@ -227,11 +225,6 @@ class _Way:
 def _is_end(points: Sequence[object], number: int) -> bool:
     """Whether a point begins or ends a frame."""
     return None in points[max(number - 1, 0) : number + 2] or number == len(points) - 1
-
-
-def _modes(entries: Sequence[Entry]) -> list[list[Any]]:
-    """Since when which mode was."""
-    return [[entry.time, _mode_of(entry)] for entry in entries if entry.kind == "mode"]
 
 
 def _mode_of(entry: Entry) -> str:

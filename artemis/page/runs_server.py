@@ -56,7 +56,7 @@ class PastRuns:
             "/runs",
             routes=[
                 Route("/", self._own("runs.html")),
-                Route("/replay", self._own("replay.html")),
+                Route("/replay", self._own("runs_replay.html")),
                 Route("/list", self._list),
                 Route(one + "/run.zip", self._archive),
                 Route(one + "/report.html", self._report),

@@ -6,7 +6,6 @@ standard output; `zip` writes the archive there instead.
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 import threading
@@ -14,6 +13,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 import msgspec
 
@@ -93,12 +93,12 @@ def _replay(folders: list[Path]) -> None:
 _WORKS: dict[str, Callable[[list[Path]], None]] = {"facts": _facts, "report": _report, "replay": _replay}
 
 
-def pack(folder: Path, out: io.RawIOBase | io.BufferedIOBase) -> None:
+def pack(folder: Path, out: IO[bytes]) -> None:
     """Write all files of a run as one zip archive, piece by piece; of a file that grows what it had at the beginning.
 
     Symbolic links, and what is only kept for replays, are left out.
     """
-    with zipfile.ZipFile(_Unseekable(out), "w", allowZip64=True) as archive:
+    with zipfile.ZipFile(out, "w") as archive:
         for file in _files(folder):
             inside = zipfile.ZipInfo.from_file(
                 file, f"{folder.name}/{file.relative_to(folder).as_posix()}", strict_timestamps=False
@@ -119,20 +119,3 @@ def _files(folder: Path) -> Iterator[Path]:
             yield from _files(path)
         elif path.is_file():
             yield path
-
-
-class _Unseekable(io.RawIOBase):
-    """A stream that only goes forward, as a pipe: the archive then says sizes behind the files."""
-
-    def __init__(self, out: io.RawIOBase | io.BufferedIOBase) -> None:
-        self._out = out
-
-    def writable(self) -> bool:
-        return True
-
-    def write(self, data: object, /) -> int:
-        self._out.write(data)  # type: ignore[arg-type]
-        return len(data)  # type: ignore[arg-type]
-
-    def flush(self) -> None:
-        self._out.flush()
