@@ -50,7 +50,7 @@ class _Known(msgspec.Struct):
 
 
 class Works:
-    """On one running loop."""
+    """On one running loop, whose end ends them."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -60,11 +60,6 @@ class Works:
         self._tasks: set[asyncio.Task[None]] = set()
         self._known: dict[Path, _Known] = {}
         self._reading: set[Path] = set()
-
-    def close(self) -> None:
-        """End all works."""
-        for task in self._tasks:
-            task.cancel()
 
     # ------------------------------------------------------------------------------------------ the list
 
@@ -206,9 +201,12 @@ async def _process(what: str, *arguments: str) -> AsyncIterator[Any]:
             last = errors.read().decode(errors="replace").strip().splitlines()[-1:]
             return f"its process ended with status {status}" + "".join(f": {line}" for line in last)
 
+        assert process.stdout is not None
         try:
             yield process, ended
         finally:
             with suppress(ProcessLookupError):
                 process.kill()
-            await asyncio.shield(process.wait())
+            while await process.stdout.read(MOST_LINE):  # its end is not seen before that of a pipe that is full
+                pass
+            await process.wait()

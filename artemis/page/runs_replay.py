@@ -108,6 +108,7 @@ class _Writer:
         self._steps: list[tuple[float, int]] = []
         self._way = _Way()
         self._entries = recording.events()
+        self._moments = sorted((entry.time for entry in self._entries if entry.kind in ("fault", "mode")), reverse=True)
         self._has_map = False
 
     def write(self) -> None:
@@ -150,7 +151,10 @@ class _Writer:
         return self._names[step] if 0 <= step < len(self._names) else ""
 
     def _is_shown(self, time: float, record: bytes) -> bool:
-        """Whether a tick is: when it is time for a state or for a scan, where a job was done, and at the end."""
+        """Whether a tick is: when it is time for a state or a scan, where a fault or a mode came, or a job ended."""
+        while self._moments and time >= self._moments[-1] - 1e-6:
+            self._moments.pop()
+            self._next = -inf
         if time >= self._next or _RESULTS in record or _LAST in record:
             return True
         return time >= self._next_scan and _SCANS in record

@@ -215,6 +215,8 @@ def test_modes_and_faults_are_marked_when_they_were(root: Path, tmp_path: Path) 
         begun.setdefault(tick.mode.value, tick.snapshot.time)
     assert [[time, mode] for mode, time in begun.items()] == index["modes"]
     assert [time for time, _, _ in index["faults"]] == [begun[Mode.FAULT.value]]
+    states = dict(states_of(tmp_path / REPLAY, index))
+    assert {states[time]["mode"] for time in begun.values()} == set(begun)
     parts = [part for _, part in content(tmp_path / REPLAY / "0.json.gz")["parts"]]
     assert [fault["id"] for part in parts for fault in part.get("faults", [])] == ["DRV-25"]
 

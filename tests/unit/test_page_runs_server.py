@@ -173,14 +173,14 @@ def test_a_process_that_fails_is_said_and_the_run_named(tmp_path: Path, monkeypa
 
 
 def test_one_is_made_at_a_time_and_not_too_many_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _says(monkeypatch, "import sys; sys.stdin.read()")
+    _says(monkeypatch, "import sys; print('{\"share\":0.5}', flush=True); sys.stdin.read()")
 
     async def states() -> list[str]:
         works = Works()
         found = [works.make(REPLAY, tmp_path / str(number)) for number in range(MOST_WAITING + 1)]
         assert works.make(REPLAY, tmp_path / "0") is found[0]
-        await asyncio.sleep(0)
-        works.close()
+        while found[0].share is None:
+            await asyncio.sleep(0.01)
         return [making.state for making in found]
 
     assert asyncio.run(states()) == ["making", *["waiting"] * (MOST_WAITING - 1), "failed"]

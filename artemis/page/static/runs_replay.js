@@ -178,7 +178,7 @@ function showLine() {
 let beside = null;
 function showOther(time) {
   const there = time - shift;
-  beside = null;
+  beside = play.beside = null;
   if (!other) return;
   const held = Math.min(Math.max(there, other.begin), other.end), found = other.at(held);
   beside = {way: other.wayUntil(held), state: found?.state, on: there >= other.begin && there <= other.end};
