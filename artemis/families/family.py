@@ -84,6 +84,8 @@ class Family:
     """Units of `current` per ampere."""
     analog_scale: float = 1000.0
     """Units of `analog` per volt."""
+    analog_step: float | None = None
+    """Step of the converter behind `analog` [V]: the alignment looks for edges between steps; None: it averages."""
 
     # ------------------------------------------------------------------------------------------ configuration
     configuration: tuple[tuple[Object, int | str], ...]
