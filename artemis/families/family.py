@@ -76,6 +76,10 @@ class Family:
     velocity: Object
     current: Object | None
     analog: tuple[Object, ...]
+    supply: Object | None = None
+    """Its supply voltage, where it measures that."""
+    supply_scale: float = 10.0
+    """Units of `supply` per volt."""
     velocity_scale: float = 1.0
     """Units of velocities per rpm of the motor shaft."""
     acceleration_scale: float = 1.0
