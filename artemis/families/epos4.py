@@ -229,4 +229,5 @@ EPOS4 = Family(
     bit_rates={0: 1_000_000, 1: 800_000, 2: 500_000, 3: 250_000, 4: 125_000, 6: 50_000, 7: 20_000, 9: 0},
     reset_time=2.0,
     state_time=1.5,
+    still_rpm=30.0,  # its own window of standstill, object 0x30E0:1
 )

@@ -119,6 +119,8 @@ class Family:
     """A node that was reset answers again after this time [s]."""
     state_time: float = 0.5
     """Longest wait for a device state [s]."""
+    still_rpm: float = 0.0
+    """A motor shaft that is slower than this stands, or one of which the sensor tells a count more or less [rpm]."""
 
     def state(self, statusword: int) -> DriveState:
         """The device state that a statusword (0x6041) tells; UNKNOWN for a pattern that the family does not have."""
