@@ -21,6 +21,8 @@ SiGain = Annotated[float, Quantity(0.0, 4294.0, "")]
 """The drive keeps millionths of it in 32 bit."""
 CurrentI = Annotated[float, Quantity(0.0, 4_294_000.0, "V/(A·s)")]
 Gain = Annotated[int, Field(ge=0, le=32767)]
+AnyGain = Annotated[int | float, Field(ge=0)]
+"""Of a drive that is not known yet."""
 PiGains = Annotated[tuple[Gain, Gain], Field(strict=False)]
 PidGains = Annotated[tuple[Gain, Gain, Gain], Field(strict=False)]
 
@@ -123,10 +125,14 @@ class Drive(Config):
         return self.tables.modes[self.role]
 
     @property
+    def known_gains(self) -> Gains | SiGains | None:
+        """Regulator gains in the robot file; None: it gives none."""
+        return self.gains or self.si_gains
+
+    @property
     def gain_numbers(self) -> tuple[int, ...]:
         """Regulator gains as the drive has them, in the order of its objects; (): the robot file gives none."""
-        gains = self.gains or self.si_gains
-        return () if gains is None else gains.numbers
+        return () if self.known_gains is None else self.known_gains.numbers
 
 
 def drive_problems(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
