@@ -220,7 +220,7 @@ function markLog(time) {
   at?.setAttribute('aria-current', 'true');
   marked = at;
   const list = $('log');
-  if (at && play.playing && !list.hidden) list.scrollTop = at.offsetTop - list.offsetTop - list.clientHeight / 2;
+  if (at && !list.hidden && !list.contains(document.activeElement)) list.scrollTop = at.offsetTop - list.offsetTop - list.clientHeight / 2;
 }
 
 // ------------------------------------------------------------------------------------------ hands and keys
