@@ -43,7 +43,7 @@ class Making(msgspec.Struct):
     problem: str = ""
 
 
-class _Known(msgspec.Struct):
+class _ReadFacts(msgspec.Struct):
     made_of: list[int]
     at: float
     facts: RunFacts
@@ -58,7 +58,7 @@ class Works:
         self._one = asyncio.Semaphore(1)
         self._archives = 0
         self._tasks: set[asyncio.Task[None]] = set()
-        self._known: dict[Path, _Known] = {}
+        self._known: dict[Path, _ReadFacts] = {}
         self._reading: set[Path] = set()
 
     # ------------------------------------------------------------------------------------------ the list
@@ -83,7 +83,7 @@ class Works:
         left, how = {str(folder): signature(folder) for folder in folders}, ""
 
         def take(run: str, facts: RunFacts) -> None:
-            self._known[Path(run)] = _Known(left.pop(run), self._loop.time(), facts)
+            self._known[Path(run)] = _ReadFacts(left.pop(run), self._loop.time(), facts)
 
         try:
             async with _process("facts", *left) as (process, ended):

@@ -77,7 +77,7 @@ def write_replay(run: Path, folder: Path, tell: Callable[[float], None] = lambda
         _Writer(recording, folder, tell).write()
         (folder / _MADE).write_bytes(_JSON(_Made(FORM, made_of)))
     except OSError as error:
-        raise RecordingError(f"{folder}: cannot be written: {error.strerror}") from error
+        raise RecordingError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 def _put(file: Path, content: Any) -> None:  # noqa: ANN401 (JSON)

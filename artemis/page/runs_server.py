@@ -156,6 +156,6 @@ def _number(text: str | None, otherwise: int, most: int) -> int:
 
 def _content(file: Path) -> bytes | None:
     try:
-        return file.read_bytes()
+        return None if file.is_symlink() else file.read_bytes()
     except OSError:
         return None

@@ -29,7 +29,8 @@ async function growing(found, tell) { // its beginning is there, the rest is bei
     try {
       const made = await stateOf(found.id, 'replay');
       tell(made.state === 'failed' ? `The rest could not be made: ${made.problem}` : `The rest is being made: ${Math.round((made.share ?? 0) * 100)} %`);
-      if (made.state === 'failed' || made.state === 'none') return;
+      if (made.state === 'failed') return;
+      if (made.state === 'none') await makeIt(found.id, 'replay', tell); // the server was started again
       if (!await found.more()) continue;
     } catch { tell('not connected: trying again'); continue; }
     if (found === run) { map.showMap(run.map); showLine(); }
