@@ -55,7 +55,7 @@ def main() -> None:
         try:
             _WORKS[what](folders)
         except ArtemisError as error:
-            say(Said(problem=str(error)))
+            say(Said(problem=str(error).replace(f"{folders[0]}{os.sep}", "")))  # where runs lie is nothing to browsers
 
 
 def say(said: Said) -> None:

@@ -147,7 +147,7 @@ def test_a_damaged_recording_is_said_and_may_be_tried_again(tmp_path: Path) -> N
             problems.append(making.problem)
         return problems
 
-    assert asyncio.run(twice()) == [f"{folder}/recording.mcap: not an MCAP file; nothing of a run can be read"] * 2
+    assert asyncio.run(twice()) == ["recording.mcap: not an MCAP file; nothing of a run can be read"] * 2
 
 
 def _says(monkeypatch: pytest.MonkeyPatch, code: str) -> None:
