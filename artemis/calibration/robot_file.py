@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import degrees
 
-from artemis.axles import HardStop, Potentiometers
+from artemis.axles import AbsoluteEncoder, HardStop, HomeSwitch, Potentiometers
 from artemis.calibration.kinematics import Kinematics
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import Data
@@ -21,7 +21,7 @@ def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data
         machine: What was fitted.
 
     A wheel that counts `zero` when it is straight has its potentiometers' zero there: the voltages that they show at
-    that angle. A hard stop is so much nearer or farther. What a hand sets straight is set anew at each start: nothing
+    that angle; an absolute encoder likewise. A hard stop or a switch is so much nearer or farther. What a hand sets straight is set anew at each start: nothing
     is written of it.
     """
     found: dict[tuple[str, ...], Data] = {}
@@ -41,6 +41,12 @@ def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data
         if isinstance(wheel, HardStop):
             stop = wheel.stop_deg - degrees(zeros[side])
             put(("calibration", "steering", side, "stop_deg"), wheel.stop_deg, stop)
+        elif isinstance(wheel, HomeSwitch):
+            switch = wheel.switch_deg - degrees(zeros[side])
+            put(("calibration", "steering", side, "switch_deg"), wheel.switch_deg, switch)
+        elif isinstance(wheel, AbsoluteEncoder):
+            turned = -degrees(zeros[side]) if wheel.mirrored else degrees(zeros[side])
+            put(("calibration", "steering", side, "zero_deg"), wheel.zero_deg, (wheel.zero_deg + turned) % 360.0)
         elif isinstance(wheel, Potentiometers):
             pairs = zip(wheel.zero_v, wheel.slope_deg_per_v, strict=True)
             volts = [_rounded(zero + degrees(zeros[side]) / slope) for zero, slope in pairs]

@@ -28,6 +28,7 @@ from artemis.families.objects import (
     CONSUMER_HEARTBEAT,
     CONTROLWORD,
     DECELERATION,
+    DIGITAL_INPUTS,
     FAULT_REACTION,
     FOLLOWING_ERROR,
     INTERPOLATION_EXPONENT,
@@ -124,6 +125,8 @@ class Cia402(Config):
     """None: nobody measures it."""
     analog_inputs: Annotated[tuple[AnalogWords, AnalogWords], Field(strict=False)] | None = None
     """Both potentiometers of a steered wheel."""
+    absolute_encoder: ObjectWords | None = None
+    """Instead of them what an absolute encoder shows, counts of its turn: an object that can be mapped into a PDO."""
     option_codes: OptionCodes = OptionCodes()
     settings: Annotated[tuple[SettingWords, ...], Field(strict=False)] = ()
     """Written after everything else, in this order."""
@@ -202,6 +205,8 @@ def family_from(words: Cia402) -> Family:
         velocity=VELOCITY,
         current=current,
         analog=analog,
+        absolute=words.absolute_encoder.object if words.absolute_encoder else None,
+        inputs=DIGITAL_INPUTS,
         velocity_scale=words.velocity_units_per_rpm,
         acceleration_scale=words.acceleration_units_per_rpm_s,
         current_scale=words.current.units_per_a if words.current else 1.0,

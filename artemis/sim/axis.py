@@ -112,8 +112,8 @@ def rolled(load: Load, before: float, push: float, dt: float) -> float:
 class Axis:
     """A motor shaft with its sensor under the regulators of its drive; the world steps it.
 
-    The drive sets the profile attributes and calls `regulate`; the world sets `analog`, `supply_voltage`, `failure` and
-    `load_current`.
+    The drive sets the profile attributes and calls `regulate`; the world sets `analog`, `encoder`, `home`,
+    `supply_voltage`, `failure` and `load_current`.
     """
 
     def __init__(self, drive: Drive, load: Load | None = None) -> None:
@@ -136,6 +136,10 @@ class Axis:
 
         self.analog: tuple[float, float] = (0.0, 0.0)
         """Voltage at the analog inputs 1 and 2 [V]."""
+        self.encoder: tuple[int, int] | None = None
+        """What an absolute encoder at the load counts, and its bits of one turn; None: there is none, or no contact."""
+        self.home = False
+        """Level at the digital input that has the function home switch when a drive leaves the factory."""
         self.supply_voltage = NOMINAL_VOLTAGE
         self.failure: Failure | None = None
         self.load_current = 0.0

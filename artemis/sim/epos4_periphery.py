@@ -14,6 +14,8 @@ from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos4_objects import millivolts
 
 INPUTS, OUTPUTS = 8, 3
+HOME_PIN = 2
+"""Of the digital input, counted from 0, that has the function home switch from the factory (object 0x3142:3)."""
 DRIVE_ENABLE = 27
 """Function of a digital input, object 0x3142."""
 UNUSED = 255
@@ -86,7 +88,8 @@ class Periphery:
 
     def logic_levels(self) -> int:
         """Object 0x3141:1: the pins, those with a bit in 0x3141:2 inverted."""
-        return (self.levels ^ self._number(0x3141, 2)) & ((1 << INPUTS) - 1)
+        levels = self.levels | self._axis.home << HOME_PIN
+        return (levels ^ self._number(0x3141, 2)) & ((1 << INPUTS) - 1)
 
     def switched(self, function: int) -> bool:
         """Whether an input with this function is active."""
