@@ -163,7 +163,7 @@ class AbsoluteEncoder(Config):
     """Of what it sends to a drive that has to know it."""
     mirrored: bool
     """It counts up when the wheel turns to the right."""
-    zero_deg: Annotated[float, Quantity(0.0, 360.0, "degrees")]
+    zero_deg: Annotated[float, Quantity(0.0, 360.0, "degrees", signed=True)]
     """What it shows of its turn while the wheel stands straight."""
     scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
     """As of `Potentiometers`."""
@@ -174,7 +174,7 @@ _KINDS = {kind: f"<{kind.replace('_', ' ')}>" for kind in ("by_hand", "hard_stop
 
 def _kind_of_angle(given: object) -> str:
     kind = given.get("angle") if isinstance(given, dict) else getattr(given, "angle", None)
-    return _KINDS.get(str(kind), "<potentiometers>")
+    return "<potentiometers>" if kind is None else _KINDS.get(str(kind), str(kind))
 
 
 AngleSource = Annotated[

@@ -21,8 +21,8 @@ def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data
         machine: What was fitted.
 
     A wheel that counts `zero` when it is straight has its potentiometers' zero there: the voltages that they show at
-    that angle; an absolute encoder likewise. A hard stop or a switch is so much nearer or farther. What a hand sets straight is set anew at each start: nothing
-    is written of it.
+    that angle; an absolute encoder likewise. A hard stop or a switch is so much nearer or farther. What a hand sets
+    straight is set anew at each start: nothing is written of it.
     """
     found: dict[tuple[str, ...], Data] = {}
 

@@ -204,7 +204,7 @@ def test_absolute_encoders_are_read_once() -> None:
     assert "reading absolute encoders" in car.phases
 
 
-@pytest.mark.parametrize(("left", "right", "named"), [(88.0, 0.0, LEFT), (0.0, -140.0, RIGHT)])
+@pytest.mark.parametrize(("left", "right", "named"), [(100.0, 0.0, LEFT), (0.0, -140.0, RIGHT)])
 def test_an_encoder_that_shows_what_no_wheel_turns_to_is_refused(left: float, right: float, named: str) -> None:
     id, device, text = absolute(left, right).refused()
     assert (id, device) == ("CAL-03", named)
