@@ -105,7 +105,7 @@ def test_the_zero_of_an_absolute_encoder_is_calibrated_by_driving(tmp_path: Path
     robot.write_text((MISSIONS / f"robots/{ABSOLUTE}.yaml").read_text())
     words["robot"] = "robots/robot.yaml"
     words["steps"][0] = {"calibrate": {"steering": "align"}}
-    hidden = {"steering_zero_left_deg": 0.6, "steering_zero_right_deg": -0.4}
+    hidden = {"steering_zero_left_deg": 0.5, "steering_zero_right_deg": 0.5}  # their difference does not show
     words["simulation"] = {"seed": 3, "true_robot": hidden}
     (tmp_path / "inputs").mkdir()
     for file in (MISSIONS / "inputs").iterdir():
@@ -118,4 +118,4 @@ def test_the_zero_of_an_absolute_encoder_is_calibrated_by_driving(tmp_path: Path
     calibrate_with_truth([driven], ["simulation"], None, [], None, robot)
     after = load_model(robot, RobotFile)
     shifted = [after.angle_source(s).zero_deg - before.angle_source(s).zero_deg for s in ("left", "right")]
-    assert shifted == pytest.approx([-0.6, -0.4], abs=0.1)
+    assert shifted == pytest.approx([-0.5, 0.5], abs=0.02)
