@@ -6,6 +6,7 @@ from math import degrees
 
 from artemis.axles import AbsoluteEncoder, HardStop, HomeSwitch, Potentiometers
 from artemis.calibration.kinematics import Kinematics
+from artemis.motion.steering_fit import moved
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import Data
 
@@ -38,15 +39,9 @@ def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data
         put(("calibration", "traction", f"{side}_m_per_count"), old, old * lengths[side])
     for side in robot.sides("steering"):
         wheel = robot.angle_source(side)
-        if isinstance(wheel, HardStop):
-            stop = wheel.stop_deg - degrees(zeros[side])
-            put(("calibration", "steering", side, "stop_deg"), wheel.stop_deg, stop)
-        elif isinstance(wheel, HomeSwitch):
-            switch = wheel.switch_deg - degrees(zeros[side])
-            put(("calibration", "steering", side, "switch_deg"), wheel.switch_deg, switch)
-        elif isinstance(wheel, AbsoluteEncoder):
-            turned = -degrees(zeros[side]) if wheel.mirrored else degrees(zeros[side])
-            put(("calibration", "steering", side, "zero_deg"), wheel.zero_deg, (wheel.zero_deg + turned) % 360.0)
+        if isinstance(wheel, HardStop | HomeSwitch | AbsoluteEncoder):
+            zero = moved(wheel, zeros[side])
+            put(("calibration", "steering", side, zero.key), zero.before, zero.after)
         elif isinstance(wheel, Potentiometers):
             pairs = zip(wheel.zero_v, wheel.slope_deg_per_v, strict=True)
             volts = [_rounded(zero + degrees(zeros[side]) / slope) for zero, slope in pairs]

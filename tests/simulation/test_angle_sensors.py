@@ -10,7 +10,9 @@ from rig import MISSIONS, Run, run
 from test_other_robots import cross_track, heading
 
 from artemis.commands.calibrate_odometry import calibrate_with_truth
+from artemis.commands.calibrate_steering import calibrate_steering
 from artemis.commands.run import run_and_report
+from artemis.errors import ConfigError
 from artemis.mission.loading import load_model
 from artemis.values import Mode
 from artemis.vehicle import RobotFile
@@ -95,6 +97,35 @@ def test_a_coupling_that_slips_is_seen_by_the_absolute_encoder(tmp_path: Path) -
     assert seen.status == 1
     first = seen.faults[0]
     assert (first.id, first.device) == ("STE-05", "steer-left")
+
+
+@pytest.mark.parametrize(
+    ("name", "true", "key", "wanted"),
+    [
+        (ABSOLUTE, {"left": 0.8, "right": -0.3}, "zero_deg", {"left": 213.55, "right": 30.77}),
+        (SWITCH, {"middle": 0.6}, "switch_deg", {"middle": 13.1}),
+    ],
+)
+def test_the_zero_is_measured_with_a_reference_and_kept_in_the_robot_file(
+    name: str, true: dict[str, float], key: str, wanted: dict[str, float], tmp_path: Path
+) -> None:
+    file = mission(tmp_path, name, **{f"steering_zero_{side}_deg": angle for side, angle in true.items()})
+    status = calibrate_steering(file, None, true, new=False, yes=True, simulate=False, write_simulated=True)
+    assert status == 0
+    found = load_model(tmp_path / "robot.yaml", RobotFile)
+    assert {side: getattr(found.angle_source(side), key) for side in wanted} == pytest.approx(wanted, abs=0.02)
+
+
+def test_what_cannot_be_measured_is_refused(tmp_path: Path) -> None:
+    file = mission(tmp_path, SWITCH)
+    with pytest.raises(ConfigError, match="the robot has no potentiometers: write `align`"):
+        calibrate_steering(file, None, {"middle": 0.1}, new=True, yes=True, simulate=False, write_simulated=True)
+    robot = yaml.safe_load((MISSIONS / f"robots/{SWITCH}.yaml").read_text())
+    robot["calibration"]["steering"]["middle"] = {"angle": "by_hand"}
+    with pytest.raises(ConfigError, match="a person sets the wheels straight at each start: there is nothing"):
+        calibrate_steering(
+            mission(tmp_path, robot), None, {"middle": 0.1}, new=False, yes=True, simulate=False, write_simulated=True
+        )
 
 
 @pytest.mark.exhaustive
