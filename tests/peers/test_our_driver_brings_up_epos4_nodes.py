@@ -322,7 +322,7 @@ class LocalEpos4WithEncoder(LocalEpos4):
             turned = sign * self.position / (self.drive.sensor.counts_per_turn * self.drive.gear_ratio) * 360
             wheel = math.degrees(angle) + turned
             shown = known.zero_deg + (-wheel if known.mirrored else wheel)
-            return round(shown / 360 * 2**bits) % 2**bits
+            return round(shown / 360 * (1 << bits)) % (1 << bits)
 
         self._measured[0x60E4, 2] = counts
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -36,14 +37,17 @@ EPOS4_STEERING = {
 
 
 def mission(
-    folder: Path, robot: dict[str, object] | str, *, faults: list[dict[str, object]] | None = None, **true: float
+    folder: Path,
+    robot: dict[str, Any] | str,
+    true: dict[str, float] | None = None,
+    faults: list[dict[str, Any]] | None = None,
 ) -> Path:
     """Along a line of 0.8 m."""
     if isinstance(robot, str):
         robot = yaml.safe_load((MISSIONS / f"robots/{robot}.yaml").read_text())
     (folder / "robot.yaml").write_text(yaml.safe_dump(robot))
     (folder / "line.csv").write_text("x_m,y_m\n0,0\n0.4,0\n0.8,0\n")
-    simulation = {"true_robot": true, "faults": faults or []}
+    simulation = {"true_robot": true or {}, "faults": faults or []}
     steps = [{"calibrate": {"steering": "align"}}, {"follow": FOLLOW}]
     words = {
         "mission": "straight",
@@ -72,7 +76,7 @@ def test_the_figure_eight_is_driven_within_three_millimetres(name: str, tmp_path
 
 
 def test_absolute_encoders_with_noise_are_enough_without_a_sweep(tmp_path: Path) -> None:
-    seen = run(mission(tmp_path, ABSOLUTE, encoder_noise_counts=1.0), longest=60.0)
+    seen = run(mission(tmp_path, ABSOLUTE, {"encoder_noise_counts": 1.0}), longest=60.0)
     follows_straight(seen)
     turned = [abs(tick.set_points.steering) for tick in seen.ticks if tick.mode is not Mode.FOLLOW]
     assert max(turned) < 0.15, "as it was found, then straight ahead: nothing turns to find out more"
@@ -80,7 +84,7 @@ def test_absolute_encoders_with_noise_are_enough_without_a_sweep(tmp_path: Path)
 
 @pytest.mark.parametrize("start", [-41.0, 33.0])
 def test_a_home_switch_is_found_by_an_epos(start: float, tmp_path: Path) -> None:
-    follows_straight(run(mission(tmp_path, SWITCH, start_steering_middle_deg=start), longest=120.0))
+    follows_straight(run(mission(tmp_path, SWITCH, {"start_steering_middle_deg": start}), longest=120.0))
 
 
 def test_a_home_switch_is_found_by_an_epos4(tmp_path: Path) -> None:
@@ -109,7 +113,7 @@ def test_a_coupling_that_slips_is_seen_by_the_absolute_encoder(tmp_path: Path) -
 def test_the_zero_is_measured_with_a_reference_and_kept_in_the_robot_file(
     name: str, true: dict[str, float], key: str, wanted: dict[str, float], tmp_path: Path
 ) -> None:
-    file = mission(tmp_path, name, **{f"steering_zero_{side}_deg": angle for side, angle in true.items()})
+    file = mission(tmp_path, name, {f"steering_zero_{side}_deg": angle for side, angle in true.items()})
     status = calibrate_steering(file, None, true, new=False, yes=True, simulate=False, write_simulated=True)
     assert status == 0
     found = load_model(tmp_path / "robot.yaml", RobotFile)
@@ -148,5 +152,6 @@ def test_the_zero_of_an_absolute_encoder_is_calibrated_by_driving(tmp_path: Path
     (driven,) = (tmp_path / "runs").iterdir()
     calibrate_with_truth([driven], ["simulation"], None, [], None, robot)
     after = load_model(robot, RobotFile)
-    shifted = [after.angle_source(s).zero_deg - before.angle_source(s).zero_deg for s in ("left", "right")]
+    sources: list[Any] = [each.angle_source(side) for side in ("left", "right") for each in (after, before)]
+    shifted = [sources[0].zero_deg - sources[1].zero_deg, sources[2].zero_deg - sources[3].zero_deg]
     assert shifted == pytest.approx([-0.5, 0.5], abs=0.02)

@@ -111,7 +111,7 @@ class Machine:
             steers = name in self.angles
             values = {"position": self.position(name), "angle_sensor": self.shows(self.angles[name])} if steers else {}
             said.append(drive(name, state=states[name], potentiometers=(0.0, 0.0), **values))
-        more = {"requests": self.requests, "attended": self.attended}
+        more: dict[str, Any] = {"requests": self.requests, "attended": self.attended}
         return snapshot(time, set_points=points, drives=tuple(said), results=results, **more)
 
     @property
@@ -188,7 +188,8 @@ def counts(robot: RobotFile, side: str, angle: float) -> int:
     """What a good encoder shows at a true angle [degrees], of the robot file's zero and sense of rotation."""
     source: Any = robot.angle_source(side)
     turned = -angle if source.mirrored else angle
-    return round((source.zero_deg + turned) / 360.0 * 2**source.bits) % 2**source.bits
+    counts_per_turn = 1 << int(source.bits)
+    return round((source.zero_deg + turned) / 360.0 * counts_per_turn) % counts_per_turn
 
 
 def absolute(left: float, right: float) -> Machine:
