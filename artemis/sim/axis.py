@@ -138,8 +138,9 @@ class Axis:
         """Voltage at the analog inputs 1 and 2 [V]."""
         self.encoder: tuple[int, int] | None = None
         """What an absolute encoder at the load counts, and its bits of one turn; None: there is none, or no contact."""
-        self.home = False
-        """Level at the digital input that has the function home switch when a drive leaves the factory."""
+        self._home = False
+        self.on_home: Callable[[], None] = lambda: None
+        """Called after `home` has changed."""
         self.supply_voltage = NOMINAL_VOLTAGE
         self.failure: Failure | None = None
         self.load_current = 0.0
@@ -185,6 +186,17 @@ class Axis:
     def tune(self, gains: Sequence[int], regulators: Regulators | None) -> None:
         """Take over gains, in the order of the objects, and what is assumed of loops that have them."""
         self.fail(regulators=regulators)
+
+    @property
+    def home(self) -> bool:
+        """Level at the digital input that has the function home switch when a drive leaves the factory."""
+        return self._home
+
+    @home.setter
+    def home(self, level: bool) -> None:
+        if level is not self._home:
+            self._home = level
+            self.on_home()
 
     @property
     def limiting(self) -> bool:

@@ -223,3 +223,14 @@ def test_the_home_switch_is_at_the_input_that_has_its_function_from_the_factory(
     assert (rig.read(0x60FD, 0, "I"), rig.read(0x3141, 1, "H")) == (1 << 2, 1 << 2)
     rig.write(0x3141, 2, "H", 1 << 2)
     assert rig.read(0x60FD, 0, "I") == 0, "low is active"
+
+
+def test_an_input_has_its_stored_use_again_after_a_restart() -> None:
+    rig = Rig(TRACTION_4)
+    rig.epos4.set_input(0, True, rig.now)
+    rig.write(0x3142, 1, "B", 20)
+    rig.write(0x3141, 2, "H", 0b10)
+    assert rig.read(0x60FD, 0, "I") == 1 << 20 | 1 << 1
+    rig.nmt(0x81)
+    rig.run(0.25)
+    assert rig.read(0x60FD, 0, "I") == 1 << 0
