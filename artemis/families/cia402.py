@@ -204,7 +204,7 @@ def family_from(words: Cia402) -> Family:
         received={role: ((CONTROLWORD, target), (CONTROLWORD,)) for role, target in set_points.items()},
         sent={
             TRACTION: ((STATUSWORD, POSITION, MODE_DISPLAY), (VELOCITY, *more)),
-            STEERING: ((STATUSWORD, POSITION, MODE_DISPLAY), (*analog, *more)),
+            STEERING: ((STATUSWORD, POSITION, MODE_DISPLAY), (*analog, *more) or (VELOCITY,)),
         },
         velocity=VELOCITY,
         current=current,

@@ -189,7 +189,7 @@ def counts(robot: RobotFile, side: str, angle: float) -> int:
     source: Any = robot.angle_source(side)
     turned = -angle if source.mirrored else angle
     counts_per_turn = 1 << int(source.bits)
-    return round((source.zero_deg + turned) / 360.0 * counts_per_turn) % counts_per_turn
+    return int(round((source.zero_deg + turned) / 360.0 * counts_per_turn) % counts_per_turn)
 
 
 def absolute(left: float, right: float) -> Machine:
