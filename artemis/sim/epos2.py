@@ -9,9 +9,9 @@ from __future__ import annotations
 from functools import cache
 
 from artemis.drive_schema import Drive
-from artemis.sim.dictionary import Dictionary, ObjectEntry, key_of
+from artemis.sim.dictionary import Dictionary, ObjectEntry, key_of, row
 from artemis.sim.epos import SimEpos
-from artemis.sim.epos_objects import I16, U16, U32, objects, row
+from artemis.sim.epos_objects import I16, U16, U32, objects
 
 AUTOMATIC = 9
 """Code of object 0x2001: the bit rate that is heard."""
