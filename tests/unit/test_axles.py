@@ -23,6 +23,7 @@ from artemis.motion.odometry import Odometer
 from artemis.motion.speed_profile import wheel_ratio
 from artemis.sim.vehicle import Chassis, fit_differential
 from artemis.sim.wheels import TrueLinkage
+from artemis.supervision.catalogue import ROWS
 from artemis.vehicle import RobotFile
 
 ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
@@ -293,3 +294,17 @@ def test_a_drive_that_the_file_describes_shows_what_finds_the_angle(
     assert [str(object) for object in details] == [*([shown] if shown else []), "0x606C:0"], "there is no current"
     assert sum(object.type.size for object in details) <= 8
     assert described.sent(described.drives["traction"]) == described.drives["traction"].tables.sent["traction"]
+
+
+@pytest.mark.parametrize(
+    ("name", "missed"),
+    [
+        ("artemis", {"CAL-03"}),
+        ("artemis_absolute", {"STE-03", "STE-04", "STE-07", "CAL-02"}),
+        ("small_car_switch", {"STE-03", "STE-04", "STE-05", "STE-06", "STE-07", "CAL-02"}),
+    ],
+)
+def test_rows_that_need_what_is_not_there_are_missed(name: str, missed: set[str]) -> None:
+    described = robot(name)
+    found = {id for id, row in ROWS.items() if id[:3] in ("STE", "CAL") and row.is_missed_by(described)}
+    assert found == missed
