@@ -181,6 +181,8 @@ EPOS4 = Family(
     velocity=VELOCITY_AVERAGED,
     current=CURRENT_AVERAGED,
     analog=ANALOG,
+    supply=Object(0x2200, 1, U16),  # in 0.1 V; no PDO takes it
+    analog_step=20.0 / 4096,  # -10 to 10 V in 12 bit (hardware reference of the 50/5)
     configuration=(
         (MOTOR_TYPE, "motor type"),
         (Object(0x3001, 1, U32), "continuous current"),

@@ -98,6 +98,10 @@ class Family:
     velocity: Object
     current: Object | None
     analog: tuple[Object, ...]
+    supply: Object | None = None
+    """Its supply voltage, where it measures that."""
+    supply_scale: float = 10.0
+    """Units of `supply` per volt."""
     velocity_scale: float = 1.0
     """Units of velocities per rpm of the motor shaft."""
     acceleration_scale: float = 1.0
@@ -106,6 +110,8 @@ class Family:
     """Units of `current` per ampere."""
     analog_scale: float = 1000.0
     """Units of `analog` per volt."""
+    analog_step: float | None = None
+    """Step of the converter behind `analog` [V]: the alignment looks for edges between steps; None: it averages."""
 
     # ------------------------------------------------------------------------------------------ configuration
     configuration: tuple[tuple[Object, int | str], ...]
