@@ -54,7 +54,7 @@ def test_a_trial_gives_the_drive_what_the_words_say_in_its_own_units(tmp_path: P
 
 def test_what_an_epos4_does_not_take_and_what_is_too_much_is_told_in_the_robot_file_s_units(tmp_path: Path) -> None:
     path = mission(tmp_path)
-    assert "velocity P 4295.0: expected 0 to 4294 (EPOS4)" in problems(path, DRIVEN, velocity="4295.0,1")
+    assert "velocity P 4295: expected 0 to 4294 (EPOS4)" in problems(path, DRIVEN, velocity="4295.0,1")
     assert "velocity P 0.25: at most 10 times the present 0.024" in problems(path, DRIVEN, velocity="0.25,0.9")
     assert "current I 39063: at most 10 times the present 3906.25" in problems(path, LEFT, current="1,39063")
     assert "these are the gains of the robot file already" in problems(path, DRIVEN, velocity="0.024,0.9")
