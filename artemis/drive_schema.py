@@ -21,7 +21,7 @@ SiGain = Annotated[float, Quantity(0.0, 4294.0, "")]
 """The drive keeps millionths of it in 32 bit."""
 CurrentI = Annotated[float, Quantity(0.0, 4_294_000.0, "V/(A·s)")]
 Gain = Annotated[int, Field(ge=0, le=32767)]
-AnyGain = Annotated[int | float, Field(ge=0)]
+AnyGain = Annotated[float, Field(ge=0)]
 """Of a drive that is not known yet."""
 PiGains = Annotated[tuple[Gain, Gain], Field(strict=False)]
 PidGains = Annotated[tuple[Gain, Gain, Gain], Field(strict=False)]
