@@ -78,6 +78,7 @@ def test_a_robot_file_that_cannot_be_changed_is_told_with_where_the_values_are(
     assert f"the values are in {only_run(tmp_path)}/calibration.json" in done.stdout
 
 
+@pytest.mark.exhaustive
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("meanwhile", ["changed", "locked"])
 def test_a_robot_file_that_somebody_else_touched_meanwhile_is_left_alone(
@@ -139,6 +140,7 @@ def test_drives_are_given_what_the_robot_file_says(tmp_path: Path) -> None:
     assert robot_file(tmp_path) == ROBOT.read_text(encoding="utf-8")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.realtime
 def test_a_person_turns_a_wheel_straight_reads_the_result_and_says_yes(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, more=HIDDEN)

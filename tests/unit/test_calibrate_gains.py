@@ -242,6 +242,7 @@ def test_a_drive_that_takes_nothing_back_is_no_restored_one_and_keeps_nothing(
     assert stored == []
 
 
+@pytest.mark.exhaustive
 def test_a_trial_without_new_gains_has_nothing_to_restore(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert calibrate_gains(mission(tmp_path), Wanted(drives=(LEFT,), gains={}, tried=True)) == 0
     out = capsys.readouterr().out

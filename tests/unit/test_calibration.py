@@ -266,6 +266,7 @@ class TestFit:
 
 
 class TestRealRuns:
+    @pytest.mark.sampled(2)
     @pytest.mark.parametrize(
         ("headings", "within"),
         [
