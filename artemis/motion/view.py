@@ -248,7 +248,7 @@ class View:
         while 2 * width <= 2 * BESIDE + 1:
             least, width = np.minimum(least[:-width], least[width:]), 2 * width
         rest = 2 * BESIDE + 1 - width
-        return np.minimum(least[:-rest], least[rest:])
+        return np.asarray(np.minimum(least[:-rest], least[rest:]))
 
     def _was_free(self, pose: Pose, ranges: Array, points: Array) -> NDArray[np.bool_]:
         """Where nothing was by a scan seen from a pose: places in the frame of the odometry, where something is now.
@@ -266,7 +266,8 @@ class View:
     def directions(self, places: Array) -> tuple[Array, Array]:
         """Of places as seen from the scanner: bearings [rad] and distances [m]; both of the shape of one coordinate."""
         shape, (x, y) = places.shape[1:], (places.reshape(2, -1) - self._place).tolist()
-        bearings = [wrap(atan2(left, ahead) - self._scanner.heading) for ahead, left in zip(x, y, strict=True)]
+        heading = self._scanner.heading
+        bearings = [wrap(atan2(left, ahead) - heading) for ahead, left in zip(x, y, strict=True)]
         return np.array(bearings).reshape(shape), np.array(list(map(hypot, x, y))).reshape(shape)
 
     def beams_past(self, bearings: Array) -> Indices:
@@ -295,7 +296,7 @@ def _points_from(origin: Pose, points: Array) -> Array:
     turned = moved[::-1] * np.array(((s,), (-s,)))
     moved *= cos(origin.heading)
     moved += turned
-    return moved
+    return np.asarray(moved)
 
 
 def _seen_twice(some: NDArray[np.bool_], ranges: Array, before: Array) -> NDArray[np.bool_]:

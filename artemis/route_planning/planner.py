@@ -149,6 +149,13 @@ def _places(route: Route) -> tuple[Array, Array]:
     return np.concatenate(driven), np.concatenate(poses)
 
 
+def _end(route: Route) -> Pose:
+    """Where a route ends."""
+    last = route.parts[-1]
+    end = last.path.at(last.path.length)
+    return Pose(x=end.x, y=end.y, heading=last.heading_at(last.path.length))
+
+
 def _turned_round(points: Array) -> Array:
     """A route as `search` gives it, driven from its last pose to its first."""
     back = points[::-1].copy()
@@ -179,6 +186,8 @@ class _Planning:
         self._reasons: list[str] = []
         self._askew: PlannedRoute | None = None
         """The first route that ends within the bars, but not exactly: taken if nothing better is found at once."""
+        self._missed: Array | None = None
+        """How far beside the goal the newest route ended that did not end exactly."""
 
     def result(self) -> PlannedRoute:
         request = self._request
@@ -215,31 +224,51 @@ class _Planning:
         forward_first, from_start = not back and self._request.forward_first, None
         for each in self._tries(forward_first=forward_first):
             if not each.from_goal:
-                ends, field, first, sense = (start, self._goal), to_go, first_box, 1.0
+                field, first = to_go, first_box
             elif begun is self._clear:
                 if from_start is None:
                     from_start = cost_to_go(self._clear, cost, row, column, CELL, self._least)
-                ends, field, first, sense = (self._goal, start), from_start, each.box, -1.0
+                field, first = from_start, each.box
             else:
                 continue  # what does not count at the start is known only to a search that begins there
-            points, why, expanded = search(
-                self._clear, begun, cost, field, *ends, each.box, first, each.radius, CELL, each.most,
-                each.forward_first and not each.from_goal, sense, each.greedy,
-            )  # fmt: skip
-            self._expanded += expanded
-            if why != FOUND:
-                among = "" if why == NO_WAY else f" among {MOST} poses"
-                self._reasons.append(f"no route was found{among} with a radius of {each.radius:.2f} m")
-                if self._askew is not None:
+            some = False
+            for aim in self._aims():
+                ends = (aim, start) if each.from_goal else (start, aim)
+                points = self._sought(each, ends, begun, cost, field, first)
+                if points is None:
                     break
-                continue
-            if each.from_goal:
-                points = _turned_round(points)
-                if each.forward_first and (points[: round(FIRST / SPACING), 3] < 0.0).any():
-                    continue
-            if (found := self._taken(points, back, each.radius)) is not None:
-                return found
+                some = True
+                if (found := self._taken(points, back, each.radius)) is not None:
+                    return found
+            if self._askew is not None and not some:
+                break
         return self._askew and replace(self._askew, expanded=self._expanded)
+
+    def _sought(
+        self, each: _Try, ends: tuple[Array, Array], begun: Field, cost: Field, field: Field, first: Array
+    ) -> Array | None:
+        """Places along a route as `search` gives it, from the start to the goal; None: there is none."""
+        points, why, expanded = search(
+            self._clear, begun, cost, field, *ends, each.box, first, each.radius, CELL, each.most,
+            each.forward_first and not each.from_goal, -1.0 if each.from_goal else 1.0, each.greedy,
+        )  # fmt: skip
+        self._expanded += expanded
+        if why != FOUND:
+            among = "" if why == NO_WAY else f" among {MOST} poses"
+            self._reasons.append(f"no route was found{among} with a radius of {each.radius:.2f} m")
+            return None
+        if not each.from_goal:
+            return np.asarray(points)
+        points = _turned_round(points)
+        backwards_first = each.forward_first and bool((points[: round(FIRST / SPACING), 3] < 0.0).any())
+        return None if backwards_first else points
+
+    def _aims(self) -> Iterator[Array]:
+        """Where a search is to end: at the goal; then so far beside it as the fitted route ended on the other side."""
+        self._missed = None
+        yield self._goal
+        if self._missed is not None:
+            yield self._goal - self._missed
 
     def _tries(self, *, forward_first: bool) -> Iterator[_Try]:
         """First with much room around, then with as little as may be; on wide curves, then on narrow ones."""
@@ -273,21 +302,21 @@ class _Planning:
             return None
         reversals = len(route.parts) - 1
         words = f"{route.length:.1f} m, {reversals} reversal{'s' * (reversals != 1)}, radius {radius:.2f} m"
-        found = PlannedRoute(values=values, detail=words, expanded=self._expanded)
-        if self._end(route)[1] <= EXACT_ANGLE:
+        found, end = PlannedRoute(values=values, detail=words, expanded=self._expanded), _end(route)
+        if self._off_goal(end)[1] <= EXACT_ANGLE:
             return found
         self._askew = self._askew or found
+        self._missed = self._beside(end)
         return None
 
-    def _end(self, route: Route) -> tuple[float, float]:
-        """As of `_off_goal`, where a fitted route ends."""
-        last = route.parts[-1]
-        end = last.path.at(last.path.length)
-        return self._off_goal(Pose(x=end.x, y=end.y, heading=last.heading_at(last.path.length)))
+    def _beside(self, end: Pose) -> Array:
+        """How far a pose of the map is beside the goal, in the frame of the floor: x, y [m], heading [rad]."""
+        off = self._floor.local(end) - self._goal
+        return np.array([off[0], off[1], wrap(float(off[2]))])
 
     def _off(self, route: Route) -> Iterator[str]:
         """Where a fitted route is not what was asked for."""
-        away, turn = self._end(route)
+        away, turn = self._off_goal(_end(route))
         if away > END_DISTANCE or turn > END_ANGLE:
             yield f"it ends {100 * away:.1f} cm and {math.degrees(turn):.1f} degrees from the goal"
         driven, places = _places(route)
