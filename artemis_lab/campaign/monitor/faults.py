@@ -123,7 +123,7 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
 
 
 def _opens_sto(e: Evidence, injected: Injected) -> bool:
-    """An emergency stop that opens safe torque off: drives that are off, as at the start of an alignment, do not tell."""
+    """An emergency stop that opens safe torque off: of it drives tell nothing that are off, as before an alignment."""
     by_supply = injected.options.get("opens") == "supply"
     has_inputs = all(drive.family == "epos4" for drive in e.robot.drives.values())
     return injected.id.startswith("EST") and has_inputs and not by_supply
