@@ -61,7 +61,8 @@ class StepEdges:
     def take(self, position: float, volts: tuple[float, float]) -> None:
         """What the encoder says of the wheel [rad], and both potentiometers [V], at one instant."""
         exact = round(volts[0] / self._step) * self._step, round(volts[1] / self._step) * self._step
-        (before, shown), self._last = self._last or (position, exact), (position, exact)
+        before, shown = self._last or (position, exact)
+        self._last = position, exact
         if position == before:
             return
         found = self._left if position > before else self._right

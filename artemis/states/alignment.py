@@ -184,9 +184,9 @@ def _seek_edges(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snapshot, tup
     for tick in range(round(6 * STEPS * STEP_TICKS)):  # ahead, to the left end, the right, the left, and back
         place = step * (abs((tick / STEP_TICKS - STEPS) % (4 * STEPS) - 2 * STEPS) - STEPS)
         snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=place), phase="aligning")
-        for drive in snapshot.sensed.drives:
-            if drive.name in edges:
-                edges[drive.name].take(drive.position, drive.potentiometers)
+        for told in snapshot.sensed.drives:
+            if told.name in edges:
+                edges[told.name].take(told.position, told.potentiometers)
     snapshot = yield from steer(plan, 0.0, snapshot, {})
     for _ in range(SETTLE_TICKS):
         snapshot = yield replace(STEERING_ON, phase="aligning")

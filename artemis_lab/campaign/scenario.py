@@ -31,12 +31,11 @@ NOT_DRAWN = {
 }
 """Injections that no scenario draws, each with the reason."""
 OF_SCANNERS = [id for id in INJECTIONS if id.startswith("LAS")]
-"""Injections that need a robot with laser scanners."""
 SEEING = 0.1
 """Share of the seeds that have one, if the campaign does."""
 MISSION = "mission.yaml"
-BRING_UP = 5.0
-"""About how long it takes from the start to the first step [s]."""
+BRING_UP, RESET, EDGES = 5.0, 3.0, 4.5
+"""About how long it takes to the first step [s]; longer where communication is reset, and where wheels seek edges."""
 ENDING = ("INP", "RUN-12", "PTH-08")
 """Faults that have to end for the run to end: controls that never rest, a follower or behaviour that never arrives."""
 SLOWEST = 0.05
@@ -169,7 +168,7 @@ def _among_things(given: Scenario, robot: RobotFile, length: float) -> Scenario:
     simulation = given.mission["simulation"]
     heading = math.radians(simulation["true_robot"]["heading_deg"])
     of_scanners = [
-        _of_scanner(dice, round(dice.uniform(BRING_UP, length), 4)) for _ in range(dice.choice((0, 1, 1, 2)))
+        _of_scanner(dice, round(dice.uniform(_first_step(robot), length), 4)) for _ in range(dice.choice((0, 1, 1, 2)))
     ]
     faults = [*(given.faults if dice.random() < 0.4 else ()), *of_scanners]
     mission = {
@@ -211,6 +210,16 @@ def _of_scanner(dice: random.Random, at: float) -> dict[str, Any]:
     return fault
 
 
+def _first_step(robot: RobotFile) -> float:
+    """`BRING_UP` of this robot [s]."""
+    return BRING_UP + RESET * any(drive.tables.forgets for drive in robot.drives.values()) + _edges(robot)
+
+
+def _edges(robot: RobotFile) -> float:
+    """So much longer each alignment takes [s]."""
+    return EDGES * any(drive.tables.analog_step is not None for drive in robot.drives.values())
+
+
 def _recovery(dice: random.Random) -> dict[str, dict[str, str]]:
     """Some missions go on by themselves after whatever may recover by itself."""
     if dice.uniform(0, 1) < 0.85:
@@ -244,7 +253,7 @@ def _tree(dice: random.Random, robot: RobotFile) -> Part:
     speed = min(round(dice.uniform(0.3, 0.6), 2), robot.limits.speed_m_s)
     drawn = TreeDice(dice, robot, speed, dice.sample(_fitting(robot, {"follow"}), 2))
     steps, table = drawn.mission(), shapes.table(shapes.sampled(lambda distance: bend, LENGTH))
-    return steps, {"path.csv": table}, {}, BRING_UP + 2.0 + drawn.seconds
+    return steps, {"path.csv": table}, {}, _first_step(robot) + 2.0 + _edges(robot) + drawn.seconds
 
 
 def _calibrate(dice: random.Random, robot: RobotFile) -> Part:
@@ -254,11 +263,11 @@ def _calibrate(dice: random.Random, robot: RobotFile) -> Part:
     tried = all(drive.family in ("epos1", "epos2") for drive in robot.drives.values())
     if (robot.has_potentiometers and dice.uniform(0, 1) < 0.4) or not tried:
         words = {"wheels": wheel, "reference_deg": {wheel: round(dice.uniform(-1.0, 1.0), 1)}}
-        return [{"calibrate": {"steering": words}}], {}, {}, BRING_UP + 17.0
+        return [{"calibrate": {"steering": words}}], {}, {}, _first_step(robot) + 17.0
     steering, traction = robot.drive_at("steering", other)[0], robot.drive_at("traction", side)[0]
     gains = {steering: {"position": [160, 10, 210]}, traction: {"velocity": [900, 110]}}
     turn = {"turn": {"side": wheel, "angle_deg": round(dice.uniform(1.0, 6.0), 1)}}
-    return [{"calibrate": step} for step in ({"gains": gains}, turn)], {}, {}, BRING_UP + 9.0
+    return [{"calibrate": step} for step in ({"gains": gains}, turn)], {}, {}, _first_step(robot) + 9.0
 
 
 def _follow(dice: random.Random, robot: RobotFile) -> Part:
@@ -279,12 +288,12 @@ def _follow(dice: random.Random, robot: RobotFile) -> Part:
         laps += 1
     if dice.uniform(0, 1) < 0.1:
         steps.insert(1, {"wait": {"seconds": round(dice.uniform(0.1, 1.0), 2)}})
-    return steps, {"path.csv": table}, {}, BRING_UP + 3.0 + laps * length / speed
+    return steps, {"path.csv": table}, {}, _first_step(robot) + 3.0 + _edges(robot) + laps * length / speed
 
 
 def _teleop(dice: random.Random, robot: RobotFile) -> Part:
     """A person at a stick; rows: time, x to the right, y ahead, enable button."""
-    time = BRING_UP
+    time = begin = _first_step(robot)
     rows: list[tuple[float, float, float, int]] = [(0.0, 0.0, 0.0, 0)]
     y = dice.choice((-1, 1, 1, 1)) * dice.uniform(0.2, 1.0)
     for _ in range(dice.randint(1, 4)):
@@ -301,7 +310,7 @@ def _teleop(dice: random.Random, robot: RobotFile) -> Part:
     stick: dict[str, Any] = {"plugin": "scripted", "file": "stick.csv"}
     if dice.uniform(0, 1) < 0.4:
         stick["max_speed_m_s"] = round(dice.uniform(0.3, 1.0) * robot.limits.speed_m_s, 2)
-    teleop = {"input": "stick", "until": {"seconds": round(rows[-1][0] - BRING_UP, 2)}}
+    teleop = {"input": "stick", "until": {"seconds": round(rows[-1][0] - begin, 2)}}
     return [{"teleop": teleop}], {"stick.csv": table}, {"stick": stick}, rows[-1][0]
 
 
@@ -312,18 +321,18 @@ def _faults(
     dice: random.Random, robot: RobotFile, length: float, fitting: Sequence[str], caught: Sequence[str]
 ) -> list[dict[str, Any]]:
     """In all phases of the run; more than one may be there at once; those that a `try` names more often."""
-    number = dice.choices((0, 1, 2, 3, 4), (12, 48, 22, 12, 6))[0]
+    number, begin = dice.choices((0, 1, 2, 3, 4), (12, 48, 22, 12, 6))[0], _first_step(robot)
     faults: list[dict[str, Any]] = []
     for _ in range(number):
         phase, last = dice.uniform(0, 1), faults[-1]["at_s"] if faults else 0.0
         if faults and phase < 0.4:
             at = last + dice.uniform(0.0, 0.6)
         elif phase < 0.25:
-            at = dice.choice((0.0, dice.uniform(0.0, BRING_UP)))
+            at = dice.choice((0.0, dice.uniform(0.0, begin)))
         elif phase < 0.35:
             at = length + dice.uniform(-1.0, 2.0)  # at the end
         else:
-            at = dice.uniform(BRING_UP, length)
+            at = dice.uniform(begin, length)
         likely = caught if caught and dice.uniform(0, 1) < 0.5 else fitting
         faults.append(_fault(dice, robot, dice.choice(likely), round(at, 4)))
     return sorted(faults, key=lambda fault: fault["at_s"])

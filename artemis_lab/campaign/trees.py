@@ -81,7 +81,7 @@ class TreeDice:
             return ALIGN
         self.seconds += 4.0
         name, _ = self._robot.drive_at("steering", self._dice.choice(OWN_SIDES))
-        if kind == "gains":
+        if kind == "gains" and self._robot.drives[name].gains is not None:  # of others none are tried
             return {"calibrate": {"gains": {name: {"position": [160, 10, 210]}}}}
         _, drive = self._robot.drive_at("steering", self._dice.choice(OWN_SIDES))
         return {"calibrate": {"turn": {"side": drive.side, "angle_deg": 2.0}}}

@@ -107,9 +107,9 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
     end = min(deadline, first)
     modes = e.journal.modes_between(injected.time, end - 1e-6)
     match expected.when:
-        case When.WATCHED:
+        case When.WATCHED if not _opens_sto(e, injected):
             return modes <= WATCHED
-        case When.ENABLED:
+        case When.ENABLED | When.WATCHED:
             return modes <= {"ready", *DRIVING}
         case When.BY_HAND:
             return modes == {"teleop"}
@@ -120,6 +120,13 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
             moving = modes <= DRIVING and _commanded(e, injected.time - 0.1, end)
             return moving and (injected.id not in ("RUN-01", "RUN-05") or _runs_away(e, injected, end))
     return False
+
+
+def _opens_sto(e: Evidence, injected: Injected) -> bool:
+    """An emergency stop that opens safe torque off: of it drives tell nothing that are off, as before an alignment."""
+    by_supply = injected.options.get("opens") == "supply"
+    has_inputs = all(drive.family == "epos4" for drive in e.robot.drives.values())
+    return injected.id.startswith("EST") and has_inputs and not by_supply
 
 
 def _commanded(e: Evidence, begin: float, end: float) -> bool:
