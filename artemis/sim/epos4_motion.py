@@ -75,6 +75,8 @@ class Epos4Motion(Motion):
         self._at_once = False
         self._top = math.inf
         self._speed_limited = False
+        self.reads_ssi = False
+        """An SSI encoder is configured as sensor 2."""
         self.homing = Homing(dictionary, axis, active.__contains__)
         super().__init__(dictionary, axis, clip_position=False, gains=GAINS, nominal_gains=nominal_gains)
 
@@ -112,11 +114,6 @@ class Epos4Motion(Motion):
     def rated_torque(self) -> int:
         """Motor rated torque (0x6076) [µN·m]: 0 while nobody has told the torque constant."""
         return self._values[key_of(0x3001, 1)] * self._values[key_of(0x3001, 5)] // 1000
-
-    @property
-    def reads_ssi(self) -> bool:
-        """An SSI encoder is configured as sensor 2."""
-        return self._values[_SENSOR_TYPES] & 0xFF00 == SSI << 8
 
     def absolute_position(self) -> int:
         """What the SSI encoder counts, as many of its bits as the drive clocks in; the first is the highest."""
@@ -176,6 +173,7 @@ class Epos4Motion(Motion):
         axis.thermal_time = number(0x3001, 4) * 0.1
         self._top = axis.current_mode_rpm = number(0x6080) * self.rpm
         self._period = number(0x60C2, 1) * 1e-3
+        self._look_for_ssi()
 
     def position_limits(self) -> tuple[float, float]:
         """Objects 0x607D [counts]; infinite: off."""
@@ -208,8 +206,12 @@ class Epos4Motion(Motion):
 
     def _count_anew(self) -> None:
         """The sensors are others."""
+        self._look_for_ssi()
         self.count_on_from(0)
         self.lose_reference()
+
+    def _look_for_ssi(self) -> None:
+        self.reads_ssi = self._values[_SENSOR_TYPES] & 0xFF00 == SSI << 8
 
     def lose_reference(self) -> None:
         """The place of the home position is not known any longer."""
