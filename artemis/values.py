@@ -77,6 +77,7 @@ class OperatorInput(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     buttons: tuple[bool, ...] = ()
     goal: Pose | None = None  # where the robot shall drive, in the frame `map`: for a step that asks this input
     initial_pose: LocatedPose | None = None  # about where the robot is on the map, as somebody says: for the localizer
+    answers: tuple[str, ...] = ()  # to questions of the mission
 
 
 class JobKind(Enum):
