@@ -24,18 +24,18 @@ def zones_in(raw: bytes, source: str) -> MapZones:
 
 def with_zone(raw: bytes, source: str, zone: MapZone) -> bytes:
     """The content with one more zone. Raises ConfigError: there is one of its name."""
-    if any(known.name == zone.name for known in zones_in(raw, source).zones):
+    if zone.name is not None and any(known.name == zone.name for known in zones_in(raw, source).zones):
         raise ConfigError(f"{source}: there is a zone {zone.name!r} already; remove it first")
     return with_line(raw, source, "zones", f"- {zone_line(zone, zone.corners)}")
 
 
-def without_zone(raw: bytes, source: str, name: str) -> bytes:
+def without_zone(raw: bytes, source: str, name: str | int) -> bytes:
     """The content without a zone, by its name or its number from 1. Raises ConfigError: there is none."""
     zones = zones_in(raw, source).zones
-    found = [number for number, zone in enumerate(zones) if name in (zone.name, str(number + 1))]
+    found = [n for n, zone in enumerate(zones) if name == n + 1 or name in (zone.name, str(n + 1))]
     if not found:
         known = [zone.name or str(number) for number, zone in enumerate(zones, 1)]
-        raise ConfigError(f"{source}: no zone {name!r}; {similar(name, known)}")
+        raise ConfigError(f"{source}: no zone {name!r}; {similar(str(name), known)}")
     return without_line(raw, source, "zones", found[0])
 
 

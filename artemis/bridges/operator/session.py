@@ -173,7 +173,7 @@ class Seats:
         self.has_news = True
 
     def give(self, given: Given, sent: float) -> None:
-        """Who has the seat gives this, and quotes a beat that was sent then [s]; of more than a few the last are lost."""
+        """Who has the seat gives this, and quotes a beat that was sent then [s]."""
         if len(self.report.given) < MOST_REQUESTS:
             self.report.given.append(given)
             self.report.asked = min(self.report.asked, sent)
