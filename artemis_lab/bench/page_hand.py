@@ -18,6 +18,7 @@ from contextlib import contextmanager, suppress
 from http.client import HTTPResponse
 from pathlib import Path
 from typing import Any
+from urllib.error import URLError
 from urllib.request import Request, urlopen
 
 from websockets.exceptions import ConnectionClosed
@@ -41,10 +42,21 @@ class PageHand:
 
     def __init__(self, url: str, code: str) -> None:
         self._url, self._cookie = url, ""
-        answer = self._ask("/pair", {"code": code})
+        answer = self._first(code)
         self._cookie = str(answer.headers["set-cookie"]).split(";")[0]
         self._presses = self._sequence = 0
         self.state: dict[str, Any] = {}
+
+    def _first(self, code: str) -> HTTPResponse:
+        """Pair, as soon as the page answers."""
+        begun = stopwatch()
+        while True:
+            try:
+                return self._ask("/pair", {"code": code})
+            except URLError:
+                if stopwatch() - begun > PATIENCE:
+                    raise
+                _wait(0.1)
 
     def _ask(self, path: str, words: dict[str, Any] | None = None) -> HTTPResponse:
         headers = {"Origin": self._url, "Cookie": self._cookie, "Content-Type": "application/json"}
