@@ -28,7 +28,8 @@ def mission_of(
 ) -> Iterator[tuple[LoadedMission, Path]]:
     """A mission with one step, loaded, and its file, which lies beside the mission `source` until the block ends.
 
-    With a `page` it serves one, with these keys of its observer. It has that mission's robot, bus and care, and its simulated machine, but no inputs, faults or operator. It goes on
+    It has that mission's robot, bus and care, and its simulated machine, but no inputs, faults or operator; with a
+    `page` it serves one, with these keys of its observer, which is an input, too. It goes on
     after no stop by itself: somebody may have a hand at a wheel.
 
     Raises:

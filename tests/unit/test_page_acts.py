@@ -12,6 +12,9 @@ from artemis.bridges.operator.session import Arrived, Given, GivenAnswer, GivenP
 from artemis.bridges.page.session import FRESH, PageSeats, ZoneChange
 from artemis.plugins.inputs.page import JOG_EVERY, TENTHS, PageInputConfig
 from artemis.progress import Position
+from artemis.states.homing import STRAIGHT
+from artemis.states.requests import by_hand
+from artemis.states.steering import KEEP, START, TURN_IT
 from artemis.values import LocatedPose, Mode, Pose, Request, Tick
 
 GOAL = {"t": "pose", "kind": "goal_pose", "x": 3.0, "y": -1.5, "heading": 0.5}
@@ -177,3 +180,22 @@ def test_no_wheel_turns_by_hand_outside_of_a_calibration(run: Recorded) -> None:
     jogs(hand, 0.1, 0.0, held=False)
     assert jogs(hand, 0.5, 0.2) == []
     assert hand.input.read(hand.now).speed == 0.0
+
+
+@pytest.mark.parametrize(
+    ("mode", "phase", "found"),
+    [
+        (Mode.INIT, STRAIGHT, (True, False)),
+        (Mode.INIT, "first contact", (False, False)),
+        (Mode.CALIBRATE, f"left wheel at +0.0 deg: {TURN_IT}", (True, True)),
+        (Mode.CALIBRATE, f"keep clear: {START}", (True, False)),
+        (Mode.CALIBRATE, f"keep this? {KEEP}", (True, False)),
+        (Mode.CALIBRATE, "reading the left wheel", (False, False)),
+        (Mode.TELEOP, TURN_IT, (False, False)),
+    ],
+)
+def test_a_page_knows_what_a_person_is_waited_for(
+    run: Recorded, mode: Mode, phase: str, found: tuple[bool, bool]
+) -> None:
+    tick = at(run, mode, 0)
+    assert by_hand(replace(tick, wish=replace(tick.wish, phase=phase))) == found
