@@ -14,9 +14,11 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import ClassVar
 
 from artemis.app import Parts, run_mission
 from artemis.clock import SimulatedLoop
+from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import Operation
@@ -46,7 +48,7 @@ class Recorded:
 class Nobody:
     """At the page, on virtual time."""
 
-    contract, pure, live = 1, True, False
+    Config: ClassVar[type[Config]] = Config
 
     def read(self, now: float) -> OperatorInput:
         return OperatorInput(source="page", age=0.0)

@@ -18,10 +18,10 @@ from artemis.bridges.operator.session import Arrived, Given, GivenAnswer, GivenP
 from artemis.bridges.page.session import REQUESTS, ZoneChange
 from artemis.clock import SimulatedLoop
 from artemis.commands.replay import replay_run
-from artemis.mission.loading import load_mission
+from artemis.mission.loading import load_mission, plugin_from
 from artemis.page.zones import ZoneFiles
-from artemis.planning import inputs_used, plugin_from, setup_for
-from artemis.plugins.inputs.page import PageInput
+from artemis.planning import inputs_used, setup_for
+from artemis.plugins.inputs.page import PageInput, PageInputConfig
 from artemis.states.requests import by_hand
 from artemis.values import Mode, Request, Tick
 
@@ -82,6 +82,7 @@ def run(folder: Path, somebody: Somebody, steps: list[Any], mission: dict[str, A
     source.write_text(json.dumps(words))
     loaded = load_mission(source)
     _, config = plugin_from("artemis.inputs", inputs_used(loaded, simulated=True)["page"])
+    assert isinstance(config, PageInputConfig)
     device = PageInput(config, replace(setup_for(loaded, "page"), real_time=False), somebody)
     ticks: list[Tick] = []
 

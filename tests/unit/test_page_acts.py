@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from msgspec.structs import replace
 from page_rig import Recorded, recorded
@@ -17,7 +19,7 @@ from artemis.states.requests import by_hand
 from artemis.states.steering import KEEP, START, TURN_IT
 from artemis.values import LocatedPose, Mode, Pose, Request, Tick
 
-GOAL = {"t": "pose", "kind": "goal_pose", "x": 3.0, "y": -1.5, "heading": 0.5}
+GOAL: dict[str, Any] = {"t": "pose", "kind": "goal_pose", "x": 3.0, "y": -1.5, "heading": 0.5}
 ALLOWED = PageInputConfig(allow=("goal_pose", "initialpose"))
 
 
