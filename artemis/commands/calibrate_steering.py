@@ -67,9 +67,7 @@ def calibrate_steering(
     alone = yes and all(one in reference for one in wheels)
     if not (alone or page is not None or somebody_is_there()):
         missing = [f"--reference-{one}" for one in wheels if one not in reference] + ["--yes"] * (not yes)
-        raise ConfigError(
-            f"calibrate steering: a person at a terminal or at a page (--page) is needed, or {', '.join(missing)}"
-        )
+        raise ConfigError(f"calibrate steering: a person at a terminal is needed, or --page, or {', '.join(missing)}")
     step = {
         "wheels": side or "both",
         "reference_deg": dict(reference),
