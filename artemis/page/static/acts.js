@@ -155,6 +155,7 @@ function show(wrong = false) {
 function showCalibration(mine) {
   const [accepts, turns] = state?.hand ?? [false, false], here = accepts || turns || state?.mode === 'calibrate';
   $('calibration').hidden = !here;
+  document.body.classList.toggle('calibrating', here); // the stick drives nothing then
   $('jog').hidden = !turns;
   $('accept').hidden = !accepts;
   $('accept').disabled = !mine;
