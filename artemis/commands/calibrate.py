@@ -107,7 +107,7 @@ def calibrate_steering(
     page_address: PageAddress = None,
     page_tls: PageTls = None,
 ) -> None:
-    """Measure zero and slope of the steering potentiometers; keep them in the drives and the robot file."""
+    """Measure zero and slope of the steering potentiometers, or the zero of what finds the angle instead."""
     from artemis.commands import calibrate_steering
     from artemis.commands.page import page_options
 

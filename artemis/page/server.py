@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections import deque
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
@@ -28,6 +29,7 @@ from artemis.bridges.operator.server import tls_context
 from artemis.bridges.page.session import StopPress, said
 from artemis.page.access import Access, grouped, new_code
 from artemis.page.hub import Hub
+from artemis.page.runs_server import PastRuns
 
 RATE = 20.0
 """States that a browser is sent in a second, at most."""
@@ -90,8 +92,8 @@ class AccessCheck:
 class PageServer:
     """Routes and connections."""
 
-    def __init__(self, hub: Hub, access: Access, key: bytes, url: str) -> None:
-        """`url`: how other computers reach it."""
+    def __init__(self, hub: Hub, access: Access, key: bytes, url: str, runs: Sequence[Path] = ()) -> None:
+        """`url`: how other computers reach it; `runs`: the folders whose past runs it shows."""
         self._hub, self._access, self._key, self._url = hub, access, key, url
         self._watching = 0
         routes = [
@@ -102,6 +104,7 @@ class PageServer:
             Route("/invite", self._invite, methods=["POST"]),
             Route("/history", self._history),
             Route("/static/{name:path}", self._static),
+            PastRuns(runs, self._is_paired, _file, HEADERS).routes,
             WebSocketRoute("/telemetry", self._telemetry),
             WebSocketRoute("/control", self._control),
         ]
