@@ -125,7 +125,7 @@ def _tell_zeros(shared: Shared, step: SteeringStep, straight: Mapping[str, float
         told = f"{side}: {found.key} {found.before:.4f} -> {found.after:.4f} ({-degrees(angle):+.2f} deg)"
         snapshot = yield _hold(snapshot, told)
     if step.save == "ask":
-        snapshot = yield from _ask("keep this in the robot file? enter: yes, q: no", snapshot)
+        snapshot = yield from _ask(f"keep this in the robot file? {KEEP}", snapshot)
     return snapshot
 
 
