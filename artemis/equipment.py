@@ -86,10 +86,11 @@ def opened(
     others = [*sensors(), *_scanners(loaded, world, simulated=simulated), *_supply_meters(loaded, drives)]
     actuators: list[Actuators] = [drives]
     if loaded.destinations:
+        from artemis.mission.zones import zoned_floor
         from artemis.route_planning.device import RoutePlanner
 
         virtual = isinstance(loop, SimulatedLoop)
-        actuators.append(RoutePlanner(loaded.robot, loaded.destinations, virtual=virtual))
+        actuators.append(RoutePlanner(loaded.robot, loaded.destinations, zoned_floor, virtual=virtual))
     alone = len(actuators) + len(others) == 1
     return Equipment(
         devices=drives if alone else DeviceGroup(tuple(loaded.robot.drives), actuators, others),

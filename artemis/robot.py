@@ -161,7 +161,7 @@ class Robot:
             faults=tuple(self._faults),
             fixes=fixes,
             scans=readings.scans,
-            answers=tuple(self._answers),
+            answers=(*self._answers, *(answer for sample in inputs for answer in sample.answers)),
             battery_v=readings.battery_v,
         )
         for taken in (self._requests, self._answers, self._results, self._faults):

@@ -36,8 +36,7 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     age: float | None = None  # of the older of the feedback PDOs [s]
     nmt: Nmt | None = None
     heartbeat_age: float | None = None
-    emergencies: tuple[int, ...] = ()
-    """EMCY error codes that arrived since the last tick, oldest first."""
+    emergencies: tuple[int, ...] = ()  # EMCY error codes that arrived since the last tick, oldest first
     boots: int = 0  # boot-up frames since the last tick
     frames: int = 0  # TxPDO 1 since the last tick: one per SYNC
     malformed: int = 0  # frames since the last tick that cannot be what they claim, and were dropped
@@ -78,6 +77,7 @@ class OperatorInput(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     buttons: tuple[bool, ...] = ()
     goal: Pose | None = None  # where the robot shall drive, in the frame `map`: for a step that asks this input
     initial_pose: LocatedPose | None = None  # about where the robot is on the map, as somebody says: for the localizer
+    answers: tuple[str, ...] = ()  # to questions of the mission
 
 
 class JobKind(Enum):

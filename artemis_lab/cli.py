@@ -140,6 +140,18 @@ def bench_operator(
     measure(robot, seconds, seed, cuts)
 
 
+@bench.command("page")
+def bench_page(
+    robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="Robot file (YAML).")],
+    presses: Annotated[int, typer.Option(metavar="N", min=1, help="Stop is pressed so often, twice.")] = 40,
+    seconds: Annotated[float, typer.Option(help="The page is flooded so long.")] = 10.0,
+) -> None:
+    """Measure the page for operators on this computer: Stop to the wire, size, first paint, a flood; in real time."""
+    from artemis_lab.commands.bench_page import measure
+
+    raise typer.Exit(int(not measure(robot, presses, seconds)))
+
+
 @bench.command("transport")
 def bench_transport(
     baud: Annotated[int, typer.Option(min=300, help="Of the serial line.")] = 115200,

@@ -13,11 +13,13 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import ClassVar
 
 from ports import free_port
 
 from artemis.app import Parts, run_mission
 from artemis.clock import SimulatedLoop
+from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import Operation
@@ -44,19 +46,33 @@ class Recorded:
         return next(number for number, (tick, _) in enumerate(self.ticks) if wanted(tick))
 
 
+class Nobody:
+    """At the page, on virtual time."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def read(self, now: float) -> OperatorInput:
+        return OperatorInput(source="page", age=0.0)
+
+    def close(self) -> None:
+        pass
+
+
 @cache
 def recorded(mission: str, until: float, folder: Path) -> Recorded:
     """The first so many seconds of a run of a mission of this repository; its folder is made in `folder`."""
     loaded = load_mission(MISSIONS / mission)
     ends = loaded.mission.simulation.model_copy(update={"operator": (Operation(at_s=until, do="end"),)})
-    loaded = replace(loaded, mission=loaded.mission.model_copy(update={"record": str(folder), "simulation": ends}))
+    words = {"record": str(folder), "simulation": ends, "observers": {}}
+    loaded = replace(loaded, mission=loaded.mission.model_copy(update=words))
+    inputs = {"page": Nobody()} if set(loaded.mission.inputs) == {"page"} else None
     ticks: list[tuple[Tick, Traffic]] = []
 
     def watch(tick: Tick, traffic: Traffic) -> None:
         if tick.snapshot.time <= until:
             ticks.append((tick, tuple(traffic)))
 
-    run_mission(loaded, MISSIONS / mission, watch=watch, parts=Parts(loop=SimulatedLoop))
+    run_mission(loaded, MISSIONS / mission, watch=watch, parts=Parts(loop=SimulatedLoop, inputs=inputs))
     return Recorded(loaded, ticks)
 
 
@@ -130,9 +146,12 @@ class PageRig:
         loop = asyncio.get_running_loop()
         use = self.run.loaded
         context = replace(setup_for(use, f"page {self.port}"), real_time=True)
-        device = PageInput(PageInputConfig(max_speed_m_s=0.7, required=False), context)
+        device = PageInput(
+            PageInputConfig(max_speed_m_s=0.7, required=False, allow=("goal_pose", "initialpose")), context
+        )
         try:
             while not self._over.is_set():
+                device.show(self.run.ticks[self.place][0])
                 sample = device.read(loop.time())
                 with self._news:
                     self.samples.append((loop.time(), sample, device.take_problems()))
@@ -140,6 +159,14 @@ class PageRig:
                 await asyncio.sleep(PERIOD)
         finally:
             device.close()
+
+
+def _with_input(loaded: LoadedMission, name: str) -> bytes:
+    """The mission, whose input `page` has another name: several rigs are in one process."""
+    text = loaded.mission.model_dump_json(by_alias=True)
+    for known in ('"from_input":"page"', '"page":{"plugin":"page"'):
+        text = text.replace(known, known.replace('"page"', f'"{name}"', 1))
+    return text.encode()
 
 
 @contextmanager
@@ -152,7 +179,7 @@ def page_rig(run: Recorded, folder: Path, tls: PageTls | None = None, runs: Path
         setup_for(loaded, "page"),
         run=(runs or folder / "runs") / "present",
         routes=MappingProxyType(dict(loaded.routes)),
-        mission=loaded.mission.model_dump_json(by_alias=True).encode(),
+        mission=_with_input(loaded, f"page {port}"),
         map=lambda: shown,
     )
     observer = PageObserver(PageObserverConfig(port=port, tls=tls, input=f"page {port}"), context)

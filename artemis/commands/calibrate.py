@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from artemis.commands.page_options import PageAddress, PagePort, PageTls
 from artemis.errors import ConfigError
 
 calibrate = typer.Typer(
@@ -101,19 +102,33 @@ def calibrate_steering(
     write_simulated: Annotated[
         bool, typer.Option("--write-simulated", help="Change the robot file also by what simulated drives showed.")
     ] = False,
+    page: Annotated[bool, typer.Option("--page", help="Serve a page for operators: turn the wheels there.")] = False,
+    page_port: PagePort = None,
+    page_address: PageAddress = None,
+    page_tls: PageTls = None,
 ) -> None:
     """Measure zero and slope of the steering potentiometers, or the zero of what finds the angle instead."""
     from artemis.commands import calibrate_steering
+    from artemis.commands.page import page_options
 
+    options = page_options(page_port, page_address, page_tls)
+    served = options if page or options else None
     given = {"left": reference_left, "right": reference_right, "middle": reference_middle}
     reference = {name: angle for name, angle in given.items() if angle is not None}
     if not store:
         raise typer.Exit(
             calibrate_steering.calibrate_steering(
-                mission, side, reference, new=new, yes=yes, simulate=simulate, write_simulated=write_simulated
+                mission,
+                side,
+                reference,
+                new=new,
+                yes=yes,
+                simulate=simulate,
+                write_simulated=write_simulated,
+                page=served,
             )
         )
-    if side or reference or new or yes or write_simulated:
+    if side or reference or new or yes or write_simulated or served is not None:
         raise ConfigError("--store writes what the robot file says: it measures nothing, and takes no other option")
     raise typer.Exit(calibrate_steering.store_steering(mission, simulate))
 

@@ -36,6 +36,7 @@ def calibrate_steering(
     yes: bool,
     simulate: bool,
     write_simulated: bool,
+    page: Mapping[str, object] | None = None,
 ) -> int:
     """Measure the potentiometers (or the zero of what is there instead) on the robot and bus of the mission `source`.
 
@@ -47,6 +48,7 @@ def calibrate_steering(
         yes: Keep the result without asking.
         simulate: On simulated drives, whatever bus the mission names.
         write_simulated: Change the robot file also by what simulated drives showed.
+        page: Serve a page for operators, with these keys of its observer; None: none.
 
     Returns:
         The exit status, as of a run.
@@ -63,9 +65,9 @@ def calibrate_steering(
     if unused := [one for one in reference if one not in wheels]:
         raise ConfigError(f"--reference-{unused[0]} is of a wheel that is not measured")
     alone = yes and all(one in reference for one in wheels)
-    if not (alone or somebody_is_there()):
+    if not (alone or page is not None or somebody_is_there()):
         missing = [f"--reference-{one}" for one in wheels if one not in reference] + ["--yes"] * (not yes)
-        raise ConfigError(f"calibrate steering: a person at a terminal is needed, or {', '.join(missing)}")
+        raise ConfigError(f"calibrate steering: a person at a terminal is needed, or --page, or {', '.join(missing)}")
     step = {
         "wheels": side or "both",
         "reference_deg": dict(reference),
@@ -75,9 +77,8 @@ def calibrate_steering(
     check_drivable(load_mission(source), source, simulate)
     kept = _Kept()
     keys, hint = {**KEYS, **JOG_KEYS}, f"{HINT}; {JOGGING}"
-    with mission_of(
-        source, "calibrate-steering", {"calibrate": {"steering": step}}, pace=None if alone else "real_time"
-    ) as (loaded, path):
+    pace, words = None if alone and page is None else "real_time", {"calibrate": {"steering": step}}
+    with mission_of(source, "calibrate-steering", words, pace=pace, page=page) as (loaded, path):
         writes = write_simulated or not is_simulated(loaded, simulate)
         file = _RobotFile(loaded.folder / loaded.mission.robot, loaded.files[loaded.mission.robot], writes)
         outcome = run_in_sight(loaded, path, simulate, watch=kept.see, keys=keys, hint=hint, then=file.write)

@@ -14,13 +14,12 @@ from pydantic import ValidationError
 from artemis.commands.map_files import numbers
 from artemis.config import Config
 from artemis.errors import ConfigError, similar
-from artemis.mission.loading import load_model, model_of
-from artemis.recording.disk import write_whole
+from artemis.mission.loading import load_model
+from artemis.mission.zones import HEAD, read_zones, with_zone, without_zone, write_zones, zone_line, zones_in
 from artemis.route_planning.zones import MapZone, MapZones, zones_file
-from artemis.yaml_edit import is_blank, replace_content, with_line, without_line
+from artemis.yaml_edit import with_line, without_line
 
 Model = TypeVar("Model", bound=Config)
-_HEAD = b"# Zones and places, in the frame of the map.\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,23 +54,20 @@ def edited_zones(raw: bytes, source: str, edits: ZoneEdits) -> bytes:
         ConfigError: it would be wrong, what is to be removed is not there, or what is to be added is.
     """
     for name in edits.remove_zones:
-        raw = _without_zone(raw, source, name)
+        raw = without_zone(raw, source, name)
     for name in edits.remove_places:
-        known = list(_checked(raw, source).places)
+        known = list(zones_in(raw, source).places)
         if name not in known:
             raise ConfigError(f"{source}: no place {name!r}; {similar(name, known)}")
         raw = without_line(raw, source, "places", name)
     for text in edits.zones:
-        name, entry = _zone(text)
-        if any(zone.name == name for zone in _checked(raw, source).zones):
-            raise ConfigError(f"{source}: there is a zone {name!r} already; remove it first: --remove-zone {name}")
-        raw = with_line(raw, source, "zones", f"- {entry}")
+        raw = with_zone(raw, source, _zone(text))
     for text in edits.places:
         name, entry = _place(text)
-        if name in _checked(raw, source).places:
+        if name in zones_in(raw, source).places:
             raise ConfigError(f"{source}: there is a place {name!r} already; remove it first: --remove-place {name}")
         raw = with_line(raw, source, "places", f"{name}: {entry}")
-    _checked(raw, source)
+    zones_in(raw, source)
     return raw
 
 
@@ -82,16 +78,9 @@ def edit_zones(file: Path, edits: ZoneEdits) -> None:
         ConfigError: as `edited_zones`; or the file cannot be read or written.
     """
     beside = Path(zones_file(str(file)))
-    try:
-        raw = beside.read_bytes() if beside.exists() else _HEAD
-    except OSError as error:
-        raise ConfigError(f"{beside}: cannot be read: {error.strerror}") from error
-    content = edited_zones(raw, str(beside), edits)
-    if beside.exists():
-        replace_content(beside, content)
-    else:
-        write_whole(beside, content.decode())
-    say_zones(file, _checked(content, str(beside)))
+    content = edited_zones(read_zones(beside), str(beside), edits)
+    write_zones(beside, content)
+    say_zones(file, zones_in(content, str(beside)))
 
 
 def turned_zones(known: MapZones, turn: float) -> bytes:
@@ -101,9 +90,9 @@ def turned_zones(known: MapZones, turn: float) -> bytes:
     def at(x: float, y: float) -> list[float]:
         return [round(c * x - s * y, 4), round(s * x + c * y, 4)]
 
-    raw = _HEAD
+    raw = HEAD
     for zone in known.zones:
-        raw = with_line(raw, "", "zones", f"- {_entry(zone, [at(x, y) for x, y in zone.corners])}")
+        raw = with_line(raw, "", "zones", f"- {zone_line(zone, [at(x, y) for x, y in zone.corners])}")
     for name, place in known.places.items():
         x, y = at(place.x_m, place.y_m)
         heading = round(math.degrees(math.remainder(math.radians(place.heading_deg) + turn, math.tau)), 3)
@@ -124,17 +113,7 @@ def say_zones(file: Path, known: MapZones) -> None:
         sys.stdout.write(f"{'place':<12}{name}: {pose}\n")
 
 
-def _without_zone(raw: bytes, source: str, name: str) -> bytes:
-    """Without a zone, by its name or its number."""
-    zones = _checked(raw, source).zones
-    found = [number for number, zone in enumerate(zones) if name in (zone.name, str(number + 1))]
-    if not found:
-        known = [zone.name or str(number) for number, zone in enumerate(zones, 1)]
-        raise ConfigError(f"{source}: no zone {name!r}; {similar(name, known)}")
-    return without_line(raw, source, "zones", found[0])
-
-
-def _zone(text: str) -> tuple[str, str]:
+def _zone(text: str) -> MapZone:
     name, _, words = text.partition("=")
     kind, _, corners = words.partition(":")
     kind, _, speed = kind.partition("@")
@@ -145,8 +124,7 @@ def _zone(text: str) -> tuple[str, str]:
     given = numbers(corners, f"--zone {name}", 6, 2)
     points = [list(pair) for pair in zip(given[::2], given[1::2], strict=True)]
     slow = {"speed_m_s": numbers(speed, f"--zone {name}, speed", 1)[0]} if speed else {}
-    zone = _valid(MapZone, {"name": name, "kind": kind, "corners": points, **slow}, f"--zone {name}")
-    return name, _entry(zone, points)
+    return _valid(MapZone, {"name": name, "kind": kind, "corners": points, **slow}, f"--zone {name}")
 
 
 def _place(text: str) -> tuple[str, str]:
@@ -158,14 +136,6 @@ def _place(text: str) -> tuple[str, str]:
     pose_keys = {"x_m": x, "y_m": y, "heading_deg": heading}
     _valid(MapZones, {"places": {name: pose_keys}}, f"--place {name}")
     return name, f"{{x_m: {x:g}, y_m: {y:g}, heading_deg: {heading:g}}}"
-
-
-def _entry(zone: MapZone, corners: Sequence[Sequence[float]]) -> str:
-    """A zone on one line."""
-    name = f"name: {zone.name!r}, " if zone.name is not None else ""
-    speed = f", speed_m_s: {zone.speed_m_s:g}" if zone.speed_m_s is not None else ""
-    points = ", ".join(f"[{x:g}, {y:g}]" for x, y in corners)
-    return f"{{{name}kind: {zone.kind}{speed}, corners: [{points}]}}"
 
 
 def _valid(model: type[Model], values: dict[str, object], option: str) -> Model:
@@ -180,8 +150,3 @@ def _valid(model: type[Model], values: dict[str, object], option: str) -> Model:
         raise ConfigError(
             [f"{option}: {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
         ) from None
-
-
-def _checked(raw: bytes, source: str) -> MapZones:
-    """What a file holds; nothing, if it has comments alone."""
-    return MapZones() if is_blank(raw) else model_of(raw, source, MapZones)

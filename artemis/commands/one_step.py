@@ -19,11 +19,17 @@ _LONGEST = 64
 
 @contextmanager
 def mission_of(
-    source: Path, name: str, step: Mapping[str, object], *, pace: str | None = None
+    source: Path,
+    name: str,
+    step: Mapping[str, object],
+    *,
+    pace: str | None = None,
+    page: Mapping[str, object] | None = None,
 ) -> Iterator[tuple[LoadedMission, Path]]:
     """A mission with one step, loaded, and its file, which lies beside the mission `source` until the block ends.
 
-    It has that mission's robot, bus and care, and its simulated machine, but no inputs, faults or operator. It goes on
+    It has that mission's robot, bus and care, and its simulated machine, but no inputs, faults or operator; with a
+    `page` it serves one, with these keys of its observer, which is an input, too. It goes on
     after no stop by itself: somebody may have a hand at a wheel.
 
     Raises:
@@ -52,4 +58,4 @@ def mission_of(
         json.dump(mission, file)
         file.flush()
         path = Path(file.name)
-        yield load_mission(path), path
+        yield load_mission(path, page=page), path

@@ -22,7 +22,7 @@ from artemis.vehicle import RobotFile
 from artemis.yaml_file import KeyPath, read
 
 if TYPE_CHECKING:
-    from artemis.route_planning.floor import Floor
+    from artemis.route_planning.floor import Floor, ZonedMap
     from artemis.route_planning.zones import MapZones
 
 
@@ -31,7 +31,7 @@ class GotoChecks(MissionReading):
 
     def __init__(self, path: Path, simulate: bool = False, page: Mapping[str, Any] | None = None) -> None:
         super().__init__(path, simulate, page)
-        self._floors: dict[str, tuple[Floor, MapZones] | None] = {}
+        self._floors: dict[str, tuple[Floor, MapZones, ZonedMap] | None] = {}
 
     def _check_goto(self, number: int, at: KeyPath, goto: Goto, robot: RobotFile | None, inputs: Configs) -> None:
         if localizer_used(self._data, simulated=self._simulated) is None:
@@ -58,6 +58,7 @@ class GotoChecks(MissionReading):
             return
         self._destinations[number] = Destination(
             floor=found[0],
+            made_of=found[2],
             goal=pose,
             speed=goto.speed_m_s,
             margin=margin,
@@ -96,15 +97,15 @@ class GotoChecks(MissionReading):
             return None
         return Pose(x=place.x_m, y=place.y_m, heading=radians(place.heading_deg))
 
-    def _floor(self, at: KeyPath, name: str) -> tuple[Floor, MapZones] | None:
+    def _floor(self, at: KeyPath, name: str) -> tuple[Floor, MapZones, ZonedMap] | None:
         """The floor of a map's YAML file, and what stands in the file of its zones; each map is read once."""
         if name not in self._floors:
             self._floors[name] = self._read_floor(at, name)
         return self._floors[name]
 
-    def _read_floor(self, at: KeyPath, name: str) -> tuple[Floor, MapZones] | None:
+    def _read_floor(self, at: KeyPath, name: str) -> tuple[Floor, MapZones, ZonedMap] | None:
         from artemis.mapping.map_file import map_from
-        from artemis.route_planning.floor import floor_from
+        from artemis.route_planning.floor import ZonedMap, floor_from
         from artemis.route_planning.zones import MapZones, zones_file
 
         def image(image: str) -> bytes:
@@ -118,9 +119,9 @@ class GotoChecks(MissionReading):
             return None
         problems = len(self._problems)
         zones: MapZones | None = MapZones()
+        found, beside = None, zones_file(name)
         try:
             content = map_from(self._survey(raw, str(self._folder / name)), (self._folder / name).parent, image)
-            beside = zones_file(name)
             if (self._folder / beside).exists() and (found := self._file(at, beside, read)) is not None:
                 zones = self._validated(MapZones, self._survey(found, str(self._folder / beside)))
         except ConfigError as error:
@@ -128,4 +129,4 @@ class GotoChecks(MissionReading):
             return None
         if zones is None or len(self._problems) > problems:
             return None
-        return floor_from(content, zones.zones), zones
+        return floor_from(content, zones.zones), zones, ZonedMap(content, self._folder / beside, found or b"")

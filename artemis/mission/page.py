@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
+from artemis.bridges.poses import GOAL_POSE, INITIAL_POSE
 from artemis.errors import ConfigError
+from artemis.plugins.contracts import TakesInitialPose
+from artemis.plugins.used import localizer_used
 from artemis.states.outline import steps_in
 
 PAGE = "page"
@@ -23,7 +27,8 @@ def add_page(mission: dict[str, Any], options: Mapping[str, Any]) -> None:
     """Add a page to a mission as its file has it.
 
     An input `page` becomes the last, by priority, of every step by hand; it drives no faster than the slowest of the
-    mission's inputs. What the mission says of a page itself stays, but for the `options` of its observer.
+    mission's inputs. On its map may be set what a step or the localizer takes. What the mission says of a page itself
+    stays, but for the `options` of its observer.
 
     Raises:
         ConfigError: the mission has something else of that name.
@@ -36,7 +41,8 @@ def add_page(mission: dict[str, Any], options: Mapping[str, Any]) -> None:
             raise ConfigError(f"inputs.{PAGE}: --page adds an input of this name: give that one another")
         speeds = [use.get("max_speed_m_s") for use in inputs.values() if isinstance(use, dict)]
         stated = [speed for speed in speeds if isinstance(speed, int | float)]
-        inputs[PAGE] = {"plugin": PAGE, "required": False, **({"max_speed_m_s": min(stated)} if stated else {})}
+        slow, allow = {"max_speed_m_s": min(stated)} if stated else {}, _allowed(mission)
+        inputs[PAGE] = {"plugin": PAGE, "required": False, **slow, **({"allow": allow} if allow else {})}
         for _, word, body in list(steps_in(mission.get("steps"))):
             if word == "teleop" and isinstance(body, dict):
                 _drive_too(body)
@@ -58,6 +64,22 @@ def _section(mission: dict[str, Any], name: str) -> dict[str, Any]:
     if found is None:
         found = mission[name] = {}
     return found if isinstance(found, dict) else {}
+
+
+def _allowed(mission: Mapping[str, Any]) -> list[str]:
+    """What may be set on the map of a page that is added: a goal that a step asks of it, and an initial pose."""
+    from artemis.plugins.registry import LOCALIZERS, load
+
+    bodies = [body for _, word, body in steps_in(mission.get("steps")) if word == "goto" and isinstance(body, Mapping)]
+    asked = [body["to"].get("from_input") for body in bodies if isinstance(body.get("to"), Mapping)]
+    allowed = [GOAL_POSE] * (PAGE in asked)
+    for simulated in (False, True):
+        use = localizer_used(mission, simulated=simulated)
+        name = use.get("plugin") if isinstance(use, Mapping) else None
+        with suppress(ConfigError):  # the mission's reader complains of it
+            if isinstance(name, str) and isinstance(load(LOCALIZERS, name), TakesInitialPose):
+                return [*allowed, INITIAL_POSE]
+    return allowed
 
 
 def _drive_too(body: dict[str, Any]) -> None:

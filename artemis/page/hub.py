@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -16,7 +16,9 @@ import msgspec
 
 from artemis.bridges.operator.session import BEAT_EVERY
 from artemis.bridges.page.port import connected_to
-from artemis.bridges.page.session import PageSeats, PageSession, Send
+from artemis.bridges.page.session import PageSeats, PageSession, Send, ZoneChange
+from artemis.errors import ArtemisError
+from artemis.page.zones import ZoneFiles
 
 KEPT_LOG = 400
 LOOK_AGAIN = 0.05
@@ -30,8 +32,8 @@ Update = Mapping[str, Any]
 class Hub:
     """All that the connections share."""
 
-    def __init__(self, runs: tuple[int, ...], plugin: str) -> None:
-        """`runs`: processes of which one may be the run; `plugin`: the name of its input."""
+    def __init__(self, runs: tuple[int, ...], plugin: str, zones: ZoneFiles | None = None) -> None:
+        """`runs`: processes of which one may be the run; `plugin`: the name of its input; `zones` of its maps."""
         self._loop = asyncio.get_running_loop()
         self.seats = PageSeats(self._seat_changed)
         self.sessions: set[PageSession] = set()
@@ -47,6 +49,10 @@ class Hub:
         self._lines = 0
         self._runs, self._plugin = runs, plugin
         self._run: socket.socket | None = None
+        self._zones = zones
+        self._disk = asyncio.Lock()
+        self._changing: set[asyncio.Task[None]] = set()
+        self.seats.change_zones = self._order_change
         self._next = self._loop.time()
         self._timer: asyncio.TimerHandle | None = None
         self.seats.lose_run(self._loop.time())
@@ -66,6 +72,7 @@ class Hub:
         """Beat, and look for the run."""
         self._look()
         self._beat()
+        self._begin_task(self._tell_zones())
 
     def close(self) -> None:
         """End what `begin` began."""
@@ -129,6 +136,35 @@ class Hub:
 
     def _put_part(self, name: str, content: bytes) -> None:
         self.parts[name] = self.parts.get(name, (0, b""))[0] + 1, content
+
+    # ------------------------------------------------------------------------------------------ zones
+
+    def _order_change(self, change: ZoneChange, told: Callable[[str], None]) -> None:
+        self._begin_task(self._change(change, told))
+
+    def _begin_task(self, work: Coroutine[Any, Any, None]) -> None:
+        """In another thread: a disk takes longer than Stop may wait."""
+        task = self._loop.create_task(work)
+        self._changing.add(task)
+        task.add_done_callback(self._changing.discard)
+
+    async def _change(self, change: ZoneChange, told: Callable[[str], None]) -> None:
+        if self._zones is None:
+            told("this run plans no routes: it has no zones")
+            return
+        try:
+            async with self._disk:
+                await asyncio.to_thread(self._zones.change, change)
+            told("")
+        except ArtemisError as error:
+            told(str(error))
+        await self._tell_zones()
+
+    async def _tell_zones(self) -> None:
+        if self._zones is not None:
+            self._put_part("zones", _JSON(await asyncio.to_thread(self._zones.told)))
+
+    # ------------------------------------------------------------------------------------------ the run
 
     def _beat(self) -> None:
         self._next = max(self._next + BEAT_EVERY, self._loop.time())

@@ -22,6 +22,7 @@ from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
 from artemis.page.access import Access, key_place, read_key
 from artemis.page.view import PageView, mission_in
+from artemis.page.zones import ZoneFiles
 from artemis.plugins.contracts import PluginContext
 from artemis.values import Tick
 
@@ -100,14 +101,16 @@ class PageObserver:
                 tls_context(*files)
             except ConfigError as error:
                 raise ConfigError(f"{context.name}: {error}") from None
-        self._view = PageView(context.robot, mission_in(context.mission), context.routes, context.map)
+        mission = mission_in(context.mission)
+        self._view = PageView(context.robot, mission, context.routes, context.map, config.input)
         self._complaints = Complaints(context.name, "browser")
         self._known: dict[str, int] = {}
         self._shown = -STATES_EVERY
         self._closed = False
         self._thread: _ServerThread | None = None
         if context.run is not None:  # not where a mission is only checked
-            self._thread = _ServerThread(config, context.name, self._view, files, context.run.parent)
+            zones = ZoneFiles(context.folder, mission)
+            self._thread = _ServerThread(config, context.name, self._view, zones, files, context.run.parent)
             self._thread.start()
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
@@ -147,7 +150,13 @@ class _ServerThread(LoopThread):
     """The server beside the ticks that are decoded here."""
 
     def __init__(
-        self, config: PageObserverConfig, name: str, view: PageView, files: tuple[Path, Path] | None, runs: Path
+        self,
+        config: PageObserverConfig,
+        name: str,
+        view: PageView,
+        zones: ZoneFiles,
+        files: tuple[Path, Path] | None,
+        runs: Path,
     ) -> None:
         key = read_key(key_place())
         try:
@@ -155,6 +164,7 @@ class _ServerThread(LoopThread):
         except OSError as error:
             raise ConfigError(f"{name}: {config.listen}, port {config.port}: {error.strerror}") from None
         self._config, self._view, self._files, self._key, self._runs = config, view, files, key, runs
+        self._zones = zones
         self._hub: Any = None
         super().__init__(name)
 
@@ -179,7 +189,7 @@ class _ServerThread(LoopThread):
         from artemis.page.server import PageServer, serve
 
         config = self._config
-        hub = Hub((os.getppid(), os.getpid()), config.input)
+        hub = Hub((os.getppid(), os.getpid()), config.input, self._zones)
         hub.about = _JSON(self._view.about())
         hub.history, hub.trail = lambda: _JSON(self._view.history), lambda: _JSON(self._view.trail)
         access = Access(self._key, config.port, tls=config.tls is not None, names=config.names)

@@ -21,8 +21,9 @@ from artemis.report.fault_words import DID, next_step
 from artemis.report.mission_boxes import Box, boxes_of
 from artemis.scan import Scan
 from artemis.states.outline import numbered
+from artemis.states.requests import by_hand
 from artemis.supervision.catalogue import ROWS
-from artemis.values import Fault, JobKind, JobResult, LocatedPose, Tick
+from artemis.values import Fault, JobKind, JobResult, LocatedPose, Mode, Request, Tick
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import dotted
 
@@ -52,6 +53,7 @@ class PageView:
         mission: Mapping[str, Any],
         routes: Mapping[int, Route],
         map: Callable[[], ShownMap | None] = lambda: None,
+        input: str = "page",
     ) -> None:
         """Begin.
 
@@ -60,16 +62,21 @@ class PageView:
             mission: in its file's own form; empty: not known.
             routes: the paths of the mission's steps that are known before the run, by the step's number.
             map: the run's map as it is at present, the same object until it changes.
+            input: the name of the mission's input over which operators at the page act.
         """
+        self._input = input
         self._robot, self._mission, self._routes, self._map = robot, mission, dict(routes), map
         self._events = EventLog({name: drive.node_id for name, drive in robot.drives.items()}, robot.errors)
         self._steering = {robot.drive_at("steering", side)[0]: side for side in robot.sides("steering")}
+        self._read = self._steering if robot.has_potentiometers else {}
         self._car = Ackermann(robot.geometry)
         self._shown_map: ShownMap | None = None
         self._faults: tuple[Fault, ...] | None = None
         self._path_of: int | None = None
         self._planned: dict[int, JobResult] = {}
         self._next_history = 0.0
+        self._presses = (-1, 0)
+        """How often the path that is recorded was begun or ended, in which step."""
         self._frame = ""
         self.log: list[Part] = []
         """New lines since the sender took them."""
@@ -105,6 +112,7 @@ class PageView:
             "scanners": {name: [m.x_m, m.y_m, m.heading] for name, m in robot.scanners.items()},
             "drives": [{"name": name, "node": drive.node_id} for name, drive in robot.drives.items()],
             "steps": self._steps(),
+            "acts": self._acts(),
             "series": [*SERIES, *robot.drives],
         }
 
@@ -118,8 +126,33 @@ class PageView:
         """The mission as a tree, and the paths in it of the numbered steps."""
         if not self._mission.get("steps"):
             return {"tree": None, "numbered": []}
-        paths = [dotted(path) for path, _, _ in numbered(self._mission["steps"])]
+        paths = [dotted(path) for path, _, _ in self._numbered_steps()]
         return {"tree": _box(boxes_of(self._mission)), "numbered": paths}
+
+    def _acts(self) -> Part:
+        """What an operator at the page may do in which step, by its number."""
+        steps = list(enumerate(body for _, _, body in self._numbered_steps()))
+        words = [word for _, word, _ in self._numbered_steps()]
+        bodies = {number: body for number, body in steps if isinstance(body, Mapping)}
+        inputs = self._mission.get("inputs")
+        use = inputs.get(self._input) if isinstance(inputs, Mapping) else None
+        return {
+            "allow": list((use.get("allow") or ()) if isinstance(use, Mapping) else ()),
+            "goals": [
+                number
+                for number, body in bodies.items()
+                if words[number] == "goto" and asked_input(body.get("to")) == self._input
+            ],
+            "records": [number for number, body in bodies.items() if words[number] == "teleop" and body.get("record")],
+            "questions": {
+                number: {"question": body["question"], "answers": list(body["answers"])}
+                for number, body in bodies.items()
+                if words[number] == "ask"
+            },
+        }
+
+    def _numbered_steps(self) -> list[tuple[tuple[str | int, ...], str, Any]]:
+        return numbered(self._mission.get("steps") or ())
 
     # ------------------------------------------------------------------------------------------ each tick
 
@@ -141,6 +174,7 @@ class PageView:
                 self._planned[tick.position.step] = result
                 self._path_of = None
         self._see_path(tick)
+        self._see_presses(tick)
         if snapshot.sensed.scans:
             self._see_scan(snapshot.sensed.scans[-1], snapshot.pose)
         if (shown := self._map()) is not self._shown_map:
@@ -200,8 +234,11 @@ class PageView:
             "battery": None if (left := snapshot.battery) is None else [round(left.charge, 3), _finite(left.range_m)],
             "drives": [
                 [drive.state.value, drive.state is DriveState.OPERATION_ENABLE, _finite(drive.age), drive.position]
+                + ([[round(volts, 3) for volts in drive.potentiometers]] if drive.name in self._read else [])
                 for drive in drives
             ],
+            "hand": list(by_hand(tick)),
+            "presses": self._presses[1] if self._presses[0] == position.step else 0,
             "inputs": [[sample.source, sample.enabled, _finite(sample.age)] for sample in snapshot.sensed.inputs],
         }
 
@@ -222,6 +259,13 @@ class PageView:
             poses = [] if (route := self._routes.get(step)) is None else list(route.poses(PATH_STEP))
         points = [[round(pose.x, 3), round(pose.y, 3)] for pose in poses]
         self._put("path", {"step": step, "points": points})
+
+    def _see_presses(self, tick: Tick) -> None:
+        """Count who begins or ends the path that a step by hand records."""
+        step, (of, presses) = tick.position.step, self._presses
+        if tick.mode is Mode.TELEOP:
+            asked = sum(Request.RECORD in sample.requests for sample in tick.snapshot.sensed.inputs)
+            self._presses = step, presses * (of == step) + asked
 
     def _see_scan(self, scan: Scan, located: LocatedPose) -> None:
         mounting = self._robot.scanners.get(scan.source)
@@ -251,6 +295,11 @@ class PageView:
             self.trail.append((round(pose.x, 3), round(pose.y, 3)))
             if len(self.trail) > MOST_TRAIL:
                 del self.trail[1 : MOST_TRAIL // 2 : 2]  # the older half at every other point
+
+
+def asked_input(to: object) -> str:
+    """The input that gives the goal of a step `goto`, by its key `to`; empty: none does."""
+    return str(to.get("from_input") or "") if isinstance(to, Mapping) else ""
 
 
 def is_shown(entry: Entry) -> bool:

@@ -31,6 +31,7 @@ def is_whole_input(answer: object) -> TypeGuard[OperatorInput]:
         and all(_holds(part, NUMBER) for part in (numbers, answer.raw, answer.axes, answer.centred, answer.shaped))
         and all(_holds(part, FLAG) for part in ((answer.enabled, answer.neutral), answer.buttons))
         and _holds(answer.requests, (Request,))
+        and _holds(answer.answers, (str,))
     )
 
 
@@ -82,6 +83,7 @@ def plain_input(sample: OperatorInput) -> OperatorInput:
         buttons=tuple(map(bool, sample.buttons)),
         goal=None if sample.goal is None else _plain_pose(sample.goal),
         initial_pose=None if (initial := sample.initial_pose) is None else _plain_initial(initial, sample.source),
+        answers=tuple(map(str, sample.answers)),
     )
 
 

@@ -11,10 +11,13 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from math import hypot
+from pathlib import Path
+from typing import TypeVar
 
 from artemis.devices.device import Readings, Report, Work
+from artemis.mapping.occupancy import OccupancyMap
 from artemis.motion.planned_route import PLANNER, unpacked_goal
-from artemis.route_planning.floor import Destination
+from artemis.route_planning.floor import Destination, Floor
 from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.scan import Scan
@@ -27,14 +30,30 @@ DRIVEN_SPACING, DRIVEN = 0.05, 40
 """What the robot has driven is noted every so often [m], so many times."""
 
 
+Done = TypeVar("Done")
+ZonedFloor = Callable[[OccupancyMap, Path, bytes], Floor | str]
+"""From a map and the content of the file of its zones to the floor, or what is wrong in that file."""
+
+
 class RoutePlanner:
     """`Actuators` without drives of its own, so that ticks and jobs reach it. In real time it plans in a process."""
 
     drives = (PLANNER,)
 
-    def __init__(self, robot: RobotFile, destinations: Mapping[int, Destination], *, virtual: bool) -> None:
-        """`destinations` by the numbers of their steps; on `virtual` time a plan takes what it is modelled to take."""
-        self._robot, self._destinations = robot, destinations
+    def __init__(
+        self, robot: RobotFile, destinations: Mapping[int, Destination], zoned_floor: ZonedFloor, *, virtual: bool
+    ) -> None:
+        """Plan nothing yet.
+
+        Args:
+            robot: its outline and what it can turn.
+            destinations: by the numbers of their steps.
+            zoned_floor: makes the floor of a map anew; it goes to another process.
+            virtual: a plan takes what it is modelled to take.
+        """
+        self._robot, self._destinations, self._zoned_floor = robot, destinations, zoned_floor
+        self._floors: dict[Path, tuple[bytes, Floor]] = {}
+        """By the file of their zones, with its content; only those that changed."""
         self._pose = Pose()
         self._placed_scans: deque[PlacedScan] = deque()
         self._driven: deque[Pose] = deque(maxlen=DRIVEN)
@@ -96,17 +115,38 @@ class RoutePlanner:
         goal = destination.goal or unpacked_goal(present[:3])
         if destination.goal is None:
             present = present[3:]
-        request = replace(self._request(destination, self._pose, goal), present=present)
+        try:
+            floor = await self._floor(destination)
+            if isinstance(floor, str):
+                return _result(job, PlannedRoute(detail=floor))
+            request = replace(self._request(destination, self._pose, goal), floor=floor, present=present)
+            planned = await self._apart(plan_route, request)
+        except BrokenProcessPool:
+            return _result(job, PlannedRoute(detail="the process that plans has ended"))
         if self._pool is None:
-            planned = plan_route(request)
             await asyncio.sleep(MODELLED + MODELLED_PER_POSE * planned.expanded)
-        else:
-            try:
-                planned = await asyncio.get_running_loop().run_in_executor(self._pool, plan_route, request)
-            except BrokenProcessPool:
-                planned = PlannedRoute(detail="the process that plans has ended")
-        ok = planned.arrived or bool(planned.values)
-        return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, detail=planned.detail, values=planned.values)
+        return _result(job, planned)
+
+    async def _floor(self, destination: Destination) -> Floor | str:
+        """A step's floor, with the zones that are beside its map now; or what is wrong with them."""
+        made_of = destination.made_of
+        try:
+            raw = await self._apart(_content, made_of.beside)
+        except OSError as error:
+            return f"{made_of.beside}: cannot be read: {error.strerror}"
+        known, floor = self._floors.get(made_of.beside, (made_of.raw, destination.floor))
+        if raw == known:
+            return floor
+        made = await self._apart(self._zoned_floor, made_of.content, made_of.beside, raw)
+        if not isinstance(made, str):
+            self._floors[made_of.beside] = raw, made
+        return made
+
+    async def _apart(self, work: Callable[..., Done], *given: object) -> Done:
+        """Have it done in the other process; on virtual time at once."""
+        if self._pool is None:
+            return work(*given)
+        return await asyncio.get_running_loop().run_in_executor(self._pool, work, *given)
 
     def _request(self, destination: Destination, start: Pose, goal: Pose) -> RouteRequest:
         return RouteRequest(
@@ -130,3 +170,16 @@ class RoutePlanner:
 def _leave_interrupts_alone() -> None:
     """Ctrl-C goes to all processes of a terminal: the run ends this one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _content(file: Path) -> bytes:
+    """Nothing, where there is no such file. Raises OSError."""
+    try:
+        return file.read_bytes()
+    except FileNotFoundError:
+        return b""
+
+
+def _result(job: Job, planned: PlannedRoute) -> JobResult:
+    ok = planned.arrived or bool(planned.values)
+    return JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=ok, detail=planned.detail, values=planned.values)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from msgspec import Struct
@@ -119,10 +120,21 @@ def clearance(occupied: Cells) -> Field:
     return np.asarray(np.maximum(CELL * framed - CELL * math.sqrt(0.5), 0.0), np.float32)
 
 
+class ZonedMap(Struct, frozen=True):
+    """A map, and the file of its zones as it was read: what a floor is made of."""
+
+    content: OccupancyMap
+    beside: Path
+    raw: bytes
+    """Empty: there was no file."""
+
+
 class Destination(Struct, frozen=True, kw_only=True):
     """What a step of a mission wants routes for."""
 
     floor: Floor
+    made_of: ZonedMap
+    """The floor of before the run; whoever plans makes another one once the zones are others."""
     goal: Pose | None
     """In the frame of the map; None: each job has its own."""
     speed: float

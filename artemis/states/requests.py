@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from artemis.states.homing import STRAIGHT
 from artemis.states.mode import hands_on
 from artemis.states.quickstop import waits_for
+from artemis.states.steering import KEEP, START, TURN_IT
 from artemis.values import JobKind, Mode, Request, Tick
 
 _EARLY = {"listening", JobKind.SECURE.value, JobKind.CONFIGURE.value, "first contact", "proving the watchdog"}
@@ -22,6 +23,15 @@ _ONLY_IN: Mapping[Request, tuple[Mode, str]] = {
     Request.LEFT_TENTH: (Mode.CALIBRATE, "no wheel is being measured"),
     Request.RIGHT_TENTH: (Mode.CALIBRATE, "no wheel is being measured"),
 }
+
+
+def by_hand(tick: Tick) -> tuple[bool, bool]:
+    """Whether a person who accepts is waited for; and whether one who turns a wheel is."""
+    phase = tick.wish.phase
+    if tick.mode is Mode.INIT:
+        return phase == STRAIGHT, False
+    turns = tick.mode is Mode.CALIBRATE and phase.endswith(TURN_IT)
+    return turns or (tick.mode is Mode.CALIBRATE and phase.endswith((START, KEEP))), turns
 
 
 def ignored(request: Request, tick: Tick) -> str | None:

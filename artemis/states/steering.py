@@ -38,6 +38,8 @@ AHEAD = radians(2.0)
 """No keys, however many, send a wheel farther than this from where it is [rad]: it stops when they stop."""
 READ_TIME = 0.5
 """Nobody reads a question faster [s]."""
+TURN_IT, START, KEEP = "turn it until it stands straight, then accept", "enter: start, q: cancel", "enter: yes, q: no"
+"""How the phases end in which a person has to do something."""
 INSIDE = 1e-6
 """Targets stay so far inside the gate's limits [rad]: rounding must not put them beyond."""
 JOGS = {
@@ -81,8 +83,7 @@ def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -
             straight[side], snapshot = yield from _ask_straight(shared.plan, side, snapshot)
     if by_hand := [side for side in step.sides if side not in step.reference]:
         if shared.plan.robot.has_potentiometers:
-            clear = "keep clear, the wheels turn to both sides now: enter: start, q: cancel"
-            snapshot = yield from _ask(clear, snapshot)
+            snapshot = yield from _ask(f"keep clear, the wheels turn to both sides now: {START}", snapshot)
         if shared.plan.blind:
             snapshot = yield from _take_as_straight(shared, {side: straight[side][0] for side in by_hand}, snapshot)
             straight.update({side: (0.0, straight[side][1]) for side in by_hand})
@@ -101,7 +102,7 @@ def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -
     for text in _told(shared.plan, fits):
         snapshot = yield _hold(snapshot, text)
     if step.save == "ask":
-        snapshot = yield from _ask("keep this in the drives and the robot file? enter: yes, q: no", snapshot)
+        snapshot = yield from _ask(f"keep this in the drives and the robot file? {KEEP}", snapshot)
     if step.save != "nothing":
         robot = shared.plan.robot
         wanted = {robot.drive_at("steering", side)[0]: memory_numbers(fit.calibration) for side, fit in fits.items()}
@@ -124,7 +125,7 @@ def _tell_zeros(shared: Shared, step: SteeringStep, straight: Mapping[str, float
         told = f"{side}: {found.key} {found.before:.4f} -> {found.after:.4f} ({-degrees(angle):+.2f} deg)"
         snapshot = yield _hold(snapshot, told)
     if step.save == "ask":
-        snapshot = yield from _ask("keep this in the robot file? enter: yes, q: no", snapshot)
+        snapshot = yield from _ask(f"keep this in the robot file? {KEEP}", snapshot)
     return snapshot
 
 
@@ -180,7 +181,7 @@ def _ask_straight(
     direction = 0.0 if plan.blind else 1.0  # as the alignment leaves it
     begun = snapshot.time
     while not _accepts(snapshot, begun):
-        question = f"{_wheel(side)} at {degrees(angle):+.1f} deg: turn it until it stands straight, then accept"
+        question = f"{_wheel(side)} at {degrees(angle):+.1f} deg: {TURN_IT}"
         _check_somebody(snapshot, begun, question)
         if jog := total(JOGS.get(request, 0.0) for request in snapshot.sensed.requests):
             here, direction = _drive(snapshot, name).position, copysign(1.0, jog)

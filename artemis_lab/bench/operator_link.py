@@ -126,7 +126,7 @@ def drive(robot: Path, seconds: float, seed: int, *, flood: bool, thread: bool =
     ticks = Ticks()
     with TemporaryDirectory() as made, _link(thread=thread):
         folder = Path(made)
-        secret, out, port = folder / "operator.secret", folder / "hand.json", _free_port()
+        secret, out, port = folder / "operator.secret", folder / "hand.json", free_port()
         write_secret(secret, SECRET)
         (folder / "robot.yaml").write_bytes(robot.read_bytes())
         mission = folder / "mission.yaml"
@@ -161,7 +161,7 @@ async def _cuts(robot: RobotFile, times: int) -> list[float]:
     loop, found = asyncio.get_running_loop(), []
     with TemporaryDirectory() as made:
         write_secret(Path(made) / "secret", SECRET)
-        config = NetworkConfig(port=_free_port(), secret="secret")
+        config = NetworkConfig(port=free_port(), secret="secret")
         device = NetworkInput(config, PluginContext(name="remote", robot=robot, folder=Path(made), real_time=True))
         proxy = DamagingProxy(config.port)
         await proxy.begin()
@@ -221,7 +221,8 @@ def _link(*, thread: bool) -> Iterator[None]:
         yield
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """A TCP port of this computer that nobody uses now."""
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
         port: int = found.getsockname()[1]

@@ -20,14 +20,14 @@ from PIL import Image
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1] / "tests"))
 
-from page_rig import PageRig, page_rig, recorded  # noqa: E402
+from page_rig import MISSIONS, PageRig, page_rig, recorded  # noqa: E402
 
 from artemis.values import Mode, Tick  # noqa: E402
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
 DESKTOP = {"viewport": {"width": 1280, "height": 800}}
-HALL, LOOP, FAULT = "patrol_hall.yaml", "figure_eight.yaml", "fault_recovery_by_hand.yaml"
-UNTIL = {HALL: 45.0, LOOP: 40.0, FAULT: 25.0}
+HALL, LOOP, FAULT, GOAL = "patrol_hall.yaml", "figure_eight.yaml", "fault_recovery_by_hand.yaml", "page_goto.yaml"
+UNTIL = {HALL: 45.0, LOOP: 40.0, FAULT: 25.0, GOAL: 12.0}
 """Seconds of each run."""
 REPLAYED = "Boolean(window.artemis?.shown) && document.getElementById('making').hidden"
 MOVING = 22.0, 45.0, 0.5, 120
@@ -42,7 +42,7 @@ def at(time: float) -> Callable[[Tick], bool]:
 @contextmanager
 def shown(mission: str, wanted: Callable[[Tick], bool], home: Path) -> Iterator[PageRig]:
     """The page of a run, at the first tick that is as wanted."""
-    run = recorded(mission, UNTIL[mission], home)
+    run = recorded(mission, UNTIL[Path(mission).name], home)
     with page_rig(run, home) as rig:
         rig.show(run.at(wanted))
         yield rig
@@ -119,6 +119,16 @@ def take(browser: Any, home: Path) -> None:  # noqa: ANN401
         page.wait_for_selector("#charts .uplot canvas")
         page.wait_for_timeout(700)
         picture(page, "charts")
+    zones = home / "missions/maps/hall.zones.yaml"
+    zones.write_text("zones:\n- {name: loading bay, kind: keep-out, corners: [[9, 4.5], [12, 4.5], [12, 7], [9, 7]]}\n")
+    with shown(str(home / "missions" / GOAL), at(11.0), home) as rig:
+        page = opened(browser, rig, DESKTOP)
+        take_control(page, hold=False)
+        page.click("#tab-zones")
+        page.click("#tool-goal")
+        for name, number in (("x", "3"), ("y", "-1"), ("heading", "30")):
+            page.fill(f"#act-{name}", number)
+        picture(page, "acts")
     with shown(FAULT, lambda tick: tick.mode is Mode.FAULT and "acknowledge" in tick.wish.phase, home) as rig:
         page = opened(browser, rig, DESKTOP)
         take_control(page, hold=False)
@@ -158,8 +168,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         home = Path(folder)
         os.environ["XDG_CONFIG_HOME"] = folder
+        shutil.copytree(MISSIONS, home / "missions", ignore=shutil.ignore_patterns("runs"))
         for mission, until in UNTIL.items():
-            recorded(mission, until, home)
+            recorded(str(home / "missions" / mission) if mission == GOAL else mission, until, home)
         recorded(LOOP, 200.0, home)  # to its end
         with sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])

@@ -105,8 +105,8 @@ def test_a_robot_file_that_somebody_else_touched_meanwhile_is_left_alone(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ((), "a person at a terminal is needed, or --reference-left, --reference-right, --yes"),
-        (("--yes", "--reference-left=0"), "a person at a terminal is needed, or --reference-right"),
+        ((), "a person at a terminal is needed, or --page, or --reference-left, --reference-right, --yes"),
+        (("--yes", "--reference-left=0"), "a person at a terminal is needed, or --page, or --reference-right"),
         (("--side", "up"), "--side up: write left or right"),
         (("--side", "left", "--reference-right=1"), "--reference-right is of a wheel that is not measured"),
         (("--side", "left", "--reference-left=1", "--new", "--yes"), "both wheels are measured"),

@@ -74,6 +74,7 @@ ELSEWHERE = (
     "ros2_teleop.yaml",
     "rosbridge_teleop.yaml",
     "network_teleop.yaml",
+    "page_goto.yaml",
     "page_teleop.yaml",
     "record_and_follow.yaml",
     "record_and_return.yaml",

@@ -11,6 +11,7 @@ from page_rig import MISSIONS
 
 from artemis.app import Parts, run_mission
 from artemis.clock import SimulatedLoop
+from artemis.commands.one_step import mission_of
 from artemis.commands.replay import replay_run
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
@@ -50,6 +51,39 @@ def test_adding_it_again_changes_nothing() -> None:
     once = repr(mission)
     add_page(mission, {})
     assert repr(mission) == once
+
+
+@pytest.mark.parametrize(
+    ("mission", "allowed"),
+    [
+        ("ros_goto.yaml", ("initialpose",)),  # its localizer takes one
+        ("goto_workshop.yaml", None),
+        ("figure_eight.yaml", None),
+    ],
+)
+def test_a_page_that_is_added_allows_what_the_mission_takes(mission: str, allowed: tuple[str, ...] | None) -> None:
+    options = load_mission(MISSIONS / mission, page={}).mission.inputs["page"].options
+    assert options.get("allow") == (None if allowed is None else list(allowed))
+
+
+def test_a_step_that_asks_a_page_for_its_goal_has_it_added() -> None:
+    given: dict[str, Any] = {"steps": [{"repeat": {"steps": [{"goto": {"to": {"from_input": "page"}}}]}}]}
+    add_page(given, {})
+    assert given["inputs"]["page"] == {"plugin": "page", "required": False, "allow": ["goal_pose"]}
+
+
+@pytest.mark.parametrize("localizer", [{"plugin": "no such"}, {"plugin": 3}, "scan_map"])
+def test_a_localizer_that_is_none_is_left_to_the_mission_s_reader(localizer: object) -> None:
+    given: dict[str, Any] = {"localizer": localizer, "steps": []}
+    add_page(given, {})
+    assert "allow" not in given["inputs"]["page"]
+
+
+def test_a_mission_of_one_step_is_served_at_a_page_where_that_is_wanted() -> None:
+    step = {"calibrate": {"steering": {"wheels": "left", "save": "nothing"}}}
+    with mission_of(MISSIONS / "figure_eight.yaml", "calibrate-steering", step, page={"port": 9999}) as (loaded, _):
+        assert loaded.mission.observers["page"].options == {"input": "page", "port": 9999}
+        assert not is_fast(loaded)
 
 
 @pytest.mark.parametrize("section", ["inputs", "observers"])

@@ -13,10 +13,12 @@ from msgspec.structs import replace
 from page_rig import MISSIONS, Recorded, recorded
 
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
+from artemis.mission.loading import load_mission
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.poses import seen_from
 from artemis.page.view import MOST_BEAMS, MOST_TRAIL, PageView, mission_in
-from artemis.values import DriveFeedback, Mode, Pose
+from artemis.progress import Position
+from artemis.values import DriveFeedback, Mode, OperatorInput, Pose, Request
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import load
 
@@ -125,6 +127,45 @@ def test_a_map_comes_as_runs_of_equal_cells(scanned: Recorded) -> None:
 def test_a_mission_that_is_not_known_has_no_steps(scanned: Recorded) -> None:
     assert mission_in(b"") == {}
     assert PageView(scanned.loaded.robot, {}, {}).about()["steps"] == {"tree": None, "numbered": []}
+
+
+@pytest.mark.parametrize(
+    ("mission", "acts"),
+    [
+        ("page_goto.yaml", {"allow": ["goal_pose", "initialpose"], "goals": [1]}),
+        ("ros_goto.yaml", {"goals": []}),  # another input is asked
+        ("page_teleop.yaml", {"records": [1], "goals": [], "questions": {}}),
+        ("ask_which_way.yaml", {"questions": {1: {"question": "which way?", "answers": ["left", "right", "stop"]}}}),
+        ("figure_eight.yaml", {"allow": [], "goals": [], "records": [], "questions": {}}),
+    ],
+)
+def test_a_page_is_told_in_which_steps_an_operator_may_do_what(mission: str, acts: dict[str, object]) -> None:
+    loaded = load_mission(MISSIONS / mission)
+    view = PageView(loaded.robot, mission_in(loaded.mission.model_dump_json(by_alias=True).encode()), {})
+    told = view.about()["acts"]
+    assert {name: told[name] for name in acts} == acts
+
+
+def test_presses_of_the_record_button_are_counted_in_their_step(faulty: Recorded) -> None:
+    view, (tick, _) = view_of(faulty), faulty.ticks[-1]
+    pressed = OperatorInput(source="page", requests=(Request.RECORD,))
+
+    def seen_at(step: int, *inputs: OperatorInput) -> int:
+        sensed = replace(tick.snapshot.sensed, inputs=inputs, requests=())
+        snapshot = replace(tick.snapshot, sensed=sensed)
+        now = replace(tick, mode=Mode.TELEOP, position=Position(step=step), snapshot=snapshot)
+        view.see(now, (), now.snapshot.time)
+        presses = view.state(now)["presses"]
+        assert isinstance(presses, int)
+        return presses
+
+    assert [seen_at(1), seen_at(1, pressed), seen_at(1), seen_at(1, pressed), seen_at(2)] == [0, 1, 1, 2, 0]
+
+
+def test_the_voltages_of_the_potentiometers_are_told_of_steered_wheels(faulty: Recorded) -> None:
+    drives = view_of(faulty).state(faulty.ticks[-1][0])["drives"]
+    assert [len(drive) for drive in drives].count(5) == 2
+    assert all(len(drive[4]) == 2 for drive in drives if len(drive) == 5)
 
 
 def test_the_key_of_a_page_is_not_in_what_is_told(faulty: Recorded, tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def test_input_that_raises_is_a_problem_with_its_error_and_the_others_are_read()
 def test_what_is_no_sample_is_garbage_and_shown(garbage: object) -> None:
     desk = Desk(stick=lambda now: garbage)
     assert desk.read() == ()
-    assert desk.guard.take_problems() == [("PLG-06", "stick", repr(garbage))]
+    assert desk.guard.take_problems() == [("PLG-06", "stick", repr(garbage)[:200])]
 
 
 def test_garbage_is_shown_up_to_a_length() -> None:
@@ -115,6 +115,9 @@ PARTS: list[dict[str, Any]] = [
     {"requests": ("quick stop",)},
     {"requests": None},
     {"requests": [Request.END]},
+    {"answers": None},
+    {"answers": ["left"]},
+    {"answers": (1,)},
     {"source": None},
     {"raw": None},
     {"centred": ("left",)},

@@ -14,6 +14,7 @@ from math import inf
 from typing import Literal
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from artemis.bridges.operator.frames import MalformedFrame, SentCommand
 from artemis.bridges.operator.quality import LinkQuality
@@ -58,6 +59,25 @@ class Arrived(Struct, frozen=True, array_like=True):
     axes: tuple[float, ...]
 
 
+class GivenPose(Struct, frozen=True, tag="pose"):
+    """A goal, or about where the robot is, in the frame `map` [m, m, rad]."""
+
+    kind: Literal["goal_pose", "initialpose"]
+    x: float
+    y: float
+    heading: float
+
+
+class GivenAnswer(Struct, frozen=True, tag="answer"):
+    """The answer to the question of a step of the mission."""
+
+    step: int
+    text: str
+
+
+Given = GivenPose | GivenAnswer
+
+
 class LinkReport(Struct, array_like=True):
     """What there is to tell since the last report."""
 
@@ -74,6 +94,9 @@ class LinkReport(Struct, array_like=True):
     """When a command came that was too old, and how old it was [s]."""
     requests: list[Request] = []
     problems: list[Problem] = []
+    given: list[Given] = []
+    asked: float = inf
+    """When the oldest beat was sent that a request, or what was given, quotes [s]; a quick stop quotes none."""
 
 
 class Seats:
@@ -124,7 +147,7 @@ class Seats:
     def seat(self, link: LinkSession, now: float) -> None:
         """The link has the seat now."""
         self.owner = link
-        self.report = LinkReport("held", link.who, now, requests=self.report.requests, problems=self.report.problems)
+        self.report = replace(self.report, seat="held", who=link.who, since=now, why="", newest=None, late=None)
         self.has_news = True
 
     def release(self, link: LinkSession, now: float) -> None:
@@ -140,13 +163,21 @@ class Seats:
         """A command came that was too old."""
         self.report.late, self.has_news = (now, age), True
 
-    def ask(self, request: Request) -> None:
-        """Somebody who may asks for this."""
+    def ask(self, request: Request, sent: float = inf) -> None:
+        """Somebody who may asks for this, and quotes a beat that was sent then [s]."""
         if len(self.report.requests) < MOST_REQUESTS:
             self.report.requests.append(request)
         elif request is Request.QUICKSTOP:
             self.report.requests[0] = request
+        self.report.asked = min(self.report.asked, sent)
         self.has_news = True
+
+    def give(self, given: Given, sent: float) -> None:
+        """Who has the seat gives this, and quotes a beat that was sent then [s]."""
+        if len(self.report.given) < MOST_REQUESTS:
+            self.report.given.append(given)
+            self.report.asked = min(self.report.asked, sent)
+            self.has_news = True
 
     def tell(self, row: str, seen: str, now: float) -> None:
         """Something is wrong; not too often, and once in a report: the run may not take it for long."""
@@ -158,10 +189,7 @@ class Seats:
 
     def _leave(self, seat: Seat, now: float, why: str) -> None:
         assert self.owner is not None
-        report = self.report
-        self.report = LinkReport(
-            seat, self.owner.who, now, why, late=report.late, requests=report.requests, problems=report.problems
-        )
+        self.report = replace(self.report, seat=seat, who=self.owner.who, since=now, why=why, newest=None)
         self.owner, self.has_news = None, True
 
 
@@ -242,7 +270,7 @@ class LinkSession(ABC):
                 words = f"{self.who} asked to {request.value}: the mission does not allow it"
                 self._end.tell("NET-08", words, now)
             elif fresh or request is Request.QUICKSTOP:
-                self._end.ask(request)
+                self._end.ask(request, now - age)
         if not fresh:
             self._late += 1
             self._end.came_late(age, now)

@@ -14,7 +14,8 @@ import msgspec
 from msgspec import Meta, Struct
 
 from artemis.bridges.operator.frames import MalformedFrame, SentCommand
-from artemis.bridges.operator.session import LinkSession, Seat, Seats
+from artemis.bridges.operator.session import GivenAnswer, GivenPose, LinkSession, Seat, Seats
+from artemis.bridges.poses import FARTHEST
 from artemis.values import Request
 
 FRESH = 0.3
@@ -26,15 +27,19 @@ REQUESTS = {
     "end": Request.END,
     "done": Request.DONE,
     "record": Request.RECORD,
+    "accept": Request.ACCEPT,
 }
 """What who has the seat may ask for."""
 STALE_PAGE = "NET-11"
+MOST_CORNERS = 40
 KNOWN_STOPS = 256
 """Presses of Stop are known by their ids; each comes by two ways."""
 
+Metres = Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST)]
 Share = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Count = Annotated[int, Meta(ge=0, le=1 << 53)]
 Id = Annotated[str, Meta(min_length=1, max_length=40)]
+Word = Literal["acknowledge", "arm", "end", "done", "record", "accept"]
 Send = Callable[[dict[str, Any]], None]
 
 
@@ -62,7 +67,49 @@ class Hold(Struct, frozen=True, tag_field="t", tag="hold", forbid_unknown_fields
     """To the right."""
     y: Share = 0.0
     """Forward."""
-    ask: Annotated[tuple[Literal["acknowledge", "arm", "end", "done", "record"], ...], Meta(max_length=8)] = ()
+    jog: Share = 0.0
+    """The wheel that is being calibrated, to the left: slowly up to a half, else faster."""
+    ask: Annotated[
+        tuple[Literal["acknowledge", "arm", "end", "done", "record", "accept"], ...], Meta(max_length=8)
+    ] = ()
+
+
+class PosePress(Struct, frozen=True, tag_field="t", tag="pose", forbid_unknown_fields=True):
+    """A goal for the robot, or about where it is, in the frame `map`."""
+
+    seq: Count
+    beat: Count
+    kind: Literal["goal_pose", "initialpose"]
+    x: Metres
+    y: Metres
+    heading: Annotated[float, Meta(ge=-7.0, le=7.0)]
+    """[rad]"""
+
+
+class AnswerPress(Struct, frozen=True, tag_field="t", tag="answer", forbid_unknown_fields=True):
+    """An answer to the question of a step of the mission."""
+
+    seq: Count
+    beat: Count
+    step: Count
+    text: Annotated[str, Meta(min_length=1, max_length=200)]
+
+
+class ZoneChange(Struct, frozen=True, tag_field="t", tag="zone", forbid_unknown_fields=True):
+    """A zone to keep out of is to be added beside a map, or one of any kind removed."""
+
+    seq: Count
+    beat: Count
+    map: Annotated[str, Meta(max_length=300)]
+    """The map's file as the mission names it."""
+    known: Annotated[str, Meta(max_length=40)]
+    """What zones the page shows, by their tag."""
+    name: Annotated[str, Meta(max_length=64)] = ""
+    """Of a new one."""
+    corners: Annotated[tuple[tuple[Metres, Metres], ...], Meta(max_length=MOST_CORNERS)] = ()
+    """Of a new one, in the frame of the map [m]; none: one is removed."""
+    remove: Count = 0
+    """Its number, from 1."""
 
 
 class StopPress(Struct, frozen=True, tag_field="t", tag="stop", forbid_unknown_fields=True):
@@ -80,7 +127,10 @@ class Ping(Struct, frozen=True, tag_field="t", tag="ping", forbid_unknown_fields
     at: float
 
 
-Said = Take | GiveBack | Hold | StopPress | Ping
+Act = PosePress | AnswerPress | ZoneChange
+Said = Take | GiveBack | Hold | Act | StopPress | Ping
+ChangeZones = Callable[[ZoneChange, Callable[[str], None]], None]
+"""Changes zones beside the ticks of the page, and then says why it did not; nothing: it did."""
 _DECODER = msgspec.json.Decoder(Said)
 
 
@@ -101,6 +151,7 @@ class PageSeats(Seats):
         super().__init__(REQUESTS.values(), FRESH)
         self.reached = True
         """What operators want is passed on to the run."""
+        self.change_zones: ChangeZones = lambda change, told: told("this run plans no routes: it has no zones")
         self._changed = changed
         self._stops: deque[str] = deque(maxlen=KNOWN_STOPS)
 
@@ -186,6 +237,29 @@ class PageSession(LinkSession):
                     self._take(_command(wanted), now)
             case Hold():  # on its way when the seat was lost
                 pass
+            case PosePress() | AnswerPress() | ZoneChange():
+                if self._seats.owner is not self:
+                    self._answer("take control first")
+                elif self._is_new(wanted.seq, now):
+                    self._act(wanted, now)
+
+    def _act(self, wanted: Act, now: float) -> None:
+        """Pass on what who has the seat wants besides driving, as long as it is as young as a command has to be."""
+        sent = self._sent(wanted.beat)
+        if now - sent > self._seats.fresh:
+            self._answer("it came too late: do it again")
+            return
+        match wanted:
+            case PosePress():
+                self._seats.give(GivenPose(wanted.kind, wanted.x, wanted.y, wanted.heading), sent)
+            case AnswerPress():
+                self._seats.give(GivenAnswer(wanted.step, wanted.text), sent)
+            case ZoneChange():
+                self._seats.change_zones(wanted, self._answer)
+
+    def _answer(self, why: str) -> None:
+        """Say that an act was refused, and why; empty: it is done."""
+        self._send({"t": "act", "why": why})
 
     def _take_seat(self, name: str, now: float) -> None:
         owner = self._seats.owner
@@ -217,5 +291,5 @@ def _command(given: Hold) -> SentCommand:
         neutral=given.neutral,
         hold=given.waited / 1e3,
         requests=tuple(REQUESTS[word] for word in given.ask),
-        axes=(given.x, given.y),
+        axes=(given.x, given.y, given.jog) if given.jog else (given.x, given.y),
     )

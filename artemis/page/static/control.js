@@ -51,6 +51,7 @@ function hear(message) {
       break;
     case 'stopping': confirmed(message.id, 'connection'); break;
     case 'refused': control.refused = message.why; changed('refused', message.why); break;
+    case 'act': changed('act', message.why); break;
     case 'parted': release(message.why); changed('parted', message.why); break;
   }
 }
@@ -67,6 +68,11 @@ export function ask(word) {
   if (control.mine && asked.length < 8 && !asked.includes(word)) { asked.push(word); hold(); }
 }
 
+// What is neither driving nor a request: a pose, an answer, a zone. Whether it was sent; what became of it comes as `act`.
+export function act(message) {
+  return control.mine && beatCame > 0 && say({...message, seq: ++sequence, beat});
+}
+
 // ------------------------------------------------------------------------------------------ the hand
 
 let last = 0;
@@ -76,9 +82,9 @@ export function hold() {
   if (last && now - last > GAP) release('this page was held up: press again'); // its own timers were
   else if (now - beatCame > GAP) release('the link was held up: press again');
   last = now;
-  const {held, x, y} = hand();
+  const {held, x, y, jog = 0} = hand();
   say({
-    t: 'hold', seq: ++sequence, beat, waited: now - beatCame, held, neutral: !held && x === 0 && y === 0, x, y, ask: asked,
+    t: 'hold', seq: ++sequence, beat, waited: now - beatCame, held, neutral: !held && x === 0 && y === 0, x, y, jog, ask: asked,
   });
   asked = []; // what could not be sent now is not asked for later
 }

@@ -11,8 +11,18 @@ export const setRange = share => { range = share; };
 const changed = () => { for (const listener of listeners) listener(); };
 export const reason = () => why;
 
+// A wheel that is calibrated is turned as long as its button is held: to the left above 0, slowly up to a half.
+export function jog(turn) {
+  if (jog.now === turn) return;
+  jog.now = turn;
+  why = '';
+  changed();
+}
+jog.now = 0;
+
 export function release(words) {
-  if (stick.held || keys.down.size || pad.held) why = words;
+  if (stick.held || keys.down.size || pad.held || jog.now) why = words;
+  jog.now = 0;
   Object.assign(stick, {held: false, x: 0, y: 0});
   keys.down.clear();
   keys.x = 0;
@@ -22,6 +32,7 @@ export function release(words) {
 
 export function hand() {
   readPad();
+  if (jog.now) return {held: true, x: 0, y: 0, jog: jog.now, by: 'jog'};
   if (stick.held) return {held: true, x: stick.x, y: stick.y * range, by: 'stick'};
   if (keys.down.size) return {held: true, x: turned(), y: ((keys.down.has('ArrowUp') ? 1 : 0) - (keys.down.has('ArrowDown') ? 1 : 0)) * range, by: 'keys'};
   if (pad.held) return {held: true, x: pad.x, y: pad.y * range, by: 'gamepad'};
@@ -81,7 +92,7 @@ function turned() {
 }
 
 export function bindKeys(allowed) {
-  const elsewhere = target => target instanceof Element && target.closest('input, textarea, select, [role=tab]');
+  const elsewhere = target => target instanceof Element && target.closest('input, textarea, select, [role=tab], #jog');
   window.addEventListener('keydown', event => {
     if (!ARROWS.has(event.key) || event.ctrlKey || event.metaKey || event.altKey || !allowed() || elsewhere(event.target)) return;
     event.preventDefault();

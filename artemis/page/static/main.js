@@ -4,6 +4,7 @@ import {bindKeys, bindStick, hand, onHand, onPadStop, reason, setRange} from './
 import * as map from './map.js';
 import * as panels from './panels.js';
 import * as charts from './charts.js';
+import * as acts from './acts.js';
 
 const $ = id => document.getElementById(id);
 const RETRY = 500, QUIET = 1000, OLD = 1.0;
@@ -36,6 +37,7 @@ function hear(message) {
     map.showAbout(message.about);
     panels.showAbout(message.about);
     charts.begin(message.about);
+    acts.showAbout(message.about);
     over = false;
   }
   if (message.trail) map.showTrail(message.trail);
@@ -43,13 +45,18 @@ function hear(message) {
   if ('path' in message) map.showPath(message.path);
   if (message.about && map.hasPlace()) follow(false);
   if (message.faults) panels.showFaults(message.faults);
-  if (message.log) panels.showLog(message.log);
+  if (message.zones) acts.showZones(message.zones);
+  if (message.log) {
+    panels.showLog(message.log);
+    if (!message.about) acts.showLog(message.log); // not what was before this page came
+  }
   if (message.state) {
     stats.state = message.state;
     over = message.state.over;
     map.showState(message.state);
     panels.showState(message.state);
     charts.see(message.state.sample);
+    acts.showState(message.state);
     showAsks(message.state);
   }
   if ('scan' in message) map.showScan(message.scan);
@@ -94,13 +101,13 @@ function showSeat() {
   else if (control.who) words = `${control.who} has control. You can watch, and stop.`;
   if (control.refused && !mine) words = `Refused: ${control.refused}.`;
   if ($('seat').textContent !== words) $('seat').textContent = words;
-  for (const button of document.querySelectorAll('[data-ask]')) button.disabled = !mine;
+  for (const button of document.querySelectorAll('[data-ask]:not([data-ask=record])')) button.disabled = !mine;
   if (mine && !wake && navigator.wakeLock) navigator.wakeLock.request('screen').then(lock => { wake = lock; }, () => {});
   if (!mine && wake) { wake.release(); wake = null; }
 }
 function showHand() {
-  const {held, x, y} = hand(), counts = stats.state?.mode === 'teleop' && stats.state.phase.startsWith('driving');
-  let words = held ? `${y > 0.02 ? 'forward' : y < -0.02 ? 'backward' : 'stand'} ${Math.round(Math.abs(y) * 100)} %` : reason() || 'released';
+  const {held, x, y, by} = hand(), turns = by === 'jog', counts = turns || (stats.state?.mode === 'teleop' && stats.state.phase.startsWith('driving'));
+  let words = turns ? 'turning the wheel' : held ? `${y > 0.02 ? 'forward' : y < -0.02 ? 'backward' : 'stand'} ${Math.round(Math.abs(y) * 100)} %` : reason() || 'released';
   if (held && Math.abs(x) > 0.02) words += `, ${x < 0 ? 'left' : 'right'} ${Math.round(Math.abs(x) * 100)} %`;
   $('wish').classList.toggle('idle', held && !counts);
   $('wish').title = held && !counts ? 'The robot does not drive by hand at present.' : '';
@@ -154,6 +161,7 @@ bindKeys(() => control.mine);
 // ------------------------------------------------------------------------------------------ map, tabs, pairing
 
 map.bindMap(() => follow(false));
+acts.bindActs();
 function follow(on) { map.setFollow(on); $('follow').setAttribute('aria-pressed', on); }
 $('follow').addEventListener('click', () => follow($('follow').getAttribute('aria-pressed') !== 'true'));
 $('fit').addEventListener('click', () => { follow(false); map.fit(); });

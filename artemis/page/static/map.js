@@ -1,14 +1,14 @@
 // The map: what the robot knows of its surroundings, its path, the way that it drove, and itself to scale.
 const canvas = document.getElementById('map'), pen = canvas.getContext('2d');
 const view = {x: 0, y: 0, scale: 60, follow: true};
-const world = {about: null, state: null, path: [], trail: [], scan: null, map: null, image: null, odometry: null, extent: []};
+const world = {about: null, state: null, path: [], trail: [], scan: null, map: null, image: null, odometry: null, extent: [], zones: [], draft: null, corners: []};
 export const layers = []; // drawn between the way and the robot: layer(pen, size of a pixel in metres, colours)
 let dirty = true, colours = {};
 
 const scheme = matchMedia('(prefers-color-scheme: dark)');
 function readColours() {
   const style = getComputedStyle(document.documentElement);
-  for (const name of ['ground', 'grid', 'wall', 'free', 'path', 'way', 'scan', 'body', 'body-line', 'wheel', 'doubt', 'text']) {
+  for (const name of ['ground', 'grid', 'wall', 'free', 'path', 'way', 'scan', 'body', 'body-line', 'wheel', 'doubt', 'text', 'goal', 'zone-keep-out', 'zone-slow', 'zone-prefer']) {
     colours[name] = style.getPropertyValue(`--map-${name}`).trim();
   }
   if (world.map) paintMap();
@@ -46,6 +46,13 @@ export function showMap(part) {
   if (!world.moved) fit();
   dirty = true;
 }
+
+export function showZones(zones) { world.zones = zones; dirty = true; }
+// What is being set: a pose, or the corners of a zone.
+export function showDraft(draft, corners) { Object.assign(world, {draft, corners}); dirty = true; }
+let tool = null;
+// Has presses and drags of one finger told instead of moving the map: begin, move, end, cancel.
+export function setTool(gestures) { tool = gestures; canvas.classList.toggle('tool', tool !== null); }
 
 function paintMap() {
   const {size: [columns, rows], runs} = world.map, shades = [colours.free, colours.wall].map(rgb);
@@ -109,12 +116,23 @@ export function bindMap(onMoved) {
     const box = canvas.getBoundingClientRect();
     zoom(Math.exp(-event.deltaY * 0.0015), [event.clientX - box.left, event.clientY - box.top]);
   }, {passive: false});
-  canvas.addEventListener('pointerdown', event => { touches.set(event.pointerId, [event.clientX, event.clientY]); canvas.setPointerCapture(event.pointerId); pinch = 0; });
+  let begun = null; // where the press of a tool began
+  const place = event => { const box = canvas.getBoundingClientRect(); return toWorld(event.clientX - box.left, event.clientY - box.top); };
+  canvas.addEventListener('pointerdown', event => {
+    if (event.button > 0) return;
+    touches.set(event.pointerId, [event.clientX, event.clientY]);
+    canvas.setPointerCapture(event.pointerId);
+    pinch = 0;
+    if (begun && touches.size > 1) { begun = null; tool?.cancel(); }
+    else if (tool && touches.size === 1) { begun = [event.clientX, event.clientY]; if (view.follow) moved(); tool.begin(place(event)); }
+  });
   canvas.addEventListener('pointermove', event => {
     const before = touches.get(event.pointerId);
     if (!before) return;
     touches.set(event.pointerId, [event.clientX, event.clientY]);
-    if (touches.size === 1) {
+    if (begun) {
+      tool?.move(place(event), Math.hypot(event.clientX - begun[0], event.clientY - begun[1]));
+    } else if (touches.size === 1) {
       if (view.follow) setFollow(false);
       view.x -= (event.clientX - before[0]) / view.scale;
       view.y += (event.clientY - before[1]) / view.scale;
@@ -126,7 +144,7 @@ export function bindMap(onMoved) {
     }
     dirty = true;
   });
-  const end = event => { touches.delete(event.pointerId); pinch = 0; };
+  const end = event => { touches.delete(event.pointerId); pinch = 0; if (begun) { begun = null; tool?.end(); } };
   canvas.addEventListener('pointerup', end);
   canvas.addEventListener('pointercancel', end);
   canvas.addEventListener('keydown', event => {
@@ -158,12 +176,15 @@ function draw() {
   const pixel = ratio / scale;
   drawMap();
   drawGrid(width / scale, height / scale, pixel);
+  drawZones(pixel);
   line(world.path, colours.path, Math.max(0.05, 5 * pixel), []);
   line(world.trail, colours.way, 2.4 * pixel, []);
   for (const layer of layers) layer(pen, pixel, colours);
   drawScan(pixel);
   if (world.about && world.state && !world.state.lost) drawRobot(pixel, world.about, world.state, colours);
+  drawGoal(pixel);
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  nameZones(box);
   drawScale(box);
   drawn.frames++; drawn.ms += performance.now() - begun;
 }
@@ -199,6 +220,67 @@ export function line(points, colour, width, dash) {
   pen.setLineDash(dash);
   pen.stroke();
   pen.setLineDash([]);
+}
+
+const SIGNS = {'keep-out': 'keep out', slow: 'slow', prefer: 'preferred'};
+function drawZones(pixel) {
+  const outline = (corners, closed) => {
+    pen.beginPath();
+    corners.forEach(([x, y], index) => { if (index) pen.lineTo(x, y); else pen.moveTo(x, y); });
+    if (closed) pen.closePath();
+  };
+  for (const {kind, corners} of world.zones) {
+    const colour = colours[`zone-${kind}`];
+    outline(corners, true);
+    pen.globalAlpha = 0.22;
+    pen.fillStyle = colour;
+    pen.fill();
+    pen.globalAlpha = 1;
+    Object.assign(pen, {strokeStyle: colour, lineWidth: 2 * pixel});
+    pen.setLineDash(kind === 'keep-out' ? [] : [6 * pixel, 4 * pixel]);
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+  if (!world.corners.length) return;
+  outline(world.corners, world.corners.length > 2);
+  Object.assign(pen, {strokeStyle: colours['zone-keep-out'], lineWidth: 3 * pixel, fillStyle: colours['zone-keep-out']});
+  pen.stroke();
+  for (const [x, y] of world.corners) { pen.beginPath(); pen.arc(x, y, 5 * pixel, 0, 7); pen.fill(); }
+}
+function nameZones(box) {
+  Object.assign(pen, {fillStyle: colours.text, font: '600 12px system-ui, "DejaVu Sans", sans-serif', textAlign: 'center'});
+  for (const {name, kind, corners} of world.zones) {
+    const sum = corners.reduce(([x, y], corner) => [x + corner[0], y + corner[1]], [0, 0]), [x, y] = sum.map(all => all / corners.length);
+    const words = name ? `${name}: ${SIGNS[kind]}` : SIGNS[kind];
+    pen.fillText(words, (x - view.x) * view.scale + box.width / 2, box.height / 2 - (y - view.y) * view.scale);
+  }
+  pen.textAlign = 'start';
+}
+
+// The end of the path, and a pose that is being set: a ring, and an arrow to where the front points.
+function drawGoal(pixel) {
+  const end = world.path.at(-1);
+  Object.assign(pen, {strokeStyle: colours.goal, fillStyle: colours.goal, lineWidth: 3 * pixel});
+  if (end) { pen.beginPath(); pen.arc(end[0], end[1], 8 * pixel, 0, 7); pen.stroke(); }
+  if (!world.draft) return;
+  const {x, y, heading} = world.draft, long = Math.max(0.5, 46 * pixel);
+  pen.save();
+  pen.translate(x, y);
+  pen.rotate(heading);
+  if (world.about) {
+    const {outline: [front, rear, half]} = world.about;
+    pen.strokeRect(-rear, -half, front + rear, 2 * half);
+  }
+  pen.beginPath();
+  pen.moveTo(0, 0); pen.lineTo(long, 0);
+  pen.stroke();
+  pen.beginPath();
+  pen.moveTo(long + 10 * pixel, 0); pen.lineTo(long - 4 * pixel, 7 * pixel); pen.lineTo(long - 4 * pixel, -7 * pixel);
+  pen.fill();
+  pen.beginPath();
+  pen.arc(0, 0, 6 * pixel, 0, 7);
+  pen.fill();
+  pen.restore();
 }
 
 function drawScan(pixel) {

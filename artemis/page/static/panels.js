@@ -144,13 +144,14 @@ export function bindTabs(shown) {
     if (focus) tab.focus();
     shown(tab.getAttribute('aria-controls'));
   };
-  tabs.forEach((tab, index) => {
+  tabs.forEach(tab => {
     tab.addEventListener('click', () => select(tab, false));
     tab.addEventListener('keydown', event => {
-      const to = {ArrowRight: index + 1, ArrowLeft: index - 1, Home: 0, End: tabs.length - 1}[event.key];
+      const there = tabs.filter(each => !each.hidden), here = there.indexOf(tab);
+      const to = {ArrowRight: here + 1, ArrowLeft: here - 1, Home: 0, End: there.length - 1}[event.key];
       if (to === undefined) return;
       event.preventDefault();
-      select(tabs[(to + tabs.length) % tabs.length], true);
+      select(there[(to + there.length) % there.length], true);
     });
   });
 }

@@ -16,13 +16,13 @@ from typing import ClassVar, Protocol
 
 import msgspec
 
-from artemis.bridges.operator.session import FRESH, Arrived, LinkReport, Problem
+from artemis.bridges.operator.session import FRESH, Arrived, Given, LinkReport, Problem
 from artemis.errors import DeviceLost
 from artemis.plugins.contracts import PluginContext
 from artemis.plugins.stated import STALE
 from artemis.values import OperatorInput, Request
 
-LINK_LOST, LATENCY = "NET-01", "NET-02"
+LINK_LOST, LATENCY, STALLED = "NET-01", "NET-02", "NET-04"
 
 
 class LinkPort(Protocol):
@@ -61,7 +61,9 @@ class LinkedInput(ABC):
         self._arrived: Arrived | None = None
         self._report = LinkReport()
         self._late: tuple[float, float] = (-math.inf, 0.0)
-        self._requests: list[Request] = []
+        self._stops = False
+        self._asked: list[LinkReport] = []
+        """Reports with requests, or with what was given, that no sample has had yet."""
         self._problems: list[Problem] = []
         self._released = False
         self._port = port
@@ -83,13 +85,17 @@ class LinkedInput(ABC):
         try:
             self._take()
         except DeviceLost:
-            requests, self._requests = tuple(self._requests), []
-            if Request.QUICKSTOP not in requests:  # a stop goes first
+            self._asked.clear()
+            stops, self._stops = self._stops, False
+            if not stops:  # a stop goes first
                 raise
             return OperatorInput(source=self._name, neutral=False, requests=(Request.QUICKSTOP,))
-        requests, self._requests = tuple(self._requests), []
-        sample = self._sample((self._clock or asyncio.get_running_loop().time)())
-        return msgspec.structs.replace(sample, requests=requests)
+        time = (self._clock or asyncio.get_running_loop().time)()
+        requests, given = self._counting(time)
+        sample = msgspec.structs.replace(self._sample(time), requests=requests)
+        for each in given:
+            sample = self._with(sample, each)
+        return sample
 
     def close(self) -> None:
         """End the link."""
@@ -114,10 +120,36 @@ class LinkedInput(ABC):
                 self._released, self._late = False, (-math.inf, 0.0)
             self._report, self._arrived = report, report.newest
             self._late = report.late or self._late
-            self._requests += report.requests
             self._problems += report.problems
+            if report.requests or report.given:
+                self._asked.append(report)
             if Request.QUICKSTOP in report.requests:
+                self._stops = True
                 self._wake()
+
+    def _counting(self, now: float) -> tuple[tuple[Request, ...], list[Given]]:
+        """What was asked for and given since the last sample, at `now` [s] of the link's clock.
+
+        What waited for a run that was held up counts no longer than a command does, but for a quick stop.
+        """
+        asked, self._asked, self._stops = self._asked, [], False
+        requests: list[Request] = []
+        given: list[Given] = []
+        for report in asked:
+            if (age := now - report.asked) <= self.stale_s:
+                requests += report.requests
+                given += report.given
+                continue
+            late = [request.value for request in report.requests if request is not Request.QUICKSTOP]
+            late += ["a pose or an answer"] * bool(report.given)
+            requests += [request for request in report.requests if request is Request.QUICKSTOP]
+            words = f"{report.who}: {', '.join(late)}: {age:.1f} s old, without effect; ask again"
+            self._problems.append((STALLED, words))
+        return tuple(requests), given
+
+    def _with(self, sample: OperatorInput, given: Given) -> OperatorInput:
+        """The sample with something that was given, where that can be used."""
+        return sample
 
     def _sample(self, now: float) -> OperatorInput:
         """What the newest command wishes at `now` [s] of the link's clock."""
