@@ -53,6 +53,8 @@ class PageObserverConfig(Config):
     """Names by which browsers reach it besides this computer's own; addresses in numbers always do."""
     input: str = "page"
     """The name of the mission's input with `plugin: page` that is given what operators want."""
+    started_by_page: bool = False
+    """`artemis page` started the run; it holds the port, too, and answers there before and after."""
 
     @model_validator(mode="after")
     def _encrypted(self) -> Self:
@@ -149,7 +151,7 @@ class _ServerThread(LoopThread):
     def __init__(self, config: PageObserverConfig, name: str, view: PageView, files: tuple[Path, Path] | None) -> None:
         key = read_key(key_place())
         try:
-            self._socket = bound(config.listen, config.port, listening=True)
+            self._socket = bound(config.listen, config.port, listening=True, shared=config.started_by_page)
         except OSError as error:
             raise ConfigError(f"{name}: {config.listen}, port {config.port}: {error.strerror}") from None
         self._config, self._view, self._files, self._key = config, view, files, key
@@ -174,7 +176,8 @@ class _ServerThread(LoopThread):
 
     async def _main(self, end: asyncio.Event) -> None:
         from artemis.page.hub import Hub
-        from artemis.page.server import PageServer, serve
+        from artemis.page.paired import serve
+        from artemis.page.server import PageServer
 
         config = self._config
         hub = Hub((os.getppid(), os.getpid()), config.input)

@@ -17,7 +17,7 @@ from artemis.mission.loading import load_mission
 from artemis.mission.page import add_page, has_page
 from artemis.planning import inputs_used, is_fast, plan_from, plugin_made, setup_for
 from artemis.plugins.inputs.scripted import ScriptedInput
-from artemis.states.plan import TeleopStep
+from artemis.states.plan import Shared, TeleopStep
 
 
 def test_the_page_drives_beside_the_others_and_no_faster() -> None:
@@ -77,3 +77,11 @@ def test_a_run_with_a_page_that_was_added_replays(tmp_path: Path) -> None:
     assert any(isinstance(device, ScriptedInput) for device in devices.values())
     outcome = run_mission(loaded, MISSIONS / "teleop_scripted.yaml", parts=Parts(inputs=devices, loop=SimulatedLoop))
     assert replay_run(outcome.run.path) == 0
+
+
+def test_a_run_that_a_page_started_waits_for_arm() -> None:
+    plans = [
+        plan_from(load_mission(MISSIONS / "figure_eight.yaml", page={"started_by_page": started}))
+        for started in (True, False)
+    ]
+    assert [Shared(plan).bring_up.armed for plan in plans] == [False, True]
