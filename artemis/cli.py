@@ -68,31 +68,40 @@ def run(
     page_port: PagePort = None,
     page_address: PageAddress = None,
     page_tls: PageTls = None,
+    started_by_page: Annotated[str | None, typer.Option(metavar="HASH", hidden=True)] = None,
 ) -> None:
     """Run a mission: bring the drives up, align, do its steps, stop, leave a recording and a report."""
     from artemis.commands.page import page_options
     from artemis.commands.run import run_and_report
 
     options = page_options(page_port, page_address, page_tls)
-    raise typer.Exit(run_and_report(mission, simulate, resume, options if page or options else None))
+    if started_by_page is not None:  # with the hash of what was checked there
+        options["started_by_page"] = True
+    served = options if page or options else None
+    raise typer.Exit(run_and_report(mission, simulate, resume, served, started_by_page))
 
 
 @app.command()
 def page(
-    what: Annotated[str, typer.Argument(metavar="pair|certificate", help="pair: a code for one more browser.")],
+    what: Annotated[str, typer.Argument(metavar="FOLDER|pair|certificate", help="Missions; pair: one more browser.")],
     names: Annotated[list[str] | None, typer.Argument(metavar="[NAME...]", help="certificate: also for these.")] = None,
     page_port: PagePort = None,
     page_address: PageAddress = None,
+    page_tls: PageTls = None,
 ) -> None:
-    """Pair one more browser with the page of `run --page`, or make certificates for pages that other computers open."""
-    from artemis.commands.page import certify, pair
+    """Wait for an operator who chooses a mission of a folder at the page; pair browsers, or make certificates."""
+    from artemis.commands.page import certify, page_options, pair
 
     if what == "certificate":
         certify(names or [])
-    elif what == "pair" and not names:
+    elif names:
+        raise ConfigError(f"page: expected a folder, pair, or certificate with names; found {' '.join([what, *names])}")
+    elif what == "pair":
         pair(page_port, page_address)
     else:
-        raise ConfigError(f"page: expected pair, or certificate with names; found {' '.join([what, *(names or [])])}")
+        from artemis.commands.waiting import wait_for_operators
+
+        raise typer.Exit(wait_for_operators(Path(what), page_options(page_port, page_address, page_tls)))
 
 
 @app.command()
@@ -102,8 +111,14 @@ def check(
         int, typer.Option(metavar="N", min=0, max=100_000, help="Also which steps N random walks never reach.")
     ] = 0,
     seed: Annotated[int, typer.Option(help="Of the random walks.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="A line of JSON for each, for programs.")] = False,
+    with_page: Annotated[bool, typer.Option("--page", help="As `run --page` runs them; goes with --json.")] = False,
 ) -> None:
     """Say everything that `run` would refuse, without moving."""
+    if as_json:
+        from artemis.commands.check import tell_as_json
+
+        raise typer.Exit(0 if tell_as_json(missions, page=with_page) else REFUSED)
     from artemis.mission.loading import load_mission
     from artemis.mission.random_walks import walked
 

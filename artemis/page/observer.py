@@ -76,6 +76,29 @@ def url_of(config: PageObserverConfig) -> str:
     return f"{'https' if config.tls else 'http'}://{host}:{config.port}"
 
 
+def check_installed(what: str) -> None:
+    """Nothing, where the extra is installed that `what` needs. Raises ConfigError."""
+    for package in ("starlette", "uvicorn", "websockets", "segno"):
+        if find_spec(package) is None:
+            raise ConfigError(f"{what} needs the package {package}: {INSTALL}")
+
+
+def files_of_tls(config: PageObserverConfig, folder: Path, name: str) -> tuple[Path, Path] | None:
+    """Certificate and key of the page `name`, by names that are relative to a folder; None: it needs none.
+
+    Raises:
+        ConfigError: one of them is bad.
+    """
+    if config.tls is None:
+        return None
+    files = folder / config.tls.certificate, folder / config.tls.key
+    try:
+        tls_context(*files)
+    except ConfigError as error:
+        raise ConfigError(f"{name}: {error}") from None
+    return files
+
+
 class PageObserver:
     """Serves the page. In a run its port is taken when it is made."""
 
@@ -92,16 +115,8 @@ class PageObserver:
             ConfigError: the extra is not installed, the port is in use, this computer has no such address, or a file of
                 TLS or the page's key is bad.
         """
-        for package in ("starlette", "uvicorn", "websockets", "segno"):
-            if find_spec(package) is None:
-                raise ConfigError(f"{context.name}: plugin: page needs the package {package}: {INSTALL}")
-        tls = config.tls
-        files = None if tls is None else (context.folder / tls.certificate, context.folder / tls.key)
-        if files is not None:
-            try:
-                tls_context(*files)
-            except ConfigError as error:
-                raise ConfigError(f"{context.name}: {error}") from None
+        check_installed(f"{context.name}: plugin: page")
+        files = files_of_tls(config, context.folder, context.name)
         self._view = PageView(context.robot, mission_in(context.mission), context.routes, context.map)
         self._complaints = Complaints(context.name, "browser")
         self._known: dict[str, int] = {}

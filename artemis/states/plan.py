@@ -291,7 +291,7 @@ class Shared:
         self.spare = plan.spare
         self.needed: tuple[str, ...] = ()
         """Inputs that have to be heard now, in mode teleop: the one that has the robot, and those before it."""
-        self.bring_up = BringUp(armed=plan.armed, placed=plan.start is not None)
+        self.bring_up = BringUp(armed=plan.armed, held=not plan.armed, placed=plan.start is not None)
         self.results = Results(tracks=deepcopy(dict(plan.tracks)))
         self.tree = plan.tree or list_of(
             step.declared.signals if isinstance(step, BehaviourStep) else () for step in plan.steps
