@@ -70,6 +70,8 @@ class MissionFolder:
         self._others: dict[str, Stamp] = {}
         """Files that are no missions."""
         self._checking: asyncio.Task[None] | None = None
+        self._again = False
+        """All shall be checked anew after that."""
 
     @property
     def missions(self) -> list[MissionFacts]:
@@ -83,10 +85,11 @@ class MissionFolder:
 
     def look(self, *, anew: bool = False) -> None:
         """See what is there; with `anew` check everything again: a mission also depends on other files."""
+        checking = self._checking is not None and not self._checking.done()
+        if anew and checking:
+            self._again = True
+            return
         if anew:
-            if self._checking is not None:
-                self._checking.cancel()
-                self._checking = None
             self._known.clear()
             self._others.clear()
         before = self.note, set(self._known)
@@ -106,9 +109,8 @@ class MissionFolder:
                 before = "", set()
         if before != (self.note, set(self._known)):
             self._changed()
-        if self._checking is None or self._checking.done():
-            if any(not known.facts.checked for known in self._known.values()):
-                self._checking = asyncio.get_running_loop().create_task(self._sweep())
+        if not checking and any(not known.facts.checked for known in self._known.values()):
+            self._checking = asyncio.get_running_loop().create_task(self._sweep())
 
     async def close(self) -> None:
         """End a check that is under way."""
@@ -156,12 +158,18 @@ class MissionFolder:
 
     async def _sweep(self) -> None:
         """Check until all are; one that ends the process that checks it is told so, and the others go on."""
-        while waiting := {name: known.stamp for name, known in self._known.items() if not known.facts.checked}:
-            left = dict(sorted(waiting.items()))
-            words = await self._checked(left)
-            if left:  # the first of these was under way
-                name = next(iter(left))
-                self._put(name, left[name], MissionFacts(file=name, problems=(f"{name}: {words}",)))
+        while True:
+            while waiting := {name: known.stamp for name, known in self._known.items() if not known.facts.checked}:
+                left = dict(sorted(waiting.items()))
+                words = await self._checked(left)
+                if left:  # the first of these was under way
+                    name = next(iter(left))
+                    self._put(name, left[name], MissionFacts(file=name, problems=(f"{name}: {words}",)))
+            if not self._again:
+                return
+            self._again = False
+            self._known.clear()
+            self.look()
 
     async def _checked(self, left: dict[str, Stamp]) -> str:
         """Check those that are `left`, which become fewer; how the process ended."""
@@ -195,7 +203,7 @@ class MissionFolder:
         finally:
             with suppress(ProcessLookupError):
                 process.kill()
-            await process.wait()
+            await process.communicate()
 
     def _put(self, name: str, stamp: Stamp, facts: MissionFacts) -> None:
         """Note what was found, unless the file has changed meanwhile: then it is checked again."""
