@@ -144,9 +144,7 @@ class MissionFolder:
         """What is known of a file at once; None: it is no mission."""
         path = self.folder / name
         if not path.resolve().is_relative_to(self.folder.resolve()):
-            return MissionFacts(
-                file=name, problems=(f"{name}: is a link to a file outside of the folder: not started",)
-            )
+            return MissionFacts(file=name, problems=(f"{name}: is a link to a file outside of the folder",))
         try:
             with path.open("rb") as file:
                 is_mission = _IS_MISSION.search(file.read(HEAD))
