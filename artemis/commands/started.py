@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import stat
-import sys
 from collections.abc import Callable
 
 from artemis.app import Watch
@@ -50,8 +49,12 @@ def page_that_started() -> Operator:
     Raises:
         ConfigError: no page holds it.
     """
-    descriptor = sys.stdin.fileno()
-    if not stat.S_ISFIFO(os.fstat(descriptor).st_mode):
+    descriptor = 0
+    try:
+        held = stat.S_ISFIFO(os.fstat(descriptor).st_mode)
+    except OSError:  # it is closed
+        held = False
+    if not held:
         raise ConfigError("--started-by-page: only `artemis page` starts a run in this way")
 
     def listen(request: Callable[[Request | str], None], _typed: object) -> Callable[[], None]:
