@@ -182,7 +182,7 @@ def test_a_run_ends_in_order_with_the_page_that_started_it(folder: Path) -> None
         page.kill()
         page.wait(60)
         other = artemis_here("page", folder, "--page-port", str(port))
-        assert (other.returncode, "or a run that it started" in other.stderr) == (2, True)
+        assert (other.returncode, "or a run that one started" in other.stderr) == (2, True)
         run = only_run(folder)
         for _ in range(int(PATIENCE / 0.1)):
             if (run / "report.html").exists():
