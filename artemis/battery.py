@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from itertools import pairwise
 from operator import itemgetter
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from msgspec import Struct
 from pydantic import Field, model_validator
@@ -17,6 +17,16 @@ Supply = Annotated[float, Quantity(5.0, 100.0, "V")]
 Point = Annotated[tuple[Percent, Supply], Field(strict=False)]  # YAML knows only lists
 HOUR = 3600.0
 """[s]."""
+
+
+class VoltageInput(Config):
+    """An analog input of a drive that reads the battery's voltage behind a divider."""
+
+    drive: str
+    """Its name in the robot file."""
+    input: Literal[1, 2]
+    divider: Annotated[float, Quantity(1.0, 100.0, "")]
+    """Volts of the battery per volt at the input."""
 
 
 class Battery(Config):
@@ -34,6 +44,8 @@ class Battery(Config):
     """Force of a driven wheel on the ground per ampere of its motor: force times speed is what the drive takes."""
     joules_per_metre: Annotated[float, Quantity(0.5, 20_000.0, "J/m")]
     """Taken altogether where the robot drives as it usually does: `artemis report` tells it of a run."""
+    measured: VoltageInput | None = None
+    """None: by a drive that measures its supply voltage itself, where there is one."""
     low_v: Supply
     """Under load (PWR-01): the robot drives slowly."""
     critical_v: Supply

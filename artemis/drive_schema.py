@@ -10,7 +10,7 @@ from pydantic import Field
 from artemis.axles import Side
 from artemis.config import Config, Quantity
 from artemis.families import FAMILIES, GENERATIONS
-from artemis.families.cia402 import NO_REACTION, Cia402, family_from, is_ours
+from artemis.families.cia402 import NO_REACTION, POWER_CUTS, Cia402, family_from, is_ours
 from artemis.families.family import MAXON, TORQUE_CONSTANT, Family
 from artemis.yaml_file import KeyPath
 
@@ -21,6 +21,8 @@ SiGain = Annotated[float, Quantity(0.0, 4294.0, "")]
 """The drive keeps millionths of it in 32 bit."""
 CurrentI = Annotated[float, Quantity(0.0, 4_294_000.0, "V/(A·s)")]
 Gain = Annotated[int, Field(ge=0, le=32767)]
+AnyGain = Annotated[int | float, Field(ge=0)]
+"""Of a drive that is not known yet."""
 PiGains = Annotated[tuple[Gain, Gain], Field(strict=False)]
 PidGains = Annotated[tuple[Gain, Gain, Gain], Field(strict=False)]
 
@@ -123,10 +125,14 @@ class Drive(Config):
         return self.tables.modes[self.role]
 
     @property
+    def known_gains(self) -> Gains | SiGains | None:
+        """Regulator gains in the robot file; None: it gives none."""
+        return self.gains or self.si_gains
+
+    @property
     def gain_numbers(self) -> tuple[int, ...]:
         """Regulator gains as the drive has them, in the order of its objects; (): the robot file gives none."""
-        gains = self.gains or self.si_gains
-        return () if gains is None else gains.numbers
+        return () if self.known_gains is None else self.known_gains.numbers
 
 
 def drive_problems(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
@@ -187,9 +193,7 @@ def _profile(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
         if first != second:
             text = f"expected {first:g}, as of the first one, found {second:g}"
             yield ("cia402", "analog_inputs", 1, "units_per_v"), text
-    if words.option_codes.abort_connection == NO_REACTION.value:
-        text = "0 is no reaction: without our heartbeat the drive would go on with its last set-point"
-        yield ("cia402", "option_codes", "abort_connection"), text
+    yield from _option_codes(words)
     for number, given in enumerate(words.settings):
         if is_ours(words, given):
             yield ("cia402", "settings", number), f"{given.object} is written by artemis: there are other keys for it"
@@ -198,3 +202,14 @@ def _profile(drive: Drive) -> Iterator[tuple[KeyPath, str]]:
     for pdo in drive.tables.sent[drive.role]:
         if (length := sum(object.type.size for object in pdo)) > 8:
             yield ("cia402",), f"{', '.join(map(str, pdo))} have {length} bytes; a PDO holds 8"
+
+
+def _option_codes(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
+    """Those with which a wheel would go on turning."""
+    if words.option_codes.abort_connection == NO_REACTION.value:
+        text = "0 is no reaction: without our heartbeat the drive would go on with its last set-point"
+        yield ("cia402", "option_codes", "abort_connection"), text
+    for key, code in zip(("quick_stop", "fault_reaction"), POWER_CUTS, strict=True):
+        if getattr(words.option_codes, key) == code.value and not words.brake:
+            text = "0 cuts the power: the wheel coasts; choose a ramp, or write `brake: true` where a brake then closes"
+            yield ("cia402", "option_codes", key), text

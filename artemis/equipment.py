@@ -12,6 +12,7 @@ from artemis.devices.can_bus import CanBus, FrameBus, Traffic
 from artemis.devices.device import Actuators, Device, DeviceGroup
 from artemis.devices.drive import Drives
 from artemis.devices.reopening import ReopeningBus
+from artemis.devices.supply import SupplyMeter
 from artemis.mission.loading import LoadedMission
 from artemis.mission.schema import BusWords
 from artemis.planning import plugin_made, scanners_used, setup_for
@@ -82,11 +83,7 @@ def opened(
     if world is not None and loaded.injector is not None:
         bus = loaded.injector.failing_bus(bus, mission.simulation.seed)
     drives = Drives(loaded.robot, bus, 1 / mission.tick_hz)
-    others = [*sensors(), *_scanners(loaded, world, simulated=simulated)]
-    if world is not None and (loaded.robot.battery or "battery_v" in loaded.tree.signals):
-        from artemis.sim.supply_meter import SupplyMeter
-
-        others.append(SupplyMeter(world))
+    others = [*sensors(), *_scanners(loaded, world, simulated=simulated), *_supply_meters(loaded, drives)]
     actuators: list[Actuators] = [drives]
     if loaded.destinations:
         from artemis.route_planning.device import RoutePlanner
@@ -101,6 +98,15 @@ def opened(
         world=world,
         true_pose=_true_pose(loaded, localized, resume_point, world),
     )
+
+
+def _supply_meters(loaded: LoadedMission, drives: Drives) -> list[SupplyMeter]:
+    """What reads the supply voltage, where it is of use and a drive measures it."""
+    source = loaded.robot.supply_source
+    if source is None or not (loaded.robot.battery or "battery_v" in loaded.tree.signals):
+        return []
+    node = next(node for node in drives.nodes if node.name == source.drive)
+    return [SupplyMeter(source, node.sdo, lambda: drives.wire.judged)]
 
 
 def _scanners(loaded: LoadedMission, world: World | None, *, simulated: bool) -> list[ScannerDevice]:

@@ -83,7 +83,7 @@ def plan_from(loaded: LoadedMission) -> Plan:
 
 def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
     if action.gains is not None:
-        known = {name: robot.drives[name].gains for name in action.gains}
+        known = {name: robot.drives[name].known_gains for name in action.gains}
         new = {name: merged(action.gains[name], gains).numbers for name, gains in known.items() if gains is not None}
         return GainsStep(gains=new)
     if action.turn is not None:

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from math import degrees, radians
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
 from artemis.axles import OWN_SIDES, ByHand, Calibration, Geometry, HardStop, Potentiometers
-from artemis.battery import Battery
+from artemis.battery import Battery, VoltageInput
 from artemis.config import Config, Inconsistent, Quantity
 from artemis.drive_schema import Drive, drive_problems
+from artemis.errors import similar
+from artemis.families.objects import Object
 from artemis.linkage import MeasuredLinkage
 from artemis.mounting import Mounting, Outline
 from artemis.yaml_file import KeyPath
@@ -41,6 +43,14 @@ class Limits(Config):
     steering_rate_wheel_deg_s: Annotated[float, Quantity(2.0, 720.0, "degrees/s")]
 
 
+class SupplySource(NamedTuple):
+    """What measures the supply voltage."""
+
+    drive: str
+    object: Object
+    volts_per_unit: float
+
+
 class RobotFile(Config):
     """A whole robot file."""
 
@@ -60,7 +70,14 @@ class RobotFile(Config):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        problems = [*_families(self), *_nodes(self), *_sides(self), *_geometry(self.geometry), *_body(self)]
+        problems = [
+            *_families(self),
+            *_nodes(self),
+            *_sides(self),
+            *_geometry(self.geometry),
+            *_body(self),
+            *_supply(self),
+        ]
         if not problems:
             problems = [*_traction(self), *_steering(self), *_limits(self.limits)]
         if problems:
@@ -111,6 +128,21 @@ class RobotFile(Config):
         found = self.angle_source(side)
         assert isinstance(found, Potentiometers), "asked only where it has them"
         return found
+
+    @property
+    def supply_source(self) -> SupplySource | None:
+        """The analog input that the battery's description names, else the first drive that measures it; None: none."""
+        if self.battery is not None and (given := self.battery.measured) is not None:
+            family = self.drives[given.drive].tables
+            return SupplySource(given.drive, family.analog[given.input - 1], given.divider / family.analog_scale)
+        return next(
+            (
+                SupplySource(name, drive.tables.supply, 1.0 / drive.tables.supply_scale)
+                for name, drive in self.drives.items()
+                if drive.tables.supply is not None
+            ),
+            None,
+        )
 
     @property
     def has_potentiometers(self) -> bool:
@@ -211,6 +243,27 @@ def _body(robot: RobotFile) -> Problems:
             yield ("scanners", name), "a drive has this name: give the scanner another one"
 
 
+def _supply(robot: RobotFile) -> Problems:
+    """The battery is read by an input that is there, free, and reads so much."""
+    given: VoltageInput | None = robot.battery.measured if robot.battery is not None else None
+    if robot.battery is None or given is None:
+        return
+    key, drive = ("battery", "measured"), robot.drives.get(given.drive)
+    if drive is None:
+        yield (*key, "drive"), f"there is no drive {given.drive!r}; {similar(given.drive, robot.drives)}"
+    elif drive.role == "steering":
+        yield (*key, "drive"), f"the analog inputs of {given.drive} read potentiometers: take those of a traction drive"
+    elif not drive.tables.analog:
+        yield (*key, "drive"), f"no analog input of {given.drive} is known: give its `cia402.analog_inputs`"
+    elif (full := robot.battery.curve_v[-1][1] / given.divider) > HIGHEST_INPUT:
+        yield (
+            (*key, "divider"),
+            f"a full battery would show {full:.3g} V; the analog input reads 0 to {HIGHEST_INPUT:g} V",
+        )
+
+
+HIGHEST_INPUT = 5.0
+"""What the analog inputs of every family read at least [V]."""
 _CIRCUMFERENCE = Quantity(0.05, 10.0, "m a turn")
 """Of a driven wheel."""
 

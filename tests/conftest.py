@@ -11,6 +11,7 @@ import signal
 import sys
 from collections import Counter
 from collections.abc import Generator, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: beside other workers its threads wait for each other
@@ -78,3 +79,19 @@ def _short_alignment(request: pytest.FixtureRequest) -> Iterator[None]:
 
     with short_alignment():
         yield
+
+
+@pytest.fixture
+def closing() -> Iterator[ExitStack]:
+    """What a test puts in is closed at its end."""
+    with ExitStack() as stack:
+        yield stack
+
+
+@pytest.fixture
+def domain() -> Iterator[int]:
+    """The number of a domain of ROS 2 that no other test uses."""
+    from ros2_rig import own_domain
+
+    with own_domain() as number:
+        yield number

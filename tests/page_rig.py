@@ -6,7 +6,6 @@ The run was computed on virtual time before, so that nothing here depends on how
 from __future__ import annotations
 
 import asyncio
-import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +13,8 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
+
+from ports import free_port
 
 from artemis.app import Parts, run_mission
 from artemis.clock import SimulatedLoop
@@ -57,13 +58,6 @@ def recorded(mission: str, until: float, folder: Path) -> Recorded:
 
     run_mission(loaded, MISSIONS / mission, watch=watch, parts=Parts(loop=SimulatedLoop))
     return Recorded(loaded, ticks)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 @dataclass

@@ -17,10 +17,10 @@ from artemis.commands.gains_trial import WAY, Findings, GainsWatch, Trial, findi
 from artemis.commands.run import run_in_sight
 from artemis.commands.terminal import confirmed
 from artemis.devices.memory import read_gains, store
-from artemis.drive_schema import Gains
+from artemis.drive_schema import Gains, SiGains
 from artemis.errors import ConfigError, DeviceError, RecordingError, shown
 from artemis.mission.actions import NewGains
-from artemis.mission.gains import check_gains, merged
+from artemis.mission.gains import check_gains, gains_key, merged
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.planning import check_drivable, is_simulated
 from artemis.recording.mcap_reader import Recording
@@ -139,7 +139,10 @@ def trial_from(loaded: LoadedMission, wanted: Wanted) -> Trial:
     ]
     if not names:
         problems.append(f"--drive is missing: name one of {', '.join(known)}, or several of one kind")
-    roles = {known[name].role for name in names if name in known}
+    found = [known[name] for name in names if name in known]
+    roles = {drive.role for drive in found}
+    if len({drive.tables.gain_scale for drive in found}) > 1:
+        problems.append("--drive: the gains of these drives have different units: try one family after the other")
     if len(roles) > 1:
         problems.append("--drive: steering and traction drives are tried one kind after the other")
     role = min(roles, default="steering")
@@ -148,7 +151,11 @@ def trial_from(loaded: LoadedMission, wanted: Wanted) -> Trial:
     if roles and not low <= step <= high:
         unit = "degrees" if role == "steering" else "m/s"
         problems.append(f"--step {step:g}: expected {low:g} to {high:g} {unit}")
-    if new is not None and not problems and all(merged_gains(loaded, name, new) == known[name].gains for name in names):
+    if (
+        new is not None
+        and not problems
+        and all(merged_gains(loaded, name, new) == known[name].known_gains for name in names)
+    ):
         problems.append("these are the gains of the robot file already; to see how the drives follow with them: --try")
     if problems:
         raise ConfigError([f"calibrate gains: {problem}" for problem in problems])
@@ -157,24 +164,27 @@ def trial_from(loaded: LoadedMission, wanted: Wanted) -> Trial:
 
 def _new_gains(words: Mapping[str, str], problems: list[str]) -> NewGains | None:
     """The gains of the options; None where there are none, or they are wrong."""
-    gains: dict[str, tuple[int, ...]] = {}
+    gains: dict[str, tuple[float, ...]] = {}
     for kind, text in words.items():
         form = _KINDS[kind]
         try:
-            gains[kind] = tuple(int(word) for word in text.split(","))
+            gains[kind] = tuple(int(word) if word.isdigit() else float(word) for word in text.split(","))
             NewGains.model_validate({kind: gains[kind]})
         except ValueError:  # a ValidationError is one
-            problems.append(
-                f"--{kind} {shown(text)}: expected {form}: {form.count(',') + 1} whole numbers of 0 to 32767"
-            )
+            count = form.count(",") + 1
+            problems.append(f"--{kind} {shown(text)}: expected {form}: {count} numbers as the robot file has them")
     return NewGains.model_validate(gains) if gains and not problems else None
 
 
-def merged_gains(loaded: LoadedMission, name: str, new: NewGains | None) -> Gains:
+def merged_gains(loaded: LoadedMission, name: str, new: NewGains | None) -> Gains | SiGains:
     """Gains of a drive that has some in the robot file, with the new ones."""
-    known = loaded.robot.drives[name].gains
+    known = loaded.robot.drives[name].known_gains
     assert known is not None
     return known if new is None else merged(new, known)
+
+
+def _words(loaded: LoadedMission, name: str, new: NewGains | None) -> str:
+    return words_of(loaded.robot.drives[name].tables.told_gains(merged_gains(loaded, name, new).numbers))
 
 
 def announced(trial: Trial) -> str:
@@ -198,15 +208,18 @@ def _show(loaded: LoadedMission, wanted: Wanted, simulated: bool) -> int:
     for name, problem in check_gains(dict.fromkeys(wanted.drives, NewGains.model_construct()), loaded.robot):
         if name not in loaded.robot.drives:
             raise ConfigError(f"calibrate gains: --drive {shown(name)}: {problem}")
-    found = clock.run(_read(loaded, simulated), simulated=simulated)
-    drives = {name: gains for name, gains in found.items() if not wanted.drives or name in wanted.drives}
+    read = clock.run(_read(loaded, simulated), simulated=simulated)
+    drives = {name: gains for name, gains in read.items() if not wanted.drives or name in wanted.drives}
     say(f"gains of {loaded.robot.robot} in the robot file, and in the drives{' (simulated)' * simulated} now")
-    say(f"{'':16}{'':12}{'current P,I':14}{'velocity P,I':14}position P,I,D")
+    width = 16 if any(loaded.robot.drives[name].tables.gains_in_si for name in drives) else 14
+    say(f"{'':16}{'':12}{'current P,I':{width}}{'velocity P,I':{width}}position P,I,D")
     differs = False
-    for name, gains in drives.items():
-        file = loaded.robot.drives[name].gain_numbers or None
-        say(f"{name:16}{'robot file':12}{'none' if file is None else _columns(file)}")
-        say(f"{'':16}{'drive':12}{gains if isinstance(gains, str) else _columns(gains, file)}")
+    for name, found in drives.items():
+        family, numbers = loaded.robot.drives[name].tables, loaded.robot.drives[name].gain_numbers
+        file = family.told_gains(numbers) if numbers else None
+        gains = found if isinstance(found, str) else family.told_gains(found)
+        say(f"{name:16}{'robot file':12}{'none' if file is None else _columns(file, width)}")
+        say(f"{'':16}{'drive':12}{gains if isinstance(gains, str) else _columns(gains, width, file)}")
         differs = differs or (not isinstance(gains, str) and file not in (None, gains))
     if differs:
         say("* differs. A drive has what was stored in it when its power came; each run writes the robot file's gains")
@@ -218,12 +231,12 @@ async def _read(loaded: LoadedMission, simulated: bool) -> dict[str, tuple[int, 
         return await read_gains(loaded.robot, bus)
 
 
-def _columns(gains: tuple[int, ...], known: tuple[int, ...] | None = None) -> str:
+def _columns(gains: tuple[float, ...], width: int, known: tuple[float, ...] | None = None) -> str:
     parts = [slice(0, 2), slice(2, 4), slice(4, 7)]
     words = [
         ",".join(map(str, gains[part])) + " *" * (known is not None and gains[part] != known[part]) for part in parts
     ]
-    return "".join(f"{word:13} " for word in words).rstrip()
+    return "".join(f"{word:{width - 1}} " for word in words).rstrip()
 
 
 # ---------------------------------------------------------------------------------------------- after the trial
@@ -234,7 +247,7 @@ def _tell(loaded: LoadedMission, trial: Trial, found: Findings, outcome: Outcome
     say("")
     if found.responses:
         gains = {
-            label: {name: words_of(merged_gains(loaded, name, new).numbers) for name in trial.drives}
+            label: {name: _words(loaded, name, new) for name in trial.drives}
             for label, new in (("now", None), ("predicted", trial.new), ("new", trial.new))
         }
         for line in table(found, trial, gains):
@@ -295,11 +308,12 @@ def decide(loaded: LoadedMission, trial: Trial, found: Findings, yes: bool) -> i
     return _keep(loaded, file, {name: merged_gains(loaded, name, trial.new) for name in trial.drives})
 
 
-def _keep(loaded: LoadedMission, file: Path, new: Mapping[str, Gains]) -> int:
+def _keep(loaded: LoadedMission, file: Path, new: Mapping[str, Gains | SiGains]) -> int:
     """Store gains in their drives, then write them into the robot file; if one fails, tell what is where."""
     known = loaded.files[loaded.mission.robot]
     changes: dict[Keys, Data] = {
-        ("drives", name, "gains"): gains.model_dump(mode="json") for name, gains in new.items()
+        ("drives", name, gains_key(loaded.robot.drives[name])): gains.model_dump(mode="json")
+        for name, gains in new.items()
     }
     kept: list[str] = []
     status = FAILED
@@ -327,7 +341,7 @@ def _keep(loaded: LoadedMission, file: Path, new: Mapping[str, Gains]) -> int:
 
 
 async def _store(
-    loaded: LoadedMission, new: Mapping[str, Gains], file: Path, changes: Mapping[Keys, Data], kept: list[str]
+    loaded: LoadedMission, new: Mapping[str, Gains | SiGains], file: Path, changes: Mapping[Keys, Data], kept: list[str]
 ) -> None:
     """`kept` gets the name of what has the new gains: drives, and at last the file."""
     numbers = {name: gains.numbers for name, gains in new.items()}

@@ -13,13 +13,11 @@ from artemis.commands.calibrate_gains import FAILED, Wanted, announced, attempt,
 from artemis.commands.gains_trial import Findings, Trial
 from artemis.commands.terminal import confirmed
 from artemis.devices.epos_objects import Units
-from artemis.drive_schema import Gains
 from artemis.errors import CalibrationError, ConfigError
 from artemis.mission.actions import NewGains
 from artemis.mission.gains import MOST
 from artemis.mission.loading import load_mission
 from artemis.motion.gain_tuning import (
-    LARGEST,
     ControlLoop,
     MovedLoad,
     Proposal,
@@ -74,9 +72,9 @@ def calibrate_auto(mission: Path, wanted: Wanted) -> int:
     for line in machine.lines():
         say(line)
     for proposal in machine.proposals():
-        new = NewGains.model_validate({machine.kind: proposal.gains})
+        new = NewGains.model_validate({machine.kind: machine.told(proposal)})
         trial = replace(trial, new=new, repetitions=REPETITIONS)
-        say(f"proposed    {_words(machine.kind, proposal)}")
+        say(f"proposed    {machine.words(proposal)}")
         if asks and not confirmed("calibrate gains", f"{announced(trial)}, {REPETITIONS} times each: go?"):
             say("kept        nothing: the new gains were not tried")
             return FAILED
@@ -166,18 +164,37 @@ class Identified:
         self.reason = ""
         """Why there are no proposals, or none that is better."""
         self._robot, self._trial = robot, trial
+        self._family = robot.drives[trial.drives[0]].tables
+        scale = self._family.gain_scale
+        assert scale is not None  # the trial was checked, and all of its drives have it
+        self._scale = scale
         self._present: dict[str, ControlLoop] = {}
         self._loads: dict[str, MovedLoad] = {}
         self._first: dict[str, Trace] = {}
         self._most = tuple(
-            min(LARGEST, *(MOST * self._gains(name)[index] or LARGEST for name in trial.drives))
+            min(scale.largest, *(MOST * self._gains(name)[index] or scale.largest for name in trial.drives))
             for index in range(len(self._gains(trial.drives[0])))
         )
 
     def _gains(self, name: str) -> tuple[int, ...]:
-        gains: Gains | None = self._robot.drives[name].gains
-        assert gains is not None  # the trial was checked
-        return tuple(gains.position if self.kind == "position" else gains.velocity)
+        return self._robot.drives[name].gain_numbers[self._place]
+
+    @property
+    def _place(self) -> slice:
+        """Where these gains are among all of a drive."""
+        return slice(4, 7) if self.kind == "position" else slice(2, 4)
+
+    def told(self, proposal: Proposal) -> tuple[float, ...]:
+        """Its gains as the robot file has them."""
+        return self._family.told_gains(proposal.gains, self._place.start)
+
+    def words(self, proposal: Proposal) -> str:
+        """A proposal for people."""
+        return (
+            f"{self.kind} {','.join(map(str, self.told(proposal)))}: phase margin {proposal.phase_margin:.0f} degrees, "
+            f"gain margin {proposal.gain_margin:.1f} (at half of the inertia, too); "
+            f"predicted to settle within 5 % after {proposal.settled:.3f} s"
+        )
 
     def _per_unit(self, name: str) -> float:
         """Radians of the motor per metre or radian of the wheel."""
@@ -194,7 +211,7 @@ class Identified:
             traces = [each.trace for each in measured if each.trace.drive == name]
             motor = self._robot.drives[name].motor
             top = VOLTAGE_SHARE * motor.max_speed_rpm * tau / 60.0
-            self._present[name] = loop_of(self._gains(name), 1e-3 * motor.output_current_ma, top)
+            self._present[name] = loop_of(self._gains(name), self._scale, 1e-3 * motor.output_current_ma, top)
             self._first[name] = traces[0]
             try:
                 # the first alone surely begins at rest: a loop that swings still does when it goes back
@@ -240,7 +257,9 @@ class Identified:
         def settled(load: MovedLoad, loop: ControlLoop) -> float | None:
             return quickness(self._expected(by_load[id(load)], load, loop).response())
 
-        found = proposals([self._loads[name] for name in names], self._most, self._present[names[0]], settled)
+        found = proposals(
+            [self._loads[name] for name in names], self._most, self._scale, self._present[names[0]], settled
+        )
         present = [self._first[name].response() for name in names]
         order = in_order(found, [each.settled_5 for each in present])
         if not found:
@@ -281,13 +300,5 @@ class Identified:
         traces = []
         for name, load in self._loads.items():
             present = self._present[name]
-            traces.append(self._expected(name, load, loop_of(proposal.gains, present.limit, present.top)))
+            traces.append(self._expected(name, load, loop_of(proposal.gains, self._scale, present.limit, present.top)))
         return Findings(traces={"predicted": traces}, responses={"predicted": [trace.response() for trace in traces]})
-
-
-def _words(kind: str, proposal: Proposal) -> str:
-    gains = ",".join(map(str, proposal.gains))
-    return (
-        f"{kind} {gains}: phase margin {proposal.phase_margin:.0f} degrees, gain margin {proposal.gain_margin:.1f} "
-        f"(at half of the inertia, too); predicted to settle within 5 % after {proposal.settled:.3f} s"
-    )

@@ -12,7 +12,7 @@ from artemis.devices.canopen import HEARTBEAT, NMT, RXPDO, SDO_REQUEST, SYNC, Nm
 from artemis.devices.epos_objects import Units
 from artemis.devices.epos_state import Controlword
 from artemis.drive_states import Nmt
-from artemis.families.objects import CONTROLWORD, TARGET_VELOCITY
+from artemis.families.objects import CONTROLWORD, DEVICE_TYPE, TARGET_VELOCITY, Object
 from artemis.values import Mode
 from artemis.vehicle import RobotFile
 
@@ -23,7 +23,7 @@ FALLING = frozenset({Mode.READY, Mode.CALIBRATE, Mode.QUICKSTOP})
 SERVICE = frozenset({Mode.INIT, Mode.QUICKSTOP, Mode.FAULT, Mode.END})
 """NMT commands may leave."""
 QUIET = frozenset({Mode.READY, Mode.TELEOP, Mode.FOLLOW, Mode.ACT})
-"""No SDO transfer: it waits until the robot is at rest in another mode."""
+"""No SDO transfer: it waits until the robot is at rest in another mode. Only the supply voltage is read."""
 MARGIN = 0.05
 """A wheel's target may rise by this much while the robot slows down: it no longer rolls about its kingpin [m/s]."""
 TOLERANCE = 1.02
@@ -35,8 +35,8 @@ _FUNCTION = 0x780
 """Function code of an identifier; the rest is the node id (CiA 301 7.3.3)."""
 _NMT_COMMANDS = frozenset(NmtCommand)
 _OFF_WORDS = frozenset({Controlword.DISABLE_VOLTAGE, Controlword.QUICK_STOP, Controlword.FAULT_RESET})
-_DOWNLOAD, _SPECIFIER = 0x20, 0xE0
-"""Client command "initiate download" in the first byte of a request (CiA 301 7.2.4.3.3)."""
+_DOWNLOAD, _UPLOAD, _ABORT, _SPECIFIER = 0x20, 0x40, 0x80, 0xE0
+"""Client commands in the first byte of a request: initiate download, initiate upload, abort (CiA 301 7.2.4.3)."""
 
 Rule = Callable[[bytes], str | None]
 """Given a frame's data: what is wrong with it, or None."""
@@ -56,12 +56,13 @@ class AllowList:
             SYNC: _of_length(0),
             HEARTBEAT + robot.host_node_id: _exactly(bytes((Nmt.OPERATIONAL.value,))),
         }
-        for drive in robot.drives.values():
+        source = robot.supply_source
+        for name, drive in robot.drives.items():
             node, driven = drive.node_id, drive.role == "traction"
             units = abs(Units(robot, drive).velocity) if driven else 0.0
             self._rules[RXPDO[0] + node] = self._set_point(node, units)
             self._rules[RXPDO[1] + node] = self._stop
-            self._rules[SDO_REQUEST + node] = self._sdo
+            self._rules[SDO_REQUEST + node] = self._sdo(source.object if source and source.drive == name else None)
         self.ours = frozenset(self._rules)
         """Identifiers that nobody but us may send."""
         self._counted = [identifier for identifier in self._rules if identifier & _FUNCTION not in (NMT, SDO_REQUEST)]
@@ -123,19 +124,30 @@ class AllowList:
     def _stop(self, data: bytes) -> str | None:
         return None if data == _word(Controlword.QUICK_STOP) else "is no quick stop"
 
-    def _sdo(self, data: bytes) -> str | None:
-        if len(data) != 8:
-            return "is no SDO request"
-        if self._mode in QUIET:
-            return "no SDO transfer while the robot may move"
-        if data[0] & _SPECIFIER != _DOWNLOAD:
+    def _sdo(self, supply: Object | None) -> Rule:
+        """SDO requests to a node; `supply`: what is read of it in every mode.
+
+        Reading it includes an abort after a lost answer, and the look at 0x1000 with which the client falls in step.
+        """
+        indices = (supply.index, DEVICE_TYPE.index) if supply is not None else ()
+
+        def judge(data: bytes) -> str | None:
+            if len(data) != 8:
+                return "is no SDO request"
+            command = data[0] & _SPECIFIER
+            if self._mode in QUIET:
+                reads = command in (_UPLOAD, _ABORT) and int.from_bytes(data[1:3], "little") in indices
+                return None if reads else "no SDO transfer while the robot may move"
+            if command != _DOWNLOAD:
+                return None
+            index, value = int.from_bytes(data[1:3], "little"), data[4:]
+            if index == TARGET_VELOCITY.index and any(value):
+                return "a target velocity other than 0 goes through the gate"
+            if index == CONTROLWORD.index and value[0] not in _OFF_WORDS:
+                return "a drive is enabled by its set-point frame alone"
             return None
-        index, value = int.from_bytes(data[1:3], "little"), data[4:]
-        if index == TARGET_VELOCITY.index and any(value):
-            return "a target velocity other than 0 goes through the gate"
-        if index == CONTROLWORD.index and value[0] not in _OFF_WORDS:
-            return "a drive is enabled by its set-point frame alone"
-        return None
+
+        return judge
 
 
 def _word(command: Controlword) -> bytes:

@@ -37,6 +37,8 @@ class BusGateway:
 
     def __init__(self, robot: RobotFile, bus: FrameBus) -> None:
         self._bus = bus
+        self.judged = False
+        """In the last tick, and in no fault: the drives answer."""
         self._allow = AllowList(robot)
         self._traffic: list[tuple[bool, Frame]] = []
         self._foreign: list[int] = []
@@ -47,8 +49,9 @@ class BusGateway:
         self.handlers: dict[int, tuple[Counted, Callable[[Frame], None]]] = {}
         """What to do with a frame, by its identifier."""
 
-    def begin(self, mode: Mode) -> None:
-        """A tick in `mode` begins to write."""
+    def begin(self, mode: Mode, *, judged: bool = False) -> None:
+        """A tick in `mode` begins to write; `judged`: what the drives do not tell is a fault."""
+        self.judged = judged and mode is not Mode.FAULT
         self._allow.begin(mode)
 
     def listen(self, wake: Callable[[], None] = lambda: None, report: Report = _unheard) -> None:

@@ -63,7 +63,7 @@ class Drives:
 
     def _write(self, tick: Tick) -> None:
         wish, urgent, send = tick.wish, tick.snapshot.sensed.urgent, self.wire.send
-        self.wire.begin(tick.mode)
+        self.wire.begin(tick.mode, judged=wish.exchange and wish.supervised)
         if wish.exchange:
             words = []
             for node in self.nodes:  # stops first, both sides together

@@ -10,12 +10,12 @@ from typing import TypeVar
 
 from artemis.devices.canopen import NmtCommand, SdoAbort, nmt_frame
 from artemis.devices.epos import EposDrive
-from artemis.devices.epos_objects import NOT_VALID, pdo_settings, quantities, settings
+from artemis.devices.epos_identity import check_family, check_identity, held
+from artemis.devices.epos_objects import NOT_VALID, pdo_settings, quantities, settings, wrapped
 from artemis.devices.epos_state import Controlword
 from artemis.drive_states import POWERED, DriveState
 from artemis.errors import DeviceError, DeviceLost, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
-from artemis.families import GENERATIONS
-from artemis.families.family import MAXON, Bits, OptionCode
+from artemis.families.family import OptionCode
 from artemis.families.objects import (
     CONSUMER_HEARTBEAT,
     CONTROLWORD,
@@ -24,13 +24,10 @@ from artemis.families.objects import (
     MODE_DISPLAY,
     POSITION,
     POSITION_LIMITS,
-    PRODUCT,
     SAVE,
-    SERIAL_NUMBER,
     STATUSWORD,
     STORE,
     U32,
-    VENDOR,
     Object,
     Setting,
 )
@@ -47,9 +44,6 @@ STORE_TIME = 3.0
 """A drive may be busy for so long when it stores its parameters [s]: no manual says how long it is."""
 LIMIT_MARGIN = radians(3.0)
 """The drive's own position limits lie this far beyond the largest wheel angle of the gate [rad]."""
-
-NO_SUCH_OBJECT = 0x06020000
-"""SDO abort code (CiA 301 7.2.4.3.17)."""
 
 T = TypeVar("T")
 
@@ -83,6 +77,8 @@ class EposJobs:
         }
         """What the jobs that move plain numbers read or write."""
         self._boots = self._resets = 0
+        self._hardware: int | None = None
+        """Version of the drive, once it is known to be of our family."""
         self._one_at_a_time = asyncio.Lock()  # an end that comes early must not overtake the configuration
 
     async def result(self, job: Job) -> JobResult:
@@ -130,13 +126,15 @@ class EposJobs:
         return objects
 
     async def secure(self, reset: float) -> None:
-        """If it moves, stop it, whoever it is; then check who it is, and leave it off, unwatching, without a fault.
+        """Check its family, and if it moves, stop it; check who it is, and leave it off, unwatching, without a fault.
 
+        A drive of another family is left as it is: what a controlword means to it is not known here.
         `reset`: have its communication or the whole node reset before (`RESETS`), as some faults need. The drive's own
         error history tells the same of a fault that nobody heard of, where a fault reset alone is not enough; it is
         followed `MAX_RESETS` times.
         """
         history: tuple[int, ...] = ()
+        self._hardware = None
         tried = [await self._reset(reset)] if reset else []
         await self._make_safe()
         if (state := await self._settled_state()) is DriveState.FAULT:
@@ -192,7 +190,7 @@ class EposJobs:
         for option in family.option_codes:
             await self._ensure_option(option)
         for (object, value), meaning in family.forbidden:
-            if await self._held(object) == value:
+            if await held(self.read, object) == value:
                 raise NotKept(self.name, f"{object} is {value} ({meaning})")
         for object, quantity, name in family.checks:
             wanted = quantities(self._epos.robot, self.drive, period)[quantity]
@@ -214,15 +212,6 @@ class EposJobs:
         except (SdoAbort, NotKept) as error:
             wanted = f"{option.setting.object} = {option.setting.value} ({option.name})"
             raise NotKept(self.name, f"does not take the option code {wanted}: {error.problem}") from error
-
-    async def _held(self, object: Object) -> int | None:
-        """Value of an object; None: the drive has none."""
-        try:
-            return await self.read(object)
-        except SdoAbort as refused:
-            if refused.code == NO_SUCH_OBJECT:
-                return None
-            raise
 
     async def _switch_pdo_off(self, cob_id: Object) -> None:
         """With the identifier that it has: another one is refused while the PDO is valid."""
@@ -288,6 +277,7 @@ class EposJobs:
 
     async def _switch_off(self) -> bool:
         """Power off; a moving drive is stopped by its own ramp before. Whether it was on."""
+        await self._check_family()
         if was_on := (await self._read_state()) in POWERED:
             await self.write(CONTROLWORD, Controlword.QUICK_STOP)
             await self._come_to_rest()
@@ -336,44 +326,15 @@ class EposJobs:
         if (kept := await self.read(setting.object)) != setting.value:
             raise NotKept(self.name, f"did not keep {setting.object}: wrote 0x{setting.value:X}, reads 0x{kept:X}")
 
+    async def _check_family(self) -> None:
+        """What a controlword means depends on the family; asked once, and again whenever the drive is secured."""
+        if self._hardware is None:
+            self._hardware = await check_family(self.name, self.drive, self.read)
+
     async def _check_identity(self) -> None:
-        """Vendor, family, hardware, firmware and serial number against the robot file."""
-        family, node = self._family, self.drive.node_id
-        vendor = await self.read(VENDOR)
-        try:
-            hardware, firmware = await self._read_bits(family.hardware), await self._read_bits(family.firmware)
-        except SdoAbort as refused:
-            if refused.code == NO_SUCH_OBJECT and vendor == MAXON:
-                await self._check_generation(await self.read(PRODUCT) >> 16)
-            raise
-        if vendor != family.vendor:
-            whose = "maxon (0xFB)" if family.vendor == MAXON else f"0x{family.vendor:X}"
-            raise WrongDevice(self.name, f"node {node} is of vendor 0x{vendor:X}, not {whose}")
-        if vendor == MAXON:
-            await self._check_generation(hardware if family.generation is not None else hardware >> 16)
-        if (hardware ^ self.drive.hardware_version) & family.hardware_mask:
-            expected = self.drive.hardware_version
-            raise WrongDevice(self.name, f"node {node} is hardware 0x{hardware:04X}, expected 0x{expected:04X}")
-        if firmware < (needed := self.drive.oldest_firmware):
-            raise WrongDevice(self.name, f"firmware 0x{firmware:04X} is older than 0x{needed:04X}: update the drive")
-        if self.drive.serial_number is not None:
-            serial = await self.read(SERIAL_NUMBER)
-            if serial != self.drive.serial_number:
-                raise WrongDevice(self.name, f"serial number {serial:08X}, expected {self.drive.serial_number:08X}")
-
-    async def _read_bits(self, bits: Bits) -> int:
-        return await self.read(bits.object) >> bits.shift
-
-    async def _check_generation(self, version: int) -> None:
-        """A maxon hardware version is of our family; one that tells none, by an object that only our family has."""
-        family = self._family
-        found = GENERATIONS.get(version >> 4 & 0xF)
-        if found is None and family.witness is not None and await self._held(family.witness) is None:
-            seen = f"is no {family.title}: hardware 0x{version:04X}, without object {family.witness}"
-            raise WrongDevice(self.name, f"node {self.drive.node_id} {seen}")
-        if found is not None and found is not family and (family.generation or found.mask != family.mask):
-            seen = f"is of family {found.name} ({found.title}, hardware 0x{version:04X})"
-            raise WrongDevice(self.name, f"node {self.drive.node_id} {seen}, the robot file says {family.name}")
+        """Hardware, firmware and serial number against the robot file."""
+        assert self._hardware is not None  # its family was checked
+        await check_identity(self.name, self.drive, self._hardware, self.read)
 
     async def _read_state(self) -> DriveState:
         return self._family.state(await self.read(STATUSWORD))
@@ -391,10 +352,12 @@ class EposJobs:
         return await read()
 
     async def _come_to_rest(self) -> None:
+        """Wait until it stands: a sensor at its edge may tell one count more or less at each look."""
+        still = max(1.0, self._family.still_rpm / 60.0 * POLL * self.drive.sensor.counts_per_turn)
         last = await self.read(POSITION)
         for _ in range(round(STOP_TIME / POLL)):
             await asyncio.sleep(POLL)
-            if (position := await self.read(POSITION)) == last:
+            if abs(wrapped((position := await self.read(POSITION)) - last)) <= still:
                 return
             last = position
         raise DeviceError(self.name, f"was found moving and does not stop within {STOP_TIME:g} s")

@@ -87,6 +87,8 @@ class SerialLine:
         self._last_byte = self._loop.time()
         self._noisy = False
         """Silence was waited for, and did not come."""
+        self._late = False
+        """The answer to an earlier try, or to a command that was given up, may come yet."""
         self._lost: DeviceLost | None = None
         port.listen(self._woken.set)
 
@@ -194,10 +196,13 @@ class SerialLine:
                 data = await once(command, patience)
                 if command.answered and len(data) < ERROR_SIZE:  # a frame of zeros alone has the checksum zero
                     raise _Broken(DAMAGED, "answers without an error code")
+                if self._late:
+                    await self._nothing_follows()
                 return data
             except _Broken as error:
                 broken = error
             self.faults[broken.row] += 1
+            self._late |= broken.row == SILENT and self._protocol is SerialProtocol.EPOS4
             await self._fall_silent()
         times = f"{tries} tries" if tries > 1 else "one try"
         problem = f"{broken.problem}, {times} ({broken.row}); {ADVICE[broken.row]}"
@@ -257,6 +262,18 @@ class SerialLine:
             if frame[0] != ANSWER:
                 raise _Broken(OUT_OF_STEP, f"answers with operation code 0x{frame[0]:02X}")
             return frame[1]
+
+    async def _nothing_follows(self) -> None:
+        """Raises _Broken if there is another answer: then the one before may have been a late one.
+
+        An answer of an EPOS4 does not tell what it answers; the first generation confirms each command before.
+        """
+        try:
+            byte = await self._bytes(1, PATIENCE, "")
+        except _Broken:
+            self._late = False
+        else:
+            raise _Broken(OUT_OF_STEP, f"goes on with 0x{byte.hex()} after an answer, which was a late one")
 
     # ------------------------------------------------------------------------------------------ bytes
 

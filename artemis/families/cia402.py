@@ -125,6 +125,8 @@ class Cia402(Config):
     analog_inputs: Annotated[tuple[AnalogWords, AnalogWords], Field(strict=False)] | None = None
     """Both potentiometers of a steered wheel."""
     option_codes: OptionCodes = OptionCodes()
+    brake: bool = False
+    """A brake closes by itself where the power is cut: only then may option codes cut it while the wheel turns."""
     settings: Annotated[tuple[SettingWords, ...], Field(strict=False)] = ()
     """Written after everything else, in this order."""
     reset_after_lost_heartbeat: bool = False
@@ -160,6 +162,8 @@ ERRORS = {
 
 NO_REACTION = Setting(ABORT_CONNECTION, 0)
 """The drive goes on with its last set-point when our heartbeat is lost."""
+POWER_CUTS = (Setting(QUICK_STOP_OPTION, 0), Setting(FAULT_REACTION, 0))
+"""The drive cuts its power and the wheel coasts (CiA 402, option codes): without a brake that is no stop."""
 _OPTIONS = (ABORT_CONNECTION, QUICK_STOP_OPTION, FAULT_REACTION)
 _OURS = frozenset(
     object.index for object in (CONSUMER_HEARTBEAT, STORE, CONTROLWORD, TARGET_POSITION, TARGET_VELOCITY, *_OPTIONS)
@@ -209,7 +213,10 @@ def family_from(words: Cia402) -> Family:
         configuration=(*_own_configuration(words), *((each.object, each.value) for each in words.settings)),
         choices={},
         option_codes=_option_codes(words.option_codes),
-        forbidden=((NO_REACTION, "no reaction to a lost connection"),),
+        forbidden=(
+            (NO_REACTION, "no reaction to a lost connection"),
+            *((cut, "cuts the power: without a brake the wheel coasts") for cut in POWER_CUTS if not words.brake),
+        ),
         moves_valid_pdos=False,
         errors=ERRORS,
         resets={LOST_HEARTBEAT: "communication"} if words.reset_after_lost_heartbeat else {},

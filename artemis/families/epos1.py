@@ -8,7 +8,7 @@ of the statusword belong to the state, Refresh and Measure Init exist, it has no
 from __future__ import annotations
 
 from artemis.drive_states import DriveState
-from artemis.families.family import MAXON, SENSORS, STEERING, TRACTION, Bits, Family, for_motors, for_sensors
+from artemis.families.family import MAXON, SENSORS, STEERING, TRACTION, Bits, Family, GainScale, for_motors, for_sensors
 from artemis.families.objects import (
     ACCELERATION,
     CONSUMER_HEARTBEAT,
@@ -93,6 +93,16 @@ ERRORS = {
     0xFF0B: "DRV-28",
 }
 
+GAIN_SCALE = GainScale(
+    units=(1.0 / 256.0, 1e4 / 256.0, 20e-6, 5e-3, 10e-3, 78e-3, 80e-6),
+    largest=32767,
+    period=1e-3,  # hardware reference
+)
+"""As the EPOS2 is documented (maxon, EPOS2 Application Notes Collection 2014, 9.3.2 and 9.3.3; of the current, by the
+numbers of its example in 9.5). The EPOS's own documents name no units. What speaks for these: the gains with which both
+leave the factory (150, 10, 200 of the position) are in these units those of the EPOS4, whose EDS gives SI units.
+"""
+
 
 def configuration(pulses: Object) -> tuple[tuple[Object, int | str], ...]:
     """Everything that is written but the PDOs; `pulses`: the encoder's, of which later generations have more."""
@@ -153,6 +163,7 @@ EPOS1 = Family(
         "sensor type": for_sensors(dict(zip(SENSORS, (1, 2, 3), strict=True))),
     },
     gains=GAINS,
+    gain_scale=GAIN_SCALE,
     memory=tuple(Object(0x200C, number, I32) for number in range(1, 5)),
     top_velocity=25000,
     errors=ERRORS,

@@ -21,6 +21,7 @@ from artemis.families.family import (
     TRACTION,
     Bits,
     Family,
+    GainScale,
     OptionCode,
     for_motors,
 )
@@ -180,6 +181,8 @@ EPOS4 = Family(
     velocity=VELOCITY_AVERAGED,
     current=CURRENT_AVERAGED,
     analog=ANALOG,
+    supply=Object(0x2200, 1, U16),  # in 0.1 V; no PDO takes it
+    analog_step=20.0 / 4096,  # -10 to 10 V in 12 bit (hardware reference of the 50/5)
     configuration=(
         (MOTOR_TYPE, "motor type"),
         (Object(0x3001, 1, U32), "continuous current"),
@@ -217,6 +220,8 @@ EPOS4 = Family(
     ),
     checks=((RESOLUTION, "counts", "increments of the main sensor per motor turn"),),
     gains=GAINS,
+    # the EDS gives microunits, and microvolts per ampere and millisecond; 2.5 kHz: hardware reference of the 50/5
+    gain_scale=GainScale(units=(1e-6, 1e-3, *(1e-6,) * 5), largest=4_294_000_000, period=0.4e-3),
     memory=tuple(Object(0x210C, number, I32) for number in range(1, 5)),
     moves_valid_pdos=False,
     errors=ERRORS,
@@ -229,4 +234,5 @@ EPOS4 = Family(
     bit_rates={0: 1_000_000, 1: 800_000, 2: 500_000, 3: 250_000, 4: 125_000, 6: 50_000, 7: 20_000, 9: 0},
     reset_time=2.0,
     state_time=1.5,
+    still_rpm=30.0,  # its own window of standstill, object 0x30E0:1
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from artemis.drive_states import DriveState
@@ -33,6 +33,28 @@ class OptionCode:
 
     setting: Setting
     name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GainScale:
+    """What the numbers of a family's gains mean."""
+
+    units: tuple[float, ...]
+    """Of each, in the order of `Family.gains`: V/A, V/(A·s); A·s/rad, A/rad; A/rad, A/(rad·s), A·s/rad, where angles
+    are of the motor's shaft."""
+    largest: int
+    period: float
+    """Of the velocity and position regulators [s]."""
+
+    @property
+    def velocity(self) -> tuple[float, ...]:
+        """Units of P and I of the velocity regulator, whose output is the demanded current."""
+        return self.units[2:4]
+
+    @property
+    def position(self) -> tuple[float, ...]:
+        """Units of P, I and D of the position regulator, likewise."""
+        return self.units[4:]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +98,10 @@ class Family:
     velocity: Object
     current: Object | None
     analog: tuple[Object, ...]
+    supply: Object | None = None
+    """Its supply voltage, where it measures that."""
+    supply_scale: float = 10.0
+    """Units of `supply` per volt."""
     velocity_scale: float = 1.0
     """Units of velocities per rpm of the motor shaft."""
     acceleration_scale: float = 1.0
@@ -84,6 +110,8 @@ class Family:
     """Units of `current` per ampere."""
     analog_scale: float = 1000.0
     """Units of `analog` per volt."""
+    analog_step: float | None = None
+    """Step of the converter behind `analog` [V]: the alignment looks for edges between steps; None: it averages."""
 
     # ------------------------------------------------------------------------------------------ configuration
     configuration: tuple[tuple[Object, int | str], ...]
@@ -97,6 +125,8 @@ class Family:
     """What must be found once all that was written: object, name of the quantity, what it is called."""
     gains: tuple[Object, ...] = ()
     """Of the regulators: current P, I; velocity P, I; position P, I, D."""
+    gain_scale: GainScale | None = None
+    """None: not known, or it has no such gains."""
     memory: tuple[Object, ...] = ()
     """Four numbers of the user's own, which the drive keeps."""
     serial_protocol: str = "epos1"
@@ -119,6 +149,8 @@ class Family:
     """A node that was reset answers again after this time [s]."""
     state_time: float = 0.5
     """Longest wait for a device state [s]."""
+    still_rpm: float = 0.0
+    """A motor shaft that is slower than this stands, or one of which the sensor tells a count more or less [rpm]."""
 
     def state(self, statusword: int) -> DriveState:
         """The device state that a statusword (0x6041) tells; UNKNOWN for a pattern that the family does not have."""
@@ -131,8 +163,15 @@ class Family:
 
     @property
     def gains_in_si(self) -> bool:
-        """Its gains are in SI units; else without unit."""
+        """Its gains are in SI units in the robot file; else numbers without unit, as the drive has them."""
         return any(gain.type is ObjectType.U32 for gain in self.gains)
+
+    def told_gains(self, numbers: Sequence[int], first: int = 0) -> tuple[float, ...]:
+        """Gains, from place `first` on, that the drive has as these numbers, as the robot file has them."""
+        if not self.gains_in_si or self.gain_scale is None:
+            return tuple(numbers)
+        units = self.gain_scale.units[first : first + len(numbers)]
+        return tuple(round(number * unit, 6) for number, unit in zip(numbers, units, strict=True))
 
     @property
     def interpolates(self) -> bool:

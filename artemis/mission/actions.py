@@ -101,13 +101,15 @@ def _kind_of_steering(steering: object) -> str:
 
 
 class NewGains(Config):
-    """Regulator gains of a drive to try; those that are left out stay as the robot file says."""
+    """Regulator gains of a drive to try, as the robot file has them; those that are left out stay as it says."""
 
-    current: drive_schema.PiGains | None = None
+    current: Annotated[tuple[drive_schema.AnyGain, drive_schema.AnyGain], Field(strict=False)] | None = None
     """P and I of the current regulator."""
-    velocity: drive_schema.PiGains | None = None
+    velocity: Annotated[tuple[drive_schema.AnyGain, drive_schema.AnyGain], Field(strict=False)] | None = None
     """P and I of the velocity regulator."""
-    position: drive_schema.PidGains | None = None
+    position: (
+        Annotated[tuple[drive_schema.AnyGain, drive_schema.AnyGain, drive_schema.AnyGain], Field(strict=False)] | None
+    ) = None
     """P, I and D of the position regulator."""
 
     @model_validator(mode="after")

@@ -37,7 +37,11 @@ class StepChecks(GotoChecks):
             return None
         from artemis.mission.tree import mission_tree
 
-        found = mission_tree(mission, has_battery=robot is None or robot.battery is not None)
+        found = mission_tree(
+            mission,
+            has_battery=robot is None or robot.battery is not None,
+            measured=robot is None or robot.supply_source is not None,
+        )
         for path, problem in found.problems:
             self._complain(path, problem)
         if not (found.steps or self._problems):

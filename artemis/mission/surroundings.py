@@ -47,11 +47,19 @@ class SurroundingsChecks(StepChecks):
 
     def _check_loads(self, robot: RobotFile | None) -> None:
         """Loads on which gains act, of drives whose gains are known."""
+        from artemis.mission.gains import gains_key
+
         at = "simulation", "true_robot", "loads"
         for role in self._names(*at):
             for name, drive in robot.drives.items() if robot is not None else ():
-                if drive.role == role and (drive.tables.gains_in_si or drive.gains is None):
-                    self._complain((*at, role), f"only for drives with `gains` in the robot file: {name} has none")
+                if drive.role != role:
+                    continue
+                if drive.tables.gain_scale is None:
+                    text = f"what gains do to a drive like {name} ({drive.tables.title}) is not known"
+                    self._complain((*at, role), text)
+                elif drive.known_gains is None:
+                    text = f"only for drives with `{gains_key(drive)}` in the robot file: {name} has none"
+                    self._complain((*at, role), text)
 
     def _check_mapping(self, robot: RobotFile | None) -> None:
         """The scanner that makes a map, and the name of its file."""

@@ -78,10 +78,13 @@ def _written(mission: Mission) -> Any:  # noqa: ANN401 (of a file)
     return mission.model_dump(include={"steps"}, by_alias=True)["steps"]
 
 
-def mission_tree(mission: Mission, *, has_battery: bool = True) -> MissionTree:
-    """The tree of a mission, with everything that is wrong in it; `has_battery`: the robot file describes one."""
+def mission_tree(mission: Mission, *, has_battery: bool = True, measured: bool = True) -> MissionTree:
+    """The tree of a mission, with everything that is wrong in it.
+
+    `has_battery`: the robot file describes one; `measured`: something measures the supply voltage.
+    """
     written = _written(mission)
-    building, count = _Building(mission, written, has_battery=has_battery), len(written)
+    building, count = _Building(mission, written, has_battery=has_battery, measured=measured), len(written)
     if mission.steps[-1].stop is not None and count > 1:
         count -= 1
     root = building.steps(mission.steps[:count], ("steps",), building.signals)
@@ -98,8 +101,8 @@ def mission_tree(mission: Mission, *, has_battery: bool = True) -> MissionTree:
 
 
 class _Building:
-    def __init__(self, mission: Mission, steps: Any, *, has_battery: bool) -> None:  # noqa: ANN401 (of a file)
-        self._simulated, self._has_battery = mission.bus == "simulation", has_battery
+    def __init__(self, mission: Mission, steps: Any, *, has_battery: bool, measured: bool) -> None:  # noqa: ANN401 (of a file)
+        self._measured, self._has_battery = measured, has_battery
         self.behaviours = declarations(steps)
         self.signals = _signals(mission, steps, self.behaviours)
         self.numbered: list[tuple[KeyPath, Step]] = []
@@ -198,12 +201,15 @@ class _Building:
             return None
         self.asked.append(condition)
         asked = {part.signal for part in comparisons(condition)}
-        if not self._simulated and (found := asked & {"battery_v", *OF_BATTERY}):
-            why = "no drive of this robot measures the supply voltage; use a time, such as run_s > 3600"
-            self.problems += [(path, f"{name}: {why}") for name in sorted(found)]
-        elif not self._has_battery:
+        if not self._has_battery and (found := asked.intersection(OF_BATTERY)):
             why = "the robot file describes no `battery`"
-            self.problems += [(path, f"{name}: {why}") for name in sorted(asked.intersection(OF_BATTERY))]
+            self.problems += [(path, f"{name}: {why}") for name in sorted(found)]
+        elif not self._measured and (found := asked & {"battery_v", *OF_BATTERY}):
+            why = (
+                "no drive of this robot measures the supply voltage: name an analog input that does "
+                "(`battery.measured` of the robot file), or use a time, such as run_s > 3600"
+            )
+            self.problems += [(path, f"{name}: {why}") for name in sorted(found)]
         return condition
 
 

@@ -18,14 +18,12 @@ from math import ceil, copysign, degrees, inf, pi
 import numpy as np
 
 from artemis.errors import CalibrationError
-from artemis.motion.gain_units import POSITION_UNITS, VELOCITY_UNITS
+from artemis.families.family import GainScale
 from artemis.motion.spline import Array
 from artemis.motion.step_response import StepResponse
 
-PERIOD = 1e-3
-"""Of the velocity and position regulators [s] (EPOS hardware reference)."""
-HOLD = 1.5 * PERIOD
-"""Dead time of a regulator that computes once a period: half a period of hold, one until the current is there [s]."""
+HOLD = 1.5
+"""Dead time of a regulator that computes once a period: half a period of hold, one until the current is there."""
 PHASE_MARGIN, GAIN_MARGIN = 40.0, 2.0
 """[degrees], factor: of the loop at the inertia that was found and at `LIGHTEST` of it. Textbooks ask for 30 to 60
 degrees and for 2 or more (Astrom and Murray, Feedback Systems, 9.3)."""
@@ -39,8 +37,6 @@ ENOUGH = 1.1
 """No stiffer than needed: the softest gains are proposed that settle within so many times the shortest time."""
 NEAR_RAMP, AT_LIMIT = 1.5, 0.98
 """A drive that settles within so many times its ramp, or reaches so much of its largest current, is held up by that."""
-LARGEST = 32767
-"""Of what a gain can be."""
 WINDOW = 1.5
 """So much of a recording is used [s]."""
 MOST_DELAY = 0.02
@@ -81,6 +77,8 @@ class ControlLoop:
     """Largest current [A]."""
     top: float
     """Largest speed [rad/s], of what the supply allows."""
+    period: float = 1e-3
+    """Of the regulator [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,17 +112,18 @@ class Proposal:
     """Within 5 % [s], the longest of all drives, as the model predicts."""
 
 
-def loop_of(gains: Sequence[int], limit: float, top: float) -> ControlLoop:
-    """The regulator with these gains: two of a velocity, three of a position."""
-    units = VELOCITY_UNITS if len(gains) == len(VELOCITY_UNITS) else POSITION_UNITS
+def loop_of(gains: Sequence[int], scale: GainScale, limit: float, top: float) -> ControlLoop:
+    """The regulator with these gains of a drive: two of a velocity, three of a position."""
+    is_position = len(gains) == len(scale.position)
+    units = scale.position if is_position else scale.velocity
     p, i, d = (*(unit * gain for unit, gain in zip(units, gains, strict=True)), 0.0)[:3]
-    return ControlLoop(is_position=len(gains) == len(POSITION_UNITS), p=p, i=i, d=d, limit=limit, top=top)
+    return ControlLoop(is_position=is_position, p=p, i=i, d=d, limit=limit, top=top, period=scale.period)
 
 
 def followed(load: MovedLoad, loop: ControlLoop, time: Array, told: Array) -> tuple[Array, Array]:
     """Position [rad], from 0, and current [A] at each time, of a load that begins at rest, under these set-points."""
     position, velocity, integral, last = 0.0, 0.0, 0.0, 0.0
-    late = load.delay / PERIOD
+    late = load.delay / loop.period
     back = ceil(late)
     share = back - late  # of the younger one of two samples
     places, speeds = [0.0] * (back + 1), [0.0] * (back + 1)
@@ -132,9 +131,9 @@ def followed(load: MovedLoad, loop: ControlLoop, time: Array, told: Array) -> tu
     limit, top, friction, inertia, is_position = loop.limit, loop.top, load.friction, load.inertia, loop.is_position
     shown_places, shown_currents = np.zeros(len(time)), np.zeros(len(time))
     current, started = 0.0, False
-    periods = np.maximum(1, np.round(np.diff(time) / PERIOD)).astype(int).tolist()
+    periods = np.maximum(1, np.round(np.diff(time) / loop.period)).astype(int).tolist()
     for index, (wanted, count, length) in enumerate(
-        zip(told.tolist(), [*periods, 1], [*np.diff(time).tolist(), PERIOD], strict=True)
+        zip(told.tolist(), [*periods, 1], [*np.diff(time).tolist(), loop.period], strict=True)
     ):
         shown_places[index], shown_currents[index] = position, current
         dt = length / count
@@ -274,7 +273,9 @@ def _fitted(misfit: Callable[[Array], Array], values: Array) -> tuple[Array, flo
 # ---------------------------------------------------------------------------------------------- gains
 
 
-def placed(load: MovedLoad, time_constant: float, slower: float, is_position: bool) -> tuple[int, ...]:
+def placed(
+    load: MovedLoad, time_constant: float, slower: float, scale: GainScale, is_position: bool
+) -> tuple[int, ...]:
     """Gains that place the poles of the closed loop on a load without friction and dead time.
 
     With w = 1 / `time_constant`: one pole of a velocity loop, two of a position loop at -w, and that of the integral
@@ -285,19 +286,19 @@ def placed(load: MovedLoad, time_constant: float, slower: float, is_position: bo
     a = w / slower
     if is_position:
         wanted: tuple[float, ...] = (inertia * (w * w + 2.0 * w * a), inertia * w * w * a, inertia * (2.0 * w + a))
-        return tuple(round(gain / unit) for gain, unit in zip(wanted, POSITION_UNITS, strict=True))
+        return tuple(round(gain / unit) for gain, unit in zip(wanted, scale.position, strict=True))
     wanted = (inertia * (w + a), inertia * w * a)
-    return tuple(round(gain / unit) for gain, unit in zip(wanted, VELOCITY_UNITS, strict=True))
+    return tuple(round(gain / unit) for gain, unit in zip(wanted, scale.velocity, strict=True))
 
 
 def margins(load: MovedLoad, loop: ControlLoop) -> tuple[float, float]:
     """Phase margin [degrees] and gain margin of the loop; a loop that is not stable has a margin of 0."""
-    omega = np.geomspace(0.1, pi / PERIOD, 3000)
+    omega = np.geomspace(0.1, pi / loop.period, 3000)
     s = 1j * omega
     regulator = loop.p + loop.i / s + (loop.d * s if loop.is_position else 0.0)
     order = 2 if loop.is_position else 1
     size = np.abs(regulator) * load.scale / (load.inertia * omega**order)
-    phase = np.angle(regulator) - 0.5 * pi * order - omega * (load.delay + HOLD)
+    phase = np.angle(regulator) - 0.5 * pi * order - omega * (load.delay + HOLD * loop.period)
     crossed = np.flatnonzero((size[:-1] >= 1.0) & (size[1:] < 1.0))
     falling = np.flatnonzero((phase[:-1] > -pi) & (phase[1:] <= -pi))
     rising = np.flatnonzero((phase[:-1] <= -pi) & (phase[1:] > -pi))
@@ -310,6 +311,7 @@ def margins(load: MovedLoad, loop: ControlLoop) -> tuple[float, float]:
 def proposals(
     loads: Sequence[MovedLoad],
     most: Sequence[int],
+    scale: GainScale,
     present: ControlLoop,
     settled: Callable[[MovedLoad, ControlLoop], float | None],
 ) -> list[Proposal]:
@@ -318,16 +320,17 @@ def proposals(
     Args:
         loads: of the drives that are to have the same gains.
         most: no gain may exceed this.
+        scale: what the numbers of the gains mean.
         present: the loop as it is: of a velocity or a position, with these limits.
         settled: when a load under a loop has settled, as the model predicts [s]; None: not.
     """
     lightest = min(loads, key=lambda load: load.inertia / load.scale)
     found = []
     for time_constant, slower in product(TIMES, SLOWER):
-        gains = placed(lightest, time_constant, slower, present.is_position)
+        gains = placed(lightest, time_constant, slower, scale, present.is_position)
         if any(gain > top for gain, top in zip(gains, most, strict=True)) or not all(gains):
             continue
-        loop = loop_of(gains, present.limit, present.top)
+        loop = loop_of(gains, scale, present.limit, present.top)
         all_margins = [margins(each, loop) for load in loads for each in (load, _lighter(load))]
         phase, gain = min(phase for phase, _ in all_margins), min(gain for _, gain in all_margins)
         if phase < PHASE_MARGIN or gain < GAIN_MARGIN:

@@ -57,7 +57,7 @@ class Ground:
             if not turned and abs(pose.x - last.x) + abs(pose.y - last.y) < STEP:
                 return
         self._pose = pose
-        free = [self._beside[:, eye.free()] for eye in self._eyes if eye.view.millimetres.size]
+        free = [self._beside.take(eye.free(), axis=1) for eye in self._eyes if eye.view.millimetres.size]
         place, who = _numbers(placed_points(pose, np.concatenate([self._under, *free], axis=1)))
         self._when[place], self._who[place] = time, who
 

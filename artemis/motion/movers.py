@@ -95,17 +95,30 @@ class Movers:
 
 
 def _moving(groups: list[Group], before: list[Group], time: float) -> list[tuple[Group, float, float]]:
-    """Those that seem to, with their velocities [m/s]."""
-    found = [(group, _velocity(group, before, time)) for group in groups]
+    """Those that seem to, with their velocities [m/s]: each was where the nearest one before was."""
+    if not (groups and before):
+        return []
+    (x, y), (x_then, y_then) = _middles(groups), _middles(before)
+    dx, dy = x[:, np.newaxis] - x_then, y[:, np.newaxis] - y_then
+    nearest = (dx * dx + dy * dy).argmin(axis=1).tolist()
+    found = [(group, _velocity(group, before[old], time)) for group, old in zip(groups, nearest, strict=True)]
     return [(group, *velocity) for group, velocity in found if velocity is not None]
+
+
+def _middles(groups: list[Group]) -> Array:
+    return np.array([[group.x for group in groups], [group.y for group in groups]])
 
 
 def _passed(points: Array, moving: list[tuple[Group, float, float]], was_free: Free, lookahead: float) -> list[Array]:
     """Places that they will pass."""
-    found = []
-    for group, vx, vy in moving:
-        here = points[:, group.first : group.last]
-        if np.count_nonzero(was_free(here)) <= NEW * here.shape[1]:
+    if not moving:
+        return []
+    found, places = [], [points[:, group.first : group.last] for group, *_ in moving]
+    new = was_free(np.concatenate(places, axis=1)).tolist()
+    for here, (group, vx, vy) in zip(places, moving, strict=True):
+        size = here.shape[1]
+        was_elsewhere, new = new[:size].count(True), new[size:]
+        if was_elsewhere <= NEW * size:
             continue
         count = int(hypot(vx, vy) * lookahead / STRIDE) + 1
         times = lookahead * np.arange(1, count + 1) / count
@@ -116,11 +129,13 @@ def _passed(points: Array, moving: list[tuple[Group, float, float]], was_free: F
 
 
 def _groups(points: Array) -> list[Group]:
-    x, y = points
+    x, y = points[0], points[1]
     if x.size < FEWEST:
         return []
-    dx, dy = np.diff(x), np.diff(y)
-    begins = np.concatenate([[0], np.flatnonzero(dx * dx + dy * dy > GAP * GAP) + 1])
+    dx, dy = x[1:] - x[:-1], y[1:] - y[:-1]
+    apart = np.ones(x.size, dtype=np.bool_)
+    np.greater(dx * dx + dy * dy, GAP * GAP, out=apart[1:])
+    begins = apart.nonzero()[0]
     low, high = np.minimum.reduceat(points, begins, axis=1), np.maximum.reduceat(points, begins, axis=1)
     (xs, ys), (widths, heights) = ((low + high) / 2.0).tolist(), (high - low).tolist()
     firsts = [*begins.tolist(), x.size]
@@ -131,11 +146,8 @@ def _groups(points: Array) -> list[Group]:
     ]
 
 
-def _velocity(group: Group, before: list[Group], time: float) -> tuple[float, float] | None:
+def _velocity(group: Group, old: Group, time: float) -> tuple[float, float] | None:
     """Of a group [m/s]; None: it stands, or is none that was seen before."""
-    if not before:
-        return None
-    old = min(before, key=lambda it: hypot(it.x - group.x, it.y - group.y))
     vx, vy = (group.x - old.x) / time, (group.y - old.y) / time
     moves = SLOWEST + abs(group.width - old.width) / time / 2.0 < hypot(vx, vy) < FASTEST
     return (vx, vy) if moves else None

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import radians
 
 from artemis.axles import Potentiometers
+from artemis.motion.totals import mean
 
 SUPPLY_V = 5.0
 LOWEST, HIGHEST = 0.02 * SUPPLY_V, SUPPLY_V - 0.02 * SUPPLY_V
@@ -34,3 +35,35 @@ def memory_words(numbers: Sequence[int]) -> str:
         return "nothing"
     first, second, slope, other = (number / 1e6 for number in numbers)
     return f"zero {first:.4f} and {second:.4f} V, slope {slope:.3f} and {other:.3f} deg/V"
+
+
+class StepEdges:
+    """Where a wheel stands, more exactly than one step of the analog inputs that read its potentiometers.
+
+    A reading that changes passes the middle between both: so well as the wheel turned slowly meanwhile, its angle is
+    known there. A reading that stays tells nothing. Both ways count alike: play, and what an input lags, cancel.
+    """
+
+    def __init__(self, calibration: Potentiometers, step: float) -> None:
+        """`step` of the inputs' converter [V]; what they tell is rounded to whole units."""
+        self._calibration, self._step = calibration, step
+        self._last: tuple[float, tuple[float, float]] | None = None
+        self._right: list[float] = []
+        self._left: list[float] = []
+
+    def take(self, position: float, volts: tuple[float, float]) -> None:
+        """What the encoder says of the wheel [rad], and both potentiometers [V], at one instant."""
+        exact = round(volts[0] / self._step) * self._step, round(volts[1] / self._step) * self._step
+        (before, shown), self._last = self._last or (position, exact), (position, exact)
+        if position == before:
+            return
+        found = self._left if position > before else self._right
+        middle = (shown[0] + exact[0]) / 2.0, (shown[1] + exact[1]) / 2.0
+        for angle, old, new in zip(wheel_angles(middle, self._calibration), shown, exact, strict=True):
+            if old != new:
+                found.append(angle - (before + position) / 2.0)
+
+    @property
+    def error(self) -> float | None:
+        """How much farther left the wheel stands than its encoder says [rad]; None: not seen in both directions."""
+        return (mean(self._right) + mean(self._left)) / 2.0 if self._right and self._left else None

@@ -50,62 +50,71 @@ def free_distances(
     At most `within`: nothing is touched before. A point that would be touched after more than half a turn counts as
     touched after half a turn.
     """
-    x, y = points
-    rear, front, half = box.rear, box.front, box.half_width
+    x, y = points[0], points[1]
+    rear, front, half, arcs = box.rear, box.front, box.half_width, len(curvatures)
     if not forward:
         x, rear, front = -x, -front, -rear
     if within < inf:
         behind, ahead, right, left = _bounds(curvatures, rear, front, half, within)
         near = ((x >= behind) & (x <= ahead) & (y >= right) & (y <= left)).nonzero()[0]
-        x, y = x[near], y[near]
+        x, y = x.take(near), y.take(near)
     if not x.size:
-        return [within] * len(curvatures)
-    if ((x >= rear) & (x <= front) & (abs(y) <= half)).any():
-        return [0.0] * len(curvatures)
+        return [within] * arcs
+    if ((x >= rear) & (x <= front) & (np.abs(y) <= half)).any():
+        return [0.0] * arcs
     radii = [1.0 / abs(curvature) if abs(curvature) * STRAIGHT > 1.0 else STRAIGHT for curvature in curvatures]
-    table = np.array([_edges(radius, rear, front, half) for radius in radii]).reshape(-1, 4, 4, 1)
-    u = np.array(
-        [y - radius if curvature >= 0.0 else -y - radius for radius, curvature in zip(radii, curvatures, strict=True)]
-    )
+    edges = _edges(radii, rear, front, half)
+    outward = np.array([y if curvature >= 0.0 else -y for curvature in curvatures])
+    u = outward - np.array(radii)[:, np.newaxis]
     square = x * x + u * u
-    rest = square[:, None] - table[:, 0]
-    reached = ((rest >= table[:, 1]) & (rest <= table[:, 2])).ravel().nonzero()[0]
-    number, point = np.divmod(reached, x.size)
-    edge, arc = number & 3, number >> 2
-    place, other = table[:, 3].take(number), _SIDE[edge] * np.sqrt(rest.take(reached))
-    across = _ACROSS[edge]
+    limits = edges[:3].reshape(3, arcs, -1, 1)
+    rest = square[:, np.newaxis] - limits[0]
+    meets = rest >= limits[1]
+    meets &= rest <= limits[2]
+    reached = meets.ravel().nonzero()[0]
+    if not reached.size:
+        return [within] * arcs
+    edge = reached // x.size
+    point = reached - edge * x.size
+    turned = edge // limits.shape[2] * x.size + point
+    place, across = edges[3].take(edge), edges[5].take(edge) > 0.0
+    other = edges[4].take(edge) * np.sqrt(rest.take(reached))
     x_there, u_there = np.where(across, place, other), np.where(across, other, place)
-    turned = arc * x.size + point
-    x, u = x[point], u.take(turned)
+    x, u = x.take(point), u.take(turned)
     cosine = (x * x_there + u * u_there) / square.take(turned)
     turns_there = u * x_there - x * u_there >= 0.0  # the sine of its angle; else after more than half a turn
-    largest = np.full(len(radii), _NEVER)
-    np.maximum.at(largest, arc, np.where(turns_there, cosine, -1.0))
+    largest = np.full(rest.size, _NEVER)
+    largest[reached] = np.where(turns_there, cosine, -1.0)
     return [
         within if cosine == _NEVER else min(within, radius * acos(min(max(cosine, -1.0), 1.0)))
-        for radius, cosine in zip(radii, largest.tolist(), strict=True)
+        for radius, cosine in zip(radii, largest.reshape(arcs, -1).max(axis=1).tolist(), strict=True)
     ]
 
 
-_ACROSS, _SIDE = np.array([True, False, False, True]), np.array([-1.0, 1.0, -1.0, 1.0])
-"""Whether the front, left, right and rear edge lie at one x, else at one u; and the other coordinate's sign on them."""
 _NEVER = -2.0
 
 
-def _edges(radius: float, rear: float, front: float, half: float) -> list[float]:
-    """Of the front, left, right and rear edge, seen from the turning centre, which lies to the left.
+def _edges(radii: list[float], rear: float, front: float, half: float) -> Array:
+    """Of the front, left, right and, if any centre lies within its width, the rear edge, of one arc after the other.
 
-    First the squares of where they lie, then the least and the greatest squares of the other coordinate on them, then
-    where they lie.
+    Seen from the turning centre, which lies to the left: the squares of where they lie; the least and the greatest
+    squares of the other coordinate on them; where they lie; the other coordinate's sign; and whether they lie at one x,
+    else at one u. Shape (6, n).
     """
-    left, right, inner = half - radius, -half - radius, max(radius - half, 0.0)
-    inner, ahead, behind, most = inner * inner, max(rear, 0.0) ** 2, max(-front, 0.0) ** 2, right * right
-    return [
-        *(front * front, left * left, most, rear * rear),
-        *(inner, ahead, behind, 0.0),
-        *(most, _squared(front), _squared(-rear), _squared(left)),
-        *(front, left, right, rear),
-    ]
+    first, last = front * front, rear * rear
+    ahead, beside, behind, past = max(rear, 0.0) ** 2, max(-front, 0.0) ** 2, _squared(-rear), _squared(front)
+    rows: list[float] = []
+    for radius in radii:
+        left, right, inner = half - radius, -half - radius, max(radius - half, 0.0)
+        most, inner = right * right, inner * inner
+        rows += (
+            *(first, inner, most, front, -1.0, 1.0),
+            *(left * left, ahead, past, left, 1.0, 0.0),
+            *(most, beside, behind, right, -1.0, 0.0),
+        )
+        if min(radii) <= half:
+            rows += last, 0.0, _squared(left), rear, 1.0, 1.0
+    return np.array(rows).reshape(-1, 6).T
 
 
 def _squared(most: float) -> float:

@@ -27,12 +27,12 @@ LEAVING, EDGE = 150, radians(4.0)
 """Returns so little beyond the least range [mm], or so near the edges of the field of view, are remembered."""
 BESIDE, BEYOND = 12, 150
 """A remembered point is gone once so many beams to both sides of it show something so much farther [mm]."""
-THINNED, FAR = 0.025, 1_000_000
+THINNED, FAR = 0.025, 1_000_000.0
 """Remembered points lie in cells of this width [m], one in each. Farther than anything [mm]."""
 NOTED, TURNED = 0.02, radians(1.0)
 """They are noted after so much distance [m] or rotation."""
-MOVING_EVERY = 0.05
-"""What moves is looked for so often [s]."""
+SORTED_EVERY = 0.05
+"""What moves is looked for, and what need not be remembered any more, so often [s]."""
 FASTEST_WALK = 2.0
 """Of a person [m/s]."""
 FREE_BESIDE, FREE_BEYOND = 2, 100
@@ -40,7 +40,6 @@ FREE_BESIDE, FREE_BEYOND = 2, 100
 BACK = radians(45.0)
 """A scanner whose field of view reaches this far to both sides of straight back looks there."""
 
-Numbers = NDArray[np.int32]
 Indices = NDArray[np.int64]
 NOTHING: Array = np.zeros((2, 0))
 
@@ -69,16 +68,17 @@ class View:
         middles = [THINNED * (place + 0.5 - self._half) for place in range(2 * self._half)]
         self._bearings, distances = self.directions(np.array(np.meshgrid(middles, middles, indexing="ij")))
         self._distance_of = 1000.0 * distances
+        self._first = np.zeros(4 * self._half * self._half, dtype=np.int64)
         self.forget()
 
     def forget(self) -> None:
         """As if nothing had been seen."""
-        self._time, self._pose, self.millimetres = -inf, Pose(), np.zeros(0, dtype=np.int32)
+        self._time, self._pose, self.millimetres = -inf, Pose(), np.zeros(0)
         self._period = ScanPeriod()
         self._noted = Pose(x=inf)
         self._points, self._kept, self._coming = NOTHING, NOTHING, NOTHING
         self._movers.forget()
-        self._moved_at = -inf
+        self._sorted_at = -inf
 
     def age(self, now: float) -> float:
         """Of the newest scan [s]; infinite: the scanner is lost, or none has come."""
@@ -124,7 +124,7 @@ class View:
             turn: of the robot [rad/s].
             creeping: it is so slow that a return nearby counts even if one beam shows it once.
         """
-        ranges = scan.millimetres.astype(np.int32)
+        ranges = scan.millimetres.astype(np.float64)
         if (shape := (scan.start_angle, scan.increment, len(ranges))) != self.shape:
             self._fit(*shape)
         known = self.millimetres.size == ranges.size
@@ -135,26 +135,46 @@ class View:
         if not (self._kept.size or self.sees_motion or near.any()):
             self._points = self._coming = NOTHING
             return
-        counts = near & _seen_twice(ranges, before)
+        counts = _seen_twice(near, ranges, before)
+        points = self._seen(ranges, now - scan.time, scan.beam_time, speed, turn)
         if creeping:
-            counts = (counts & (ranges >= self.least)) | (near & self._close(ranges))
+            counts &= ranges >= self.least
+            counts |= near & self._is_close(ranges)
         beams = counts.nonzero()[0]
-        points = self._directions.take(beams, axis=1) * ranges[beams] + self._place
-        if speed or turn:
-            age = (now - scan.time) - scan.beam_time * beams
-            x, y = points
-            points = np.array([x + age * (turn * y - speed), y - age * turn * x])
+        if len(beams) < len(ranges):
+            points = points.take(beams, axis=1)
         self._points = points
+        if now - self._sorted_at >= SORTED_EVERY:
+            self._sorted_at = now
+            self._forget_some()
+            self._find_moving(scan, now, speed, turn)
         self._remember(points, beams)
-        if now - self._moved_at >= MOVING_EVERY:
-            self._moved_at, pose = now, self._pose
-            middle = now - scan.time - scan.beam_time * len(ranges) / 2.0
-            seen = placed(pose, Pose(x=-middle * speed, heading=-middle * turn))
-            free = partial(self._was_free, seen, ranges)
-            coming = self._movers.ahead(placed_points(pose, points), now, self._lookahead, free)
-            self._coming = _points_from(pose, coming)
 
-    def _close(self, ranges: Numbers) -> NDArray[np.bool_]:
+    def _find_moving(self, scan: Scan, now: float, speed: float, turn: float) -> None:
+        """Look where what moves will be, by the newest scan."""
+        pose, ranges = self._pose, self.millimetres
+        middle = now - scan.time - scan.beam_time * len(ranges) / 2.0
+        seen = placed(pose, Pose(x=-middle * speed, heading=-middle * turn))
+        free = partial(self._was_free, seen, ranges)
+        coming = self._movers.ahead(placed_points(pose, self._points), now, self._lookahead, free)
+        self._coming = _points_from(pose, coming)
+
+    def _seen(self, ranges: Array, age: float, beam_time: float, speed: float, turn: float) -> Array:
+        """Where all beams end [m], of a scan whose first beam is so old [s], by how the robot moves."""
+        points = self._directions * ranges
+        x, y = points[0], points[1]
+        x += self._scanner.x_m
+        y += self._scanner.y_m
+        if speed or turn:
+            ages = age - beam_time * self._numbers
+            aside = ages * turn
+            aside *= x
+            ages *= turn * y - speed
+            x += ages
+            y -= aside
+        return points
+
+    def _is_close(self, ranges: Array) -> NDArray[np.bool_]:
         """Which beams end so near the outline that they count at once."""
         (x, y), box = self._directions * ranges + self._place, self._near
         return np.asarray((x > box.rear) & (x < box.front) & (y > -box.half_width) & (y < box.half_width))
@@ -165,50 +185,63 @@ class View:
         bearings = [start + increment * beam for beam in range(count)]
         angles = [self._scanner.heading + bearing for bearing in bearings]
         self._directions = np.array([[cos(angle) for angle in angles], [sin(angle) for angle in angles]]) / 1000.0
+        self._numbers = np.arange(float(count))
         low, high = sorted((bearings[0], bearings[-1]))
         self._leaving = np.array([not low + EDGE < bearing < high - EDGE for bearing in bearings])
         beams, inner = self.beams_past(self._bearings), int(EDGE / 4.0 / abs(increment))
-        self._beam_of = np.where((beams >= inner) & (beams < count - inner), beams, -1)
+        in_view = (beams >= inner) & (beams < count - inner)
+        self._beam_of = np.where(in_view, beams, 0).ravel()
+        near = self._distance_of < self.least + LEAVING // 2
+        self._hides = np.where(in_view, np.where(near, self._distance_of + BEYOND, -1.0), inf).ravel()
         clear = seeing(np.arange(count) * degrees(increment) + degrees(start), self._scanner.mask)
         self._farthest = np.where(clear, self._far, 0)
-        self._padded = np.full(count + 2 * BESIDE, FAR, dtype=np.int32)
+        self._padded = np.full(count + 2 * BESIDE, FAR)
 
     def _remember(self, points: Array, beams: NDArray[np.intp]) -> None:
-        """Drop remembered points that nobody needs any more, add those of the scan that may leave the view."""
-        if self._kept.size:
-            self._kept = self._kept[:, self._is_kept()]
+        """Add those points of the scan that may leave the view."""
         pose, last = self._pose, self._noted
         if abs(pose.x - last.x) + abs(pose.y - last.y) < NOTED and abs(pose.heading - last.heading) < TURNED:
             return
         self._noted = pose
-        new = points[:, self._leaving[beams] | (self.millimetres[beams] < self.least + LEAVING)]
+        leaves = self._leaving | (self.millimetres < self.least + LEAVING)
+        new = points.compress(leaves.take(beams), axis=1)
         if not new.size:
             return
         cells, inside = self._cells(new)
-        new, cells = new[:, inside], cells[inside]
-        first = np.full(4 * self._half * self._half, -1, dtype=np.int32)
-        first[cells[::-1]] = np.arange(len(cells))[::-1]  # where several are, the last one is written: the first point
-        first[self._cells(self._kept)[0]] = -1
-        self._kept = np.concatenate([self._kept, new[:, first[cells] == np.arange(len(cells))]], axis=1)
+        new, cells = new.compress(inside, axis=1), cells.compress(inside)
+        first, order = self._first, np.arange(len(cells))
+        first[cells[::-1]] = order[::-1]  # where several are, the last one is written: the first point
+        known, near = self._cells(self._kept)
+        first[known.compress(near)] = -1
+        self._kept = np.concatenate([self._kept, new.compress(first.take(cells) == order, axis=1)], axis=1)
 
     def _cells(self, points: Array) -> tuple[Indices, NDArray[np.bool_]]:
         """A number for the cell of each point, and whether it is one of those around the robot."""
         width = 2 * self._half
-        cells = np.floor(points / THINNED).astype(np.int64) + self._half
-        column, row = cells.view(np.uint64) < width  # what is negative is huge then
-        return cells[0] * width + cells[1], column & row
+        cells = np.floor(points / THINNED).astype(np.int64)
+        cells += self._half
+        column, row = cells
+        inside = cells.view(np.uint64) < width  # what is negative is huge then
+        return column * width + row, inside[0] & inside[1]
 
-    def _is_kept(self) -> NDArray[np.bool_]:
-        """Which remembered points are near, out of view, and not seen to be gone."""
-        cells, inside = self._cells(self._kept)
-        beam, distance = self._beam_of.take(cells, mode="clip"), self._distance_of.take(cells, mode="clip")
-        in_view = beam >= 0
-        if in_view.any():
-            gone = (distance >= self.least + LEAVING // 2) | (self._least_beside()[beam] > distance + BEYOND)
-            inside &= ~(in_view & gone)
-        return inside
+    def _forget_some(self) -> None:
+        """Drop remembered points that are far, in view, or seen to be gone.
 
-    def _least_beside(self) -> Numbers:
+        `_hides` says of a cell how far the beams past it may see if something still stands there [mm]; negative: what
+        stands there is seen itself; infinite: no beam passes it.
+        """
+        if not self._kept.size:
+            return
+        cells, kept = self._cells(self._kept)
+        farthest = self._hides.take(cells, mode="clip")
+        kept &= farthest >= 0.0
+        if (farthest < inf).any():
+            beams = self._beam_of.take(cells, mode="clip")
+            kept &= self._least_beside().take(beams) <= farthest
+        if not kept.all():
+            self._kept = self._kept.compress(kept, axis=1)
+
+    def _least_beside(self) -> Array:
         """The least return of each beam and `BESIDE` ones to both sides of it."""
         self._padded[BESIDE:-BESIDE] = self.millimetres
         least, width = self._padded, 1
@@ -217,7 +250,7 @@ class View:
         rest = 2 * BESIDE + 1 - width
         return np.minimum(least[:-rest], least[rest:])
 
-    def _was_free(self, pose: Pose, ranges: Numbers, points: Array) -> NDArray[np.bool_]:
+    def _was_free(self, pose: Pose, ranges: Array, points: Array) -> NDArray[np.bool_]:
         """Where nothing was by a scan seen from a pose: places in the frame of the odometry, where something is now.
 
         Nearer than the least range it sees nothing, be it free or not.
@@ -257,14 +290,22 @@ def _points_from(origin: Pose, points: Array) -> Array:
     """Points as seen from `origin`: the inverse."""
     if not points.size:
         return points
-    c, s = cos(origin.heading), sin(origin.heading)
-    x, y = points[0] - origin.x, points[1] - origin.y
-    return np.array([c * x + s * y, c * y - s * x])
+    s = sin(origin.heading)
+    moved = points - np.array(((origin.x,), (origin.y,)))
+    turned = moved[::-1] * np.array(((s,), (-s,)))
+    moved *= cos(origin.heading)
+    moved += turned
+    return moved
 
 
-def _seen_twice(ranges: Numbers, before: Numbers) -> NDArray[np.bool_]:
-    """Which beams show nearly what they, or those beside them, showed in the scan before."""
+def _seen_twice(some: NDArray[np.bool_], ranges: Array, before: Array) -> NDArray[np.bool_]:
+    """Which of some beams show nearly what they, or those beside them, showed in the scan before."""
     found = np.abs(ranges - before) < SAME
-    found[1:] |= np.abs(ranges[1:] - before[:-1]) < SAME
-    found[:-1] |= np.abs(ranges[:-1] - before[1:]) < SAME
-    return np.asarray(found)
+    found &= some
+    rest = (some > found).nonzero()[0]
+    if rest.size:
+        there = ranges.take(rest)
+        found[rest] = (np.abs(there - before.take(rest - 1, mode="clip")) < SAME) | (
+            np.abs(there - before.take(rest + 1, mode="clip")) < SAME
+        )
+    return found

@@ -5,7 +5,6 @@ Never more of it is in memory than one chunk and the files that the mission name
 
 from __future__ import annotations
 
-import os
 import struct
 from array import array
 from collections import deque
@@ -13,36 +12,29 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from functools import cached_property
-from io import BufferedReader, BytesIO, FileIO
+from io import BufferedReader, FileIO
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
-from zlib import crc32
 
 import msgspec
 import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Attachment, Channel, Chunk, Metadata
 from pydantic import ValidationError
 
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
 from artemis.recording import schemas
 from artemis.recording.journal import Entry, JournalContent, Level, read_journal
+from artemis.recording.mcap_records import BoundedFile, content_of, read_record, records_in, whole_records
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.schemas import TickRecord
 from artemis.vehicle import RobotFile
 
-_RECORD = struct.Struct("<BQ")
-"""Kind and length of a record (MCAP specification, "Records")."""
 _MESSAGE = struct.Struct("<HIQ8x")
 """Channel, sequence and log time at the beginning of a message; the publishing time is the same."""
-_CHUNK_FIELDS = 8 + 8 + 8 + 4 + 4 + 8
-"""Bytes of a chunk beside the name of its compression and its data."""
-MOST_IN_CHUNK = 64 * 1024 * 1024
-"""A chunk that claims to hold more bytes is damaged: the recorder ends one with the message that passes 256 KiB."""
 _DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
 """What a damaged file makes the mcap package raise (checksums: ValueError; absurd lengths: the last two)."""
 _NOT_UNDERSTOOD = (msgspec.DecodeError, ValueError, RecursionError)
@@ -245,7 +237,7 @@ class Recording:
     @contextmanager
     def _opened(self) -> Iterator[BufferedReader]:
         try:
-            with _BoundedFile(FileIO(self.path)) as stream:
+            with BoundedFile(FileIO(self.path)) as stream:
                 yield stream
         except FileNotFoundError:
             raise RecordingError(f"{self.path}: no recording here; name a run folder or an MCAP file") from None
@@ -255,23 +247,22 @@ class Recording:
     def _scan(self) -> str | None:
         """Collect everything whole; returns what is wrong with the rest."""
         with self._opened() as stream:
-            size = self.path.stat().st_size
-            reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=size)
             try:
-                for record in reader.records:
-                    if isinstance(record, Metadata):
-                        self._metadata[record.name] = record.metadata
-                    elif isinstance(record, Attachment):
-                        self.attachments[record.name] = record.data
-                    elif isinstance(record, Chunk):
-                        self._look_through(_content(record, check=True))
-                        behind = len(record.compression) + len(record.data)
-                        self._chunks.append(stream.tell() - _CHUNK_FIELDS - behind)
-                    elif isinstance(record, DataEnd):
+                for opcode, content in whole_records(stream):
+                    if opcode == Opcode.METADATA:
+                        metadata = read_record(Metadata, content)
+                        self._metadata[metadata.name] = metadata.metadata
+                    elif opcode == Opcode.ATTACHMENT:
+                        attachment = read_record(Attachment, content)
+                        self.attachments[attachment.name] = attachment.data
+                    elif opcode == Opcode.CHUNK:
+                        self._look_through(content_of(read_record(Chunk, content), check=True))
+                        self._chunks.append(stream.tell() - len(content))
+                    elif opcode == Opcode.DATA_END:
                         return None
             except InvalidMagic:
                 return "not an MCAP file"
-            except (EndOfFile, RecordLengthLimitExceeded, struct.error):
+            except EndOfFile:
                 return "the file is cut off"
             except _DAMAGE as error:
                 return f"the file is damaged ({error})"
@@ -280,7 +271,7 @@ class Recording:
     def _look_through(self, content: bytes) -> None:
         """Learn topics, and which ticks are there."""
         ticks: list[tuple[int, int]] = []
-        for opcode, start, end in _records(content):
+        for opcode, start, end in records_in(content):
             if opcode == Opcode.MESSAGE:
                 if end - start < _MESSAGE.size:
                     raise ValueError(f"a message of {end - start} bytes")
@@ -288,7 +279,7 @@ class Recording:
                 if self._topics.get(number) == "/tick":
                     ticks.append((sequence, time_ns))
             elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(ReadDataStream(BytesIO(content[start:end])))
+                channel = read_record(Channel, content[start:end])
                 self._topics[channel.id] = channel.topic
         for sequence, time_ns in ticks:
             self._extent.see(sequence, time_ns)
@@ -297,7 +288,7 @@ class Recording:
         """All messages of some topics, in the order written."""
         wanted = {number: topic for number, topic in self._topics.items() if topic in topics}
         for content in self._contents():
-            for opcode, start, end in _records(content):
+            for opcode, start, end in records_in(content):
                 if opcode == Opcode.MESSAGE:
                     number, sequence, time_ns = _MESSAGE.unpack_from(content, start)
                     if number in wanted:
@@ -309,7 +300,7 @@ class Recording:
             for place in self._chunks:
                 stream.seek(place)
                 try:
-                    content = _content(Chunk.read(ReadDataStream(stream)), check=False)
+                    content = content_of(Chunk.read(ReadDataStream(stream)), check=False)
                 except _DAMAGE as error:
                     raise RecordingError(f"{self.path}: changed while it was read: {error}") from error
                 yield content
@@ -324,39 +315,6 @@ class Recording:
         return "; ".join(parts) or None
 
 
-class _BoundedFile(BufferedReader):
-    """A file that takes no more memory than it is long, whatever length a damaged record claims."""
-
-    def __init__(self, raw: FileIO) -> None:
-        super().__init__(raw)
-        self._length = os.fstat(raw.fileno()).st_size
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        """As any file."""
-        return super().read(self._length if size is None else min(size, self._length))
-
-
-def _content(chunk: Chunk, *, check: bool) -> bytes:
-    """The records of a chunk, decompressed, and checked if asked for.
-
-    Raises:
-        ValueError: it claims to be larger than any that was ever written, is compressed otherwise, or damaged.
-    """
-    content, claimed = chunk.data, chunk.uncompressed_size
-    if chunk.compression == "zstd":
-        size = zstandard.get_frame_parameters(content).content_size
-        claimed = claimed if size == zstandard.CONTENTSIZE_UNKNOWN else max(claimed, size)
-    elif chunk.compression:
-        raise ValueError(f"a chunk is compressed by {chunk.compression!r}; expected zstd")
-    if claimed > MOST_IN_CHUNK:
-        raise ValueError(f"a chunk claims {claimed} bytes, more than {MOST_IN_CHUNK} that it may hold")
-    if chunk.compression:
-        content = zstandard.decompress(content, max_output_size=claimed)
-    if check and chunk.uncompressed_crc not in (0, crc32(content)):
-        raise ValueError("the checksum of a chunk is wrong")
-    return content
-
-
 def _line_from(record: bytes) -> tuple[schemas.Log, Level]:
     line = _LOG.decode(record)
     return line, Level(line.level)
@@ -367,15 +325,3 @@ def _frames_from(record: bytes) -> schemas.Frames:
     if len(packed.data) % schemas.FRAME_RECORD.itemsize:
         raise ValueError(f"{len(packed.data)} bytes of frames")
     return packed
-
-
-def _records(content: bytes) -> Iterator[tuple[int, int, int]]:
-    """Kind, start and end of each record in a chunk."""
-    offset = 0
-    while offset < len(content):
-        opcode, length = _RECORD.unpack_from(content, offset)
-        offset += _RECORD.size
-        if offset + length > len(content):
-            raise ValueError("a record is longer than its chunk")
-        yield opcode, offset, offset + length
-        offset += length

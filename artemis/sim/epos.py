@@ -349,7 +349,7 @@ class SimEpos:
             error = self._voltage_error()
         if error and error not in self._errors.active:
             self._alarms.append(error)
-        elif not (self._pdos.on_change or self._power.ramping):
+        elif not (self._power.ramping or (self._pdos.on_change and self.nmt is _OPERATIONAL)):
             return
         self._wake(self._now)
 

@@ -73,7 +73,7 @@ class SimEpos4(SimEpos):
             dictionary,
             self.axis,
             tolerance=self.settings.epos4.late_set_points,
-            switched=self.periphery.switched,
+            active=self.periphery.active,
             nominal_gains=drive.gain_numbers or None,
         )
         self._device = Epos4Power(
@@ -129,6 +129,7 @@ class SimEpos4(SimEpos):
     def _reset_node(self, now: float, state: DriveState) -> None:
         super()._reset_node(now, state)
         self._read_supply_limits()
+        self.periphery.refresh()
 
     # ------------------------------------------------------------------------------------------ for the owner
 
@@ -156,7 +157,7 @@ class SimEpos4(SimEpos):
                     self._raise_error(STO_OPEN)
                 else:
                     device.force(DriveState.SWITCH_ON_DISABLED)
-        elif self.state is DriveState.OPERATION_ENABLE and self.periphery.switched(QUICK_STOP_INPUT):
+        elif self.state is DriveState.OPERATION_ENABLE and QUICK_STOP_INPUT in self.periphery.active:
             device.force(DriveState.QUICK_STOP_ACTIVE)
         self._settle()
 
@@ -164,7 +165,7 @@ class SimEpos4(SimEpos):
 
     def _statusword(self) -> int:
         status = super()._statusword()
-        return status | WARNING if self._memory.warns else status
+        return status | WARNING if self._memory.active and self._memory.warns else status
 
     def _cause_remains(self) -> bool:
         active = self._errors.active
@@ -174,8 +175,7 @@ class SimEpos4(SimEpos):
 
     def _supervise(self, dt: float) -> None:
         super()._supervise(dt)
-        self.periphery.warm(dt)
-        if self.periphery.too_hot and HOT not in self._errors.active:
+        if self.periphery.warm(dt) and HOT not in self._errors.active:
             self._alarms.append(HOT)
             self._wake(self._now)
 

@@ -8,7 +8,7 @@ their digits when the unit 0x60A9 changes; position limits 0 and 0 are off, as f
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from math import floor
 from typing import ClassVar
 
@@ -28,9 +28,9 @@ GAINS = tuple(
     key_of(index, sub) for index, subs in ((0x30A0, 2), (0x30A2, 2), (0x30A1, 3)) for sub in range(1, subs + 1)
 )
 _SET_POINTS = {
-    CYCLIC_POSITION: (0x607A, 0x60B0),
-    CYCLIC_VELOCITY: (0x60FF, 0x60B1),
-    CYCLIC_TORQUE: (0x6071, 0x60B2),
+    CYCLIC_POSITION: (key_of(0x607A, 0), key_of(0x60B0, 0)),
+    CYCLIC_VELOCITY: (key_of(0x60FF, 0), key_of(0x60B1, 0)),
+    CYCLIC_TORQUE: (key_of(0x6071, 0), key_of(0x60B2, 0)),
 }
 """Target and offset of the cyclic modes."""
 _LIMITS = (
@@ -53,7 +53,7 @@ class Epos4Motion(Motion):
         axis: Axis,
         *,
         tolerance: float,
-        switched: Callable[[int], bool],
+        active: Set[int],
         nominal_gains: tuple[int, ...] | None,
     ) -> None:
         """Stand still.
@@ -62,17 +62,17 @@ class Epos4Motion(Motion):
             dictionary: Its objects.
             axis: What it moves.
             tolerance: How late a set-point may be, in interpolation periods.
-            switched: Whether a digital input with this function is active.
+            active: Functions of the digital inputs that are active, as they are at any time.
             nominal_gains: Those with which the loops of `axis` are tuned; None: the drive's own.
         """
         self._tolerance = tolerance
-        self._switched = switched
+        self._active = active
         self._period = 0.0
         self._silence = 0.0
         self._at_once = False
         self._top = math.inf
         self._speed_limited = False
-        self.homing = Homing(dictionary, axis, switched)
+        self.homing = Homing(dictionary, axis, active.__contains__)
         super().__init__(dictionary, axis, clip_position=False, gains=GAINS, nominal_gains=nominal_gains)
 
     # ------------------------------------------------------------------------------------------ what can be read
@@ -97,9 +97,9 @@ class Epos4Motion(Motion):
         getters[key_of(0x3000, 5)] = self.resolution
         getters[key_of(0x3000, 6)] = lambda: round(self._top)
         for mode, (target, offset) in _SET_POINTS.items():
-            self._dictionary.checks[key_of(target, 0)] = self._note_request
-            written[key_of(target, 0)] = self._taker(mode, counts=True)
-            written[key_of(offset, 0)] = self._taker(mode, counts=False)
+            self._dictionary.checks[target] = self._note_request
+            written[target] = self._taker(mode, counts=True)
+            written[offset] = self._taker(mode, counts=False)
         for index, sub in _LIMITS:
             written[key_of(index, sub)] = lambda _: self.configure()
         for index, sub in _SENSORS:
@@ -261,7 +261,7 @@ class Epos4Motion(Motion):
             axis.regulate(Regulation.VELOCITY, 0.0)
             return
         target, offset = _SET_POINTS[mode]
-        wanted = self._dictionary.number(target) + self._dictionary.number(offset)
+        wanted = self._values[target] + self._values[offset]
         self._speed_limited = False
         if mode == CYCLIC_POSITION:
             self._lead_to(float(wanted + self._zero))
@@ -311,9 +311,9 @@ class Epos4Motion(Motion):
                 self._arrive_home()
             return 0
         demand = self.axis.demand_velocity
-        if demand > 0.0 and self._switched(POSITIVE_LIMIT):
+        if demand > 0.0 and POSITIVE_LIMIT in self._active:
             return POSITIVE_SWITCH
-        if demand < 0.0 and self._switched(NEGATIVE_LIMIT):
+        if demand < 0.0 and NEGATIVE_LIMIT in self._active:
             return NEGATIVE_SWITCH
         if self._period and self.mode in _SET_POINTS:
             self._silence += dt

@@ -6,7 +6,7 @@ Sources: the EPOS4's EDS; hardware references of the 50/5 and 50/8. Inferred: an
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from functools import partial
 
 from artemis.sim.axis import Axis
@@ -28,6 +28,10 @@ WARMING_TIME = 60.0
 """Time constant of that [s]; an assumption."""
 INTEGRAL_MOST = 200
 """Highest value of 0x3200 [%]."""
+_POLARITY = key_of(0x3141, 2)
+_USES = tuple(key_of(0x3142, pin + 1) for pin in range(INPUTS))
+_TOO_HOT = key_of(0x3201, 4)
+_ANALOG = tuple((key_of(0x3163, 2 * number + 1), key_of(0x3163, 2 * number + 2)) for number in (0, 1))
 
 
 class Periphery:
@@ -37,15 +41,17 @@ class Periphery:
         self, dictionary: Dictionary, axis: Axis, *, nominal_current: float, brake_closed: Callable[[], bool]
     ) -> None:
         """`nominal_current`: of the power stage [mA]."""
-        self.levels = 0
-        """Digital inputs: bit 0 is the first one's; 1: high."""
+        self._levels = 0
+        self._active: set[int] = set()
+        self.active: Set[int] = self._active
+        """Functions of the digital inputs that are active (object 0x3142): always the same set."""
         self.sto_open = False
         """The safe torque off inputs have no voltage."""
         self.ambient = 25.0
         """Temperature of the surroundings [°C]."""
         self.warmth = 0.0
         """How much warmer than these the power stage is [K]."""
-        self._number = dictionary.number
+        self._number, self._values = dictionary.number, dictionary.values
         self._axis = axis
         self._nominal = nominal_current
         self._brake_closed = brake_closed
@@ -63,6 +69,25 @@ class Periphery:
         getters[key_of(0x3201, 1)] = lambda: round(10.0 * self.temperature)
         getters[key_of(0x3202, 1)] = lambda: 0 if self.sto_open else STO_CLOSED
         getters[key_of(0x3203, 1)] = self._duty
+        for key in (_POLARITY, *_USES):
+            dictionary.written[key] = lambda _: self.refresh()
+        self.refresh()
+
+    @property
+    def levels(self) -> int:
+        """Digital inputs: bit 0 is the first one's; 1: high."""
+        return self._levels
+
+    @levels.setter
+    def levels(self, levels: int) -> None:
+        self._levels = levels
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Look up anew what the inputs do: after each change of a level, and of the objects that say it."""
+        levels = self.logic_levels()
+        self._active.clear()
+        self._active.update(self._values[use] for pin, use in enumerate(_USES) if levels >> pin & 1)
 
     @property
     def temperature(self) -> float:
@@ -72,33 +97,28 @@ class Periphery:
     @property
     def too_hot(self) -> bool:
         """The power stage is hotter than object 0x3201:4 allows."""
-        return 10.0 * self.temperature > self._number(0x3201, 4)
+        return 10.0 * (self.ambient + self.warmth) > self._values[_TOO_HOT]
 
     @property
     def allow(self) -> bool:
         """The inputs allow torque: STO has its voltage, and so has a drive-enable input, where there is one."""
-        return not self.sto_open and (self.switched(DRIVE_ENABLE) or not self._uses(DRIVE_ENABLE))
+        return not self.sto_open and (DRIVE_ENABLE in self._active or not self._uses(DRIVE_ENABLE))
 
-    def warm(self, dt: float) -> None:
-        """A step of `dt` [s] at the present motor current."""
+    def warm(self, dt: float) -> bool:
+        """A step of `dt` [s] at the present motor current; whether the power stage is `too_hot` then."""
         share = self._axis.current / self._nominal
         self.warmth += (WARMING * share * share - self.warmth) * dt / WARMING_TIME
+        return 10.0 * (self.ambient + self.warmth) > self._values[_TOO_HOT]
 
     def logic_levels(self) -> int:
         """Object 0x3141:1: the pins, those with a bit in 0x3141:2 inverted."""
-        return (self.levels ^ self._number(0x3141, 2)) & ((1 << INPUTS) - 1)
-
-    def switched(self, function: int) -> bool:
-        """Whether an input with this function is active."""
-        levels = self.logic_levels()
-        return any(levels >> pin & 1 and self._number(0x3142, pin + 1) == function for pin in range(INPUTS))
+        return (self._levels ^ self._values[_POLARITY]) & ((1 << INPUTS) - 1)
 
     def functions(self) -> int:
         """Object 0x60FD: a bit for each function of an active input."""
-        levels, found = self.logic_levels(), 0
-        for pin in range(INPUTS):
-            function = self._number(0x3142, pin + 1)
-            if levels >> pin & 1 and function != UNUSED:
+        found = 0
+        for function in self._active:
+            if function != UNUSED:
                 found |= 1 << function
         return found
 
@@ -118,7 +138,8 @@ class Periphery:
 
     def analog(self, number: int) -> int:
         """Object 0x3160: analog input 0 or 1, with its offset and gain [mV]."""
-        offset, gain = self._number(0x3163, 2 * number + 1), self._number(0x3163, 2 * number + 2)
+        offset_key, gain_key = _ANALOG[number]
+        offset, gain = self._values[offset_key], self._values[gain_key]
         if not offset and gain == 10000:
             return millivolts(self._axis.analog[number])
         return max(-0x8000, min(0x7FFF, round((millivolts(self._axis.analog[number]) + offset) * gain / 10000)))
@@ -130,7 +151,7 @@ class Periphery:
         return 0
 
     def _uses(self, function: int) -> bool:
-        return any(self._number(0x3142, pin + 1) == function for pin in range(INPUTS))
+        return any(self._values[use] == function for use in _USES)
 
     def _load(self, continuous_current: float) -> int:
         """How far the I²t model is, of the current that may last [mA]: percent."""

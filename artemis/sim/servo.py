@@ -1,9 +1,10 @@
 """An axis whose regulators compute with the gains that they have, on a load that nobody knows: inertia, friction, play.
 
 `axis` simulates loops as well tuned as the robot file has them; `regulators` makes bad gains bad. Neither knows a load
-that differs from the nominal one. This one does: PI of the velocity and PID of the position every millisecond, as the
-EPOS has them (firmware specification 2010, figures of the regulators), the current as demanded at once, the load as two
-masses with play between them. It is used where `true_robot.loads` describes a load; others are simulated as before.
+that differs from the nominal one. This one does: PI of the velocity and PID of the position, as often and with gains in
+the units that the drive's family has (EPOS firmware specification 2010, figures of the regulators), the current as
+demanded at once, the load as two masses with play between them. Feed-forward, filters and observer of an EPOS4 are not
+simulated. It is used where `true_robot.loads` describes a load; others are simulated as before.
 """
 
 from __future__ import annotations
@@ -17,12 +18,9 @@ from pydantic import Field
 
 from artemis.config import Config, Quantity
 from artemis.drive_schema import Drive
-from artemis.motion.gain_units import POSITION_UNITS, VELOCITY_UNITS
 from artemis.sim.axis import LOADS, Axis, Load, Regulation, rolled
 from artemis.sim.regulators import Regulators
 
-PERIOD = 1e-3
-"""Of the velocity and position regulators [s] (EPOS hardware reference)."""
 ROTOR_FRICTION = 0.3
 """Share of the friction before the play; an assumption."""
 _RPM = math.tau / 60.0
@@ -49,6 +47,9 @@ class ServoAxis(Axis):
 
     def __init__(self, drive: Drive, true: TrueLoad) -> None:
         """At rest, in the middle of its play, with the gains of the robot file."""
+        scale = drive.tables.gain_scale
+        assert scale is not None  # the mission was checked
+        self._scale = scale
         nominal = LOADS[drive.role]
         load = Load(
             inertia=nominal.inertia * true.inertia_scale,
@@ -64,19 +65,21 @@ class ServoAxis(Axis):
         self._rest = Load(
             inertia=(1.0 - share) * load.inertia, friction=(1.0 - ROTOR_FRICTION) * load.friction, viscous=0.0
         )
-        self._measured: deque[tuple[float, float]] = deque(maxlen=1 + round(1e-3 * true.delay_ms / PERIOD))
+        self._measured: deque[tuple[float, float]] = deque(maxlen=1 + round(1e-3 * true.delay_ms / scale.period))
         self._integral = 0.0
         self._last_error: float | None = None
-        self.tune(drive.gains.numbers if drive.gains is not None else (0,) * 7, None)
+        self.tune(drive.gain_numbers or (0,) * 7, None)
 
     def tune(self, gains: Sequence[int], regulators: Regulators | None) -> None:
         """Take over gains; what `regulators` assume of them is not needed."""
         scale = 1e3 * math.tau / self.counts_per_turn
         self._velocity_gains = tuple(
-            1e3 * _RPM * unit * gain for unit, gain in zip(VELOCITY_UNITS, gains[2:4], strict=True)
+            1e3 * _RPM * unit * gain for unit, gain in zip(self._scale.velocity, gains[2:4], strict=True)
         )
         """[mA/rpm], [mA/(rpm s)]."""
-        self._position_gains = tuple(scale * unit * gain for unit, gain in zip(POSITION_UNITS, gains[4:7], strict=True))
+        self._position_gains = tuple(
+            scale * unit * gain for unit, gain in zip(self._scale.position, gains[4:], strict=True)
+        )
         """[mA/count], [mA/(count s)], [mA s/count]."""
 
     def regulate(self, regulation: Regulation, target: float) -> None:
@@ -87,7 +90,7 @@ class ServoAxis(Axis):
 
     def step(self, dt: float) -> None:
         """Move on by `dt` seconds, as many regulator periods as that is."""
-        periods = max(1, round(dt / PERIOD))
+        periods = max(1, round(dt / self._scale.period))
         for _ in range(periods):
             super().step(dt / periods)
 

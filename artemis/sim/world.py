@@ -184,6 +184,9 @@ class World:
         self._trail: deque[tuple[float, float, float, float]] | None = None
         self._last_step = LONGEST_STEP
         self._place(robot, true, axes)
+        self._divided = None if robot.battery is None or robot.battery.measured is None else robot.battery.measured
+        """The voltage divider at an analog input of a drive."""
+        self._axis_by_name = axes
         self._feel()
         for node in self.nodes:
             node.power_on(start)
@@ -328,6 +331,9 @@ class World:
         self._feel()
 
     def _feel(self) -> None:
+        if (divided := self._divided) is not None:
+            shown = self._supply_voltage / divided.divider
+            self._axis_by_name[divided.drive].analog = (shown, 0.0) if divided.input == 1 else (0.0, shown)
         noise = self._true.potentiometer_noise_v
         self._steering_left.feel(self._dice, noise, self.time)
         if self._linkage is None:

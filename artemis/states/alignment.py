@@ -8,7 +8,7 @@ from collections.abc import Generator
 from msgspec.structs import replace
 
 from artemis.drive_states import POWERED, DriveState, Goal
-from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
+from artemis.motion.potentiometers import StepEdges, is_at_a_rail, wheel_angles
 from artemis.motion.totals import mean
 from artemis.states.mode import OFF, ON, STEERING_ON, Failed, Routine, finish_jobs, is_second
 from artemis.states.plan import Plan, Shared
@@ -26,6 +26,12 @@ SWEEP = math.radians(5.0)
 of many readings tell more than one."""
 LARGEST_CORRECTION = math.radians(1.0)
 """The sweep may correct the first reading by this much [rad]; more means that encoder and potentiometers disagree."""
+STEP_TICKS, STEPS = 16.618, 2
+"""For edges between the steps of an analog input the wheels pass a step in so many ticks, and so many to both sides.
+
+With the fraction of the golden ratio each edge lies elsewhere between two ticks: where in between averages out."""
+SETTLE_TICKS = 10
+"""Then the wheels rest for so many ticks: what they still turned before they are told their angle would be an error."""
 STEER_TIME = 12.0
 """Longest time for one of the turns [s]: from lock to straight takes 2.3 s at 33 degrees a second."""
 LOOK_TIME = 0.1
@@ -61,7 +67,8 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
     errors: dict[str, list[float]] = {name: [] for name in names}
     for target in (SWEEP, -SWEEP, 0.0):
         snapshot = yield from steer(shared.plan, target, snapshot, errors)
-    corrections = {name: mean(found) for name, found in errors.items()}
+    exact, snapshot = yield from _seek_edges(shared.plan, snapshot)
+    corrections = {name: exact.get(name, mean(found)) for name, found in errors.items()}
     for name, correction in corrections.items():
         if abs(correction) > LARGEST_CORRECTION:
             seen = f"by {math.degrees(correction):.1f} degrees"
@@ -155,6 +162,35 @@ def steer(
             name = away[0].name if away else ""
             seen = f"{math.degrees(_way_to_go(plan, away[0], snapshot)):.1f} degrees away" if away else "keeps turning"
             raise Failed(STEERING_ON, catalogue.fault("STE-01", name, seen))
+
+
+def _seek_edges(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snapshot, tuple[dict[str, float], Snapshot]]:
+    """Turn the wheels slowly to and fro about straight ahead: what their encoders lack [rad], by steering drive.
+
+    Those whose family tells no step of its analog inputs are not among them, nor those of which no edge is seen.
+    """
+    edges: dict[str, StepEdges] = {}
+    step = 0.0
+    for name in plan.drives("steering"):
+        drive = plan.robot.drives[name]
+        if drive.tables.analog_step is not None:
+            calibration = plan.robot.potentiometers(drive.side)
+            edges[name] = StepEdges(calibration, drive.tables.analog_step)
+            step = max(
+                step, *(math.radians(abs(slope)) * drive.tables.analog_step for slope in calibration.slope_deg_per_v)
+            )
+    if not edges:
+        return {}, snapshot
+    for tick in range(round(6 * STEPS * STEP_TICKS)):  # ahead, to the left end, the right, the left, and back
+        place = step * (abs((tick / STEP_TICKS - STEPS) % (4 * STEPS) - 2 * STEPS) - STEPS)
+        snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=place), phase="aligning")
+        for drive in snapshot.sensed.drives:
+            if drive.name in edges:
+                edges[drive.name].take(drive.position, drive.potentiometers)
+    snapshot = yield from steer(plan, 0.0, snapshot, {})
+    for _ in range(SETTLE_TICKS):
+        snapshot = yield replace(STEERING_ON, phase="aligning")
+    return {name: error for name, found in edges.items() if (error := found.error) is not None}, snapshot
 
 
 def _way_to_go(plan: Plan, drive: DriveFeedback, snapshot: Snapshot) -> float:

@@ -67,7 +67,7 @@ class FaultMode(RoutineMode):
         """Come to rest, off, histories, acknowledgment."""
         shared, plan, bring_up = self.shared, self.plan, self.bring_up
         exchange = bring_up.connected
-        judged = exchange and not bring_up.proving  # drives that miss our heartbeat now are at no fault
+        judged = exchange and not bring_up.proving  # what drives miss meanwhile is no fault of theirs
         stopping = replace(STOPPING, exchange=exchange, heartbeat=exchange, supervised=judged)
         if exchange:
             snapshot = yield from come_to_rest(shared, stopping, snapshot)

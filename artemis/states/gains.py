@@ -50,7 +50,8 @@ def try_gains(shared: Shared, step: GainsStep, snapshot: Snapshot) -> Routine:
     off = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
     snapshot = yield from _switch_off(off, shared.plan.drives(), snapshot)
     for name, numbers in step.gains.items():
-        snapshot = yield replace(off, phase=f"gains of {name}: {words_of(numbers)}")
+        words = words_of(shared.plan.robot.drives[name].tables.told_gains(numbers))
+        snapshot = yield replace(off, phase=f"gains of {name}: {words}")
     shared.results.tried.update(step.gains)
     snapshot = yield from do(off, _jobs(shared.bring_up, step.gains), snapshot)
     snapshot = yield from do(off, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
@@ -167,14 +168,15 @@ def restore_gains(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
     results, snapshot = yield from finish_jobs(replace(wish, phase="restoring gains"), _jobs(shared.bring_up, known))
     for result in results:
         if not result.ok:
-            kept = f"it may keep the gains on trial, {words_of(tried[result.drive])}, while it has power"
+            words = words_of(drives[result.drive].tables.told_gains(tried[result.drive]))
+            kept = f"it may keep the gains on trial, {words}, while it has power"
             seen = f"{result.detail}; {kept}; the next start writes those of the robot file"
             snapshot = yield replace(wish, fault=catalogue.fault(result.fault, result.drive, seen), failed=True)
     return snapshot
 
 
-def words_of(gains: tuple[int, ...]) -> str:
-    """Gains for people."""
+def words_of(gains: tuple[float, ...]) -> str:
+    """Gains as the robot file has them, for people."""
     current_p, current_i, velocity_p, velocity_i, *position = gains
     return f"current {current_p},{current_i} velocity {velocity_p},{velocity_i} position {','.join(map(str, position))}"
 

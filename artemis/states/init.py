@@ -62,7 +62,7 @@ class InitMode(RoutineMode):
             raise Failed(SILENT, catalogue.fault("COM-32"))
         if fault := failure(results) or contradiction(shared, results):
             raise Failed(SILENT, fault)
-        bring_up.connected = True
+        bring_up.connected = bring_up.proving = True
         forgetful = [result.drive for result in results if result.kind is JobKind.CONFIGURE and result.values]
         snapshot = yield from self._prove_watchdog(snapshot, forgetful)
         latest = snapshot.time + PATIENCE
@@ -100,7 +100,6 @@ class InitMode(RoutineMode):
             stopped = drive.name in missed and drive.nmt is Nmt.PRE_OPERATIONAL  # it may have left the exchange with it
             return drive.state is DriveState.FAULT or stopped
 
-        self.bring_up.proving = True
         earliest, problem = last_beat + WATCH_TIME, "no fault without our heartbeat"
         snapshot = yield from self._until(is_lost, WITHHOLDING, "COM-30", problem, snapshot, earliest)
         unheard = [name for name in self.plan.drives() if name not in missed]

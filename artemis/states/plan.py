@@ -239,7 +239,7 @@ class BringUp:
     connected: bool = False
     """The drives have our configuration: process data may be exchanged."""
     proving: bool = False
-    """Our heartbeat is withheld, or was: the drives may miss it at any moment."""
+    """First contact and the proof of the watchdogs: what drives do not tell yet, or miss, is no fault of theirs."""
     aligned: bool = False
     """The wheels were aligned since the drives were last brought up."""
     placed: bool = False

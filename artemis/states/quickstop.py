@@ -37,7 +37,7 @@ class QuickstopMode(RoutineMode):
         self._acknowledged = self._resumes = False
         self._lookout = Lookout()
         self.bring_up.armed = False  # what was meant for a bring-up is no arm after a stop
-        if self.bring_up.proving:  # drives that miss our heartbeat now are at no fault: they are secured, as before
+        if self.bring_up.proving:  # not all were heard yet, or miss us: at no fault, secured as before
             self.bring_up.connected = False
 
     def step(self, snapshot: Snapshot) -> Wish:

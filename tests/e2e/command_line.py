@@ -18,6 +18,7 @@ from typing import IO
 from unittest.mock import patch
 
 import pytest
+from ports import free_port
 
 from artemis import cli
 from artemis.recording.mcap_reader import Recording
@@ -124,19 +125,11 @@ def only_run(folder: Path) -> Path:
     return run
 
 
-def free_port() -> int:
-    """A port of this host that nobody uses, so that tests beside each other do not hear each other."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
 def multicast_problem() -> str | None:
     """Why two processes cannot meet over UDP multicast here; None if they can."""
     import can
 
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     try:
         with (
             can.Bus("239.74.163.2", interface="udp_multicast", port=port, hop_limit=0) as one,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +16,6 @@ from command_line import (
     PATIENCE,
     ROBOT,
     artemis,
-    free_port,
     multicast_problem,
     only_run,
     read_until,
@@ -24,6 +24,7 @@ from command_line import (
     stream,
     write_mission,
 )
+from ports import free_port
 
 from artemis.mission.loading import load_model
 from artemis.recording.mcap_reader import Recording
@@ -88,7 +89,7 @@ def gains_written(run: Path) -> list[int]:
 
 @pytest.mark.exhaustive
 def test_gains_that_are_kept_are_in_the_drive_s_memory_and_in_the_robot_file(tmp_path: Path) -> None:
-    port, robot = free_port(), tmp_path / "robots" / "artemis.yaml"
+    port, robot = free_port(socket.SOCK_DGRAM), tmp_path / "robots" / "artemis.yaml"
     with simulated_robot(port):
         done = artemis("calibrate", "gains", mission(tmp_path, port), *TRIED)
         skip_if_late(done.stdout)
@@ -102,7 +103,7 @@ def test_gains_that_are_kept_are_in_the_drive_s_memory_and_in_the_robot_file(tmp
 
 
 def test_ctrl_c_in_a_trial_gives_the_drive_its_gains_back(tmp_path: Path) -> None:
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     path = mission(tmp_path, port)
     with simulated_robot(port), started("calibrate", "gains", path, *TRIED, program=ARTEMIS) as trial:
         read_until(trial, "gains of steer-left")

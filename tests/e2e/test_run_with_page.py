@@ -14,7 +14,7 @@ from typing import Any
 import httpx
 import pytest
 from command_line import MISSIONS, ROBOT, artemis_here, read_until, started
-from page_rig import free_port
+from ports import free_port
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin

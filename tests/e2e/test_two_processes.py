@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -17,7 +18,6 @@ from command_line import (
     ROBOT,
     artemis,
     assert_left_at_rest,
-    free_port,
     multicast_problem,
     only_run,
     read_until,
@@ -26,6 +26,7 @@ from command_line import (
     stream,
     write_mission,
 )
+from ports import free_port
 
 from artemis.mission.loading import load_model
 from artemis.recording.mcap_reader import Recording
@@ -48,7 +49,7 @@ def _multicast() -> None:
 
 @pytest.fixture
 def port() -> int:
-    return free_port()
+    return free_port(socket.SOCK_DGRAM)
 
 
 @pytest.fixture(scope="module")

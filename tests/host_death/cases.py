@@ -19,6 +19,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from ports import free_port
+
 from artemis import clock
 from artemis.drive_states import DriveState
 from artemis.mission.loading import load_model
@@ -184,7 +186,7 @@ def play_one(case: Case) -> Outcome:
 
 async def _attempt(robot: RobotFile, folder: Path, outcome: Outcome) -> str:
     """Let one host drive and die, and judge what happened; or why it did not live until then."""
-    case, port, start = outcome.case, free_port(), asyncio.get_running_loop().time()
+    case, port, start = outcome.case, free_port(socket.SOCK_DGRAM), asyncio.get_running_loop().time()
     bus = WatchedBus(words(port), robot.host_node_id)
     world = WatchedWorld(World(robot, seed=case.number, start=start), robot.host_node_id)
     serving = asyncio.create_task(serve(world, bus, robot.bitrate))
@@ -284,11 +286,3 @@ def _mission(case: Case, folder: Path, port: int) -> Path:
 def words(port: int) -> dict[str, object]:
     """Python-can's, for a bus that stays on this host."""
     return {"interface": "udp_multicast", "channel": GROUP, "hop_limit": 0, "port": port}
-
-
-def free_port() -> int:
-    """A port of this host that nobody uses, so that cases beside each other do not hear each other."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        port: int = probe.getsockname()[1]
-        return port

@@ -5,14 +5,16 @@ from __future__ import annotations
 import asyncio
 import itertools
 import signal
+import socket
 
 import can
 import pytest
+from ports import free_port
 
 from artemis import clock
 from artemis.devices.can_bus import CanBus, Frame
 
-from .cases import GROUP, MISSIONS, PATIENCE, WATCH, Case, Process, draw, free_port, play_one, words
+from .cases import GROUP, MISSIONS, PATIENCE, WATCH, Case, Process, draw, play_one, words
 
 pytestmark = [pytest.mark.realtime, pytest.mark.timeout(1200)]
 
@@ -25,7 +27,7 @@ HEARTBEAT = Frame(0x77F, b"\x05")
 
 @pytest.fixture(scope="module", autouse=True)
 def _multicast() -> None:
-    bus = words(free_port())
+    bus = words(free_port(socket.SOCK_DGRAM))
     try:
         with can.Bus(**bus) as one, can.Bus(**bus) as other:  # type: ignore[arg-type]
             one.send(can.Message(arbitration_id=0x123, is_extended_id=False))
@@ -48,7 +50,7 @@ def test_every_drive_stops_in_time_when_the_host_dies(case: Case) -> None:
 
 def test_simulated_drives_that_were_stopped_themselves_miss_no_heartbeat() -> None:
     async def main() -> None:
-        port = free_port()
+        port = free_port(socket.SOCK_DGRAM)
         drives = await Process.start("sim", ROBOT, *_options(port))
         bus = CanBus(words(port))
         try:

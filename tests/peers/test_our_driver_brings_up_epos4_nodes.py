@@ -167,7 +167,7 @@ def described(name: str, **words: object) -> Drive:
     drive = EPOS4.drives[name]
     of_role = {"operating_mode": 9} if drive.role == "traction" else {"operating_mode": 8, "analog_inputs": ANALOG}
     given = drive.model_dump(exclude_unset=True)
-    del given["motor"]["torque_constant_mnm_per_a"]
+    del given["motor"]["torque_constant_mnm_per_a"], given["si_gains"]
     changes = {"family": "cia402", "hardware_version": 0x61500000, "cia402": {**PROFILE, **of_role, **words}}
     return Drive(**{**given, **changes})
 
@@ -236,6 +236,32 @@ def test_a_described_drive_that_does_nothing_without_our_heartbeat_is_refused() 
     on_virtual_time(main())
 
 
+@pytest.mark.parametrize(("index", "good"), [(0x605A, 6), (0x605E, 2)])
+def test_a_described_drive_whose_wheel_would_coast_needs_a_brake(index: int, good: int) -> None:
+    without, with_brake = (described("steer-left", option_codes={}, brake=brake) for brake in (False, True))
+
+    async def main() -> None:
+        bench = Bench(with_drive("steer-left", without), KINDS)
+        node = bench.nodes["steer-left"]
+        node.put(0x1018, 2, 0x61500000, 4)
+        codes = node.object_dictionary[index]
+        assert isinstance(codes, ODVariable)
+        codes.min = None
+        node.put(index, 0, 0, 2)
+        await bench.perform(JobKind.SECURE)
+        (refused,) = refusals(await bench.perform(JobKind.CONFIGURE))
+        told = f"configure steer-left: 0x{index:04X}:0 is 0 (cuts the power: without a brake the wheel coasts)"
+        assert refused == told
+        node.put(index, 0, good, 2)
+        assert not refusals(await bench.perform(JobKind.SECURE, JobKind.CONFIGURE))
+
+    on_virtual_time(main())
+    options = {"quick_stop": 0, "fault_reaction": 0}
+    assert not list(drive_problems(described("steer-left", option_codes=options, brake=True)))
+    forbidden = {setting.object.index for (setting, _) in with_brake.tables.forbidden}
+    assert forbidden == {0x6007}
+
+
 SETTING = {"index": 0x2200, "subindex": 0, "type": "u8", "value": 1}
 
 
@@ -257,6 +283,8 @@ SETTING = {"index": 0x2200, "subindex": 0, "type": "u8", "value": 1}
         ({"settings": [{**SETTING, "index": 0x6040}]}, ("settings", 0), "0x6040:0 is written by artemis"),
         ({"settings": [{**SETTING, "value": 256}]}, ("settings", 0, "value"), "256 is no u8"),
         ({"option_codes": {"abort_connection": 0}}, ("option_codes", "abort_connection"), "0 is no reaction"),
+        ({"option_codes": {"quick_stop": 0}}, ("option_codes", "quick_stop"), "0 cuts the power: the wheel coasts"),
+        ({"option_codes": {"fault_reaction": 0}}, ("option_codes", "fault_reaction"), "0 cuts the power: the wheel"),
         (
             {"analog_inputs": [ANALOG[0], {**ANALOG[1], "units_per_v": 100.0}]},
             ("analog_inputs", 1, "units_per_v"),

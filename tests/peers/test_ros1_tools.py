@@ -17,8 +17,8 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 sys.path.append(str(Path(__file__).parents[1] / "unit"))
+from ports import free_port
 from programs import bridge_of, until
-from ros1_rig import free_port
 
 from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types, ros1_name
 from artemis.bridges.topics import Topics

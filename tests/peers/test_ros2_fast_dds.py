@@ -22,8 +22,7 @@ from msgspec.structs import replace
 
 pytest.importorskip("rosbags", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
 pytest.importorskip("cyclonedds", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
-sys.path.append(str(Path(__file__).parents[1] / "unit"))
-from ros2_rig import LONGEST, STEP, own_address, own_domain
+from ros2_rig import LONGEST, STEP, own_address
 
 from artemis.bridges.ros2.settings import unicast_ports
 from artemis.mapping.occupancy import OccupancyMap, ShownMap
@@ -115,18 +114,6 @@ class Lines:
         for pipe in (self.process.stdin, self.process.stdout):
             assert pipe is not None
             pipe.close()
-
-
-@pytest.fixture
-def domain() -> Iterator[int]:
-    with own_domain() as number:
-        yield number
-
-
-@pytest.fixture
-def closing() -> Iterator[ExitStack]:
-    with ExitStack() as stack:
-        yield stack
 
 
 def peer(domain: int, closing: ExitStack, gid: int = 16) -> Lines:

@@ -16,8 +16,8 @@ import pytest
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
 pytest.importorskip("roslibpy", reason="needs the package roslibpy")
 sys.path.append(str(Path(__file__).parents[1] / "unit"))
+from ports import free_port
 from programs import bridge_of, until
-from ros1_rig import free_port
 from websockets.sync.client import connect
 
 ROOT = Path(__file__).parents[2]

@@ -67,8 +67,8 @@ _SWINGING = (
 MEASURE = {"calibrate": {"steering": {"reference_deg": {"left": 0.0, "right": 0.0}}}}
 _ON = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (6.6, 0.0, 0.0, 0), (7.0, 0.0, 0.0, 0))
 _NUDGED = ((0.0, 0.0, 0.0, 0), (2.4, 0.0, 1.0, 1), (3.5, 0.06, 1.0, 1), (5.0, 0.0, 0.0, 0), (5.6, 0.0, 0.0, 0))
-_LATER = tuple((time + 3.0 if time else 0.0, x, y, button) for time, x, y, button in _FORWARD)
-"""A bring-up of EPOS4 takes longer."""
+_LATER = tuple((time + 7.5 if time else 0.0, x, y, button) for time, x, y, button in _FORWARD)
+"""A bring-up of EPOS4 takes longer, and so does their alignment."""
 SETTINGS = {
     "bring-up": Setting([{"wait": {"seconds": 0.4}}], 0.0, Mode.INIT, moves=False),
     "standing": Setting([{"wait": {"seconds": 1.2}}], 2.501, Mode.READY, moves=False),
@@ -77,7 +77,7 @@ SETTINGS = {
     "driving": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_FORWARD),
     "driving on": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_ON),
     "nudged": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_NUDGED),
-    "driving on EPOS4": Setting([TELEOP], 6.401, Mode.TELEOP, stick=_LATER),
+    "driving on EPOS4": Setting([TELEOP], 10.901, Mode.TELEOP, stick=_LATER),
     "stopping": Setting([TELEOP], 3.401, Mode.QUICKSTOP, stick=_FORWARD),
     "swinging": Setting([TELEOP], 3.401, Mode.TELEOP, stick=_SWINGING),
     "following": Setting([CALIBRATE, follow(SPEED)], 4.901, Mode.FOLLOW),

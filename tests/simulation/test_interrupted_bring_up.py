@@ -34,6 +34,8 @@ from artemis.sim.epos_settings import SimSettings
 from artemis.sim.world import PlantParameters
 from artemis.values import JobKind, Mode, Request
 
+LATER = [{"at_s": 5.0, "do": "end"}]
+"""Somebody is there, and might arm."""
 OFF, QUICK_STOP, ENABLE = 0x00, 0x0B, 0x0F
 CONSUMER, SOFTWARE = 0x1016, 0x2003
 WAIT = {"wait": {"seconds": 0.1}}
@@ -246,6 +248,17 @@ def test_a_stop_while_the_watchdog_is_proven_is_no_fault(tmp_path: Path, time: f
     seen = attended_by(tmp_path, (time, "quickstop"), (4.0, "arm"), steps=[WAIT]).run()
     assert any(s.phase == "proving the watchdog" for s in seen.seen if s.time < time)
     assert (seen.status, seen.fault_ids) == (0, [])
+
+
+@pytest.mark.parametrize("request_", [Request.QUICKSTOP, Request.END], ids=["stop", "end"])
+def test_a_stop_before_the_drives_were_heard_in_operational_is_no_fault(tmp_path: Path, request_: Request) -> None:
+    """Their last heartbeat is from before they were started: the next one comes within 0.1 s."""
+    rig = Rig(write_mission(tmp_path, [WAIT], robot="small_car.yaml", simulation={"operator": LATER}))
+    rig.when(lambda s: s.phase == "first contact", rig.request(request_), after=0.03, name="interrupt")
+    seen = rig.run()
+    before = seen.first(lambda s: s.now >= seen.acts["interrupt"]).tick.snapshot.sensed.drives
+    assert {drive.nmt for drive in before} != {Nmt.OPERATIONAL}
+    assert seen.fault_ids == []
 
 
 def test_drives_without_power_are_one_fault(tmp_path: Path) -> None:

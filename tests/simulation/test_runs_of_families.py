@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,22 @@ def ended_in_order(rig: Rig) -> bool:
         (node.state, node.nmt, node.read(0x1016, 1)) == (DriveState.SWITCH_ON_DISABLED, Nmt.PRE_OPERATIONAL, 0)
         for node in rig.world.nodes
     )
+
+
+@pytest.mark.parametrize("start", [7.0, -13.37])
+def test_the_wheels_of_an_epos4_are_aligned_to_a_hundredth_of_a_step_of_its_analog_inputs(
+    tmp_path: Path, start: float
+) -> None:
+    """A step is 0.35 degrees; each hundredth of a degree is 11 mm of the figure eight."""
+    true = {"start_steering_left_deg": start, "start_steering_right_deg": start / 3}
+    rig = Rig(write_mission(tmp_path, [{"wait": {"seconds": 0.1}}], robot=EPOS4, simulation={"true_robot": true}))
+    seen = rig.run()
+    assert (seen.status, seen.fault_ids) == (0, [])
+    assert rig.world is not None
+    told = {drive.name: drive.position for drive in seen.ticks[-1].snapshot.sensed.drives}
+    errors = [math.degrees(told[name] - wheel.angle) for name, wheel in rig.world.steered.items()]
+    assert errors == pytest.approx([0.0, 0.0], abs=0.0035)
+    assert abs(errors[0] + errors[1]) / 2 < 0.002
 
 
 @pytest.mark.exhaustive

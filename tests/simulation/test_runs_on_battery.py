@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
-from rig import Run, follow, run, straight, write_mission
+import yaml
+from rig import MISSIONS, NODE, SDO_REQUEST, Rig, Run, follow, run, straight, write_mission
 
+from artemis.devices.can_bus import Frame
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
 from artemis.values import Mode
@@ -74,6 +77,47 @@ def test_signals_of_a_battery_need_one_that_is_described_and_measured(tmp_path: 
     told = [problem.partition("steps[0].wait.for: ")[2] for problem in refused.value.problems]
     names = "charge_percent", "range_m", "time_left_s"
     assert told == [f"{name}: the robot file describes no `battery`" for name in names]
-    bus = {"interface": "socketcan", "channel": "can0"}
+    mission = write_mission(tmp_path / "unmeasured", [wait], robot="artemis_battery.yaml")
+    unmeasured = mission.with_name("artemis.yaml")
+    unmeasured.write_text(re.sub("  measured: .*", "", unmeasured.read_text()))
     with pytest.raises(ConfigError, match="range_m: no drive of this robot measures the supply voltage"):
-        load_mission(write_mission(tmp_path / "bus", [wait], robot="artemis_battery.yaml", bus=bus))
+        load_mission(mission)
+
+
+def on_epos4(mission: Path) -> Path:
+    """The mission with four EPOS4, which measure their supply, and the battery of the other robot."""
+    robot, battery = mission.with_name("artemis.yaml"), MISSIONS / "robots/artemis_battery.yaml"
+    described = yaml.safe_load((MISSIONS / "robots/artemis_epos4.yaml").read_text())
+    described["battery"] = yaml.safe_load(battery.read_text())["battery"]
+    del described["battery"]["measured"]
+    robot.write_text(yaml.safe_dump(described, sort_keys=False))
+    return mission
+
+
+def test_an_epos4_tells_the_voltage_of_its_battery(tmp_path: Path) -> None:
+    sinking = {"at_s": 22.0, "inject": "PWR-02", "voltage": 21.0, "within_s": 0.2}
+    simulation = {"pace": "fast", "true_robot": {"supply": {"battery_v": 24.4}}, "faults": [sinking]}
+    files = {"line.csv": straight(6.0)}
+    done = run(on_epos4(write_mission(tmp_path, [CALIBRATE, follow(0.5)], files, simulation=simulation)))
+    assert (done.status, done.fault_ids) == (1, ["PWR-02"])
+    told = [seen.tick.snapshot.sensed.battery_v for seen in done.in_mode(Mode.CALIBRATE)]
+    assert told[-1] == pytest.approx(24.3, abs=0.15)
+    assert done.recompute().difference is None
+
+
+def test_a_drive_that_no_longer_tells_its_voltage_stops_the_robot(tmp_path: Path) -> None:
+    """Nothing else of it is wrong: its process data and its heartbeat come."""
+    mute = False
+
+    def disturb(frame: Frame, _now: float) -> tuple[Frame | None, float]:
+        return (None if mute and frame.id == SDO_REQUEST + NODE["traction-left"] else frame), 0.0
+
+    def fall_silent() -> None:
+        nonlocal mute
+        mute = True
+
+    mission = write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot="artemis_battery.yaml")
+    done = Rig(mission, disturb=disturb).while_following(fall_silent, name="mute").run()
+    assert (done.status, done.faults[0].id, done.faults[0].device) == (1, "COM-08", "traction-left")
+    assert "supply voltage" in done.faults[0].text
+    assert "PLG-07" not in done.fault_ids

@@ -16,16 +16,16 @@ from artemis.yaml_file import dotted
 DT = 0.02
 
 
-def built(*steps: Mapping[str, Any], **keys: object) -> MissionTree:
-    """The tree of a mission of these steps, with an input `stick`."""
+def built(*steps: Mapping[str, Any], measured: bool = True, **keys: object) -> MissionTree:
+    """The tree of a mission of these steps, with an input `stick`; `measured`: the supply voltage is."""
     inputs = {"stick": {"plugin": "keyboard"}}
     mission = {"mission": "m", "robot": "r.yaml", "bus": "simulation", "inputs": inputs, "steps": list(steps), **keys}
-    return mission_tree(Mission.model_validate(mission))
+    return mission_tree(Mission.model_validate(mission), measured=measured)
 
 
-def problems(*steps: Mapping[str, Any], **keys: object) -> list[str]:
+def problems(*steps: Mapping[str, Any], measured: bool = True, **keys: object) -> list[str]:
     """What is wrong in it, each as `path: words`."""
-    return [f"{dotted(path)}: {text}" for path, text in built(*steps, **keys).problems]
+    return [f"{dotted(path)}: {text}" for path, text in built(*steps, measured=measured, **keys).problems]
 
 
 class Walker:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 import threading
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
+
+from ports import free_port
 
 from artemis.bridges.ros1.connections import Connections
 from artemis.bridges.ros1.tcpros import framed, pack_header, parse_header, read_block
@@ -211,11 +212,3 @@ class Publisher:
         writer.write(pack_header(self._header))
         self._heard_by.append(writer)
         await reader.read()  # until it leaves
-
-
-def free_port() -> int:
-    """A port of the loopback address that nobody listens at."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port: int = free.getsockname()[1]
-        return port

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -28,8 +29,14 @@ from artemis.sim.axis import Regulation
 from artemis.sim.servo import ServoAxis, TrueLoad
 from artemis.vehicle import RobotFile
 
-ROBOT = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis.yaml", RobotFile)
+ROBOTS = {
+    family: load_model(Path(__file__).parents[2] / "missions" / "robots" / name, RobotFile)
+    for family, name in (("epos1", "artemis.yaml"), ("epos4", "artemis_epos4.yaml"))
+}
+ROBOT = ROBOTS["epos1"]
+"""The two differ in their drives alone."""
 DRIVES = {"traction": ROBOT.drives["traction-left"], "steering": ROBOT.drives["steer-left"]}
+DRIVES_4 = {"traction": ROBOTS["epos4"].drives["traction-left"], "steering": ROBOTS["epos4"].drives["steer-left"]}
 TICK = 0.005
 REST, WATCH = 0.1, 2.4
 """Before the step, and from its beginning on [s]."""
@@ -73,12 +80,12 @@ class Machine:
         return StepRecord(time=time, told=told_, position=position, current=current), velocity * math.tau / 60.0
 
 
-def machine(seed: int, role: str) -> Machine:
+def machine(seed: int, role: str, drives: Mapping[str, Drive] = DRIVES) -> Machine:
     """One with a load that is not the nominal one."""
     dice = random.Random(f"{role} {seed}")
     steering = role == "steering"
     return Machine(
-        DRIVES[role],
+        drives[role],
         TrueLoad(
             inertia_scale=math.exp(dice.uniform(0.0, math.log(8.0)) if steering else dice.uniform(-0.7, 1.1)),
             friction_scale=dice.uniform(0.4, 2.0),
@@ -105,9 +112,10 @@ class Tuned:
 def tuned(machine: Machine) -> Tuned:
     """Identify, propose, try three times both ways, compare: as the command does it."""
     steering = machine.drive.role == "steering"
-    file = machine.drive.gains
-    assert file is not None
-    present = tuple(file.position if steering else file.velocity)
+    file, scale = machine.drive.gain_numbers, machine.drive.tables.gain_scale
+    assert scale is not None
+    place = slice(4, 7) if steering else slice(2, 4)
+    present = file[place]
 
     def response(record: StepRecord) -> StepResponse:
         value = record.position if steering else slope(record.time, record.position, 0.06)
@@ -118,19 +126,19 @@ def tuned(machine: Machine) -> Tuned:
         rest = record.time - shown.begin >= shown.ramp
         return reversals((record.told - value)[rest], SWING * abs(shown.step))
 
-    before = [machine.moved(file.numbers, sense)[0] for sense in (1.0, -1.0)]
+    before = [machine.moved(file, sense)[0] for sense in (1.0, -1.0)]
     now = [response(record) for record in before]
     motor = machine.drive.motor
-    loop = loop_of(present, 1e-3 * motor.output_current_ma, 0.9 * motor.max_speed_rpm * math.tau / 60.0)
+    loop = loop_of(present, scale, 1e-3 * motor.output_current_ma, 0.9 * motor.max_speed_rpm * math.tau / 60.0)
     load = identified(before[:1], loop)
 
     def settled(load: MovedLoad, loop: ControlLoop) -> float | None:
         position, current = followed(load, loop, before[0].time, before[0].told)
         return quickness(response(replace(before[0], position=position, current=current)))
 
-    found = proposals([load], [10 * gain for gain in present], loop, settled)
+    found = proposals([load], [10 * gain for gain in present], scale, loop, settled)
     for proposal in in_order(found, [now[0].settled_5]):
-        gains = (*file.numbers[:4], *proposal.gains) if steering else (*file.current, *proposal.gains, *file.position)
+        gains = (*file[: place.start], *proposal.gains, *file[place.stop :])
         after = [machine.moved(gains, sense) for sense in (1.0, -1.0, 1.0, -1.0, 1.0, -1.0)]
         new = [response(record) for record, _ in after]
         if not compared(now, new, [swings(record) for record, _ in after]):

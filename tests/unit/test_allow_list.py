@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from core_builders import NAMES, ROBOT
 from hypothesis import given
@@ -12,6 +14,8 @@ from artemis.devices.allow_list import MARGIN, MOST, AllowList
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import Abort, Expedited, NextSegment, Segment, Segmented, Upload, encode_request
 from artemis.values import Mode
+from artemis.vehicle import RobotFile
+from artemis.yaml_file import load
 
 RPM = 4700 * 60 / 72
 """Motor rpm per m/s of a driven wheel."""
@@ -280,3 +284,39 @@ def test_new_list_is_that_of_a_run_that_begins() -> None:
     listed = AllowList(ROBOT)
     assert listed.problem(Frame(0x000, b"\x80\x01")) is None
     assert listed.problem(speed(0.1)) is not None
+
+
+# ---------------------------------------------------------------------------------------------- the supply voltage
+
+ON_EPOS4 = RobotFile.model_validate(load(Path(__file__).parents[2] / "missions/robots/artemis_epos4.yaml").data)
+SUPPLY, FENCE = Upload(index=0x2200, subindex=1), Upload(index=0x1000, subindex=7)
+
+
+@pytest.mark.parametrize("mode", sorted(QUIET, key=str))
+@pytest.mark.parametrize("request_", [SUPPLY, FENCE, Abort(index=0x2200, subindex=1, code=0x05040000)])
+def test_the_supply_voltage_is_read_while_the_robot_moves_of_the_drive_that_measures_it(
+    mode: Mode, request_: Upload | Abort
+) -> None:
+    listed = AllowList(ON_EPOS4)
+    listed.begin(mode)
+    assert listed.problem(sdo(request_, 1)) is None
+    assert listed.problem(sdo(request_, 2)) is not None
+    assert not may(mode, sdo(request_, 1)), "no drive of this robot measures it"
+
+
+@pytest.mark.parametrize("mode", sorted(QUIET, key=str))
+@pytest.mark.parametrize(
+    "request_",
+    [
+        Upload(index=0x6041, subindex=0),
+        Expedited(index=0x2200, subindex=1, data=bytes(2)),
+        Segmented(index=0x2200, subindex=1, size=9),
+        NextSegment(toggle=False),
+    ],
+)
+def test_nothing_else_passes_by_sdo_while_the_robot_moves(
+    mode: Mode, request_: Upload | Expedited | Segmented | NextSegment
+) -> None:
+    listed = AllowList(ON_EPOS4)
+    listed.begin(mode)
+    assert listed.problem(sdo(request_, 1)) is not None

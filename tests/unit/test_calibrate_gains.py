@@ -30,9 +30,12 @@ def problems(loaded: LoadedMission, *drives: str, step: float | None = None, **g
 def test_wrong_options_are_all_told_before_anything_moves(tmp_path: Path) -> None:
     loaded = load_mission(mission(tmp_path))
     assert "no such drive; did you mean steer-left?" in problems(loaded, "steer-lft", position="1,2,3")
-    for position in ("1,2", "1,2,3,4", "1,2,32768", "-1,2,3", "1.5,2,3", "a,b,c", ""):
-        assert "expected P,I,D: 3 whole numbers of 0 to 32767" in problems(loaded, LEFT, position=position)
-    assert "--current '1': expected P,I: 2 whole numbers" in problems(loaded, LEFT, current="1")
+    for position in ("1,2", "1,2,3,4", "-1,2,3", "nan,2,3", "a,b,c", ""):
+        assert "expected P,I,D: 3 numbers as the robot file has them" in problems(loaded, LEFT, position=position)
+    for position, wrong in (("1,2,32768", "D 32768"), ("1.5,2,3", "P 1.5")):
+        told = f"--drive 'steer-left': position {wrong}: expected a whole number of 0 to 32767 (EPOS)"
+        assert told in problems(loaded, LEFT, position=position)
+    assert "--current '1': expected P,I: 2 numbers" in problems(loaded, LEFT, current="1")
     assert "--drive is missing" in problems(loaded, position="1,2,3")
     assert "one kind after the other" in problems(loaded, LEFT, DRIVEN, velocity="1,2")
     assert "expected 0.5 to 20 degrees" in problems(loaded, LEFT, step=21.0)
@@ -52,7 +55,7 @@ def test_wrong_options_are_all_told_before_anything_moves(tmp_path: Path) -> Non
     [
         ({"steer-lft": {"position": [1, 2, 3]}}, "no such drive; did you mean steer-left?"),
         ({LEFT: {"position": [1, 2]}}, "the list is too short"),
-        ({LEFT: {"position": [1, 2, 32768]}}, "expected at most 32767"),
+        ({LEFT: {"position": [1, 2, 32768]}}, "position D 32768: expected a whole number of 0 to 32767"),
         ({LEFT: {}}, "expected at least one of current, velocity, position"),
         ({LEFT: {"speed": [1, 2]}}, "unknown key"),
         ({LEFT: {"velocity": [10001, 1000]}}, "velocity P 10001: at most 10 times the present 1000 per trial"),

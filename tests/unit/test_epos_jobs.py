@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import math
+from pathlib import Path
 
 import pytest
 from core_builders import ROBOT
@@ -13,12 +15,14 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.epos_jobs import MAX_RESETS
 from artemis.devices.epos_objects import Units
 from artemis.drive_states import DriveState, Nmt
-from artemis.errors import DeviceError, DeviceRestarted, DeviceTimeout, NotKept
+from artemis.errors import DeviceError, DeviceRestarted, DeviceTimeout, NotKept, WrongDevice
 from artemis.families import EPOS1, FAMILIES
+from artemis.mission.loading import load_model
 from artemis.sim.dictionary import AbortCode, AccessRefused, key_of
 from artemis.sim.epos_settings import SimSettings
 from artemis.supervision.catalogue import ROWS
 from artemis.values import RESETS, Job, JobKind
+from artemis.vehicle import RobotFile
 
 # ---------------------------------------------------------------------------------------------- secure
 
@@ -244,6 +248,50 @@ def test_wrong_drive_is_stopped_if_it_moves() -> None:
         assert rig.node.axis.velocity == 0.0
 
     on(LEFT, test, robot=changed(LEFT, serial_number=0x12345678))
+
+
+EPOS4 = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis_epos4.yaml", RobotFile)
+
+
+@pytest.mark.parametrize("kind", [JobKind.SECURE, JobKind.HALT, JobKind.KEEP_OFF, JobKind.DISARM])
+def test_drive_of_another_family_is_told_nothing_for_a_controlword_may_mean_something_else_to_it(kind: JobKind) -> None:
+    async def test(rig: Rig) -> None:
+        await rig.spin(1500)
+        rig.writes()
+        with pytest.raises(
+            WrongDevice, match=r"is of family epos1 \(EPOS, hardware 0x6210\), the robot file says epos4"
+        ):
+            await rig.jobs.perform(Job(id=1, kind=kind, drive=LEFT))
+        assert rig.writes() == []
+        assert rig.node.state is DriveState.OPERATION_ENABLE
+
+    on(LEFT, test, robot=ROBOT.model_copy(update={"drives": {**ROBOT.drives, LEFT: EPOS4.drives[LEFT]}}))
+
+
+def test_drive_that_was_replaced_by_one_of_another_family_is_found_when_it_is_secured() -> None:
+    async def test(rig: Rig) -> None:
+        await rig.jobs.secure(0.0)
+        rig.node.poke(0x2003, 2, 0x6150)
+        with pytest.raises(WrongDevice, match="is of family epos4"):
+            await rig.jobs.secure(0.0)
+
+    on(LEFT, test)
+
+
+@pytest.mark.parametrize("name", [LEFT, STEER_LEFT])
+@pytest.mark.parametrize(("step", "stands"), [(1, True), (2, False)])
+def test_drive_whose_counter_trembles_by_one_count_stands(name: str, step: int, stands: bool) -> None:
+    async def test(rig: Rig) -> None:
+        await rig.spin(1500)
+        looks = itertools.count()
+        rig.node._dictionary.getters[key_of(0x6064, 0)] = lambda: -0x80000000 if next(looks) % 2 else 0x80000000 - step
+        if stands:
+            await rig.jobs.secure(0.0)
+        else:
+            with pytest.raises(DeviceError, match="does not stop"):
+                await rig.jobs.secure(0.0)
+
+    on(name, test)
 
 
 def test_drive_of_another_maker_is_refused() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from ros1_rig import free_port
+from ports import free_port
 
 pytest.importorskip("foxglove", reason="needs the extra foxglove: pip install 'artemis-robot[foxglove]'")
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from servo_machines import DRIVES, Machine, Tuned, machine, tuned
+from servo_machines import DRIVES, DRIVES_4, Machine, Tuned, machine, tuned
 
+from artemis.drive_schema import Drive
 from artemis.errors import CalibrationError
+from artemis.families import EPOS4
+from artemis.families.epos1 import GAIN_SCALE
+from artemis.families.family import GainScale
 from artemis.motion.gain_tuning import (
     HOLD,
     ControlLoop,
@@ -27,6 +32,8 @@ from artemis.sim.axis import LOADS
 from artemis.sim.servo import TrueLoad
 
 RPM = 60.0 / math.tau
+assert EPOS4.gain_scale is not None
+EPOS4_SCALE: GainScale = EPOS4.gain_scale
 LOAD = MovedLoad(inertia=6e-3, friction=0.3, delay=0.002, scale=1.0, unexplained=0.0)
 ANSWER = StepResponse(
     begin=0.0,
@@ -48,15 +55,17 @@ def seeds(few: int) -> list[object]:
     return [pytest.param(seed, marks=() if seed < few else pytest.mark.exhaustive) for seed in range(200)]
 
 
+@pytest.mark.parametrize("drives", [DRIVES, DRIVES_4], ids=["epos1", "epos4"])
 @pytest.mark.parametrize("role", ["traction", "steering"])
-def test_the_load_that_is_there_is_found(role: str) -> None:
+def test_the_load_that_is_there_is_found(role: str, drives: Mapping[str, Drive]) -> None:
     load = TrueLoad(inertia_scale=3.0, friction_scale=1.3, delay_ms=0.0 if role == "steering" else 4.0)
-    drive = DRIVES[role]
-    assert drive.gains is not None
-    record, _ = Machine(drive, load).moved(drive.gains.numbers)
-    gains = drive.gains.position if role == "steering" else drive.gains.velocity
+    drive = drives[role]
+    scale = drive.tables.gain_scale
+    assert scale is not None
+    record, _ = Machine(drive, load).moved(drive.gain_numbers)
+    gains = drive.gain_numbers[4:] if role == "steering" else drive.gain_numbers[2:4]
     top = 0.9 * drive.motor.max_speed_rpm / RPM
-    found = identified([record], loop_of(gains, 1e-3 * drive.motor.output_current_ma, top))
+    found = identified([record], loop_of(gains, scale, 1e-3 * drive.motor.output_current_ma, top))
     assert found.inertia == pytest.approx(3.0 * LOADS[role].inertia * 1e-3 * RPM, rel=0.05)
     assert found.friction == pytest.approx(1.3e-3 * LOADS[role].friction, rel=0.3)
     assert found.delay == pytest.approx(1e-3 * load.delay_ms, abs=1.5e-3)
@@ -67,7 +76,7 @@ def test_what_no_load_explains_is_refused() -> None:
     drive = DRIVES["traction"]
     assert drive.gains is not None
     record, _ = Machine(drive, TrueLoad()).moved(drive.gains.numbers)
-    loop = loop_of(drive.gains.velocity, 10.0, 300.0)
+    loop = loop_of(drive.gains.velocity, GAIN_SCALE, 10.0, 300.0)
     wave = 20.0 * np.sin(40.0 * record.time)
     with pytest.raises(CalibrationError, match="does not explain"):
         identified([replace(record, position=record.position + wave)], loop)
@@ -77,7 +86,7 @@ def test_what_no_load_explains_is_refused() -> None:
 
 def test_margins_are_those_of_an_integrator_with_dead_time() -> None:
     loop = ControlLoop(is_position=False, p=0.6, i=1e-6, d=0.0, limit=10.0, top=300.0)
-    late, crossover = LOAD.delay + HOLD, loop.p / LOAD.inertia  # L(s) = K exp(-s late) / s
+    late, crossover = LOAD.delay + HOLD * loop.period, loop.p / LOAD.inertia  # L(s) = K exp(-s late) / s
     phase, gain = margins(LOAD, loop)
     assert phase == pytest.approx(90.0 - math.degrees(crossover * late), abs=0.2)
     assert gain == pytest.approx(math.pi / (2.0 * crossover * late), rel=0.01)
@@ -85,14 +94,15 @@ def test_margins_are_those_of_an_integrator_with_dead_time() -> None:
 
 
 def test_a_position_loop_has_a_margin_below_too() -> None:
-    stiff = loop_of(placed(LOAD, 0.05, 4.0, is_position=True), 10.0, 300.0)
+    stiff = loop_of(placed(LOAD, 0.05, 4.0, GAIN_SCALE, is_position=True), GAIN_SCALE, 10.0, 300.0)
     assert margins(LOAD, stiff)[1] > 2.0
     assert margins(LOAD, replace(stiff, i=stiff.p * stiff.d / LOAD.inertia)) == (0.0, 0.0)  # Routh, Hurwitz
 
 
+@pytest.mark.parametrize("scale", [GAIN_SCALE, EPOS4_SCALE], ids=["epos1", "epos4"])
 @pytest.mark.parametrize("is_position", [False, True])
-def test_poles_are_where_they_were_placed(is_position: bool) -> None:
-    loop = loop_of(placed(LOAD, 0.01, 4.0, is_position), 10.0, 300.0)
+def test_poles_are_where_they_were_placed(is_position: bool, scale: GainScale) -> None:
+    loop = loop_of(placed(LOAD, 0.01, 4.0, scale, is_position), scale, 10.0, 300.0)
     terms = [LOAD.inertia, loop.d, loop.p, loop.i] if is_position else [LOAD.inertia, loop.p, loop.i]
     poles = np.roots(terms)
     wanted = [-100.0, -100.0, -25.0] if is_position else [-100.0, -25.0]
@@ -158,6 +168,18 @@ def test_driven_wheels_with_hidden_loads_settle_much_sooner(seed: int) -> None:
     found = tuned(machine(seed, "traction"))
     assert_sound(found)
     assert found.new
+
+
+@pytest.mark.parametrize("seed", seeds(5))
+def test_driven_wheels_of_an_epos4_settle_much_sooner(seed: int) -> None:
+    found = tuned(machine(seed, "traction", DRIVES_4))
+    assert_sound(found)
+    assert found.new
+
+
+@pytest.mark.parametrize("seed", seeds(5))
+def test_steered_wheels_of_an_epos4_settle_sooner_or_it_is_told_why_not(seed: int) -> None:
+    assert_sound(tuned(machine(seed, "steering", DRIVES_4)))
 
 
 @pytest.mark.parametrize("seed", seeds(3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from artemis.commands.calibrate_gains import Wanted
 from artemis.commands.gains_auto import calibrate_auto
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
+from artemis.sim.axis import LOADS
 
 DRIVEN = ("traction-left", "traction-right")
 
@@ -52,7 +54,8 @@ def test_wheels_that_follow_the_ramp_keep_their_gains(tmp_path: Path, capsys: py
     before = robot_file(tmp_path)
     assert calibrate_auto(path, Wanted(drives=("steer-left",), gains={})) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert any(line.startswith("steer-left      inertia 0.049") for line in lines)
+    (found,) = [float(line.split()[2]) for line in lines if line.startswith("steer-left      inertia ")]
+    assert found == pytest.approx(1e-3 * LOADS["steering"].inertia * 60.0 / math.tau * 946, rel=0.1)
     assert "the ramp that the gate makes of the step takes 0.15 s" in lines[-1]
     assert robot_file(tmp_path) == before
 

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from laser_worlds import OFFICE, driven, odometry, seen, walls
-from typer.testing import CliRunner
+from map_command import call, refused
 
-from artemis.cli import app
 from artemis.commands.path_record import MapTrajectory
 from artemis.errors import ConfigError
 from artemis.mapping.graph_file import read_graph
@@ -35,18 +34,6 @@ def written(file: Path, way: Array, scale: float, world: Array = OFFICE) -> Path
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(tmp_path_factory.mktemp("log") / "office.clf", WAY, 0.95)
-
-
-def call(*words: str | Path) -> str:
-    done = CliRunner().invoke(app, ["map", *map(str, words)], catch_exceptions=False)
-    assert done.exit_code == 0, done.output
-    return done.output
-
-
-def refused(*words: str | Path) -> str:
-    with pytest.raises(ConfigError) as caught:
-        CliRunner().invoke(app, ["map", *map(str, words)], catch_exceptions=False, standalone_mode=False)
-    return str(caught.value)
 
 
 def test_a_map_is_built_shown_and_edited(log: Path, tmp_path: Path) -> None:

@@ -6,9 +6,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from map_command import call, refused
 
-from artemis.cli import app
 from artemis.commands.map_zones import ZoneEdits, edited_zones, zones_of
 from artemis.errors import ConfigError
 from artemis.yaml_edit import with_line, without_line
@@ -22,18 +21,6 @@ def workshop(tmp_path: Path) -> Path:
     for file in (MISSIONS / "maps").glob("workshop.*"):
         shutil.copy(file, tmp_path)
     return tmp_path / "workshop.yaml"
-
-
-def call(*words: str | Path) -> str:
-    done = CliRunner().invoke(app, ["map", *map(str, words)], catch_exceptions=False)
-    assert done.exit_code == 0, done.output
-    return done.output
-
-
-def refused(*words: str | Path) -> str:
-    with pytest.raises(ConfigError) as caught:
-        CliRunner().invoke(app, ["map", *map(str, words)], catch_exceptions=False, standalone_mode=False)
-    return str(caught.value)
 
 
 def test_zones_and_places_are_added_and_removed_in_place(workshop: Path) -> None:

@@ -17,7 +17,7 @@ from mcap.reader import SeekingReader
 from mcap.records import Chunk, DataEnd, Footer, MessageIndex
 from mcap.stream_reader import StreamReader
 
-from artemis.recording import mcap_reader
+from artemis.recording import mcap_records
 from artemis.recording.mcap_file import MAGIC, McapFile
 from artemis.recording.mcap_reader import Recording
 
@@ -106,7 +106,7 @@ def test_a_chunk_that_claims_more_than_any_recorder_writes_takes_no_memory(
 ) -> None:
     """A chunk of 100 kB that says it holds 4 GiB, or does."""
     recording = synthetic_run.record(tmp_path / "recording.mcap", islice(synthetic_run.run(), 300))
-    monkeypatch.setattr(mcap_reader, "MOST_IN_CHUNK", 1 << 20)
+    monkeypatch.setattr(mcap_records, "MOST_IN_CHUNK", 1 << 20)
     assert Recording(recording).missing is None
     size = 4 << 30 if said_by == "the chunk" else 1
     much = zstandard.ZstdCompressor().compress(bytes(2 << 20 if said_by == "zstd" else 10))

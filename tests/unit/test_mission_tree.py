@@ -101,10 +101,9 @@ def test_words_that_fit_are_accepted(step: dict[str, Any]) -> None:
 
 def test_a_battery_that_nobody_measures_is_refused() -> None:
     assert problems({"wait": {"for": "battery_v > 1"}}) == []
-    found = problems({"wait": {"for": "battery_v > 1"}}, bus={"interface": "socketcan", "channel": "can0"})
-    assert found == [
-        "steps[0].wait.for: battery_v: no drive of this robot measures the supply voltage; "
-        "use a time, such as run_s > 3600"
+    assert problems({"wait": {"for": "battery_v > 1"}}, measured=False) == [
+        "steps[0].wait.for: battery_v: no drive of this robot measures the supply voltage: name an analog input that "
+        "does (`battery.measured` of the robot file), or use a time, such as run_s > 3600"
     ]
 
 

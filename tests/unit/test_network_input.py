@@ -16,6 +16,7 @@ import msgspec
 import pytest
 from link_rig import DRIVING, NEUTRAL, ROBOT, SECRET, Net, driving
 from msgspec.structs import replace
+from ports import free_port
 
 from artemis import clock
 from artemis.bridges.child_process import ChildProcess
@@ -80,13 +81,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     write_secret(tmp_path / "secret", SECRET)
     return tmp_path
-
-
-def free_port() -> int:
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        port: int = found.getsockname()[1]
-        return port
 
 
 def context(folder: Path, *, real_time: bool = True, wake: Callable[[], None] = lambda: None) -> PluginContext:

@@ -12,7 +12,7 @@ pytest.importorskip("uvicorn", reason="needs the extra web: pip install 'artemis
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
 pytest.importorskip("segno", reason="needs the extra web: pip install 'artemis-robot[web]'")
 
-from page_rig import free_port
+from ports import free_port
 from test_page_input import Port
 
 from artemis.bridges.operator.session import Arrived, LinkReport

@@ -12,7 +12,8 @@ from time import thread_time
 from typing import Any
 
 import pytest
-from ros1_rig import Master, Peer, free_port
+from ports import free_port
+from ros1_rig import Master, Peer
 
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ports import free_port
 from pydantic import ValidationError
-from ros1_rig import Master, Peer, Publisher, free_port
+from ros1_rig import Master, Peer, Publisher
 
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 

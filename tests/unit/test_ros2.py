@@ -8,14 +8,14 @@ import os
 import signal
 import socket
 import subprocess
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from ros2_rig import LONGEST, Program, own_address, own_domain, until
+from ros2_rig import LONGEST, Program, own_address, until
 
 pytest.importorskip("rosbags", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
 pytest.importorskip("cyclonedds", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
@@ -51,18 +51,6 @@ class TestRos2Input(InputContract):
     plugin = Ros2Input
     duration = 2.5
     options: Mapping[str, object] = {"domain": MOST_DOMAIN}
-
-
-@pytest.fixture
-def domain() -> Iterator[int]:
-    with own_domain() as number:
-        yield number
-
-
-@pytest.fixture
-def closing() -> Iterator[ExitStack]:
-    with ExitStack() as stack:
-        yield stack
 
 
 class Seen:

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ports import free_port
 from pydantic import ValidationError
-from ros1_rig import free_port
 
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
 from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus

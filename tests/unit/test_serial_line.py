@@ -255,6 +255,30 @@ def test_half_an_answer_of_an_epos4_is_asked_for_again() -> None:
 
 
 @both
+def test_the_late_answer_of_another_node_is_not_taken(protocol: SerialProtocol) -> None:
+    """An answer of an EPOS4 does not tell whose it is: another one that follows it shows that it was late."""
+
+    async def test(rig: SerialRig) -> None:
+        late: list[bytes] = []
+        to_host, rig.wire.to_host = rig.wire.to_host, late.append  # type: ignore[method-assign]
+        with pytest.raises(DeviceTimeout):
+            await rig.objects(BEHIND).read(0x1018, 4, 4)
+        rig.wire.to_host = to_host  # type: ignore[method-assign]
+        asked = asyncio.ensure_future(rig.objects(FIRST).read(0x1018, 4, 4))
+        await asyncio.sleep(1e-6)
+        for answer in late[-2:]:
+            to_host(answer)
+        assert await asked == b"\x01\0\0\0"
+        assert rig.line.faults == {"SER-03": TRIES, "SER-01": 1}
+        for number in (BEHIND, FIRST):
+            begin = rig.loop.time()
+            assert await rig.objects(number).read(0x1018, 4, 4) == number.to_bytes(4, "little")
+            assert rig.loop.time() - begin < 0.1, "it is trusted again"
+
+    on_line(test, protocol)
+
+
+@both
 def test_a_port_that_is_unplugged_ends_all_commands_at_once(protocol: SerialProtocol) -> None:
     """SER-05."""
 

@@ -186,3 +186,14 @@ def test_all_received_pdos_are_valid_from_the_factory() -> None:
         rig.send(identifier, data)
     rig.run(0.5)
     assert rig.axis.velocity == pytest.approx(1000.0, rel=0.01), "target and controlword of one frame"
+
+
+def test_an_input_has_its_stored_use_again_after_a_restart() -> None:
+    rig = Rig(TRACTION_4)
+    rig.epos4.set_input(0, True, rig.now)
+    rig.write(0x3142, 1, "B", 20)
+    rig.write(0x3141, 2, "H", 0b10)
+    assert rig.read(0x60FD, 0, "I") == 1 << 20 | 1 << 1
+    rig.nmt(0x81)
+    rig.run(0.25)
+    assert rig.read(0x60FD, 0, "I") == 1 << 0

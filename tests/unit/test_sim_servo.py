@@ -7,7 +7,7 @@ import math
 import pytest
 from servo_machines import DRIVES, ROBOT
 
-from artemis.motion.gain_units import VELOCITY_UNITS
+from artemis.families.epos1 import GAIN_SCALE
 from artemis.sim.axis import LOADS, Axis, Regulation
 from artemis.sim.servo import ServoAxis, TrueLoad
 from artemis.sim.world import PlantParameters, World
@@ -29,7 +29,7 @@ def turned(axis: ServoAxis, target: float, seconds: float) -> list[float]:
 def test_the_loop_is_the_one_of_its_gains() -> None:
     axis = ServoAxis(DRIVE, TrueLoad(friction_scale=0.0))
     axis.tune((400, 120, 12000, 0, 150, 10, 200), None)
-    p = 1e3 * VELOCITY_UNITS[0] * 12000 * math.tau / 60.0  # [mA/rpm]
+    p = 1e3 * GAIN_SCALE.velocity[0] * 12000 * math.tau / 60.0  # [mA/rpm]
     lag = LOADS["traction"].inertia / p  # first order, without I and friction
     assert turned(axis, 100.0, lag)[-1] == pytest.approx(100.0 * (1.0 - math.exp(-1.0)), rel=0.03)
 

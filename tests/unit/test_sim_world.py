@@ -15,7 +15,6 @@ from artemis.sim.axis import Axis, Regulation
 from artemis.sim.bus import SimBus
 from artemis.sim.drive_node import simulated_drive
 from artemis.sim.epos_settings import SimSettings
-from artemis.sim.supply_meter import SupplyMeter
 from artemis.sim.world import PlantParameters, Supply, World
 from artemis.vehicle import RobotFile
 
@@ -317,15 +316,19 @@ def test_battery_without_either_stays_as_it_is(robot: RobotFile) -> None:
     assert world.battery_v == 25.0
 
 
-def test_supply_meter_tells_the_voltage_at_the_drives(robot: RobotFile) -> None:
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_divider_shows_the_voltage_of_the_battery_at_an_analog_input(number: int) -> None:
+    data = yaml.safe_load(ROBOT_FILE.with_name("artemis_battery.yaml").read_text())
+    data["battery"]["measured"]["input"] = number
+    robot = RobotFile.model_validate(data)
     world = World(robot, STRAIGHT)
-    meter = SupplyMeter(world)
-    assert list(meter.begin(0.0, lambda: None, lambda *_: None)) == []
-    assert meter.sense(0.0).battery_v == 25.0
+    shown = [int(world.drive("traction-left").read(0x207C, each)) for each in (1, 2)]
+    assert shown[number - 1] == pytest.approx(25.0 / 6 * 1000, abs=3)
+    assert shown[2 - number] == 0
     roll(world, robot, 1500.0, -1500.0)
     world.advance(0.2)
-    assert meter.sense(0.2).battery_v == round(world.supply_voltage, 3) < 25.0
-    meter.close()
+    shown_now = int(world.drive("traction-left").read(0x207C, number))
+    assert shown_now == pytest.approx(world.supply_voltage / 6 * 1000, abs=3)
 
 
 def test_a_family_that_cannot_be_simulated_is_refused_by_name(robot: RobotFile) -> None:

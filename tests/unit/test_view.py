@@ -49,3 +49,17 @@ def test_a_person_before_a_wall_moves(walk: tuple[float, float]) -> None:
     person = np.array([[2.0 - walk[0], 0.6 - walk[1], 0.15]])
 
     assert moves(Scene(SLIT[2:], person, np.array([walk])), 1.5)
+
+
+def test_what_is_remembered_may_leave_the_surroundings_before_it_is_forgotten() -> None:
+    """Odometry may jump within the time in which remembered points are not looked at."""
+    view, dice = View(SCANNER, BOX, 1.65, 1.1), np.random.default_rng(1)
+    wall = Scene(np.array([[1.2, -1.0, 1.2, 1.0]]))
+    for tick, x in enumerate((0.0, 0.02, 9.0)):
+        pose, time = Pose(x=x), tick * PERIOD
+        view.move(pose, replaced=True)
+        view.take(seen(wall, Pose(), time, dice), time, 0.0, 0.0, creeping=False)
+
+    (points, kept) = view.around()
+    assert points.shape[1] > kept.shape[1] > 0
+    assert kept[0].min() < -7.0 < 0.5 < kept[0].max()
