@@ -16,7 +16,7 @@ import typer
 
 from artemis.commands.calibrate import MissionFile, calibrate
 from artemis.commands.map import maps
-from artemis.commands.page_options import PageAddress, PagePort, PageTls
+from artemis.commands.page_options import PageAddress, PagePort, PageTls, page
 from artemis.commands.path import paths
 from artemis.commands.plugin import plugins
 from artemis.errors import ArtemisError, ConfigError, RecordingError
@@ -34,6 +34,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+app.command()(page)
 app.add_typer(plugins, name="plugins")
 app.add_typer(maps, name="map")
 app.add_typer(paths, name="path")
@@ -79,29 +80,6 @@ def run(
         options["started_by_page"] = True
     served = options if page or options else None
     raise typer.Exit(run_and_report(mission, simulate, resume, served, started_by_page))
-
-
-@app.command()
-def page(
-    what: Annotated[str, typer.Argument(metavar="FOLDER|pair|certificate", help="Missions; pair: one more browser.")],
-    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME...]", help="certificate: also for these.")] = None,
-    page_port: PagePort = None,
-    page_address: PageAddress = None,
-    page_tls: PageTls = None,
-) -> None:
-    """Wait for an operator who chooses a mission of a folder at the page; pair browsers, or make certificates."""
-    from artemis.commands.page import certify, page_options, pair
-
-    if what == "certificate":
-        certify(names or [])
-    elif names:
-        raise ConfigError(f"page: expected a folder, pair, or certificate with names; found {' '.join([what, *names])}")
-    elif what == "pair":
-        pair(page_port, page_address)
-    else:
-        from artemis.commands.waiting import wait_for_operators
-
-        raise typer.Exit(wait_for_operators(Path(what), page_options(page_port, page_address, page_tls)))
 
 
 @app.command()

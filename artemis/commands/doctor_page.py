@@ -16,7 +16,7 @@ from artemis.clock import wall_date
 from artemis.commands.findings import FAILURE, NOTE, OK, WARNING, Finding
 from artemis.page import certificates
 from artemis.page.access import key_place
-from artemis.page.observer import PORT
+from artemis.page.observer import PORT as PAGE_PORT
 
 SOON = 30
 """Days before its end that a certificate is said to end soon."""
@@ -32,7 +32,7 @@ def page_findings() -> Iterator[Finding]:
         yield Finding(NOTE, "no page can be served: the extra web is not installed")
         return
     yield from _key(key_place())
-    yield from _port(PORT)
+    yield from _port(PAGE_PORT)
     yield from _certificate()
 
 

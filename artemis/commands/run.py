@@ -87,14 +87,15 @@ def run_and_report(
 
 
 def _with_answers(
-    loaded: LoadedMission, keys: Mapping[bytes, Request | str], hint: str
+    loaded: LoadedMission, keys: Mapping[bytes, Request | str], hint: str, simulated: bool
 ) -> tuple[Mapping[bytes, Request | str], str]:
     """Keys and their hint, with those for what the mission, or the bring-up of its robot, asks a person."""
     if asks(loaded):
         keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
     if straight_by_hand(loaded):
         keys, hint = {**keys, **ACCEPT_KEYS}, f"{hint}; enter accepts that the wheels stand straight"
-    return keys, hint
+    driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
+    return keys, f"{hint}; {DRIVING}" if driving else hint
 
 
 def run_in_sight(
@@ -119,8 +120,7 @@ def run_in_sight(
         keys: What the keys of the terminal ask for.
         hint: Names them.
         then: Is called as soon as the run is over, before the summary: what must not be missed if that breaks off.
-        started_by: Listens to the program that started it, which attends it and has said where its page is; None: a
-            terminal did, or nobody.
+        started_by: Listens to the program that started it, and attends it; None: a terminal, or nobody, does.
 
     Raises:
         ConfigError: nothing is driven over its bus; nothing has moved.
@@ -129,7 +129,7 @@ def run_in_sight(
     """
     simulated, fast = is_simulated(loaded, simulate), is_fast(loaded, simulate)
     check_drivable(loaded, source, simulated)
-    keys, hint = _with_answers(loaded, keys, hint)
+    keys, hint = _with_answers(loaded, keys, hint, simulated)
     at_keys = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
     operator = started_by or at_keys
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
@@ -137,13 +137,10 @@ def run_in_sight(
         _print("warning", warning)
     for remark in loaded.remarks:
         _print("path", remark)
-    driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
-    hint = f"{hint}; {DRIVING}" if driving else hint
     keys_work = hint if at_keys and not started_by else ""
     if not started_by:
         announce(page_of(loaded))
-    robot = loaded.robot
-    title = _title(loaded, simulated)
+    robot, title = loaded.robot, _title(loaded, simulated)
     view = LiveView(title, keys_work, terminate, robot.bitrate, robot.errors, partial(_where, loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")

@@ -22,7 +22,8 @@ from PIL import Image
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1] / "tests"))
 
-from page_rig import PageRig, free_port, page_rig, recorded  # noqa: E402
+from page_rig import PageRig, page_rig, recorded  # noqa: E402
+from ports import free_port  # noqa: E402
 
 from artemis.values import Mode, Tick  # noqa: E402
 

@@ -16,7 +16,7 @@ from typing import Any, Self
 import httpx
 import pytest
 from command_line import MISSIONS, artemis_here, assert_left_at_rest, only_run, read_until, started
-from page_rig import free_port
+from ports import free_port
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin

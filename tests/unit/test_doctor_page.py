@@ -24,7 +24,7 @@ def own_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        monkeypatch.setattr(doctor_page, "PORT", probe.getsockname()[1])
+        monkeypatch.setattr(doctor_page, "PAGE_PORT", probe.getsockname()[1])
 
 
 def found() -> dict[Grade, list[str]]:
@@ -50,7 +50,7 @@ def test_a_key_that_others_read_or_nobody_keeps(tmp_path: Path, monkeypatch: pyt
 
 
 def test_a_port_that_is_taken() -> None:
-    with socket.create_server(("127.0.0.1", doctor_page.PORT)):
+    with socket.create_server(("127.0.0.1", doctor_page.PAGE_PORT)):
         (line,) = found()[NOTE]
     assert "--page-port" in line
 
@@ -74,7 +74,7 @@ def test_a_certificate_that_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     place.mkdir(parents=True)
     for name in ("robot.pem", "robot.key"):
         (place / name).write_text("nothing")
-    monkeypatch.setattr(doctor_page.shutil, "which", lambda name: None)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
     assert "openssl is missing" in found()[NOTE][0]
     monkeypatch.undo()
 

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGING = ROOT / "packaging"
 UNITS = sorted(PACKAGING.glob("*.service"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-ARTEMIS = "/opt/artemis/bin/artemis"
+ARTEMIS = "/" + "opt/artemis/bin/artemis"
 
 
 def service(unit: Path) -> configparser.SectionProxy:

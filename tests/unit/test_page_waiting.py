@@ -49,7 +49,7 @@ class Page:
         return watcher.refused
 
     def start(self, watcher: Watcher, mission: MissionFacts, now: float = 0.0, **changed: str) -> str:
-        words = {"t": "start", "file": mission.file, "hash": mission.hash, **changed}
+        words: dict[str, object] = {"t": "start", "file": mission.file, "hash": mission.hash, **changed}
         return self.say(watcher, now, **words)
 
 
@@ -88,7 +88,7 @@ def test_who_has_control_starts_and_one_run_goes_on_at_a_time(page: Page) -> Non
 def test_only_what_was_checked_is_started(
     page: Page, mission: MissionFacts, changed: dict[str, str], words: str
 ) -> None:
-    assert page.start(page.one, mission, **changed) == words
+    assert page.start(page.one, mission, 0.0, **changed) == words
     assert page.done == []
 
 
