@@ -16,8 +16,10 @@ from artemis.clock import wall_date
 from artemis.commands.findings import FAILURE, NOTE, OK, WARNING, Finding
 from artemis.page import certificates
 from artemis.page.access import key_place
-from artemis.page.observer import PORT as PAGE_PORT
+from artemis.page.observer import PORT
 
+PAGE_PORT = PORT
+"""At which a page is served where nobody says another one."""
 SOON = 30
 """Days before its end that a certificate is said to end soon."""
 WANTED_NICE = -15

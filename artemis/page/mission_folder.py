@@ -70,8 +70,9 @@ class MissionFolder:
         self._others: dict[str, Stamp] = {}
         """Files that are no missions."""
         self._checking: asyncio.Task[None] | None = None
-        self._again = False
-        """All shall be checked anew after that."""
+        self._process: asyncio.subprocess.Process | None = None
+        self._again = self._over = False
+        """All shall be checked anew after that; nothing shall any more."""
 
     @property
     def missions(self) -> list[MissionFacts]:
@@ -114,10 +115,15 @@ class MissionFolder:
 
     async def close(self) -> None:
         """End a check that is under way."""
+        self._over = True
+        self._end_process()
         if self._checking is not None:
-            self._checking.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._checking
+            await self._checking
+
+    def _end_process(self) -> None:
+        if self._process is not None:
+            with suppress(ProcessLookupError):
+                self._process.kill()
 
     def _files(self) -> dict[str, Stamp]:
         """Files that may be missions, with what tells that one was changed."""
@@ -158,12 +164,14 @@ class MissionFolder:
         """Check until all are; one that ends the process that checks it is told so, and the others go on."""
         while True:
             while waiting := {name: known.stamp for name, known in self._known.items() if not known.facts.checked}:
+                if self._over:
+                    return
                 left = dict(sorted(waiting.items()))
                 words = await self._checked(left)
                 if left:  # the first of these was under way
                     name = next(iter(left))
                     self._put(name, left[name], MissionFacts(file=name, problems=(f"{name}: {words}",)))
-            if not self._again:
+            if self._over or not self._again:
                 return
             self._again = False
             self._known.clear()
@@ -181,6 +189,9 @@ class MissionFolder:
             limit=1 << 20,
         )
         assert process.stdout is not None
+        self._process = process
+        if self._over:
+            self._end_process()
         try:
             with suppress(ProcessLookupError):
                 os.setpriority(os.PRIO_PROCESS, process.pid, _BESIDE)
@@ -199,9 +210,9 @@ class MissionFolder:
                         self._put(facts.file, stamp, facts)
             return ""
         finally:
-            with suppress(ProcessLookupError):
-                process.kill()
+            self._end_process()
             await process.communicate()
+            self._process = None
 
     def _put(self, name: str, stamp: Stamp, facts: MissionFacts) -> None:
         """Note what was found, unless the file has changed meanwhile: then it is checked again."""
