@@ -48,6 +48,7 @@ def page(folder: Path, chromium: Any) -> Iterator[Any]:
         context.close()
 
 
+@pytest.mark.exhaustive
 def test_a_mission_is_started_and_comes_back_with_its_end(page: Any) -> None:
     page.wait_for_selector(".mission.real")
     assert page.is_disabled("[aria-label='Start figure-eight']"), "nobody has control"

@@ -90,6 +90,7 @@ def test_a_run_that_a_page_started_waits_for_arm() -> None:
     assert [Shared(plan).bring_up.armed for plan in plans] == [False, True]
 
 
+@pytest.mark.exhaustive
 def test_before_the_first_arm_no_recovery_enables_the_drives(tmp_path: Path) -> None:
     raw = (MISSIONS / "figure_eight.yaml").read_text()
     more = (
