@@ -22,7 +22,7 @@ from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import Simulated
 from artemis.mission.loading import LoadedMission
-from artemis.motion.steering_fit import SteeringFit
+from artemis.motion.steering_fit import SteeringFit, SteeringZero
 from artemis.planning import (
     check_drivable,
     inputs_used,
@@ -67,6 +67,8 @@ class Outcome:
     """Seconds on the wall."""
     steering: Mapping[str, SteeringFit]
     """What was measured of the potentiometers, by side."""
+    zeros: Mapping[str, SteeringZero] = field(default_factory=dict)
+    """Of what else finds the angle of the steering, likewise."""
     troubles: tuple[str, ...] = ()
     """What the disk did to the recording."""
 
@@ -146,6 +148,7 @@ class _Run:
             duration=self.record.time,
             elapsed=clock.stopwatch() - begun,
             steering=self.results.steering,
+            zeros=self.results.zeros,
             troubles=troubles,
         )
 

@@ -141,15 +141,48 @@ class HardStop(Config):
     """As of `Potentiometers`."""
 
 
+class HomeSwitch(Config):
+    """A switch at the drive's input for it: whenever the drives are brought up the motor looks for where it changes."""
+
+    angle: Literal["home_switch"]
+    switch_deg: Annotated[float, Quantity(0.0, 179.0, "degrees", signed=True)]
+    """Where the input goes on when the motor turns to `on_side`, by what the motor turns, left positive."""
+    on_side: Literal["left", "right"]
+    """On this side of that angle the input is on, as far as the motor can turn; on the other side it is off."""
+    scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
+    """As of `Potentiometers`."""
+
+
+class AbsoluteEncoder(Config):
+    """An absolute encoder that turns with the wheel: its drive reads it."""
+
+    angle: Literal["absolute_encoder"]
+    bits: Annotated[int, Field(ge=8, le=30)]
+    """Of one turn: it counts to 2 ** bits."""
+    coding: Literal["gray", "binary"] = "gray"
+    """Of what it sends to a drive that has to know it."""
+    mirrored: bool
+    """It counts up when the wheel turns to the right."""
+    zero_deg: Annotated[float, Quantity(0.0, 360.0, "degrees", signed=True)]
+    """What it shows of its turn while the wheel stands straight."""
+    scale: Annotated[float, Quantity(0.5, 2.0, "")] = 1.0
+    """As of `Potentiometers`."""
+
+
+_KINDS = {kind: f"<{kind.replace('_', ' ')}>" for kind in ("by_hand", "hard_stop", "home_switch", "absolute_encoder")}
+
+
 def _kind_of_angle(given: object) -> str:
     kind = given.get("angle") if isinstance(given, dict) else getattr(given, "angle", None)
-    return {"by_hand": "<by hand>", "hard_stop": "<hard stop>"}.get(str(kind), "<potentiometers>")
+    return "<potentiometers>" if kind is None else _KINDS.get(str(kind), str(kind))
 
 
 AngleSource = Annotated[
     Annotated[Potentiometers, Tag("<potentiometers>")]
     | Annotated[ByHand, Tag("<by hand>")]
-    | Annotated[HardStop, Tag("<hard stop>")],
+    | Annotated[HardStop, Tag("<hard stop>")]
+    | Annotated[HomeSwitch, Tag("<home switch>")]
+    | Annotated[AbsoluteEncoder, Tag("<absolute encoder>")],
     Discriminator(_kind_of_angle),
 ]
 """How the angle of what a steering motor turns becomes known."""

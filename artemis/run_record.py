@@ -204,7 +204,9 @@ class RunRecord:
     def conclude(self, results: Results) -> tuple[str, ...]:
         """Keep what the run found, once it is over; returns what the disk did to all that."""
         kept = keep_paths(self.folder, {name: track.as_csv() for name, track in results.tracks.items()})
-        kept += keep_calibration(self.folder, {side: fit.record for side, fit in results.steering.items()})
+        measured = {side: fit.record for side, fit in results.steering.items()}
+        measured |= {side: zero.record for side, zero in results.zeros.items()}
+        kept += keep_calibration(self.folder, measured)
         return (*(trouble.detail for trouble in self.recorder.troubles()), *kept)
 
     def _close(self, observer: Observation) -> None:

@@ -32,6 +32,7 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     mode: int = 0  # modes of operation display (object 0x6061)
     potentiometers: tuple[float, float] = (0.0, 0.0)
     """Both analog inputs [V]; zero for a traction drive."""
+    angle_sensor: int = 0  # counts of an absolute encoder, or digital inputs by their functions, where these measure it
     age: float | None = None  # of the older of the feedback PDOs [s]
     nmt: Nmt | None = None
     heartbeat_age: float | None = None

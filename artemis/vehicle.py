@@ -9,7 +9,16 @@ from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from artemis.axles import OWN_SIDES, ByHand, Calibration, Geometry, HardStop, Potentiometers
+from artemis.axles import (
+    OWN_SIDES,
+    AbsoluteEncoder,
+    ByHand,
+    Calibration,
+    Geometry,
+    HardStop,
+    HomeSwitch,
+    Potentiometers,
+)
 from artemis.battery import Battery, VoltageInput
 from artemis.config import Config, Inconsistent, Quantity
 from artemis.drive_schema import Drive, drive_problems
@@ -26,6 +35,7 @@ WishedSpeed = Annotated[float, Quantity(0.001, 20.0, "m/s")]
 Acceleration = Annotated[float, Quantity(0.05, 30.0, "m/s²")]
 
 ROLES = ("traction", "steering")
+Source = Potentiometers | ByHand | HardStop | HomeSwitch | AbsoluteEncoder
 
 
 class Limits(Config):
@@ -115,7 +125,7 @@ class RobotFile(Config):
         assert found is not None, "checked when the file was read"
         return found
 
-    def angle_source(self, side: str) -> Potentiometers | ByHand | HardStop:
+    def angle_source(self, side: str) -> Source:
         """How the angle of the steering motor that turns the wheel of a side becomes known."""
         steering = self.calibration.steering
         own = steering.left if side == "left" else steering.right
@@ -148,6 +158,21 @@ class RobotFile(Config):
     def has_potentiometers(self) -> bool:
         """Whether potentiometers measure the angles of the steering motors."""
         return isinstance(self.angle_source("left"), Potentiometers)
+
+    def sent(self, drive: Drive) -> tuple[tuple[Object, ...], ...]:
+        """TxPDO 1 and 2 of a drive: what else measures its wheel's angle stands in the place of the potentiometers."""
+        family, (status, details) = drive.tables, drive.tables.sent[drive.role]
+        measures = self.angle_object(drive)
+        if measures is None:
+            return status, details
+        return status, (measures, *(object for object in details if object not in family.analog))
+
+    def angle_object(self, drive: Drive) -> Object | None:
+        """What else than potentiometers measures the angle of the wheel that a drive steers; None: nothing."""
+        source = self.angle_source(drive.side) if drive.role == "steering" else None
+        if isinstance(source, AbsoluteEncoder):
+            return drive.tables.absolute
+        return drive.tables.inputs if isinstance(source, HomeSwitch) else None
 
 
 Problems = Iterator[tuple[KeyPath, str]]
@@ -336,19 +361,32 @@ def _steering(robot: RobotFile) -> Problems:
             )
 
 
-def _sources(robot: RobotFile, side: str, source: Potentiometers | ByHand | HardStop) -> Problems:
-    """All angles become known in one way; a stop is beyond every angle."""
+def _sources(robot: RobotFile, side: str, source: Source) -> Problems:
+    """All angles become known in one way, by what the drive can read; a stop is beyond every angle, a switch not."""
     key, limit = ("calibration", "steering", side), robot.limits.steering_deg
+    name, drive = robot.drive_at("steering", side)
     if type(source) is not type(robot.angle_source("left")):
         yield key, "expected the same source of the angle as on the left"
-    if isinstance(source, HardStop):
-        if side != "middle":
-            yield (*key, "angle"), "only a single steering motor looks for a hard stop, not one of a pair"
-        if isinstance(robot.geometry.linkage, tuple):
-            limit = max(abs(degrees(MeasuredLinkage(robot.geometry).motor(radians(end)))) for end in (-limit, limit))
-        if abs(source.stop_deg) <= limit:
-            text = f"expected beyond the {limit:.3g} degrees to which limits.steering_deg lets the motor turn"
-            yield (*key, "stop_deg"), f"{text}, found {source.stop_deg:g}"
+    if isinstance(source, Potentiometers) and not drive.tables.analog:
+        text = "this key is missing: a steered wheel has two potentiometers"
+        yield ("drives", name, "cia402", "analog_inputs"), text
+    if isinstance(source, AbsoluteEncoder) and drive.tables.absolute is None:
+        if drive.cia402 is None:
+            yield (*key, "angle"), f"{name} is of family {drive.family}, which reads no absolute encoder"
+        else:
+            yield ("drives", name, "cia402", "absolute_encoder"), "this key is missing: its angle is read there"
+    if not isinstance(source, HardStop | HomeSwitch):
+        return
+    what = "hard stop" if isinstance(source, HardStop) else "home switch"
+    if side != "middle":
+        yield (*key, "angle"), f"only a single steering motor looks for a {what}, not one of a pair"
+    if isinstance(robot.geometry.linkage, tuple):
+        limit = max(abs(degrees(MeasuredLinkage(robot.geometry).motor(radians(end)))) for end in (-limit, limit))
+    reach = f"the {limit:.3g} degrees to which limits.steering_deg lets the motor turn"
+    if isinstance(source, HardStop) and abs(source.stop_deg) <= limit:
+        yield (*key, "stop_deg"), f"expected beyond {reach}, found {source.stop_deg:g}"
+    if isinstance(source, HomeSwitch) and abs(source.switch_deg) >= limit:
+        yield (*key, "switch_deg"), f"expected within {reach}, found {source.switch_deg:g}"
 
 
 def _limits(limits: Limits) -> Problems:

@@ -143,14 +143,14 @@ class PageRig:
 
 
 @contextmanager
-def page_rig(run: Recorded, folder: Path, tls: PageTls | None = None) -> Iterator[PageRig]:
-    """The page of such a run. The page's key is where XDG_CONFIG_HOME says."""
+def page_rig(run: Recorded, folder: Path, tls: PageTls | None = None, runs: Path | None = None) -> Iterator[PageRig]:
+    """The page of such a run; `runs`: the folder of past runs. The page's key is where XDG_CONFIG_HOME says."""
     loaded, port = run.loaded, free_port()
     use = localizer_of(loaded, simulated=True)
     shown = known_map(loaded, use) if use is not None and use.plugin == "scan_map" else None
     context = replace(
         setup_for(loaded, "page"),
-        run=folder,
+        run=(runs or folder / "runs") / "present",
         routes=MappingProxyType(dict(loaded.routes)),
         mission=loaded.mission.model_dump_json(by_alias=True).encode(),
         map=lambda: shown,

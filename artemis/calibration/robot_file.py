@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from math import degrees
 
-from artemis.axles import HardStop, Potentiometers
+from artemis.axles import AbsoluteEncoder, HardStop, HomeSwitch, Potentiometers
 from artemis.calibration.kinematics import Kinematics
+from artemis.motion.steering_fit import moved
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import Data
 
@@ -21,8 +22,8 @@ def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data
         machine: What was fitted.
 
     A wheel that counts `zero` when it is straight has its potentiometers' zero there: the voltages that they show at
-    that angle. A hard stop is so much nearer or farther. What a hand sets straight is set anew at each start: nothing
-    is written of it.
+    that angle; an absolute encoder likewise. A hard stop or a switch is so much nearer or farther. What a hand sets
+    straight is set anew at each start: nothing is written of it.
     """
     found: dict[tuple[str, ...], Data] = {}
 
@@ -38,9 +39,9 @@ def changes(robot: RobotFile, machine: Kinematics) -> dict[tuple[str, ...], Data
         put(("calibration", "traction", f"{side}_m_per_count"), old, old * lengths[side])
     for side in robot.sides("steering"):
         wheel = robot.angle_source(side)
-        if isinstance(wheel, HardStop):
-            stop = wheel.stop_deg - degrees(zeros[side])
-            put(("calibration", "steering", side, "stop_deg"), wheel.stop_deg, stop)
+        if isinstance(wheel, HardStop | HomeSwitch | AbsoluteEncoder):
+            zero = moved(wheel, zeros[side])
+            put(("calibration", "steering", side, zero.key), zero.before, zero.after)
         elif isinstance(wheel, Potentiometers):
             pairs = zip(wheel.zero_v, wheel.slope_deg_per_v, strict=True)
             volts = [_rounded(zero + degrees(zeros[side]) / slope) for zero, slope in pairs]

@@ -102,7 +102,7 @@ def calibrate_steering(
         bool, typer.Option("--write-simulated", help="Change the robot file also by what simulated drives showed.")
     ] = False,
 ) -> None:
-    """Measure zero and slope of the steering potentiometers; keep them in the drives and the robot file."""
+    """Measure zero and slope of the steering potentiometers, or the zero of what finds the angle instead."""
     from artemis.commands import calibrate_steering
 
     given = {"left": reference_left, "right": reference_right, "middle": reference_middle}

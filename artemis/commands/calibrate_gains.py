@@ -168,7 +168,7 @@ def _new_gains(words: Mapping[str, str], problems: list[str]) -> NewGains | None
     for kind, text in words.items():
         form = _KINDS[kind]
         try:
-            gains[kind] = tuple(int(word) if word.isdigit() else float(word) for word in text.split(","))
+            gains[kind] = tuple(float(word) for word in text.split(","))
             NewGains.model_validate({kind: gains[kind]})
         except ValueError:  # a ValidationError is one
             count = form.count(",") + 1

@@ -1,4 +1,4 @@
-"""`artemis calibrate steering`: zero and slope of the potentiometers, into the drives and the robot file."""
+"""`artemis calibrate steering`: where the wheels stand straight, into the drives and the robot file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from artemis.devices.memory import store
 from artemis.errors import ConfigError, DeviceError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.motion.potentiometers import memory_numbers
-from artemis.motion.steering_fit import SteeringFit
+from artemis.motion.steering_fit import SteeringFit, SteeringZero
 from artemis.planning import check_drivable, is_simulated
 from artemis.values import JobKind, Tick
 from artemis.yaml_edit import edit
@@ -37,7 +37,7 @@ def calibrate_steering(
     simulate: bool,
     write_simulated: bool,
 ) -> int:
-    """Measure the potentiometers of one wheel or both on the robot and bus of the mission `source`.
+    """Measure the potentiometers (or the zero of what is there instead) on the robot and bus of the mission `source`.
 
     Args:
         source: The mission's file.
@@ -102,7 +102,7 @@ class _RobotFile:
         try:
             if read(self._path) != self._known:
                 raise ConfigError(f"{self._path}: it was changed by another program meanwhile")
-            edit(self._path, changes(outcome.steering))
+            edit(self._path, changes(outcome.steering) | zero_changes(outcome.zeros))
         except ConfigError as error:
             self.failed, self.told = True, f"NOT changed: {error}; the values are in {outcome.run.calibration}"
         else:
@@ -151,6 +151,11 @@ def changes(fits: Mapping[str, SteeringFit]) -> dict[tuple[str, ...], Data]:
             ("slope_deg_per_v", fit.calibration.slope_deg_per_v),
         )
     }
+
+
+def zero_changes(zeros: Mapping[str, SteeringZero]) -> dict[tuple[str, ...], Data]:
+    """The same of wheels without potentiometers."""
+    return {("calibration", "steering", side, zero.key): zero.after for side, zero in zeros.items()}
 
 
 class _Kept:

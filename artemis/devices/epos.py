@@ -27,22 +27,20 @@ class EposDrive:
         """Its part of all set-points: rolling speed [m/s] or wheel angle [rad]."""
         self.sdo = wire.objects(name, self.node_id)
         self.send = wire.send
-        self.units = Units(robot, self.drive)
-        self.family = self.drive.tables
-        self._pdos = PdoPlaces(self.family, self.drive.role)
+        self.units, self.family = Units(robot, self.drive), self.drive.tables
+        self._pdos = PdoPlaces(robot, self.drive)
         self._counts: int | None = None
         self._position = self._velocity = self._current = 0.0
         self._statusword = self._mode = self._jumps = self._stray = self._frames = 0
         self.state = DriveState.UNKNOWN
         """By the newest statusword."""
-        self._volts = (0.0, 0.0)
+        self._volts, self._angle_sensor = (0.0, 0.0), 0
         self._status_time: float | None = None
         self._details_time: float | None = None
         self._nmt: Nmt | None = None
         self._heard: float | None = None
         self.tally = Tally()
-        self.boots = 0  # boot-up frames heard so far
-        self.last_controlword = 0
+        self.boots = self.last_controlword = 0  # boot-up frames heard so far; what was last sent
 
     def on_status(self, frame: Frame) -> None:
         """TxPDO 1: statusword and position. What is older than the last one, or no motion could reach, is dropped."""
@@ -70,13 +68,14 @@ class EposDrive:
         self._counts, self._status_time, self._jumps = counts, frame.time, 0
 
     def on_details(self, frame: Frame) -> None:
-        """TxPDO 2: velocity (traction) or both analog inputs (steering), and what else the family's layout has."""
+        """TxPDO 2: velocity (traction) or what measures the angle (steering), and what else the family's layout has."""
         if self._details_time is not None and frame.time < self._details_time:
             self.tally.disordered += 1
             return
         values, at = self._pdos.details.unpack(frame.data), self._pdos
         if at.analog >= 0:
             self._volts = (values[at.analog] / at.per_volt, values[at.analog + 1] / at.per_volt)
+        self._angle_sensor = values[at.angle_sensor] if at.angle_sensor >= 0 else 0
         self._velocity = values[at.velocity] / self.units.velocity if at.velocity >= 0 else self._velocity
         self._current = values[at.current] / at.per_ampere if at.current >= 0 else self._current
         self._mode = values[at.mode] if at.mode >= 0 else self._mode
@@ -108,6 +107,7 @@ class EposDrive:
             current=self._current,
             mode=self._mode,
             potentiometers=self._volts,
+            angle_sensor=self._angle_sensor,
             age=None if status is None or details is None else now - min(status, details),
             nmt=self._nmt,
             heartbeat_age=None if self._heard is None else now - self._heard,

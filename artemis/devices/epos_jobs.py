@@ -199,7 +199,7 @@ class EposJobs:
         mode = self.drive.operating_mode
         if (shown := await self._settled(partial(self.read, MODE_DISPLAY), mode)) != mode:
             raise DeviceError(self.name, f"shows operating mode {shown}, not {mode}")
-        for pdo in pdo_settings(self.drive):
+        for pdo in pdo_settings(self._epos.robot, self.drive):
             if not await self._holds(pdo):
                 if not family.moves_valid_pdos:
                     await self._switch_pdo_off(pdo[0].object)

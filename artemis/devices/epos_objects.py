@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import pi
 
+from artemis.axles import AbsoluteEncoder
 from artemis.devices.canopen import RXPDO, TXPDO, PdoLayout
 from artemis.drive_schema import Drive
-from artemis.families.family import SYNC_PERIOD, TORQUE_CONSTANT, Family
+from artemis.families.family import SYNC_PERIOD, TORQUE_CONSTANT
 from artemis.families.objects import MODE_DISPLAY, U8, U32, Object, Setting
 from artemis.vehicle import RobotFile
 
@@ -55,8 +56,9 @@ class Units:
 class PdoPlaces:
     """The PDOs of a drive, and where in them stands what; -1: nowhere."""
 
-    def __init__(self, family: Family, role: str) -> None:
-        received, sent = family.received[role], family.sent[role]
+    def __init__(self, robot: RobotFile, drive: Drive) -> None:
+        family = drive.tables
+        received, sent = family.received[drive.role], robot.sent(drive)
         self.set_point, self.stop = [PdoLayout([o.type for o in pdo]) for pdo in received]
         self.status, self.details = [PdoLayout([o.type for o in pdo]) for pdo in sent]
         self.early_mode = MODE_DISPLAY in sent[0]
@@ -64,6 +66,7 @@ class PdoPlaces:
         self.velocity = _place(family.velocity, sent[1])
         self.analog = _place(family.analog[0], sent[1]) if family.analog else -1
         """Of the first analog input; the second follows."""
+        self.angle_sensor = _place(robot.angle_object(drive), sent[1])
         self.current = _place(family.current, sent[1])
         self.mode = _place(MODE_DISPLAY, sent[1])
         self.per_volt, self.per_ampere = family.analog_scale, family.current_scale
@@ -115,6 +118,11 @@ def quantities(robot: RobotFile, drive: Drive, period: float) -> dict[str, int]:
         found["pulses"] = sensor.counts_per_turn // 4
     if motor.torque_constant_mnm_per_a is not None:
         found[TORQUE_CONSTANT] = round(motor.torque_constant_mnm_per_a * 1000)
+    source = robot.angle_source(drive.side) if drive.role == "steering" else None
+    if isinstance(source, AbsoluteEncoder):
+        # the frame has its bits of one turn in byte 1, of several in byte 2; the position those of one turn in byte 0
+        found |= {"SSI frame": source.bits << 8, "SSI position": source.bits, "SSI coding": source.coding == "gray"}
+        found |= {name: found[name] + more for name, more in family.with_absolute.items()}
     return found
 
 
@@ -127,9 +135,9 @@ def settings(robot: RobotFile, drive: Drive, period: float) -> Iterator[Setting]
             yield Setting(object, number)
 
 
-def pdo_settings(drive: Drive) -> Iterator[list[Setting]]:
+def pdo_settings(robot: RobotFile, drive: Drive) -> Iterator[list[Setting]]:
     """The PDOs one by one, each switched off while its mapping changes (14.20 to 14.31; only in Pre-Operational)."""
-    received, sent = drive.tables.received[drive.role], drive.tables.sent[drive.role]
+    received, sent = drive.tables.received[drive.role], robot.sent(drive)
     for number in range(4):
         mapped = received[number] if number < len(received) else ()
         kind = _ON_SYNC if number == 0 else _AT_ONCE

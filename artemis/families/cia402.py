@@ -28,6 +28,7 @@ from artemis.families.objects import (
     CONSUMER_HEARTBEAT,
     CONTROLWORD,
     DECELERATION,
+    DIGITAL_INPUTS,
     FAULT_REACTION,
     FOLLOWING_ERROR,
     INTERPOLATION_EXPONENT,
@@ -124,6 +125,8 @@ class Cia402(Config):
     """None: nobody measures it."""
     analog_inputs: Annotated[tuple[AnalogWords, AnalogWords], Field(strict=False)] | None = None
     """Both potentiometers of a steered wheel."""
+    absolute_encoder: ObjectWords | None = None
+    """Instead of them what an absolute encoder shows, counts of its turn: an object that can be mapped into a PDO."""
     option_codes: OptionCodes = OptionCodes()
     brake: bool = False
     """A brake closes by itself where the power is cut: only then may option codes cut it while the wheel turns."""
@@ -201,11 +204,13 @@ def family_from(words: Cia402) -> Family:
         received={role: ((CONTROLWORD, target), (CONTROLWORD,)) for role, target in set_points.items()},
         sent={
             TRACTION: ((STATUSWORD, POSITION, MODE_DISPLAY), (VELOCITY, *more)),
-            STEERING: ((STATUSWORD, POSITION, MODE_DISPLAY), (*analog, *more)),
+            STEERING: ((STATUSWORD, POSITION, MODE_DISPLAY), (*analog, *more) or (VELOCITY,)),
         },
         velocity=VELOCITY,
         current=current,
         analog=analog,
+        absolute=words.absolute_encoder.object if words.absolute_encoder else None,
+        inputs=DIGITAL_INPUTS,
         velocity_scale=words.velocity_units_per_rpm,
         acceleration_scale=words.acceleration_units_per_rpm_s,
         current_scale=words.current.units_per_a if words.current else 1.0,

@@ -39,6 +39,7 @@ POSITION_SETTING = Object(0x2062, 0, I32)
 ANALOG = Object(0x207C, 1, I16), Object(0x207C, 2, I16)
 VELOCITY_AVERAGED = Object(0x2028, 0, I32)
 CURRENT = Object(0x6078, 0, I16)
+INPUTS = Object(0x2071, 1, U16)
 PULSES = Object(0x2210, 1, U16)
 GAINS = tuple(
     Object(0x60F6 + regulator, number, I16)
@@ -157,6 +158,7 @@ EPOS1 = Family(
     velocity=VELOCITY_AVERAGED,
     current=CURRENT,
     analog=ANALOG,
+    inputs=INPUTS,
     configuration=configuration(PULSES),
     choices={
         "motor type": for_motors({"dc": 1, "ec_sine": 10, "ec_block": 11}),

@@ -2,10 +2,11 @@
 
 Sources: the maker's EDS of the EPOS4 Module 50/5, firmware 0x0170 (objects, types, defaults); EPOS4 Communication Guide
 rel8759 (CAN, NMT); the maker's note "EPOS4 and ROS 2", 2024 (PDOs, homing); the library EposLib, which quotes the EPOS4
-Firmware Specification of 2026 (states, option codes, classes of errors); public tables of its errors. Units are
-increments, rpm and rpm/s of the motor shaft, mA and ms; gains are SI.
+Firmware Specification of 2026 (states, option codes, classes of errors, fields of the SSI encoder's objects); public
+tables of its errors. Units are increments, rpm and rpm/s of the motor shaft, mA and ms; gains are SI.
 
-Inferred, not read in a document of the maker: the control structure of a motor with halls alone.
+Inferred, not read in a document of the maker: the control structure of a motor with halls alone; that 0x60E4:2 shows
+what an SSI encoder counts when no regulator uses it, and begins at its absolute position.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from artemis.families.objects import (
     CONSUMER_HEARTBEAT,
     CONTROLWORD,
     DECELERATION,
+    DIGITAL_INPUTS,
     FAULT_REACTION,
     FOLLOWING_ERROR,
     I16,
@@ -65,6 +67,7 @@ from artemis.families.objects import (
 ANALOG = Object(0x3160, 1, I16), Object(0x3160, 2, I16)
 VELOCITY_AVERAGED = Object(0x30D3, 1, I32)
 CURRENT_AVERAGED = Object(0x30D1, 1, I32)
+SECOND_SENSOR = Object(0x60E4, 2, I32)
 VELOCITY_UNIT, RPM = Object(0x60A9, 0, U32), 0x00B44700
 SENSORS, CONTROL_STRUCTURE, COMMUTATION, RESOLUTION = (Object(0x3000, number, U32) for number in (1, 2, 3, 5))
 GAINS = tuple(
@@ -181,6 +184,8 @@ EPOS4 = Family(
     velocity=VELOCITY_AVERAGED,
     current=CURRENT_AVERAGED,
     analog=ANALOG,
+    absolute=SECOND_SENSOR,
+    inputs=DIGITAL_INPUTS,
     supply=Object(0x2200, 1, U16),  # in 0.1 V; no PDO takes it
     analog_step=20.0 / 4096,  # -10 to 10 V in 12 bit (hardware reference of the 50/5)
     configuration=(
@@ -192,6 +197,9 @@ EPOS4 = Family(
         (Object(0x3001, 5, U32), TORQUE_CONSTANT),
         (Object(0x3010, 1, U32), "pulses"),
         (Object(0x3010, 2, U16), "encoder type"),
+        (Object(0x3012, 2, U32), "SSI frame"),
+        (Object(0x3012, 3, U16), "SSI coding"),
+        (Object(0x3012, 0xB, U32), "SSI position"),
         (SENSORS, "sensors"),
         (CONTROL_STRUCTURE, "control structure"),
         (COMMUTATION, "commutation"),
@@ -212,6 +220,7 @@ EPOS4 = Family(
         (MODE, "mode"),
     ),
     choices=CHOICES,
+    with_absolute={"sensors": 0x00000300},  # byte 1: SSI absolute encoder
     option_codes=(
         OptionCode(setting=Setting(COMMUNICATION_ERROR, 1), name="NMT state after a communication error: as before"),
         OptionCode(setting=Setting(ABORT_CONNECTION, 3), name="reaction to a lost connection: quick-stop ramp"),

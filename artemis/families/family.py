@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from artemis.drive_states import DriveState
 from artemis.families.objects import LOST_HEARTBEAT, Object, ObjectType, Setting
@@ -17,6 +17,8 @@ SENSORS = (*ENCODERS, "hall")
 MAXON = 0x000000FB
 SYNC_PERIOD, TORQUE_CONSTANT = "SYNC period", "torque constant"
 """Quantities that a family may need."""
+HOME_INPUT = 1 << 2
+"""Home switch among the digital inputs: bit 2 of 0x60FD (CiA 402); maxon numbers the functions of 0x2071 alike."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +100,10 @@ class Family:
     velocity: Object
     current: Object | None
     analog: tuple[Object, ...]
+    absolute: Object | None = None
+    """What an absolute encoder shows, counts of its turn; None: the family has no input for one that is known here."""
+    inputs: Object | None = None
+    """Digital inputs by their functions, the home switch at `HOME_INPUT`."""
     supply: Object | None = None
     """Its supply voltage, where it measures that."""
     supply_scale: float = 10.0
@@ -118,6 +124,8 @@ class Family:
     """Objects in an order that the drive accepts, each with its value or the name of a quantity of the robot file."""
     choices: Mapping[str, Mapping[tuple[str, str], int]]
     """Quantities that follow from the types of motor and sensor; a pair that is not there cannot be driven."""
+    with_absolute: Mapping[str, int] = field(default_factory=dict)
+    """What is added to a quantity where an absolute encoder is connected."""
     option_codes: tuple[OptionCode, ...] = ()
     forbidden: tuple[tuple[Setting, str], ...] = ()
     """Values that a drive which has the object must not have, and what they mean."""

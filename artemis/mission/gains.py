@@ -47,13 +47,16 @@ def _beyond(new: NewGains, drive: Drive, known: Gains | SiGains, scale: GainScal
         presents, units = getattr(known, kind), scale.units[_FIRST[kind] :]
         for letter, number, present, unit in zip("PID", numbers, presents, units, strict=False):
             top = scale.largest * unit if in_si else scale.largest
-            if number > top or not (in_si or isinstance(number, int)):
+            if number > top or not (in_si or number.is_integer()):
                 expected = f"0 to {top:.0f}" if in_si else f"a whole number of 0 to {top}"
-                yield f"{kind} {letter} {number}: expected {expected} ({drive.tables.title})"
+                yield f"{kind} {letter} {number:.7g}: expected {expected} ({drive.tables.title})"
             elif present and number > MOST * present:
-                yield f"{kind} {letter} {number}: at most {MOST} times the present {present} per trial"
+                yield f"{kind} {letter} {number:.7g}: at most {MOST} times the present {present} per trial"
 
 
 def merged(new: NewGains, known: Gains | SiGains) -> Gains | SiGains:
     """All gains of a drive: the new ones, the others as they are known."""
-    return known.model_copy(update=new.model_dump(exclude_none=True))
+    wanted = new.model_dump(exclude_none=True)
+    if isinstance(known, Gains):
+        wanted = {kind: tuple(map(int, numbers)) for kind, numbers in wanted.items()}
+    return known.model_copy(update=wanted)

@@ -121,6 +121,9 @@ def _words(detail: ErrorDetails, model: type[BaseModel], path: KeyPath, beside: 
         return f"unknown key{nearest(str(path[-1]), known, 'known keys')}"
     if kind == "value_error":
         return f"{context['error']}" + (f", found {describe(found)}" if isinstance(found, str) else "")
+    if kind == "union_tag_invalid":  # the alternatives are named as in a file, in angle brackets and with blanks
+        known = [tag.strip("'<>").replace(" ", "_") for tag in context["expected_tags"].split(", ")]
+        return f"{context['tag']} is unknown{nearest(context['tag'], known, 'known')}"
     if kind not in _EXPECTED:
         return f"expected {detail['msg'].removeprefix('Input should be ')}, found {describe(found)}"
     context = {key: f"{bound:g}" if isinstance(bound, float) else bound for key, bound in context.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from artemis.axles import ByHand
 from artemis.errors import ConfigError
 from artemis.mission.actions import Calibrate, Follow, MeasureSteering, Recorded
 from artemis.mission.behaviours import behaviour_class, declarations
@@ -105,8 +106,7 @@ class StepChecks(GotoChecks):
                 self._complain(("steps",), problem + "with save: drives or ask")
         if robot is not None:
             if step.steering not in (None, "align") and not robot.has_potentiometers:
-                problem = "the robot has no potentiometers: write `align`"
-                self._complain((*at, "steering"), problem)
+                self._check_zero(at, step.steering, robot)
             for key, side in step.sides:
                 if side not in robot.sides("steering"):
                     problem = f"the robot's steering motors are: {', '.join(robot.sides('steering'))}; found {side}"
@@ -116,6 +116,14 @@ class StepChecks(GotoChecks):
 
             for name, problem in check_gains(step.gains, robot):
                 self._complain((*at, "gains", name), problem)
+
+    def _check_zero(self, at: KeyPath, asked: object, robot: RobotFile) -> None:
+        """What of a robot without potentiometers is to be measured."""
+        if not isinstance(asked, MeasureSteering) or asked.potentiometers == "new":
+            self._complain((*at, "steering"), "the robot has no potentiometers: write `align`")
+        elif isinstance(robot.angle_source("left"), ByHand):
+            problem = "a person sets the wheels straight at each start: there is nothing to measure"
+            self._complain((*at, "steering"), problem)
 
     def _check_recorded(self, at: KeyPath, name: str, before: Facts, steps: list[Any]) -> None:
         if name in before:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from math import ceil, copysign, degrees, inf, pi
+from math import ceil, degrees, inf, pi
 
 import numpy as np
 
@@ -126,7 +126,8 @@ def followed(load: MovedLoad, loop: ControlLoop, time: Array, told: Array) -> tu
     late = load.delay / loop.period
     back = ceil(late)
     share = back - late  # of the younger one of two samples
-    places, speeds = [0.0] * (back + 1), [0.0] * (back + 1)
+    seen = [0.0] * (back + 1)
+    """Places, or velocities."""
     p, i, d = (load.scale * gain for gain in (loop.p, loop.i, loop.d))
     limit, top, friction, inertia, is_position = loop.limit, loop.top, load.friction, load.inertia, loop.is_position
     shown_places, shown_currents = np.zeros(len(time)), np.zeros(len(time))
@@ -138,29 +139,34 @@ def followed(load: MovedLoad, loop: ControlLoop, time: Array, told: Array) -> tu
         shown_places[index], shown_currents[index] = position, current
         dt = length / count
         for _ in range(count):
-            places.append(position)
-            speeds.append(velocity)
-            seen = speeds if not is_position else places
+            seen.append(position if is_position else velocity)
             measured = seen[-1 - back] + (share * (seen[-back] - seen[-1 - back]) if back else 0.0)
             error = wanted - measured
             demand = p * error + integral + i * error * dt
             if is_position and started:
                 demand += d * (error - last) / dt
             last, started = error, True
-            current = max(-limit, min(limit, demand))
+            current = demand
+            if demand > limit:
+                current = limit
+            elif demand < -limit:
+                current = -limit
             if current == demand or error * demand < 0.0:
                 integral += i * error * dt
             before = velocity
-            velocity = max(-top, min(top, _rolled(inertia, friction, before, current, dt)))
+            if before == 0.0:  # as `sim.axis.rolled`, written out: this is all the work of a fit
+                push = current - friction if current > 0.0 else current + friction
+                velocity = 0.0 if -friction <= current <= friction else push * dt / inertia
+            else:
+                velocity += (current - friction if before > 0.0 else current + friction) * dt / inertia
+                if velocity * before < 0.0 and -friction <= current <= friction:
+                    velocity = 0.0
+            if velocity > top:
+                velocity = top
+            elif velocity < -top:
+                velocity = -top
             position += 0.5 * (before + velocity) * dt
     return shown_places, shown_currents
-
-
-def _rolled(inertia: float, friction: float, velocity: float, current: float, dt: float) -> float:
-    if velocity == 0.0:
-        return 0.0 if abs(current) <= friction else (current - copysign(friction, current)) * dt / inertia
-    after = velocity + (current - copysign(friction, velocity)) * dt / inertia
-    return 0.0 if after * velocity < 0.0 and abs(current) <= friction else after
 
 
 # ---------------------------------------------------------------------------------------------- identification

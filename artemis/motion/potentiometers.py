@@ -1,11 +1,12 @@
-"""What the two potentiometers of a steered wheel tell."""
+"""What the sensors of a steered wheel's angle tell: two potentiometers, or an absolute encoder."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from math import radians
 
-from artemis.axles import Potentiometers
+from artemis.axles import AbsoluteEncoder, Potentiometers
+from artemis.motion.angles import wrap
 from artemis.motion.totals import mean
 
 SUPPLY_V = 5.0
@@ -17,6 +18,12 @@ def wheel_angles(volts: tuple[float, float], calibration: Potentiometers) -> tup
     """The wheel's angle [rad] by each of its two potentiometers (two-point calibration, thesis 4.3.1)."""
     (zero, other_zero), (slope, other_slope) = calibration.zero_v, calibration.slope_deg_per_v
     return radians(slope * (volts[0] - zero)), radians(other_slope * (volts[1] - other_zero))
+
+
+def encoder_angle(counts: int, known: AbsoluteEncoder) -> float:
+    """The wheel's angle [rad] in (-pi, pi], left positive, by what its absolute encoder counts."""
+    angle = wrap(radians(360.0 * counts / (1 << known.bits) - known.zero_deg))
+    return -angle if known.mirrored else angle
 
 
 def is_at_a_rail(volts: tuple[float, float]) -> bool:

@@ -1,4 +1,7 @@
-"""Zero and slope of the potentiometers of one steered wheel, from readings while it turns (two-point, thesis 4.3.1)."""
+"""Zero and slope of the potentiometers of one steered wheel, from readings while it turns (two-point, thesis 4.3.1).
+
+And the zero of what else finds the wheel's angle.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,14 @@ from math import degrees, inf, sqrt
 from operator import mul
 from typing import Any, NamedTuple
 
-from artemis.axles import Potentiometers
+from artemis.axles import AbsoluteEncoder, HardStop, HomeSwitch, Potentiometers
 from artemis.motion.totals import mean, total
 
 ZERO_DIGITS, SLOPE_DIGITS = 4, 3
 """Results are rounded to 0.1 mV (0.007 degrees) and 0.001 degrees per volt: less than their standard deviation."""
 
+ANGLE_DIGITS = 4
+"""So are angles of the robot file [degrees]: less than one count of 20 bits."""
 STILL = 1e-9
 """A wheel whose angles differ by less than about the root of this [rad] did not turn."""
 
@@ -76,6 +81,32 @@ class SteeringFit:
             "backlash_deg": self.backlash_deg,
             "misfit_deg": self.misfit_deg,
         }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SteeringZero:
+    """Where a wheel without potentiometers stands straight: one number of the robot file."""
+
+    key: str
+    before: float
+    """What the robot file says [degrees], and what it should say."""
+    after: float
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """As plain data."""
+        return {self.key: self.after}
+
+
+def moved(known: HardStop | HomeSwitch | AbsoluteEncoder, straight: float) -> SteeringZero:
+    """What the robot file should say where a wheel that counts `straight` [rad] truly stands straight."""
+    turned = degrees(straight)
+    if isinstance(known, AbsoluteEncoder):
+        after = (known.zero_deg + (-turned if known.mirrored else turned)) % 360.0
+        return SteeringZero(key="zero_deg", before=known.zero_deg, after=round(after, ANGLE_DIGITS))
+    key = "stop_deg" if isinstance(known, HardStop) else "switch_deg"
+    before: float = getattr(known, key)
+    return SteeringZero(key=key, before=before, after=round(before - turned, ANGLE_DIGITS))
 
 
 def lines_through(passes: Sequence[Pass]) -> tuple[Line, Line]:

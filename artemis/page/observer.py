@@ -124,7 +124,7 @@ class PageObserver:
         self._closed = False
         self._thread: _ServerThread | None = None
         if context.run is not None:  # not where a mission is only checked
-            self._thread = _ServerThread(config, context.name, self._view, files)
+            self._thread = _ServerThread(config, context.name, self._view, files, context.run.parent)
             self._thread.start()
 
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
@@ -163,13 +163,15 @@ class PageObserver:
 class _ServerThread(LoopThread):
     """The server beside the ticks that are decoded here."""
 
-    def __init__(self, config: PageObserverConfig, name: str, view: PageView, files: tuple[Path, Path] | None) -> None:
+    def __init__(
+        self, config: PageObserverConfig, name: str, view: PageView, files: tuple[Path, Path] | None, runs: Path
+    ) -> None:
         key = read_key(key_place())
         try:
             self._socket = bound(config.listen, config.port, listening=True, shared=config.started_by_page)
         except OSError as error:
             raise ConfigError(f"{name}: {config.listen}, port {config.port}: {error.strerror}") from None
-        self._config, self._view, self._files, self._key = config, view, files, key
+        self._config, self._view, self._files, self._key, self._runs = config, view, files, key, runs
         self._hub: Any = None
         super().__init__(name)
 
@@ -199,7 +201,7 @@ class _ServerThread(LoopThread):
         hub.about = _JSON(self._view.about())
         hub.history, hub.trail = lambda: _JSON(self._view.history), lambda: _JSON(self._view.trail)
         access = Access(self._key, config.port, tls=config.tls is not None, names=config.names)
-        server = PageServer(hub, access, self._key, url_of(config))
+        server = PageServer(hub, access, self._key, url_of(config), [self._runs])
         self._hub = hub
         hub.begin()
         try:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -17,7 +19,8 @@ from artemis.bridges.operator.frames import MalformedFrame
 from artemis.bridges.page.session import StopPress, said
 from artemis.page.access import Access
 from artemis.page.hub import Hub
-from artemis.page.paired import BUSY, HEADERS, REFUSED, PairedServer, body_of, peer_of
+from artemis.page.paired import BUSY, HEADERS, REFUSED, PairedServer, body_of, file_answer, peer_of
+from artemis.page.runs_server import PastRuns
 
 RATE = 20.0
 """States that a browser is sent in a second, at most."""
@@ -31,13 +34,14 @@ MOST_WATCHING, MOST_WAITING = 16, 64
 class PageServer(PairedServer):
     """Routes and connections of a run."""
 
-    def __init__(self, hub: Hub, access: Access, key: bytes, url: str) -> None:
-        """`url`: how other computers reach it."""
+    def __init__(self, hub: Hub, access: Access, key: bytes, url: str, runs: Sequence[Path] = ()) -> None:
+        """`url`: how other computers reach it; `runs`: the folders whose past runs it shows."""
         self._hub = hub
         self._watching = 0
         routes = [
             Route("/stop", self._stop, methods=["POST"]),
             Route("/history", self._history),
+            PastRuns(runs, self.is_paired, file_answer, HEADERS).routes,
             WebSocketRoute("/telemetry", self._telemetry),
             WebSocketRoute("/control", self._control),
         ]

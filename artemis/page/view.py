@@ -16,7 +16,7 @@ from artemis.motion.ackermann import Ackermann
 from artemis.motion.planned_route import route_poses
 from artemis.motion.route import Route
 from artemis.recording.event_log import EventLog
-from artemis.recording.journal import Level
+from artemis.recording.journal import Entry, Level
 from artemis.report.fault_words import DID, next_step
 from artemis.report.mission_boxes import Box, boxes_of
 from artemis.scan import Scan
@@ -126,9 +126,12 @@ class PageView:
     def see(self, tick: Tick, traffic: Traffic, now: float) -> None:
         """Take what is new in a tick."""
         for entry in self._events.observe(tick, traffic, now):
-            if entry.kind not in DETAILS or entry.level > Level.INFO:
-                if entry.kind != "frames":
-                    self.log.append({"time": entry.time, "kind": entry.kind, "text": entry.text, "level": entry.level})
+            if is_shown(entry):
+                self.log.append(line_of(entry))
+        self.show(tick)
+
+    def show(self, tick: Tick) -> None:
+        """The same but for the log."""
         snapshot = tick.snapshot
         if snapshot.verdict.faults != self._faults:
             self._faults = snapshot.verdict.faults
@@ -142,7 +145,7 @@ class PageView:
             self._see_scan(snapshot.sensed.scans[-1], snapshot.pose)
         if (shown := self._map()) is not self._shown_map:
             self._shown_map = shown
-            self._put("map", None if shown is None else _map(shown))
+            self._put("map", None if shown is None else map_part(shown))
         self._see_way(snapshot.pose)
         if snapshot.time >= self._next_history:
             self._next_history = snapshot.time + HISTORY_EVERY
@@ -250,6 +253,16 @@ class PageView:
                 del self.trail[1 : MOST_TRAIL // 2 : 2]  # the older half at every other point
 
 
+def is_shown(entry: Entry) -> bool:
+    """Whether the log of a page has it."""
+    return entry.kind != "frames" and (entry.kind not in DETAILS or entry.level > Level.INFO)
+
+
+def line_of(entry: Entry) -> Part:
+    """A line of the log."""
+    return {"time": entry.time, "kind": entry.kind, "text": entry.text, "level": entry.level}
+
+
 def _finite(number: float | None) -> float | None:
     return None if number is None or not abs(number) < 1e6 else round(number, 3)
 
@@ -288,7 +301,7 @@ def _box(box: Box) -> Part:
     return told
 
 
-def _map(shown: ShownMap) -> Part:
+def map_part(shown: ShownMap) -> Part:
     """Cells of a map as runs of equal ones, the lowest row first: [value, how many, ...], three values only."""
     content, place = shown.content, shown.odometry
     cells = np.where(content.cells < 0, 2, np.where(content.cells >= 50, 1, 0)).astype(np.uint8).ravel()

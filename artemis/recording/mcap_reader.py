@@ -158,6 +158,12 @@ class Recording:
         """
         yield from map(self._decoded, self._messages("/tick"))
 
+    def chosen_ticks(self, chosen: Callable[[float, bytes], bool]) -> Iterator[TickRecord]:
+        """Those that `chosen` wants, by their run time [s] and their JSON; only they are decoded. Raises as `ticks`."""
+        for message in self._messages("/tick"):
+            if chosen((message.time_ns - self._start) / 1e9, message.data):
+                yield self._decoded(message)
+
     def ticks_and_frames(self) -> Iterator[TickRecord | schemas.Frames]:
         """The ticks and, each after its tick, packed frames; all in one pass. Raises as `ticks` does."""
         for message in self._messages("/tick", "/frames"):

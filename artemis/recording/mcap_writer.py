@@ -84,6 +84,7 @@ class Recorder:
         self._start = _nanoseconds(provenance.start)
         self._begun = stopwatch()
         self._index = self._pose_slot = -1
+        self._driven = 0.0
         self._flush_period = FLUSH_PERIOD if threaded else FAST_FLUSH_PERIOD
         self._next_flush = self._flush_period
         self._late, self._lost = _Gaps(), _Gaps()
@@ -123,6 +124,7 @@ class Recorder:
             now: the time of the tick [s] by the clock of the frames.
         """
         entries = self._chronicle.observe(tick, frames, now)
+        self._driven = tick.snapshot.odometry.driven
         if (dropped := self._beside.put((tick, frames, true_pose))) is not None:
             self._late.add(dropped[0].snapshot.sensed.index)
         for entry in entries:
@@ -180,7 +182,7 @@ class Recorder:
         if self.dropped:
             text = f"{self.dropped} ticks were not recorded, the first is {self.first_gap}"
             entries.append(Entry(time=time, kind="gap", text=text, level=Level.WARNING))
-        return [*entries, Entry(time=time, kind="end", text=outcome)]
+        return [*entries, Entry(time=time, kind="end", text=outcome, data={"driven_m": round(self._driven, 3)})]
 
     # ----------------------------------------------------------------------------------------------- the disk
 

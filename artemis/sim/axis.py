@@ -112,8 +112,8 @@ def rolled(load: Load, before: float, push: float, dt: float) -> float:
 class Axis:
     """A motor shaft with its sensor under the regulators of its drive; the world steps it.
 
-    The drive sets the profile attributes and calls `regulate`; the world sets `analog`, `supply_voltage`, `failure` and
-    `load_current`.
+    The drive sets the profile attributes and calls `regulate`; the world sets `analog`, `encoder`, `home`,
+    `supply_voltage`, `failure` and `load_current`.
     """
 
     def __init__(self, drive: Drive, load: Load | None = None) -> None:
@@ -136,6 +136,11 @@ class Axis:
 
         self.analog: tuple[float, float] = (0.0, 0.0)
         """Voltage at the analog inputs 1 and 2 [V]."""
+        self.encoder: tuple[int, int] | None = None
+        """What an absolute encoder at the load counts, and its bits of one turn; None: there is none, or no contact."""
+        self._home = False
+        self.on_home: Callable[[], None] = lambda: None
+        """Called after `home` has changed."""
         self.supply_voltage = NOMINAL_VOLTAGE
         self.failure: Failure | None = None
         self.load_current = 0.0
@@ -181,6 +186,17 @@ class Axis:
     def tune(self, gains: Sequence[int], regulators: Regulators | None) -> None:
         """Take over gains, in the order of the objects, and what is assumed of loops that have them."""
         self.fail(regulators=regulators)
+
+    @property
+    def home(self) -> bool:
+        """Level at the digital input that has the function home switch when a drive leaves the factory."""
+        return self._home
+
+    @home.setter
+    def home(self, level: bool) -> None:
+        if level is not self._home:
+            self._home = level
+            self.on_home()
 
     @property
     def limiting(self) -> bool:

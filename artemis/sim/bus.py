@@ -211,7 +211,8 @@ class SimBus:
         else:
             when = self._now + self._patrol
         if self._handle is not None:
-            if self._urgent_under_way and self._handle.when() <= when:
+            planned = self._handle.when()
+            if planned == when or (self._urgent_under_way and planned < when):
                 return  # it will look again then
             self._handle.cancel()
         self._handle = self._loop.call_at(when, self._look, when)

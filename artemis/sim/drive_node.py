@@ -6,10 +6,11 @@ from artemis.drive_schema import Drive
 from artemis.errors import ConfigError
 from artemis.sim.axis import Axis
 from artemis.sim.epos import SimEpos
+from artemis.sim.epos2 import SimEpos2
 from artemis.sim.epos4 import SimEpos4
 from artemis.sim.epos_settings import SimSettings
 
-NODES: dict[str, type[SimEpos]] = {"epos1": SimEpos, "epos4": SimEpos4}
+NODES: dict[str, type[SimEpos]] = {"epos1": SimEpos, "epos2": SimEpos2, "epos4": SimEpos4}
 """By the key `family` of a drive."""
 
 
@@ -27,6 +28,5 @@ def simulated_drive(drive: Drive, axis: Axis, *, name: str, settings: SimSetting
     """
     kind = NODES.get(drive.family)
     if kind is None:
-        known = " and ".join(NODES)
-        raise ConfigError(f"{name} is of family {drive.family}, which cannot be simulated; {known} can")
+        raise ConfigError(f"{name} is of family {drive.family}, which cannot be simulated; {', '.join(NODES)} can")
     return kind(drive, axis, name=name, settings=settings)

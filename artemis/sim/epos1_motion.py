@@ -17,6 +17,8 @@ POSITION, VELOCITY, CURRENT = -1, -2, -3
 PRESENT_PLACE = 35
 """Homing method: the present place becomes the home position."""
 NO_HOMING = 0
+HOME_INPUT = 4
+"""Digital input that has the function home switch from the factory (object 0x2070)."""
 FINE_VELOCITY = 0x0008
 """0x2008 bit 3: velocity from the time between encoder pulses."""
 
@@ -52,6 +54,12 @@ class Epos1Motion(Motion):
             return round(self.axis.velocity)
         return round(self.counts_per_ms() * 60000 / self.axis.counts_per_turn)
 
+    def inputs(self) -> int:
+        """Object 0x2071:1: bits by the functions of the digital inputs, of which only the home switch's is wired."""
+        number, bit = self._dictionary.number, 1 << self._dictionary.number(0x2070, HOME_INPUT)
+        level = bit if self.axis.home else 0
+        return (level ^ number(0x2071, 3)) & number(0x2071, 2) & bit
+
     def describe(self) -> None:
         """Tie the objects of motion to this object."""
         super().describe()
@@ -59,6 +67,7 @@ class Epos1Motion(Motion):
         getters[key_of(0x2020, 0)] = self.encoder_counter
         getters[key_of(0x2027, 0)] = lambda: int16(axis.current_averaged)
         getters[key_of(0x2028, 0)] = lambda: round(axis.velocity_averaged)
+        getters[key_of(0x2071, 1)] = self.inputs
         getters[key_of(0x20F4, 0)] = lambda: int16(axis.lag)
         getters[key_of(0x6069, 0)] = lambda: self.counts_per_ms() * 1000
         getters[key_of(0x606B, 0)] = lambda: round(axis.demand_velocity)

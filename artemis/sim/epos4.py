@@ -4,7 +4,8 @@
 `epos4_motion` its cyclic modes, `epos4_homing` its homing methods, `epos4_periphery` inputs, outputs, supply and
 temperature. What it shares with the first generation is that of `epos`: SDO server, PDOs, NMT, heartbeats, memory.
 
-Not simulated: LSS, block transfers, USB and RS232, auto-tuning, a second encoder, analog set-points, touch probes.
+Not simulated: LSS, block transfers, USB and RS232, auto-tuning, a second encoder in the regulators, analog set-points,
+touch probes.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from artemis.drive_states import POWERED, DriveState, Nmt
 from artemis.sim.axis import Axis
 from artemis.sim.dictionary import AbortCode, AccessRefused, Dictionary, key_of
 from artemis.sim.epos import SimEpos
-from artemis.sim.epos4_errors import HOT, STO_OPEN, UNREFERENCED, Epos4Errors
+from artemis.sim.epos4_errors import HOT, SSI_FRAME, STO_OPEN, UNREFERENCED, Epos4Errors
 from artemis.sim.epos4_motion import Epos4Motion
 from artemis.sim.epos4_objects import ABORTS, HARDWARE, VOLATILE, objects4
 from artemis.sim.epos4_periphery import Periphery
@@ -177,6 +178,9 @@ class SimEpos4(SimEpos):
         super()._supervise(dt)
         if self.periphery.warm(dt) and HOT not in self._errors.active:
             self._alarms.append(HOT)
+            self._wake(self._now)
+        if self._drive_function.reads_ssi and self.axis.encoder is None and SSI_FRAME not in self._errors.active:
+            self._alarms.append(SSI_FRAME)
             self._wake(self._now)
 
     def _raise_error(self, code: int) -> None:

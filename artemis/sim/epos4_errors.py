@@ -21,7 +21,8 @@ from artemis.sim.epos_errors import (
     Reaction,
 )
 
-HOT, MISSED_SET_POINT, POSITION_LIMIT_4, STO_OPEN = 0x4210, 0x8250, 0x8A82, 0x8A88
+HOT, SSI_FRAME = 0x4210, 0x738D
+MISSED_SET_POINT, POSITION_LIMIT_4, STO_OPEN = 0x8250, 0x8A82, 0x8A88
 NEGATIVE_SWITCH, POSITIVE_SWITCH, OVERLOADED_4 = 0x8A80, 0x8A81, 0xFF01
 _OFF, _FAULT, _ABORT = Reaction.POWER_OFF, Reaction.FAULT_OPTION, Reaction.ABORT_OPTION
 
@@ -39,7 +40,7 @@ ERRORS_4: dict[int, EposError] = {
     0x6081: EposError(0x01, _ABORT),
     **_all((*range(0x6180, 0x61F1, 0x10), 0x6380), 0x01, _OFF),
     0x6320: EposError(0x01, _FAULT),
-    **_all((0x7320, *range(0x7380, 0x7383), *range(0x7388, 0x738B), 0x738C, 0x738D), 0x20, _OFF),
+    **_all((0x7320, *range(0x7380, 0x7383), *range(0x7388, 0x738B), 0x738C, SSI_FRAME), 0x20, _OFF),
     **_all((0x7390, 0x7391, 0x7392), 0x20, _OFF),
     **_all((0x8110, 0x8111, CAN_PASSIVE, LIFE_GUARD, 0x8150, 0x81FD, 0x81FE, 0x81FF), 0x10, _ABORT),
     **_all((PDO_LENGTH, MISSED_SET_POINT), 0x10, _ABORT),

@@ -19,6 +19,8 @@ from artemis.sim.epos4_homing import Homing
 from artemis.sim.epos_motion import BIT_10, BIT_12, BIT_13, HALT, HOMING, LIMIT_ACTIVE, NEW_SET_POINT, Motion, int16
 
 CYCLIC_POSITION, CYCLIC_VELOCITY, CYCLIC_TORQUE = 8, 9, 10
+SSI = 3
+"""Byte 1 of object 0x3000:1."""
 PRESENT_PLACE = 37
 """Homing method: the present place becomes the home position, with or without power."""
 NEGATIVE_LIMIT, POSITIVE_LIMIT = 0, 1
@@ -38,6 +40,7 @@ _LIMITS = (
     *((index, 0) for index in (0x6080, 0x60A9)),
     (0x60C2, 1),
 )
+_SENSOR_TYPES = key_of(0x3000, 1)
 _SENSORS = ((0x3000, 1), (0x3000, 2), (0x3010, 1), (0x3010, 2), (0x3012, 2), (0x3020, 1), (0x301A, 1))
 
 
@@ -87,6 +90,7 @@ class Epos4Motion(Motion):
         for index, sub in ((0x30D3, 1), (0x60E5, 9)):
             getters[key_of(index, sub)] = lambda: self._shown(axis.velocity_averaged)
         getters[key_of(0x60E4, 1)] = self.position
+        getters[key_of(0x60E4, 2)] = getters[key_of(0x3012, 9)] = self.absolute_position
         getters[key_of(0x60F4, 0)] = lambda: round(axis.lag)
         getters[key_of(0x30D0, 0)] = lambda: round(axis.current)
         getters[key_of(0x30D1, 1)] = lambda: round(axis.current_averaged)
@@ -109,6 +113,19 @@ class Epos4Motion(Motion):
         """Motor rated torque (0x6076) [µN·m]: 0 while nobody has told the torque constant."""
         return self._values[key_of(0x3001, 1)] * self._values[key_of(0x3001, 5)] // 1000
 
+    @property
+    def reads_ssi(self) -> bool:
+        """An SSI encoder is configured as sensor 2."""
+        return self._values[_SENSOR_TYPES] & 0xFF00 == SSI << 8
+
+    def absolute_position(self) -> int:
+        """What the SSI encoder counts, as many of its bits as the drive clocks in; the first is the highest."""
+        if self.axis.encoder is None or not self.reads_ssi:
+            return 0
+        counts, bits = self.axis.encoder
+        missing = bits - (self._values[key_of(0x3012, 0xB)] & 0x1F)
+        return counts >> missing if missing > 0 else counts << -missing
+
     def resolution(self) -> int:
         """Main sensor resolution (0x3000:5) [increments per turn], as the sensors are configured; 0: none is."""
         values = self._values
@@ -117,7 +134,7 @@ class Epos4Motion(Motion):
             return 4 * values[key_of(0x3010, 1)]
         if main == 2 and sensors >> 8 & 0xFF == 1:
             return 4 * values[key_of(0x3020, 1)]
-        if main == 2 and sensors >> 8 & 0xFF == 3:
+        if main == 2 and self.reads_ssi:
             return int(1 << (values[key_of(0x3012, 0xB)] & 0x1F))
         if main == 3 and sensors >> 16 & 0xFF == 0x10:
             return 6 * values[key_of(0x3001, 3)]

@@ -14,6 +14,8 @@ from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos4_objects import millivolts
 
 INPUTS, OUTPUTS = 8, 3
+HOME_PIN = 2
+"""Of the digital input, counted from 0, that has the function home switch from the factory (object 0x3142:3)."""
 DRIVE_ENABLE = 27
 """Function of a digital input, object 0x3142."""
 UNUSED = 255
@@ -71,6 +73,7 @@ class Periphery:
         getters[key_of(0x3203, 1)] = self._duty
         for key in (_POLARITY, *_USES):
             dictionary.written[key] = lambda _: self.refresh()
+        axis.on_home = self.refresh
         self.refresh()
 
     @property
@@ -112,7 +115,8 @@ class Periphery:
 
     def logic_levels(self) -> int:
         """Object 0x3141:1: the pins, those with a bit in 0x3141:2 inverted."""
-        return (self._levels ^ self._values[_POLARITY]) & ((1 << INPUTS) - 1)
+        levels = self._levels | self._axis.home << HOME_PIN
+        return (levels ^ self._values[_POLARITY]) & ((1 << INPUTS) - 1)
 
     def functions(self) -> int:
         """Object 0x60FD: a bit for each function of an active input."""

@@ -1,4 +1,4 @@
-"""The wheels of the true robot: what a motor's counts make of them, and what their potentiometers show."""
+"""The wheels of the true robot: what a motor's counts make of them, and what shows their angles."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import random
 from dataclasses import dataclass
 
-from artemis.axles import Geometry, HardStop, Potentiometers
+from artemis.axles import AbsoluteEncoder, Geometry, HardStop, HomeSwitch, Potentiometers
 from artemis.sim.axis import Axis
 from artemis.vehicle import RobotFile
 
@@ -53,7 +53,7 @@ class SteeredWheel:
             name: The wheel's drive in the robot file.
             axis: Its motor.
             start: True angle of the wheel [rad], left positive.
-            zero_deg: True angle at which the calibrated potentiometers say 0; so far off is a hard stop, or a hand.
+            zero_deg: True angle at which what is calibrated says 0; so far off is a stop, a switch, a hand, too.
             scale: True angle per count as a multiple of the robot file's.
             backlash: Angle between the ends of the play between motor and wheel [rad]; it begins in the middle.
             slopes: True degrees per volt of both potentiometers as multiples of the robot file's.
@@ -76,6 +76,9 @@ class SteeredWheel:
         if isinstance(source, Potentiometers):
             self._zero_v, known = source.zero_v, source.slope_deg_per_v
         self._slope_1, self._slope_2 = (a * b for a, b in zip(known, slopes, strict=True))
+        self.encoder = source if isinstance(source, AbsoluteEncoder) else None
+        """Absolute encoder at the wheel; None: there is none, or nobody reads it any more."""
+        self._switch = source if isinstance(source, HomeSwitch) else None
         end = math.radians(abs(source.stop_deg)) if isinstance(source, HardStop) else math.inf
         zero = math.radians(zero_deg)
         self._stops = (zero - end, zero + end) if end < math.inf else None
@@ -106,9 +109,14 @@ class SteeredWheel:
             if axis.velocity * self._coupled * end > 0.0:
                 axis.velocity = 0.0
 
-    def feel(self, dice: random.Random, noise: float, now: float) -> None:
-        """Turn the potentiometers' shafts along: `noise` is the standard deviation of each voltage [V]."""
+    def feel(self, dice: random.Random, noise: float, now: float, counts: float = 0.0) -> None:
+        """Turn the sensors along: `noise` is the standard deviation of each voltage [V], `counts` of an encoder."""
         shown = math.degrees(self.angle) - self._zero_deg
+        if self._switch is not None:
+            beyond = shown >= self._switch.switch_deg
+            self._axis.home = beyond is (self._switch.on_side == "left")
+        known = self.encoder
+        self._axis.encoder = None if known is None else (_counted(known, shown, dice, counts), known.bits)
         first = self._zero_v[0] + shown / self._slope_1
         second = self._zero_v[1] + shown / self._slope_2
         if noise:
@@ -137,6 +145,13 @@ class SteeredWheel:
         self._radians_per_count = self._coupled if coupled else 0.0
         self._start = angle - self._axis.position * self._radians_per_count
         self.turn()
+
+
+def _counted(encoder: AbsoluteEncoder, shown: float, dice: random.Random, noise: float) -> int:
+    """What the encoder counts of its turn where it should show an angle of the wheel [degrees]."""
+    turned = encoder.zero_deg - shown if encoder.mirrored else encoder.zero_deg + shown
+    counts = turned / 360.0 * (1 << encoder.bits)
+    return round(dice.gauss(counts, noise) if noise else counts) % (1 << encoder.bits)
 
 
 class TrueLinkage:

@@ -93,7 +93,7 @@ class PlantParameters(Config):
     """What is true of the simulated machine and the software does not know. None: as the robot file says."""
 
     steering_zero_left_deg: WheelAngle = 0.0
-    """True wheel angle where the calibrated potentiometers say 0."""
+    """True wheel angle where the calibrated potentiometers, or an absolute encoder, say 0."""
     steering_zero_right_deg: WheelAngle = 0.0
     steering_zero_middle_deg: WheelAngle = 0.0
     """Left and right are of steering motors on the sides, middle is of a single one; so are the following."""
@@ -117,6 +117,8 @@ class PlantParameters(Config):
     potentiometer_slopes_middle: Scales = (1.0, 1.0)
     potentiometer_noise_v: Annotated[float, Quantity(0.0, 5.0, "V")] = 0.0
     """Standard deviation."""
+    encoder_noise_counts: Annotated[float, Quantity(0.0, 1000.0, "counts")] = 0.0
+    """Of an absolute encoder at a steered wheel: standard deviation."""
     slip: Annotated[float, Field(ge=0, lt=0.5)] = 0.0
     """Share of its distance that a driven wheel loses, on average."""
     start_steering_left_deg: WheelAngle = 7.0
@@ -334,10 +336,10 @@ class World:
         if (divided := self._divided) is not None:
             shown = self._supply_voltage / divided.divider
             self._axis_by_name[divided.drive].analog = (shown, 0.0) if divided.input == 1 else (0.0, shown)
-        noise = self._true.potentiometer_noise_v
-        self._steering_left.feel(self._dice, noise, self.time)
+        noise, counts = self._true.potentiometer_noise_v, self._true.encoder_noise_counts
+        self._steering_left.feel(self._dice, noise, self.time, counts)
         if self._linkage is None:
-            self._steering_right.feel(self._dice, noise, self.time)
+            self._steering_right.feel(self._dice, noise, self.time, counts)
 
     def _charge(self, supply: Supply, dt: float) -> None:
         """The batteries' voltage after `dt`: it rises near the charger, and sinks elsewhere."""

@@ -1,44 +1,62 @@
-"""Where the wheels stand on a robot whose steering angle nothing measures: straight by hand, or from a hard stop.
+"""Where the wheels stand on a robot without potentiometers: by a person, a hard stop, a home switch, or encoders.
 
-The motor looks for its stop by set-points that pass the gate, as they do when the robot drives: no drive needs another
-mode of operation for it, and a stop of the robot stops this, too.
+The motor looks for its stop or its switch by set-points that pass the gate, as they do when the robot drives: no drive
+needs another mode of operation for it, and a stop of the robot stops this, too.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Generator, Sequence
 from math import copysign, degrees, radians
 
 from msgspec.structs import replace
 
-from artemis.axles import ByHand, HardStop
+from artemis.axles import AbsoluteEncoder, ByHand, HardStop, HomeSwitch
+from artemis.families.family import HOME_INPUT
 from artemis.motion.ackermann import Ackermann
+from artemis.motion.potentiometers import encoder_angle
 from artemis.states.alignment import align, do, enable, steer, switch_off
 from artemis.states.mode import OFF, ON, PATIENCE, STEERING_ON, Failed, Routine
 from artemis.states.plan import Shared
 from artemis.supervision import catalogue
-from artemis.values import DriveCommand, DriveFeedback, JobKind, Request, Snapshot
+from artemis.values import DriveCommand, DriveFeedback, Fault, JobKind, Request, Snapshot, Wish
 
 STRAIGHT = "set the wheels straight by hand, then accept (enter)"
 READ_TIME = 0.5
 """Nobody reads a question faster [s]."""
 SLOW = radians(10.0)
-"""The motor looks for its stop at this rate [rad/s]: it meets it softly."""
+"""The motor looks for its stop, or its switch, at this rate [rad/s]: it meets it softly."""
+CREEP = radians(0.5)
+"""It meets a switch once more at this rate [rad/s]: within a tick of 20 ms it turns by 0.01 degrees."""
+BACK = radians(1.0)
+"""So far from the switch it begins to creep, and so far it creeps beyond where it saw the switch first [rad]."""
 HELD = radians(0.5)
 """It is held when it stays so far behind its set-point [rad]; at that rate a free one is 0.2 degrees behind."""
 ROUNDS = 2
 """The gate lets it turn from lock to lock, and the stops are farther apart: by less than as far again."""
+BEYOND = radians(20.0)
+"""No wheel stands farther beyond the largest angle of the gate [rad]."""
+
+Turned = Generator[Wish, Snapshot, tuple[bool, Snapshot]]
+"""Of a routine that turns the motor: whether it ended as it was to."""
 
 
 def find_angles(shared: Shared, snapshot: Snapshot) -> Routine:
     """Tell the steering drives where they stand, by what the robot has for it; then enable traction."""
     source = shared.plan.robot.angle_source("left")
-    if isinstance(source, ByHand):
-        snapshot = yield from _ask_straight(snapshot)
-        snapshot = yield from _take(shared, 0.0, snapshot)
-    elif isinstance(source, HardStop):
-        snapshot = yield from _from_stop(shared, source, snapshot)
-    else:
-        return (yield from align(shared, snapshot))
+    match source:
+        case ByHand():
+            snapshot = yield from _ask_straight(snapshot)
+            snapshot = yield from _take(shared, [0.0] * len(shared.plan.drives("steering")), snapshot)
+        case HardStop():
+            snapshot = yield from _from_stop(shared, source, snapshot)
+        case HomeSwitch():
+            snapshot = yield from _from_switch(shared, source, snapshot)
+        case AbsoluteEncoder():
+            snapshot = yield replace(OFF, phase="reading absolute encoders")
+            snapshot = yield from _take(shared, _shown(shared, snapshot), snapshot)
+        case _:
+            return (yield from align(shared, snapshot))
     snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
     return (yield from enable(shared.plan, ON, snapshot))
 
@@ -53,40 +71,140 @@ def _ask_straight(snapshot: Snapshot) -> Routine:
     return snapshot
 
 
-def _take(shared: Shared, angle: float, snapshot: Snapshot) -> Routine:
-    """Have all steering drives, which are off, count from `angle` [rad] where they stand now, and enable them."""
+def _take(shared: Shared, angles: Sequence[float], snapshot: Snapshot) -> Routine:
+    """Have the steering drives, which are off, count from these angles [rad] where they stand now, and enable them."""
     names = shared.plan.drives("steering")
-    snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, [angle] * len(names)), snapshot)
+    snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
     return (yield from enable(shared.plan, STEERING_ON, snapshot))
 
 
-def _from_stop(shared: Shared, source: HardStop, snapshot: Snapshot) -> Routine:
-    """Turn slowly towards the stop until the motor is held there: that is its angle.
+def _shown(shared: Shared, snapshot: Snapshot) -> list[float]:
+    """Angles of the steering motors [rad] by one reading of their absolute encoders, in the order of the drives.
 
-    What it counts before is not where it stands, so it begins at the far lock, and once more if that is not enough.
+    Raises:
+        Failed: one of them shows what its wheel cannot turn to.
     """
+    robot, angles = shared.plan.robot, []
+    ends = [Ackermann(robot.geometry).wheel_angles(end * radians(robot.limits.steering_deg)) for end in (-1.0, 1.0)]
+    for name in shared.plan.drives("steering"):
+        side = robot.drives[name].side
+        source = robot.angle_source(side)
+        assert isinstance(source, AbsoluteEncoder), "checked when the file was read: all sides have the same"
+        angle = encoder_angle(_drive(snapshot, name).angle_sensor, source)
+        right, left = (each[side == "right"] for each in ends)
+        if not right - BEYOND <= angle <= left + BEYOND:
+            seen = f"its absolute encoder shows {degrees(angle):.0f} degrees, farther than the wheel turns"
+            raise Failed(OFF, catalogue.fault("CAL-03", name, seen))
+        angles.append(angle)
+    return angles
+
+
+def _from_stop(shared: Shared, source: HardStop, snapshot: Snapshot) -> Routine:
+    """Turn slowly towards the stop until the motor is held there: that is its angle."""
     (name,) = shared.plan.drives("steering")
-    car, limit = Ackermann(shared.plan.robot.geometry), radians(shared.plan.robot.limits.steering_deg)
     towards = copysign(1.0, source.stop_deg)
-    (begin, _), (end, _) = car.wheel_angles(-towards * limit), car.wheel_angles(towards * limit)
+
+    def is_held(now: Snapshot) -> bool:
+        return _is_held(now, name, towards)
+
     for _ in range(ROUNDS):
-        snapshot = yield from switch_off(shared, OFF, snapshot)
-        snapshot = yield from _take(shared, begin, snapshot)
-        told = begin
-        while towards * (end - told) > 0.0:
-            told += towards * SLOW * snapshot.dt
-            command = DriveCommand(steering=car.steering_from_left(told))
-            snapshot = yield replace(STEERING_ON, command=command, phase="looking for the hard stop")
-            drive = _drive(snapshot, name)
-            if towards * (snapshot.set_points.steering_left - drive.position) > HELD:
-                held = drive.position
-                wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
-                snapshot = yield from switch_off(shared, wish, snapshot)
-                sprung = _drive(snapshot, name).position - held
-                return (yield from _take(shared, radians(source.stop_deg) + sprung, snapshot))
-    seen = f"no hard stop within {ROUNDS * degrees(abs(end - begin)):.0f} degrees"
-    raise Failed(STEERING_ON, catalogue.fault("CAL-01", name, seen))
+        found, snapshot = yield from _search(shared, towards, is_held, "looking for the hard stop", snapshot)
+        if found:
+            held = _drive(snapshot, name).position
+            wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
+            snapshot = yield from switch_off(shared, wish, snapshot)
+            sprung = _drive(snapshot, name).position - held
+            return (yield from _take(shared, [radians(source.stop_deg) + sprung], snapshot))
+    raise Failed(STEERING_ON, _not_found(shared, name, "no hard stop"))
+
+
+def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Routine:
+    """Look for where the switch changes; then meet it once more, slower and always from the side where it is off."""
+    (name,) = shared.plan.drives("steering")
+    phase, place = "looking for the home switch", radians(source.switch_deg)
+    on_side = 1.0 if source.on_side == "left" else -1.0
+    was_on = _is_on(_drive(snapshot, name))
+    towards = -on_side if was_on else on_side
+
+    def is_over(now: Snapshot) -> bool:
+        return _is_on(_drive(now, name)) is not was_on or _is_held(now, name, towards)
+
+    found = False
+    for _ in range(ROUNDS):
+        if not found:
+            found, snapshot = yield from _search(shared, towards, is_over, phase, snapshot)
+    if not found:
+        raise Failed(STEERING_ON, _not_found(shared, name, "no change of the home switch"))
+    if _is_on(_drive(snapshot, name)) is was_on:
+        raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, "held before its home switch changes"))
+    wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
+    snapshot = yield from switch_off(shared, wish, snapshot)
+    snapshot = yield from _take(shared, [place], snapshot)
+    begin, end = place - on_side * BACK, place + on_side * BACK
+    virtual = Ackermann(shared.plan.robot.geometry).steering_from_left(begin)
+    snapshot = yield from steer(shared.plan, virtual, snapshot, {}, phase)
+    before = _drive(snapshot, name)
+    if _is_on(before):
+        raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, "its home switch is on to both sides of its place"))
+    positions = [before.position]
+
+    def is_on(now: Snapshot) -> bool:
+        positions.append(_drive(now, name).position)
+        return _is_on(_drive(now, name))
+
+    found, snapshot = yield from _turn(shared, begin, end, CREEP, is_on, phase, snapshot)
+    if not found:
+        raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, "its home switch does not go on where it did before"))
+    edge = (positions[-2] + positions[-1]) / 2.0
+    wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
+    snapshot = yield from switch_off(shared, wish, snapshot)
+    return (yield from _take(shared, [place + _drive(snapshot, name).position - edge], snapshot))
+
+
+def _search(shared: Shared, towards: float, ends: Callable[[Snapshot], bool], phase: str, snapshot: Snapshot) -> Turned:
+    """Turn slowly `towards` a side (1: left) until `ends`; whether that was on the way from lock to lock.
+
+    What the motor counts is not where it stands, so it begins at the far lock.
+    """
+    car, limit = Ackermann(shared.plan.robot.geometry), radians(shared.plan.robot.limits.steering_deg)
+    (begin, _), (end, _) = car.wheel_angles(-towards * limit), car.wheel_angles(towards * limit)
+    snapshot = yield from switch_off(shared, OFF, snapshot)
+    snapshot = yield from _take(shared, [begin], snapshot)
+    return (yield from _turn(shared, begin, end, SLOW, ends, phase, snapshot))
+
+
+def _turn(
+    shared: Shared,
+    begin: float,
+    end: float,
+    rate: float,
+    ends: Callable[[Snapshot], bool],
+    phase: str,
+    snapshot: Snapshot,
+) -> Turned:
+    """Turn the motor at `rate` [rad/s] from `begin` to `end` [rad], or until `ends`; whether it did."""
+    car, told, towards = Ackermann(shared.plan.robot.geometry), begin, copysign(1.0, end - begin)
+    while towards * (end - told) > 0.0:
+        told += towards * rate * snapshot.dt
+        snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=car.steering_from_left(told)), phase=phase)
+        if ends(snapshot):
+            return True, snapshot
+    return False, snapshot
+
+
+def _not_found(shared: Shared, name: str, what: str) -> Fault:
+    limit = radians(shared.plan.robot.limits.steering_deg)
+    (right, _), (left, _) = (Ackermann(shared.plan.robot.geometry).wheel_angles(end) for end in (-limit, limit))
+    return catalogue.fault("CAL-03", name, f"{what} within {ROUNDS * degrees(left - right):.0f} degrees")
+
+
+def _is_held(snapshot: Snapshot, name: str, towards: float) -> bool:
+    return towards * (snapshot.set_points.steering_left - _drive(snapshot, name).position) > HELD
+
+
+def _is_on(drive: DriveFeedback) -> bool:
+    return bool(drive.angle_sensor & HOME_INPUT)
 
 
 def _drive(snapshot: Snapshot, name: str) -> DriveFeedback:

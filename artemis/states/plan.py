@@ -11,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from artemis.motion.route import Route
-from artemis.motion.steering_fit import SteeringFit
+from artemis.motion.steering_fit import SteeringFit, SteeringZero
 from artemis.motion.totals import total
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Behaviour, Declared, Follower
@@ -276,6 +276,7 @@ class Results:
     """What was recorded, by name."""
     steering: dict[str, SteeringFit] = field(default_factory=dict)
     """What was measured of the potentiometers, by side."""
+    zeros: dict[str, SteeringZero] = field(default_factory=dict)  # of what else finds the angle, likewise
     kept: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """What the drives' memories were given in this run, by drive."""
     tried: dict[str, tuple[int, ...]] = field(default_factory=dict)
@@ -298,8 +299,7 @@ class Shared:
         )
         self.entry = 0
         """How many steps have begun, or were gone on with after another one: a mode sees that its step is a new one."""
-        self.rests = False
-        """The present step is to come to rest, for something else is next."""
+        self.rests = False  # the present step is to come to rest, for something else is next
         self.planned: tuple[int, ...] = ()
         """The newest route of the present step (`motion.planned_route.packed`); none: it has to be planned."""
         self.replans, self.replanning = 0, False

@@ -7,11 +7,11 @@ from math import copysign, degrees, inf, radians
 
 from msgspec.structs import replace
 
-from artemis.axles import Potentiometers
+from artemis.axles import ByHand, Potentiometers
 from artemis.drive_states import POWERED
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.potentiometers import memory_numbers, wheel_angles
-from artemis.motion.steering_fit import Line, Pass, SteeringFit, fitted, lines_through, shown_straight
+from artemis.motion.steering_fit import Line, Pass, SteeringFit, fitted, lines_through, moved, shown_straight
 from artemis.motion.totals import mean, total
 from artemis.states.alignment import READINGS, do, enable, steer
 from artemis.states.keeping import keep
@@ -80,10 +80,14 @@ def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -
         else:
             straight[side], snapshot = yield from _ask_straight(shared.plan, side, snapshot)
     if by_hand := [side for side in step.sides if side not in step.reference]:
-        snapshot = yield from _ask("keep clear, the wheels turn to both sides now: enter: start, q: cancel", snapshot)
+        if shared.plan.robot.has_potentiometers:
+            clear = "keep clear, the wheels turn to both sides now: enter: start, q: cancel"
+            snapshot = yield from _ask(clear, snapshot)
         if shared.plan.blind:
             snapshot = yield from _take_as_straight(shared, {side: straight[side][0] for side in by_hand}, snapshot)
             straight.update({side: (0.0, straight[side][1]) for side in by_hand})
+    if not shared.plan.robot.has_potentiometers:
+        return (yield from _tell_zeros(shared, step, {side: angle for side, (angle, _) in straight.items()}, snapshot))
     fits: dict[str, SteeringFit] = {}
     for side in step.sides:
         angle, direction = straight[side]
@@ -103,6 +107,24 @@ def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -
         wanted = {robot.drive_at("steering", side)[0]: memory_numbers(fit.calibration) for side, fit in fits.items()}
         snapshot = yield from keep(shared, wanted, snapshot)
         snapshot = yield from enable(shared.plan, STEERING_ON, snapshot)
+    return snapshot
+
+
+def _tell_zeros(shared: Shared, step: SteeringStep, straight: Mapping[str, float], snapshot: Snapshot) -> Routine:
+    """Where wheels without potentiometers stand straight [rad, as they count], which nothing more has to be turned for.
+
+    The drives keep nothing of it.
+    """
+    robot = shared.plan.robot
+    snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
+    for side, angle in straight.items():
+        source = robot.angle_source(side)
+        assert not isinstance(source, Potentiometers | ByHand), "checked when the mission was read"
+        found = shared.results.zeros[side] = moved(source, angle)
+        told = f"{side}: {found.key} {found.before:.4f} -> {found.after:.4f} ({-degrees(angle):+.2f} deg)"
+        snapshot = yield _hold(snapshot, told)
+    if step.save == "ask":
+        snapshot = yield from _ask("keep this in the robot file? enter: yes, q: no", snapshot)
     return snapshot
 
 

@@ -1,12 +1,12 @@
-"""What a steered wheel does, against its set-point and its own potentiometers."""
+"""What a steered wheel does, against its set-point and its own sensors."""
 
 from __future__ import annotations
 
 from math import degrees, nan
 
-from artemis.axles import Potentiometers
+from artemis.axles import AbsoluteEncoder, Potentiometers
 from artemis.drive_states import DriveState
-from artemis.motion.potentiometers import is_at_a_rail, wheel_angles
+from artemis.motion.potentiometers import encoder_angle, is_at_a_rail, wheel_angles
 from artemis.supervision.measures import Reading
 from artemis.values import DriveFeedback, JobKind, JobResult
 from artemis.vehicle import RobotFile
@@ -23,6 +23,7 @@ class SteeredWheelMonitor:
         self._output_current_ma = drive.motor.output_current_ma
         source = robot.angle_source(side)
         self._calibration = source if isinstance(source, Potentiometers) else None
+        self._encoder = source if isinstance(source, AbsoluteEncoder) else None
         self._disagreement_deg = robot.calibration.steering.disagreement_deg
         self._blind = blind
         self._changes: list[tuple[float, float]] = []
@@ -51,6 +52,8 @@ class SteeredWheelMonitor:
         load = abs(drive.current) * 1000.0 / self._output_current_ma
         if load > 0.5:
             readings.append(("STE-02", self._name, load, f"{drive.current:+.2f} A"))
+        if self._encoder is not None:
+            return readings + self._against_encoder(drive, encoder_angle(drive.angle_sensor, self._encoder))
         if self._calibration is None:
             return readings
         if is_at_a_rail(drive.potentiometers):
@@ -69,10 +72,12 @@ class SteeredWheelMonitor:
         if apart > 0.5:
             words = f"{degrees(first):.1f} and {degrees(second):.1f} degrees"
             readings.append(("STE-03", self._name, apart, words))
-        away = abs((first + second) / 2.0 - drive.position)
-        if away > 0.02 and self._changes:
-            readings.append(("STE-05", self._name, away, f"{degrees(away):.1f} degrees"))
-        return readings
+        return readings + self._against_encoder(drive, (first + second) / 2.0)
+
+    def _against_encoder(self, drive: DriveFeedback, measured: float) -> list[Reading]:
+        """The angle that was `measured` at the wheel against the one that the motor's encoder counts, both [rad]."""
+        away = abs(measured - drive.position)
+        return [("STE-05", self._name, away, f"{degrees(away):.1f} degrees")] if away > 0.02 and self._changes else []
 
     def _frozen(self, drive: DriveFeedback) -> list[Reading]:
         readings: list[Reading] = []

@@ -248,11 +248,11 @@ def _tree(dice: random.Random, robot: RobotFile) -> Part:
 
 
 def _calibrate(dice: random.Random, robot: RobotFile) -> Part:
-    """One wheel's potentiometers are measured, or gains are tried, where all drives have such without unit."""
+    """One wheel's angle is measured, or gains are tried, where all drives have such without unit."""
     side, other = dice.sample(OWN_SIDES, 2)
     wheel = robot.drive_at("steering", side)[1].side
     tried = all(drive.family in ("epos1", "epos2") for drive in robot.drives.values())
-    if robot.has_potentiometers and (dice.uniform(0, 1) < 0.4 or not tried):
+    if (robot.has_potentiometers and dice.uniform(0, 1) < 0.4) or not tried:
         words = {"wheels": wheel, "reference_deg": {wheel: round(dice.uniform(-1.0, 1.0), 1)}}
         return [{"calibrate": {"steering": words}}], {}, {}, BRING_UP + 17.0
     steering, traction = robot.drive_at("steering", other)[0], robot.drive_at("traction", side)[0]

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from artemis.config import Config
 from artemis.drive_states import DriveState, Nmt
+from artemis.sim.epos2 import objects2
 from artemis.sim.epos4 import SimEpos4
 from artemis.sim.epos4_objects import objects4
 from artemis.sim.epos_failures import Speech
@@ -28,6 +29,7 @@ Sub = Annotated[int, Field(ge=0, le=0xFF)]
 
 OBJECTS = {
     "epos1": {(entry.index, entry.sub) for entry in objects(1, 0, 0, 0)},
+    "epos2": {(entry.index, entry.sub) for entry in objects2(1, 0, 0, 0)},
     "epos4": {(entry.index, entry.sub) for entry in objects4(1, 0, 0, 0)},
 }
 """Index and sub-index of everything that a drive of a family has."""

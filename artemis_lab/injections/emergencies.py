@@ -108,6 +108,7 @@ CODES: dict[str, dict[str, tuple[int, ...]]] = {
         "DRV-41": tuple(range(0xFF11, 0xFF25)),
     },
 }
+CODES["epos2"] = CODES["epos1"]  # it has some more, without rows of their own
 """EMCY error codes by family and row, each row's usual one first.
 
 Sources: firmware specification 2010 of the EPOS, 12.2; public tables that quote the EPOS4's of 2021 and later.

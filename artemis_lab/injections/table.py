@@ -35,6 +35,7 @@ _DEVICE = "needs a device: `artemis.testing.fake_hid`"
 NOT_INJECTED: dict[str, str] = {
     "RUN-07": "LOC-02 makes the localizer contradict the odometry",
     "RUN-08": "COM-26 makes it happen, where the robot moves",
+    "CAL-03": "needs a hard stop, a home switch or an absolute encoder that is not where the robot file says",
     "INP-02": _DEVICE,
     "INP-13": "a lower input takes over at standstill; a higher one at once, within the limits of the gate",
     "INP-14": _DEVICE,

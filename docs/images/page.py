@@ -32,6 +32,7 @@ DESKTOP = {"viewport": {"width": 1280, "height": 800}}
 HALL, LOOP, FAULT = "patrol_hall.yaml", "figure_eight.yaml", "fault_recovery_by_hand.yaml"
 UNTIL = {HALL: 45.0, LOOP: 40.0, FAULT: 25.0}
 """Seconds of each run."""
+REPLAYED = "Boolean(window.artemis?.shown) && document.getElementById('making').hidden"
 MOVING = 22.0, 45.0, 0.5, 120
 """The moving picture: begin and end in the run, time from picture to picture [s], and each is shown so long [ms]."""
 
@@ -152,6 +153,31 @@ def take_waiting(browser: Any, home: Path) -> None:  # noqa: ANN401
         serving.terminate()
 
 
+def take_past(browser: Any, home: Path) -> None:  # noqa: ANN401
+    """Those of past runs: the list, and a replay of two over each other."""
+    run = recorded(LOOP, UNTIL[LOOP], home)
+    with page_rig(run, home, runs=home) as rig:
+        rig.show(100)
+        page = opened(browser, rig, DESKTOP)
+        page.goto(f"{rig.url}/runs/")
+        until(page, "document.querySelectorAll('.run dl').length === 4")
+        picture(page, "runs")
+        newest = [row.get_attribute("data-run") for row in page.locator(".run").all()]
+        hall = next(name for name in newest if "patrol" in name)
+        fault = next(name for name in newest if "fault" in name)
+        page.goto(f"{rig.url}/runs/replay?run={hall}&at=36")
+        until(page, REPLAYED)
+        picture(page, "replay")
+        page.goto(f"{rig.url}/runs/replay?run={newest[0]}&with={newest[1]}&at=30")
+        until(page, f"{REPLAYED} && Boolean(artemis.beside?.state)")
+        picture(page, "replay_two")
+        page = opened(browser, rig, PHONE)
+        page.goto(f"{rig.url}/runs/replay?run={fault}&at=16")
+        until(page, REPLAYED)
+        page.click("#fault-before")
+        picture(page, "replay_phone")
+
+
 def main() -> None:
     """Compute the runs, then show them: the browser's driver has a loop of its own in this thread."""
     from playwright.sync_api import sync_playwright
@@ -161,11 +187,14 @@ def main() -> None:
         os.environ["XDG_CONFIG_HOME"] = folder
         for mission, until in UNTIL.items():
             recorded(mission, until, home)
+        recorded(LOOP, 200.0, home)  # to its end
         with sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-            take_waiting(browser, home)
-            take(browser, home)
-            moving_picture(browser, home)
+            if "past" not in sys.argv:
+                take_waiting(browser, home)
+                take(browser, home)
+                moving_picture(browser, home)
+            take_past(browser, home)
             browser.close()
 
 

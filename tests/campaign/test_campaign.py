@@ -72,6 +72,7 @@ def test_interrupted_campaign_keeps_its_runs_and_goes_on(tmp_path: Path) -> None
     assert seeds_in(results)[: len(finished)] == finished
 
 
+@pytest.mark.exhaustive
 def test_broken_invariant_is_told_with_what_runs_it_alone(tmp_path: Path) -> None:
     path = write_campaign(tmp_path, runs=2, first_seed=FIRST, workers=1)
     campaign = load_campaign(path)
@@ -108,6 +109,7 @@ def test_wrong_campaign_is_refused(tmp_path: Path) -> None:
     assert "campaign.yaml:3" in done.stderr
 
 
+@pytest.mark.exhaustive
 def test_cluster_that_is_not_there_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 

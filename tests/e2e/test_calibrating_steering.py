@@ -59,6 +59,7 @@ def test_simulated_drives_do_not_change_the_robot_file_by_themselves(tmp_path: P
     assert robot_file(tmp_path) == ROBOT.read_text(encoding="utf-8")
 
 
+@pytest.mark.exhaustive
 def test_a_robot_file_that_cannot_be_changed_is_told_with_where_the_values_are(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -78,7 +79,7 @@ def test_a_robot_file_that_cannot_be_changed_is_told_with_where_the_values_are(
     assert f"the values are in {only_run(tmp_path)}/calibration.json" in done.stdout
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("meanwhile", ["changed", "locked"])
 def test_a_robot_file_that_somebody_else_touched_meanwhile_is_left_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, meanwhile: str
@@ -139,6 +140,7 @@ def test_drives_are_given_what_the_robot_file_says(tmp_path: Path) -> None:
     assert robot_file(tmp_path) == ROBOT.read_text(encoding="utf-8")
 
 
+@pytest.mark.exhaustive
 @pytest.mark.realtime
 def test_a_person_turns_a_wheel_straight_reads_the_result_and_says_yes(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, more=HIDDEN)
@@ -160,6 +162,7 @@ def test_a_person_turns_a_wheel_straight_reads_the_result_and_says_yes(tmp_path:
     assert OLD not in robot_file(tmp_path)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.realtime
 def test_who_aborts_changes_nothing(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, more=HIDDEN)

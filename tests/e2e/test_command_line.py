@@ -440,6 +440,7 @@ def test_output_that_cannot_be_written_is_said(arguments: list[str | Path], unbu
     assert found.stderr == "artemis: standard output cannot be written: No space left on device\n"
 
 
+@pytest.mark.exhaustive
 def test_a_run_whose_output_cannot_be_written_ends_and_says_so(tmp_path: Path) -> None:
     mission = write_mission(tmp_path)
     with Path("/dev/full").open("w") as full:

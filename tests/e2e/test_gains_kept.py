@@ -102,6 +102,7 @@ def test_gains_that_are_kept_are_in_the_drive_s_memory_and_in_the_robot_file(tmp
     assert gains == {name: known[name].gains for name in gains}
 
 
+@pytest.mark.exhaustive
 def test_ctrl_c_in_a_trial_gives_the_drive_its_gains_back(tmp_path: Path) -> None:
     port = free_port(socket.SOCK_DGRAM)
     path = mission(tmp_path, port)

@@ -46,6 +46,7 @@ def unwanted(names: set[str], *packages: str) -> list[str]:
     return sorted(name for name in names if name.startswith(tuple(f"{p}." for p in packages)) or name in packages)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("program", [CHECK, RUN])
 def test_a_run_along_a_path_imports_what_a_spline_needs(tmp_path: Path, program: str) -> None:
     names = imported(program, write_mission(tmp_path))
@@ -60,6 +61,7 @@ def test_the_report_of_a_run_needs_no_matplotlib(tmp_path: Path) -> None:
     assert unwanted(names, "matplotlib", "PIL") == []
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("program", [CHECK, RUN])
 def test_a_run_without_a_path_imports_no_scipy(tmp_path: Path, program: str) -> None:
     mission = tmp_path / "wait.yaml"

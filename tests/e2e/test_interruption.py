@@ -29,6 +29,7 @@ def assert_stopped_on_the_way(folder: Path) -> None:
     assert_left_at_rest(run)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_run_in_order_without_a_terminal(tmp_path: Path, number: signal.Signals) -> None:
     with started("run", endless_mission(tmp_path)) as process:
@@ -41,6 +42,7 @@ def test_a_signal_ends_a_run_in_order_without_a_terminal(tmp_path: Path, number:
     assert_stopped_on_the_way(tmp_path)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("ignored", "sent", "ends_by"),
     [
@@ -90,6 +92,7 @@ def test_a_reader_that_goes_away_is_no_bug(arguments: list[str]) -> None:
         assert process.wait(timeout=PATIENCE) in (0, 1, -signal.SIGPIPE)
 
 
+@pytest.mark.exhaustive
 def test_without_standard_output_the_run_is_done_all_the_same(tmp_path: Path) -> None:
     mission = write_mission(tmp_path)
     command = f'exec "$0" -m artemis run {mission} >&- 2>{tmp_path}/errors'

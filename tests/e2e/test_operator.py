@@ -107,6 +107,7 @@ def test_a_robot_that_is_not_there(folder: Path) -> None:
     )
 
 
+@pytest.mark.exhaustive
 @pytest.mark.realtime
 def test_an_operator_drives_loses_the_link_and_goes_on(folder: Path) -> None:
     pair("\n")

@@ -138,6 +138,7 @@ def test_a_mission_is_done_against_simulated_drives_in_another_process(
     assert_left_at_rest(run)
 
 
+@pytest.mark.exhaustive
 def test_a_mission_that_is_refused_sends_no_frame(tmp_path: Path, port: int, robot: RobotFile) -> None:
     ids = {drive.node_id for drive in robot.drives.values()}
     with listener(port) as third, simulated_robot(port):

@@ -12,6 +12,7 @@ from local_epos import LocalEpos
 from local_epos4 import LocalEpos4
 from node_bench import PERIOD, ROBOT, STEERING, Bench, on_virtual_time, refusals
 
+from artemis.axles import AbsoluteEncoder
 from artemis.drive_schema import Drive, drive_problems
 from artemis.drive_states import DriveState
 from artemis.mission.loading import load_mission
@@ -327,5 +328,46 @@ def test_a_sensor_with_another_resolution_is_refused() -> None:
             "configure steer-left: has 4096 increments of the main sensor per motor turn (0x3000:5), "
             "the robot file says 2000"
         )
+
+    on_virtual_time(main())
+
+
+ABSOLUTE = load_mission(Path(__file__).parents[2] / "missions" / "figure_eight_absolute.yaml").robot
+
+
+class LocalEpos4WithEncoder(LocalEpos4):
+    """One with an SSI encoder at the wheel that it steers."""
+
+    def _measure_angle(self, robot: RobotFile, angle: float) -> None:
+        known = robot.angle_source(self.drive.side)
+        assert isinstance(known, AbsoluteEncoder)
+        sign = -1 if self.drive.mirrored else 1
+
+        def counts() -> int:
+            if self.value(0x3000, 1) >> 8 & 0xFF != 3:
+                return 0
+            bits = self.value(0x3012, 0xB) & 0xFF
+            turned = sign * self.position / (self.drive.sensor.counts_per_turn * self.drive.gear_ratio) * 360
+            wheel = math.degrees(angle) + turned
+            shown = known.zero_deg + (-wheel if known.mirrored else wheel)
+            return round(shown / 360 * (1 << bits)) % (1 << bits)
+
+        self._measured[0x60E4, 2] = counts
+
+
+def test_absolute_encoders_are_configured_and_tell_the_angles_in_one_reading() -> None:
+    async def main() -> None:
+        bench = Bench(ABSOLUTE, {"epos4": LocalEpos4WithEncoder})
+        ticks: list[Tick] = []
+        core = Core(Plan(robot=ABSOLUTE, steps=()), PERIOD)
+        await Robot(core, bench.drives, PluginGuard({}, asyncio.get_running_loop().time), PERIOD, ticks.append).run()
+        assert [fault.text for tick in ticks for fault in tick.snapshot.verdict.faults] == []
+        assert list(dict.fromkeys(tick.mode for tick in ticks)) == [Mode.INIT, Mode.READY, Mode.END]
+        for name, angle in STEERING.items():
+            node = bench.nodes[name]
+            assert node.value(0x3000, 1) == 0x0301, "digital encoder and SSI"
+            assert [node.value(0x3012, sub) for sub in (2, 3, 0xB)] == [17 << 8, 1, 17]
+            turned = node.position / (2000 * 946) * math.tau * (-1 if node.drive.mirrored else 1)
+            assert angle + turned == pytest.approx(0.0, abs=math.radians(0.01))
 
     on_virtual_time(main())

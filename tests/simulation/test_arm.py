@@ -38,6 +38,7 @@ def assert_waits_for_arm(seen: Run, since: float) -> None:
     assert seen.status == 1
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("first", "second", "recovery"),
     [

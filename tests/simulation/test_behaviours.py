@@ -334,6 +334,7 @@ BAD: dict[str, tuple[Callable[[Acting], Any], str]] = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("fail", "id"), BAD.values(), ids=BAD)
 def test_one_that_breaks_is_a_controlled_stop_with_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fail: Callable[[Acting], Any], id: str

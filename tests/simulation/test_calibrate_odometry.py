@@ -100,6 +100,7 @@ def test_a_calibrated_robot_knows_where_it_is(tmp_path: Path, capsys: pytest.Cap
         calibrate_with_truth([run], ["simulation"], None, [], None, file)
 
 
+@pytest.mark.exhaustive
 def test_runs_need_a_truth_or_to_return(tmp_path: Path) -> None:
     shutil.copytree(MISSIONS / "robots", tmp_path / "robots")
     shutil.copytree(MISSIONS / "paths", tmp_path / "paths")

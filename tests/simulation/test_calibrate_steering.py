@@ -192,6 +192,7 @@ def test_new_potentiometers_are_calibrated_though_the_robot_file_knows_nothing_o
     assert {truth.states[:2] for truth in run.world.history if DriveState.OPERATION_ENABLE in truth.states[:2]} == set()
 
 
+@pytest.mark.exhaustive
 def test_new_potentiometers_by_hand(tmp_path: Path) -> None:
     true = PlantParameters(steering_zero_left_deg=25.0, steering_zero_right_deg=-30.0)
     acts = jogs(

@@ -73,6 +73,7 @@ def stalls(rig: Rig) -> None:
     rig.drive(LEFT).axis.fail(blocked=True)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("act", "after", "faults"),
     [

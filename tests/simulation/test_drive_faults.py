@@ -123,6 +123,7 @@ def test_two_drives_that_fail_at_once_are_both_named(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("tick_hz", [50, 200])
 def test_a_fault_at_the_very_time_of_a_tick_is_named_by_its_emergency(tmp_path: Path, tick_hz: int) -> None:
     faults = {"faults": [{"at_s": 6.2, "inject": "DRV-25", "node": "steer-left"}]}
@@ -141,6 +142,7 @@ def test_a_drive_found_in_a_fault_that_needs_an_nmt_reset_is_brought_up(tmp_path
     assert (seen.status, seen.fault_ids) == (0, [])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("code", sorted(NEEDS_MORE_THAN_A_RESET), ids=lambda code: f"0x{code:04X}")
 def test_a_fault_that_needs_an_nmt_reset_is_acknowledged_once_though_its_emergency_was_lost(
     tmp_path: Path, code: int

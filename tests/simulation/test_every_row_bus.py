@@ -9,7 +9,7 @@ from every_row import Scene, assert_follows, assert_noticed, cases, play
 from scenes_of_the_bus import BUS_SCENES
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @cases(BUS_SCENES)
 def test_fault_is_noticed_in_time_and_what_must_follow_follows(tmp_path: Path, id: str, scene: Scene) -> None:
     run = play(tmp_path, id, scene)

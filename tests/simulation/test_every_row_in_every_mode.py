@@ -65,6 +65,7 @@ def test_error_of_a_drive_is_noticed_wherever_it_comes(tmp_path: Path, where: st
     assert_follows(run, scene, found)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("phase", "at"), [("listening", 0.201), ("secure", 0.301), ("configure", 0.401)])
 def test_error_before_a_drive_exchanges_process_data_is_told_at_once_by_its_name(
     tmp_path: Path, phase: str, at: float

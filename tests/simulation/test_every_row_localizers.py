@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from every_row import Scene, assert_follows, assert_noticed, cases, play
 from scenes_of_localizers import LOCALIZER_SCENES, SCENE
 
 from artemis.values import Mode
 
 
+@pytest.mark.sampled(3)
 @cases(LOCALIZER_SCENES)
 def test_fault_is_noticed_in_time_and_what_must_follow_follows(tmp_path: Path, id: str, scene: Scene) -> None:
     done = play(tmp_path, id, scene)

@@ -41,6 +41,7 @@ def kind_of(id: str) -> Kind:
     return ROWS[id].recovery.kind
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("id", ["DRV-25", "DRV-11", "DRV-15", "DRV-19"])
 def test_fault_waits_for_a_person_then_for_the_arm(tmp_path: Path, id: str) -> None:
     acts = [(ACKNOWLEDGED, "acknowledge"), (ARMED, "arm"), (ENDED, "end")]

@@ -13,7 +13,7 @@ from scenes_of_scanners import SCANNER_SCENES
 from artemis.values import Mode, Severity
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @cases(SCANNER_SCENES)
 def test_fault_is_noticed_in_time_and_what_must_follow_follows(tmp_path: Path, id: str, scene: Scene) -> None:
     done = play(tmp_path, id, scene)
@@ -24,6 +24,7 @@ def driven(folder: Path, **keys: Any) -> Run:  # noqa: ANN401 (of a mission)
     return run(write_mission(folder, [{"wait": {"seconds": 3.0}}], robot="artemis_lms100.yaml", **keys))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("id", ["LAS-01", "LAS-02", "LAS-06"])
 def test_what_a_mission_does_not_need_may_fail(tmp_path: Path, id: str) -> None:
     done = driven(tmp_path, obstacles="off", simulation={"faults": [{"at_s": 3.5, "inject": id}]})

@@ -86,6 +86,7 @@ def journal(outcome: app.Outcome) -> tuple[Entry, ...]:
 # ---------------------------------------------------------------------------------------------- in a run
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("error", "id", "attended"),
     [(errno.ENOSPC, "DSK-02", False), (errno.EIO, "DSK-05", True), (errno.EROFS, "DSK-05", False)],

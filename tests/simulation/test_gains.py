@@ -134,6 +134,7 @@ def test_a_turn_is_no_faster_than_the_gate_and_drives_nothing(tmp_path: Path) ->
     assert {seen.tick.set_points.speed for seen in turning} == {0.0}
 
 
+@pytest.mark.exhaustive
 def test_a_driven_wheel_is_tried_on_a_path(tmp_path: Path) -> None:
     gains = {"calibrate": {"gains": {DRIVEN: {"velocity": [1200, 900]}}}}
     back = {"follow": {**follow()["follow"], "from_end": True}}
@@ -224,7 +225,7 @@ def swing(monkeypatch: pytest.MonkeyPatch, degrees: float, frequency: float) -> 
     monkeypatch.setattr("artemis.sim.epos_motion.regulators_for", regulators)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(("degrees", "frequency"), [(1.8, 1.7), (1.8, 3.0), (1.0, 8.0), (0.7, 8.0)])
 @pytest.mark.parametrize("tick_hz", [50, 200])
 def test_a_wheel_that_swings_is_a_fault_though_no_error_lasts(
@@ -241,7 +242,7 @@ def test_a_wheel_that_swings_is_a_fault_though_no_error_lasts(
     assert run.recompute().difference is None
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(("speed", "frequency"), [(0.1, 3.0), (0.1, 8.0), (0.06, 8.0)])
 @pytest.mark.parametrize("tick_hz", [50, 200])
 def test_a_driven_wheel_that_swings_is_a_fault_though_no_error_lasts(

@@ -112,6 +112,7 @@ def test_drives_to_a_place_and_replays_bit_for_bit(tmp_path: Path) -> None:
     assert message["poses"][-1]["position"]["x"] == pytest.approx(2.5, abs=0.03)
 
 
+@pytest.mark.exhaustive
 def test_a_goto_that_was_interrupted_is_planned_anew_from_where_it_stands(tmp_path: Path) -> None:
     path = mission(tmp_path)
     first = resuming.run(path, until=lambda tick: bool(tick.wish.tracking and tick.wish.tracking.arc_length > 0.8))

@@ -56,6 +56,7 @@ def test_mission_of_the_docs_hands_over_and_back(tmp_path: Path) -> None:
     assert min(speeds) < -0.3
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("id", ["INP-01", "INP-03", "INP-06"])
 def test_lower_input_that_fails_while_nobody_needs_it_is_a_warning(tmp_path: Path, id: str) -> None:
     pilot = stick((0, 0, 0, 0), (10, 0, 0.5, 1), (15, 0, 0, 0), (20, 0, 0, 0))
@@ -67,6 +68,7 @@ def test_lower_input_that_fails_while_nobody_needs_it_is_a_warning(tmp_path: Pat
     assert {seen.tick.wish.phase for seen in moving} == {"driving: pilot"}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["pilot", "trainee"])
 @pytest.mark.parametrize("id", ["INP-01", "INP-03"])
 def test_input_that_drives_or_could_take_over_stops_the_robot_when_it_fails(tmp_path: Path, id: str, name: str) -> None:

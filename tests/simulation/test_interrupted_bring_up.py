@@ -242,6 +242,7 @@ def test_a_drive_that_cannot_be_released_is_named_and_the_others_are_at_rest(tmp
     assert_at_rest(seen)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("time", [0.61, 0.733, 0.763, 0.773, 0.803])
 def test_a_stop_while_the_watchdog_is_proven_is_no_fault(tmp_path: Path, time: float) -> None:
     """The drives miss the heartbeat that was withheld from them after the robot is told to stop."""

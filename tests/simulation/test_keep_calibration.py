@@ -33,6 +33,7 @@ def test_start_is_refused_where_a_drive_keeps_something_else(tmp_path: Path) -> 
     assert DriveState.OPERATION_ENABLE not in {state for t in second.truth_from(first.world.time) for state in t.states}
 
 
+@pytest.mark.exhaustive
 def test_a_drive_that_is_not_to_be_written_must_keep_what_the_file_says_all_the_same(tmp_path: Path) -> None:
     first = calibrate(tmp_path / "first").run()
     rig = calibrate(tmp_path / "second", **LEFT_ALONE)

@@ -73,6 +73,7 @@ def _odometry(seen: Any) -> tuple[float, float]:  # noqa: ANN401 (of the rig)
     return pose.x, pose.y
 
 
+@pytest.mark.exhaustive
 def test_by_its_odometry_alone_it_leaves_the_path(tmp_path: Path) -> None:
     mission: Any = load(MISSION).data
     del mission["simulation"]["localizer"]

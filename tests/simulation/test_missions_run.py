@@ -90,9 +90,10 @@ ELSEWHERE = (
 test_calibration_missions.py and test_thesis_missions.py run them, or say of which other they are twins."""
 TWIN, OTHER_TWIN = "figure_eight_socketcan.yaml", "figure_eight_udp.yaml"
 """The bus is all in which they differ, and in simulation neither has it: one of them is run."""
-LONGEST = ("blocked_path.yaml", "goto_blocked.yaml", "map_and_show.yaml", "person_crosses.yaml")
-"""Their scanners take most of their time: `make test` drives by scanners in test_obstacle_missions.py,
-test_goto_missions.py and test_scan_map_runs.py."""
+SCANNING = ("blocked_path", "follow_shown", "goto_blocked", "goto_workshop", "map_and_show", "person_crosses")
+LONGEST = (TWIN, *(f"{name}.yaml" for name in SCANNING))
+"""The first is in simulation the figure eight once more. Scanners take most of the others' time: `make test` drives by
+scanners in test_obstacle_missions.py, test_goto_missions.py and test_scan_map_runs.py."""
 FAULTS = {
     "fault_recovery.yaml": ["DRV-25"],
     "retry_after_fault.yaml": ["DRV-25"],

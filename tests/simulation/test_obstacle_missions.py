@@ -69,6 +69,7 @@ def test_a_step_that_stays_blocked_ends_so(tmp_path: Path) -> None:
     assert all(post_to_robot(each.pose) > 0.03 for each in [*without.seen, *with_try.seen])
 
 
+@pytest.mark.exhaustive
 def test_each_step_may_have_its_own_rules(tmp_path: Path) -> None:
     away = {"follow": {**LONG["follow"], "obstacles": {"mode": "off", "reason": "the post is of foam"}}}
 
@@ -80,6 +81,7 @@ def test_each_step_may_have_its_own_rules(tmp_path: Path) -> None:
     assert seen.recompute().difference is None
 
 
+@pytest.mark.exhaustive
 def test_backwards_over_unknown_ground_is_blocked_unless_the_mission_allows_it(tmp_path: Path) -> None:
     back = {
         "follow": {"path": {"waypoints": [[0, 0], [-1, 0]]}, "follower": {"speed_m_s": 0.3}, "direction": "backward"}

@@ -119,7 +119,7 @@ def test_without_a_stop_nothing_drives(tmp_path: Path) -> None:
     source = "{angle: hard_stop, stop_deg: 178.0}"
     seen = run(straight(tmp_path, source), longest=120.0)
     assert seen.status == 1
-    assert "CAL-01" in {fault.id for fault in seen.faults}
+    assert "CAL-03" in {fault.id for fault in seen.faults}
     assert not seen.in_mode(Mode.FOLLOW)
 
 

@@ -132,6 +132,7 @@ def test_the_same_run_gives_the_same_fixes(tmp_path: Path) -> None:
     assert len(fixes(one)) > 20
 
 
+@pytest.mark.exhaustive
 def test_people_and_moved_furniture_do_not_mislead_it(tmp_path: Path) -> None:
     operator = [{"at_s": 20.0, "do": "end"}]
     mission = hall(tmp_path, followed(), HINT, furniture=FURNITURE, obstacles="off", simulation={"operator": operator})
@@ -158,6 +159,7 @@ def test_a_wrong_start_is_noticed_and_the_robot_looked_for(tmp_path: Path) -> No
     assert off(done.seen[-1]) < 0.04
 
 
+@pytest.mark.exhaustive
 def test_a_run_begins_where_the_last_one_ended(tmp_path: Path) -> None:
     true = {"x_m": 4.0, "y_m": 5.3, "heading_deg": 170}
     first = run(hall(tmp_path, standing(6.0), "last", true=true))

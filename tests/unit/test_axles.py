@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from math import atan2, cos, degrees, hypot, pi, radians, sin, tan
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from artemis.axles import Geometry, LinkageRow
 from artemis.calibration.kinematics import Kinematics, dead_reckoned, parameters_of
@@ -21,6 +23,7 @@ from artemis.motion.odometry import Odometer
 from artemis.motion.speed_profile import wheel_ratio
 from artemis.sim.vehicle import Chassis, fit_differential
 from artemis.sim.wheels import TrueLinkage
+from artemis.supervision.catalogue import ROWS
 from artemis.vehicle import RobotFile
 
 ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
@@ -229,3 +232,79 @@ def test_rows_that_a_robot_can_never_notice_say_so(capsys: pytest.CaptureFixture
     assert told.count("never noticed") == 1
     show_faults([], False, ROBOTS / "small_car.yaml")
     assert capsys.readouterr().out.count("never noticed") == 8
+
+
+# --------------------------------------------------------------------------------------------- what shows the angle
+
+CIA402 = {
+    "vendor_id": 0x3B9,
+    "operating_mode": 8,
+    "velocity_units_per_rpm": 1.0,
+    "acceleration_units_per_rpm_s": 1.0,
+    "option_codes": {"abort_connection": 3},
+}
+ENCODER = {"index": 0x60E4, "subindex": 2, "type": "i32"}
+
+
+def steered_by_cia402(tmp_path: Path, source: dict[str, object], **more: object) -> Path:
+    """The small car whose steering drive is described by the robot file alone."""
+    words = yaml.safe_load((ROBOTS / "small_car.yaml").read_text())
+    words["calibration"]["steering"]["middle"] = source
+    del words["drives"]["steering"]["gains"]
+    words["drives"]["steering"] |= {"family": "cia402", "hardware_version": 0x1234, "cia402": {**CIA402, **more}}
+    file = tmp_path / "robot.yaml"
+    file.write_text(yaml.safe_dump(words))
+    return file
+
+
+ABSOLUTE = {"angle": "absolute_encoder", "bits": 14, "mirrored": False, "zero_deg": 3.0}
+POTENTIOMETERS = {"zero_v": [2.5, 2.5], "slope_deg_per_v": [72.0, -72.0]}
+SWITCH = {"angle": "home_switch", "switch_deg": 5.0, "on_side": "right"}
+
+
+@pytest.mark.parametrize(
+    ("source", "problem"),
+    [
+        (ABSOLUTE, "drives.steering.cia402.absolute_encoder: this key is missing: its angle is read there"),
+        (POTENTIOMETERS, "drives.steering.cia402.analog_inputs: this key is missing: a steered wheel has two"),
+        ({**SWITCH, "switch_deg": -40.0}, "expected within the 40 degrees to which limits.steering_deg lets the motor"),
+    ],
+)
+def test_what_a_drive_does_not_show_is_named(source: dict[str, object], problem: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=re.escape(problem)):
+        load_model(steered_by_cia402(tmp_path, source), RobotFile)
+
+
+@pytest.mark.parametrize(
+    ("source", "shown"),
+    [
+        (ABSOLUTE, "0x60E4:2"),
+        (SWITCH, "0x60FD:0"),
+        ({"angle": "by_hand"}, None),
+        ({"angle": "hard_stop", "stop_deg": 50.0}, None),
+    ],
+)
+def test_a_drive_that_the_file_describes_shows_what_finds_the_angle(
+    source: dict[str, object], shown: str | None, tmp_path: Path
+) -> None:
+    described = load_model(steered_by_cia402(tmp_path, source, absolute_encoder=ENCODER), RobotFile)
+    drive = described.drives["steering"]
+    status, details = described.sent(drive)
+    assert status == drive.tables.sent["steering"][0]
+    assert [str(object) for object in details] == [*([shown] if shown else []), "0x606C:0"], "there is no current"
+    assert sum(object.type.size for object in details) <= 8
+    assert described.sent(described.drives["traction"]) == described.drives["traction"].tables.sent["traction"]
+
+
+@pytest.mark.parametrize(
+    ("name", "missed"),
+    [
+        ("artemis", {"CAL-03"}),
+        ("artemis_absolute", {"STE-03", "STE-04", "STE-07", "CAL-02"}),
+        ("small_car_switch", {"STE-03", "STE-04", "STE-05", "STE-06", "STE-07", "CAL-02"}),
+    ],
+)
+def test_rows_that_need_what_is_not_there_are_missed(name: str, missed: set[str]) -> None:
+    described = robot(name)
+    found = {id for id, row in ROWS.items() if id[:3] in ("STE", "CAL") and row.is_missed_by(described)}
+    assert found == missed

@@ -81,6 +81,7 @@ def test_damaged_relations_are_refused(tmp_path: Path, text: str, problem: str) 
         read_relations(tmp_path / "a.relations")
 
 
+@pytest.mark.exhaustive
 def test_a_log_is_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     line = "FLASER 5 2.0 2.0 2.0 2.0 2.0 0 0 0 0 0 0 {time} host 0\n"
     (tmp_path / "a.clf").write_text("".join(line.format(time=float(k)) for k in range(30)))

@@ -217,6 +217,7 @@ def test_a_trial_that_was_not_recorded_whole_keeps_nothing(
     assert (stored, robot_file(tmp_path)) == ([], ROBOT.read_text())
 
 
+@pytest.mark.exhaustive
 def test_a_recording_that_cannot_be_read_keeps_nothing_and_what_the_drives_have_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -232,6 +233,7 @@ def test_a_recording_that_cannot_be_read_keeps_nothing_and_what_the_drives_have_
     assert (stored, robot_file(tmp_path)) == ([], ROBOT.read_text())
 
 
+@pytest.mark.exhaustive
 def test_a_drive_that_takes_nothing_back_is_no_restored_one_and_keeps_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -245,6 +247,7 @@ def test_a_drive_that_takes_nothing_back_is_no_restored_one_and_keeps_nothing(
     assert stored == []
 
 
+@pytest.mark.exhaustive
 def test_a_trial_without_new_gains_has_nothing_to_restore(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert calibrate_gains(mission(tmp_path), Wanted(drives=(LEFT,), gains={}, tried=True)) == 0
     out = capsys.readouterr().out

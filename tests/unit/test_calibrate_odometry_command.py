@@ -47,6 +47,7 @@ def test_tables_are_fitted_checked_and_drawn(tmp_path: Path, capsys: pytest.Capt
     assert "Not estimated (nominal value kept)" in page
 
 
+@pytest.mark.exhaustive
 def test_a_truth_file_stands_for_the_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tables, truths = [], []
     for side in (1, -1):

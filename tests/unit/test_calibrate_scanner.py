@@ -90,6 +90,7 @@ def looked_around(mirrored: bool) -> ScannerDrive:
     return scanner_drive(ticks, "front", mounted())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_a_scanner_is_followed_by_its_scans_alone_whichever_way_up_it_is(mirrored: bool) -> None:
     drive = looked_around(mirrored)

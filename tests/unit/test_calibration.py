@@ -203,7 +203,7 @@ class TestFit:
         assert scale.value == 0.0
         assert "30 degrees" in scale.reason
 
-    @pytest.mark.sampled(2)
+    @pytest.mark.exhaustive
     @pytest.mark.parametrize(("headings", "laid_within"), [(True, 0.01), (False, 0.03)])
     def test_finds_the_tracker_and_its_clock(self, headings: bool, laid_within: float) -> None:
         values = hidden(10)
@@ -266,6 +266,7 @@ class TestFit:
 
 
 class TestRealRuns:
+    @pytest.mark.sampled(2)
     @pytest.mark.parametrize(
         ("headings", "within"),
         [

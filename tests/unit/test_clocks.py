@@ -25,6 +25,7 @@ def test_offset_and_drift_are_found(offset: float, drift: float, headings: bool)
     assert 0 < clock.offset_sigma < 0.02
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("begin", "end"), [(0.0, 60.0), (20.0, 40.0)])
 def test_the_uncertainties_are_those_of_repetition(begin: float, end: float) -> None:
     """Errors of the estimate, in units of its own standard deviations."""

@@ -12,7 +12,8 @@ from artemis.families.family import ENCODERS, MOTORS, SENSORS
 from artemis.families.objects import CONTROLWORD, POSITION, STATUSWORD
 
 every_family = pytest.mark.parametrize("family", FAMILIES.values(), ids=lambda family: family.name)
-GIVEN_IN_SOME_FILES = {"torque constant", "pulses", *(f"gain {number}" for number in range(7))}
+OF_AN_ENCODER = {"SSI frame", "SSI position", "SSI coding"}
+GIVEN_IN_SOME_FILES = {"torque constant", "pulses", *OF_AN_ENCODER, *(f"gain {number}" for number in range(7))}
 
 
 @every_family
@@ -28,6 +29,14 @@ def test_every_quantity_that_is_configured_is_known(family: Family) -> None:
 def test_no_object_is_configured_twice(family: Family) -> None:
     objects = [object for object, _ in family.configuration] + [code.setting.object for code in family.option_codes]
     assert len(objects) == len(set(objects))
+
+
+@every_family
+def test_what_measures_the_angle_instead_of_potentiometers_fits_their_pdo(family: Family) -> None:
+    rest = sum(object.type.size for object in family.sent["steering"][1] if object not in family.analog)
+    for object in (family.absolute, family.inputs):
+        assert object is None or object.type.size + rest <= 8
+    assert family.with_absolute.keys() <= set(family.choices)
 
 
 @every_family

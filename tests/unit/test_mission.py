@@ -281,6 +281,7 @@ OWN_NAMES = {"drives", "inputs", "true_robot"}
 """Mappings whose keys the writer chooses (or another schema than the mission's knows)."""
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("file", "path"),
     [(file, path) for file, path in KEYS if path[-2:-1] == () or path[-2] not in OWN_NAMES],

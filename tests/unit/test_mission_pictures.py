@@ -109,7 +109,7 @@ def test_watchers_and_regions() -> None:
     assert beside.count("--") == 2
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(6)
 def test_mermaid_by_its_grammar(some: Box) -> None:
     """Braces pair, names are unique, labels hold nothing that means something, and arrows stay within their state."""
     head, body = mermaid_of(some).split("stateDiagram-v2\n")

@@ -260,7 +260,12 @@ def test_the_late_answer_of_another_node_is_not_taken(protocol: SerialProtocol) 
 
     async def test(rig: SerialRig) -> None:
         late: list[bytes] = []
-        to_host, rig.wire.to_host = rig.wire.to_host, late.append  # type: ignore[method-assign]
+        to_host = rig.wire.to_host
+
+        def keep(data: bytes) -> None:
+            late.append(data)
+
+        rig.wire.to_host = keep  # type: ignore[method-assign]
         with pytest.raises(DeviceTimeout):
             await rig.objects(BEHIND).read(0x1018, 4, 4)
         rig.wire.to_host = to_host  # type: ignore[method-assign]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from sim_epos_rig import TRACTION_4, Rig
+from sim_epos_rig import STEERING_4, TRACTION_4, Rig
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
 
@@ -186,6 +186,43 @@ def test_all_received_pdos_are_valid_from_the_factory() -> None:
         rig.send(identifier, data)
     rig.run(0.5)
     assert rig.axis.velocity == pytest.approx(1000.0, rel=0.01), "target and controlword of one frame"
+
+
+def test_an_ssi_encoder_shows_the_bits_that_are_clocked_in() -> None:
+    rig = Rig(STEERING_4)
+    rig.axis.encoder = 0x1ABCD, 17
+    assert rig.read(0x60E4, 2, "i") == 0, "no such sensor from the factory"
+    rig.write(0x3000, 1, "I", 0x301)
+    assert rig.read(0x60E4, 2, "i") == 0x1ABCD >> 5, "12 bits from the factory"
+    rig.write(0x3012, 0xB, "I", 17)
+    assert rig.read(0x60E4, 2, "i") == rig.read(0x3012, 9, "I") == 0x1ABCD
+    rig.write(0x3012, 0xB, "I", 18)
+    assert rig.read(0x60E4, 2, "i") == 0x1ABCD << 1
+    rig.heard.clear()
+    rig.run(0.01)
+    assert rig.emergencies() == []
+
+
+def test_an_ssi_encoder_that_is_unplugged_is_an_error() -> None:
+    rig = Rig(STEERING_4)
+    rig.axis.encoder = 100, 12
+    rig.write(0x3000, 1, "I", 0x301)
+    rig.heard.clear()
+    rig.run(0.01)
+    assert rig.emergencies() == []
+    rig.axis.encoder = None
+    rig.run(0.01)
+    assert rig.emergencies() == [0x738D]
+    assert rig.read(0x60E4, 2, "i") == 0
+
+
+def test_the_home_switch_is_at_the_input_that_has_its_function_from_the_factory() -> None:
+    rig = Rig(STEERING_4)
+    assert rig.read(0x60FD, 0, "I") == 0
+    rig.axis.home = True
+    assert (rig.read(0x60FD, 0, "I"), rig.read(0x3141, 1, "H")) == (1 << 2, 1 << 2)
+    rig.write(0x3141, 2, "H", 1 << 2)
+    assert rig.read(0x60FD, 0, "I") == 0, "low is active"
 
 
 def test_an_input_has_its_stored_use_again_after_a_restart() -> None:

@@ -503,3 +503,16 @@ def test_process_data_follows_the_axis() -> None:
     rig.axis.position, rig.axis.analog = -70000.4, (1.0, 0.0)
     rig.send(0x80)
     assert rig.take(0x183) == [struct.pack("<iHh", -70000, -70000 & 0xFFFF, 1000)]
+
+
+def test_the_home_switch_is_seen_at_input_4_with_mask_and_polarity() -> None:
+    rig = Rig(STEERING)
+    assert rig.read(0x2071, 1, "H") == 0
+    rig.axis.home = True
+    assert rig.read(0x2071, 1, "H") == 1 << 2
+    rig.write(0x2071, 3, "H", 1 << 2)
+    assert rig.read(0x2071, 1, "H") == 0, "low is active"
+    rig.axis.home = False
+    assert rig.read(0x2071, 1, "H") == 1 << 2
+    rig.write(0x2071, 2, "H", 0xE003)
+    assert rig.read(0x2071, 1, "H") == 0, "masked"

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import math
 from math import radians
+from pathlib import Path
 from typing import Any
 
 import pytest
-from core_builders import PERIOD, ROBOT, STEERING, volts
+from core_builders import PERIOD, ROBOT, STEERING, drive, volts
 from msgspec.structs import replace
 from supervision_rig import DRIVING, REFERENCED, STEER_LEFT, STEER_RIGHT, STOPPING, Road, road
 
+from artemis.axles import AbsoluteEncoder
 from artemis.drive_states import DriveState, Goal
+from artemis.mission.loading import load_model
+from artemis.supervision.steered import SteeredWheelMonitor
 from artemis.supervision.wheels import Wheels
 from artemis.values import DriveCommand, JobKind, JobResult, Tracking
+from artemis.vehicle import RobotFile
 
 # ---------------------------------------------------------------------------------------------- steering
 
@@ -285,3 +290,16 @@ def test_robot_that_shall_stand_or_follows_nothing_makes_no_progress() -> None:
     assert progress((0.3, 1.0), (0.0, 1.0), (0.3, 1.0), (0.3, 1.0)) == [False, False, False, True]
     assert progress((0.3, 1.0), (0.3, None), (0.3, 1.0)) == [False] * 3
     assert progress((-0.3, 1.0), (-0.3, 1.0)) == [False, True]
+
+
+@pytest.mark.parametrize(("away", "there"), [(0.019, False), (-0.021, True), (0.1, True)])
+def test_an_absolute_encoder_is_held_against_the_motor_once_the_wheel_is_aligned(away: float, there: bool) -> None:
+    robot = load_model(Path(__file__).parents[2] / "missions/robots/artemis_absolute.yaml", RobotFile)
+    monitor, known = SteeredWheelMonitor(robot, "right", blind=False), robot.angle_source("right")
+    assert isinstance(known, AbsoluteEncoder)
+    shows = round((known.zero_deg - math.degrees(0.3)) / 360.0 * (1 << known.bits))  # it is mirrored
+    said = drive(STEER_RIGHT, position=0.3 + away, angle_sensor=shows, potentiometers=(0.0, 0.0))
+    assert monitor.read(said, 0.3 + away, turns=False) == []
+    monitor.learn(JobResult(id=1, kind=JobKind.REFERENCE, drive=STEER_RIGHT, ok=True))
+    found = {row: value for row, _, value, _ in monitor.read(said, 0.3 + away, turns=False)}
+    assert found == ({"STE-05": pytest.approx(abs(away), abs=1e-4)} if there else {})

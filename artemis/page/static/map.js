@@ -1,7 +1,8 @@
 // The map: what the robot knows of its surroundings, its path, the way that it drove, and itself to scale.
 const canvas = document.getElementById('map'), pen = canvas.getContext('2d');
 const view = {x: 0, y: 0, scale: 60, follow: true};
-const world = {about: null, state: null, path: [], trail: [], scan: null, map: null, image: null, odometry: null};
+const world = {about: null, state: null, path: [], trail: [], scan: null, map: null, image: null, odometry: null, extent: []};
+export const layers = []; // drawn between the way and the robot: layer(pen, size of a pixel in metres, colours)
 let dirty = true, colours = {};
 
 const scheme = matchMedia('(prefers-color-scheme: dark)');
@@ -30,6 +31,7 @@ export function showState(state) {
 }
 export function showPath(part) { world.path = part?.points ?? []; if (!world.moved) fit(); dirty = true; }
 export const hasPlace = () => world.path.length > 0 || world.map !== null;
+export function showExtent(points) { world.extent = points; if (!world.moved) fit(); } // seen with "All", too
 export function showTrail(points) { world.trail = points; dirty = true; }
 export function showScan(packed) {
   if (!packed) { world.scan = null; dirty = true; return; }
@@ -82,7 +84,7 @@ export function setFollow(on) {
   dirty = true;
 }
 export function fit() {
-  let points = [...world.path, ...world.trail];
+  let points = [...world.path, ...world.trail, ...world.extent];
   if (world.state) points.push(world.state.pose);
   if (world.map) {
     const {resolution: r, origin: [x, y], size: [columns, rows]} = world.map;
@@ -158,8 +160,9 @@ function draw() {
   drawGrid(width / scale, height / scale, pixel);
   line(world.path, colours.path, Math.max(0.05, 5 * pixel), []);
   line(world.trail, colours.way, 2.4 * pixel, []);
+  for (const layer of layers) layer(pen, pixel, colours);
   drawScan(pixel);
-  if (world.about && world.state && !world.state.lost) drawRobot(pixel);
+  if (world.about && world.state && !world.state.lost) drawRobot(pixel, world.about, world.state, colours);
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   drawScale(box);
   drawn.frames++; drawn.ms += performance.now() - begun;
@@ -187,7 +190,7 @@ function drawGrid(width, height, pixel) {
   pen.stroke();
 }
 
-function line(points, colour, width, dash) {
+export function line(points, colour, width, dash) {
   if (points.length < 2) return;
   pen.beginPath();
   pen.moveTo(points[0][0], points[0][1]);
@@ -205,8 +208,9 @@ function drawScan(pixel) {
   for (let index = 0; index < world.scan.length; index += 2) pen.fillRect(world.scan[index] / 100 - size / 2, world.scan[index + 1] / 100 - size / 2, size, size);
 }
 
-function drawRobot(pixel) {
-  const {outline: [front, rear, half], wheelbase, track, scrub, wheel} = world.about, {pose: [x, y, heading], std, wheels} = world.state;
+export function redraw() { dirty = true; }
+export function drawRobot(pixel, about, state, colours) {
+  const {outline: [front, rear, half], wheelbase, track, scrub, wheel} = about, {pose: [x, y, heading], std, wheels} = state;
   pen.save();
   pen.translate(x, y);
   if (std) {

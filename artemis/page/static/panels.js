@@ -77,7 +77,7 @@ function showInputs(inputs) {
 // ------------------------------------------------------------------------------------------ faults
 
 let known = new Set();
-export function showFaults(faults) {
+export function showFaults(faults, past = false) {
   const panel = $('faults'), now = new Set(faults.map(fault => `${fault.id} ${fault.device}`));
   $('fault-count').textContent = faults.length;
   $('fault-count').classList.toggle('some', faults.some(fault => fault.severity >= 3));
@@ -88,7 +88,7 @@ export function showFaults(faults) {
       ([term, words]) => [element('dt', {}, term), element('dd', {}, words)])))));
   if (!faults.length) panel.replaceChildren(element('p', {class: 'calm'}, '✓ Nothing is wrong.'));
   const fresh = faults.filter(fault => !known.has(`${fault.id} ${fault.device}`) && fault.severity >= 3);
-  if (fresh.length) { $('tab-faults').click(); announce(fresh.map(fault => `${SEVERITY[fault.severity]}: ${fault.id} ${fault.text}`).join('. ')); navigator.vibrate?.(200); }
+  if (fresh.length && !past) { $('tab-faults').click(); announce(fresh.map(fault => `${SEVERITY[fault.severity]}: ${fault.id} ${fault.text}`).join('. ')); navigator.vibrate?.(200); }
   known = now;
 }
 

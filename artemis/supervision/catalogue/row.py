@@ -6,7 +6,7 @@ from enum import Enum
 from math import inf
 from typing import NamedTuple
 
-from artemis.axles import OWN_SIDES
+from artemis.axles import OWN_SIDES, AbsoluteEncoder, Potentiometers
 from artemis.values import Severity
 from artemis.vehicle import RobotFile
 
@@ -95,6 +95,8 @@ class Requirement(Enum):
     STEERING_MOTORS = "a steering motor at each front wheel"
     TRACTION_MOTORS = "a traction motor at each driven wheel"
     POTENTIOMETERS = "potentiometers of the steering"
+    ANGLE_SENSORS = "potentiometers or absolute encoders of the steering"
+    SEARCH = "a steering whose angle no potentiometers measure"
 
 
 class Row(NamedTuple):
@@ -132,4 +134,8 @@ class Row(NamedTuple):
                 return robot.sides("traction") != OWN_SIDES
             case Requirement.POTENTIOMETERS:
                 return not robot.has_potentiometers
+            case Requirement.ANGLE_SENSORS:
+                return not isinstance(robot.angle_source("left"), Potentiometers | AbsoluteEncoder)
+            case Requirement.SEARCH:
+                return robot.has_potentiometers
         return False

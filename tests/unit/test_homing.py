@@ -1,0 +1,248 @@
+"""Where the wheels stand without potentiometers: found by what the robot has, or refused with what was seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import degrees, radians
+from pathlib import Path
+from typing import Any
+
+import pytest
+from core_builders import PERIOD, drive, snapshot
+
+from artemis.drive_states import DriveState, Goal
+from artemis.families.family import HOME_INPUT
+from artemis.mission.loading import load_model
+from artemis.motion.limits import Gate
+from artemis.motion.potentiometers import encoder_angle
+from artemis.states.homing import SLOW, find_angles
+from artemis.states.mode import Failed
+from artemis.states.plan import Plan, Shared
+from artemis.values import DriveFeedback, JobKind, JobResult, Request, SetPoints, Snapshot, Wish
+from artemis.vehicle import RobotFile
+
+ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
+LEFT, RIGHT = "steer-left", "steer-right"
+
+
+def described(name: str, **middle: object) -> RobotFile:
+    """A robot of the examples, with other words about its steering motor."""
+    robot = load_model(ROBOTS / f"{name}.yaml", RobotFile)
+    if not middle:
+        return robot
+    steering = robot.calibration.steering.model_copy(
+        update={"middle": robot.angle_source("middle").model_copy(update=middle)}
+    )
+    return robot.model_copy(update={"calibration": robot.calibration.model_copy(update={"steering": steering})})
+
+
+def switch(on_from: float, on_side: str) -> Callable[[float], int]:
+    """A home switch by the true angle of the motor [degrees]."""
+    return lambda angle: HOME_INPUT if (angle >= on_from) is (on_side == "left") else 0
+
+
+@dataclass(kw_only=True)
+class Machine:
+    """The gate of a robot, and drives that obey it at once; `angles` are the true ones [degrees] of its steering."""
+
+    robot: RobotFile
+    angles: dict[str, float]
+    shows: Callable[[float], int] = lambda angle: 0
+    """What the sensor at the wheel shows, by the true angle [degrees]."""
+    stops: tuple[float, float] = (-180.0, 180.0)
+    requests: tuple[Request, ...] = ()
+    attended: bool = True
+    counted: dict[str, float] = field(default_factory=dict)
+    """What the drives count less the true angle [rad]."""
+    phases: set[str] = field(default_factory=set)
+
+    def find(self, longest: float = 120.0) -> None:
+        """Let the routine run to its end."""
+        shared = Shared(Plan(robot=self.robot, steps=()))
+        gate, points, time, results = Gate(self.robot, PERIOD), SetPoints(), 0.0, tuple[JobResult, ...]()
+        states = dict.fromkeys(self.robot.drives, DriveState.SWITCH_ON_DISABLED)
+        routine = find_angles(shared, self.seen(time, states, points, results))
+        wish: Wish = next(routine)
+        while time < longest:
+            time += PERIOD
+            self.phases.add(wish.phase)
+            for name, described in self.robot.drives.items():
+                goal = wish.steering if described.role == "steering" else wish.traction
+                states[name] = DriveState.OPERATION_ENABLE if goal is Goal.ENABLED else DriveState.SWITCH_ON_DISABLED
+            points = gate.limit(wish.command, points, PERIOD)
+            self.turn(points, states)
+            results = tuple(
+                JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True) for job in wish.jobs if self.learn(job)
+            )
+            if any(job.kind is JobKind.REFERENCE for job in wish.jobs):
+                points = self.standing()
+            try:
+                wish = routine.send(self.seen(time, states, points, results))
+            except StopIteration:
+                return
+        raise AssertionError(f"no end within {longest} s, in {wish.phase}")
+
+    def turn(self, points: SetPoints, states: dict[str, DriveState]) -> None:
+        """Motors that are on turn as they are told, up to the stops."""
+        for name, angle in self.angles.items():
+            if states[name] is DriveState.OPERATION_ENABLE:
+                told = points.steering_right if name == RIGHT else points.steering_left
+                wanted = degrees(told - self.counted.get(name, 0.0))
+                self.angles[name] = min(max(wanted, self.stops[0]), self.stops[1]) if angle != wanted else angle
+
+    def learn(self, job: Any) -> bool:  # noqa: ANN401
+        if job.kind is JobKind.REFERENCE:
+            self.counted[job.drive] = job.value - radians(self.angles[job.drive])
+        return True
+
+    def position(self, name: str) -> float:
+        return radians(self.angles[name]) + self.counted.get(name, 0.0)
+
+    def standing(self) -> SetPoints:
+        positions = [self.position(name) for name in self.angles]
+        return SetPoints(steering=positions[0], steering_left=positions[0], steering_right=positions[-1])
+
+    def seen(
+        self, time: float, states: dict[str, DriveState], points: SetPoints, results: tuple[JobResult, ...]
+    ) -> Snapshot:
+        said: list[DriveFeedback] = []
+        for name in self.robot.drives:
+            steers = name in self.angles
+            values = {"position": self.position(name), "angle_sensor": self.shows(self.angles[name])} if steers else {}
+            said.append(drive(name, state=states[name], potentiometers=(0.0, 0.0), **values))
+        more: dict[str, Any] = {"requests": self.requests, "attended": self.attended}
+        return snapshot(time, set_points=points, drives=tuple(said), results=results, **more)
+
+    @property
+    def errors(self) -> list[float]:
+        """Of what the drives count at the end [degrees]."""
+        return [degrees(self.position(name)) - angle for name, angle in self.angles.items()]
+
+    def refused(self) -> tuple[str, str, str]:
+        """Row, device and words of the fault with which the routine ends."""
+        with pytest.raises(Failed) as caught:
+            self.find()
+        fault = caught.value.fault
+        return fault.id, fault.device, fault.text
+
+
+# -------------------------------------------------------------------------------------------------------- home switch
+
+
+@pytest.mark.parametrize("on_side", ["left", "right"])
+@pytest.mark.parametrize("place", [12.5, -38.0, 0.0])
+@pytest.mark.parametrize("start", [-44.0, 12.4, 45.0])
+def test_a_home_switch_is_found_from_wherever_the_wheel_stands(on_side: str, place: float, start: float) -> None:
+    robot = described("small_car_switch", switch_deg=place, on_side=on_side)
+    car = Machine(robot=robot, angles={"steering": start}, shows=switch(place, on_side))
+    car.find()
+    assert car.errors == pytest.approx([0.0], abs=0.006)  # half of what it creeps in a tick
+    assert car.angles["steering"] == pytest.approx(0.0, abs=0.51)
+    assert "looking for the home switch" in car.phases
+
+
+@pytest.mark.parametrize("always", [0, HOME_INPUT])
+def test_a_home_switch_that_never_changes_is_told(always: int) -> None:
+    car = Machine(robot=described("small_car_switch"), angles={"steering": 7.0}, shows=lambda angle: always)
+    id, device, text = car.refused()
+    assert (id, device) == ("CAL-03", "steering")
+    assert "no change of the home switch within 160 degrees" in text
+
+
+def test_a_motor_that_is_held_before_its_switch_changes_is_told() -> None:
+    car = Machine(
+        robot=described("small_car_switch"), angles={"steering": 7.0}, shows=switch(40.0, "left"), stops=(-30.0, 30.0)
+    )
+    assert "held before its home switch changes" in car.refused()[2]
+
+
+def test_a_switch_that_is_on_to_both_sides_is_told() -> None:
+    """Once it was seen it stays on: it sticks."""
+    passed: list[float] = []
+
+    def stuck(angle: float) -> int:
+        passed.extend([angle] if angle >= 12.5 else [])
+        return HOME_INPUT if passed else 0
+
+    car = Machine(robot=described("small_car_switch"), angles={"steering": 7.0}, shows=stuck)
+    assert "its home switch is on to both sides" in car.refused()[2]
+
+
+def test_a_switch_that_does_not_go_on_again_is_told() -> None:
+    """A contact that closed once, or a disturbance on the cable."""
+    seen: list[float] = []
+
+    def once(angle: float) -> int:
+        seen.append(angle)
+        return HOME_INPUT if len(seen) == 60 else 0
+
+    car = Machine(robot=described("small_car_switch"), angles={"steering": 7.0}, shows=once)
+    assert "its home switch does not go on where it did before" in car.refused()[2]
+
+
+# ----------------------------------------------------------------------------------------------------------- encoders
+
+
+def counts(robot: RobotFile, side: str, angle: float) -> int:
+    """What a good encoder shows at a true angle [degrees], of the robot file's zero and sense of rotation."""
+    source: Any = robot.angle_source(side)
+    turned = -angle if source.mirrored else angle
+    counts_per_turn = 1 << int(source.bits)
+    return int(round((source.zero_deg + turned) / 360.0 * counts_per_turn) % counts_per_turn)
+
+
+def absolute(left: float, right: float) -> Machine:
+    robot = described("artemis_absolute")
+    shown = {left: counts(robot, "left", left), right: counts(robot, "right", right)}
+    return Machine(robot=robot, angles={LEFT: left, RIGHT: right}, shows=lambda angle: shown.get(angle, 0))
+
+
+def test_absolute_encoders_are_read_once() -> None:
+    car = absolute(7.0, -4.0)
+    car.find()
+    assert car.errors == pytest.approx([0.0, 0.0], abs=360 / 2**17)
+    assert "reading absolute encoders" in car.phases
+
+
+@pytest.mark.parametrize(("left", "right", "named"), [(100.0, 0.0, LEFT), (0.0, -140.0, RIGHT)])
+def test_an_encoder_that_shows_what_no_wheel_turns_to_is_refused(left: float, right: float, named: str) -> None:
+    id, device, text = absolute(left, right).refused()
+    assert (id, device) == ("CAL-03", named)
+    assert f"shows {left or right:.0f} degrees, farther than the wheel turns" in text
+
+
+def test_a_full_turn_is_no_turn() -> None:
+    known: Any = described("artemis_absolute").angle_source("left")
+    near = known.model_copy(update={"zero_deg": 359.0, "bits": 12})
+    assert degrees(encoder_angle(0, near)) == pytest.approx(1.0)
+    assert degrees(encoder_angle(4095, near)) == pytest.approx(1.0 - 360 / 4096)
+    assert degrees(encoder_angle(0, near.model_copy(update={"mirrored": True}))) == pytest.approx(-1.0)
+
+
+# --------------------------------------------------------------------------------------------------- stops, and hands
+
+
+@pytest.mark.parametrize("stop", [47.0, -47.0])
+@pytest.mark.parametrize("start", [7.0, 44.0, -46.0])
+def test_a_hard_stop_is_found_and_then_the_angle_is_known(stop: float, start: float) -> None:
+    car = Machine(robot=described("small_car", stop_deg=stop), angles={"steering": start}, stops=(-47.0, 47.0))
+    car.find()
+    assert car.errors == pytest.approx([0.0], abs=degrees(SLOW) * PERIOD)
+
+
+def test_no_hard_stop_is_told() -> None:
+    id, device, text = Machine(robot=described("small_car"), angles={"steering": 7.0}).refused()
+    assert (id, device) == ("CAL-03", "steering")
+    assert "no hard stop within 160 degrees" in text
+
+
+def test_a_person_who_does_not_answer_ends_it() -> None:
+    robot = load_model(ROBOTS / "small_car.yaml", RobotFile).model_dump(exclude_unset=True)
+    robot["calibration"]["steering"] = {"middle": {"angle": "by_hand"}}
+    by_hand = RobotFile.model_validate(robot)
+    car = Machine(robot=by_hand, angles={"steering": 0.0}, attended=False)
+    assert car.refused()[0] == "CAL-01"
+    car = Machine(robot=by_hand, angles={"steering": 0.0}, requests=(Request.ACCEPT,))
+    car.find()
+    assert car.errors == [0.0]
