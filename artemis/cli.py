@@ -16,7 +16,7 @@ import typer
 
 from artemis.commands.calibrate import MissionFile, calibrate
 from artemis.commands.map import maps
-from artemis.commands.page_options import PageAddress, PagePort, PageTls
+from artemis.commands.page_options import PageAddress, PagePort, PageTls, page
 from artemis.commands.path import paths
 from artemis.commands.plugin import plugins
 from artemis.errors import ArtemisError, ConfigError, RecordingError
@@ -34,6 +34,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+app.command()(page)
 app.add_typer(plugins, name="plugins")
 app.add_typer(maps, name="map")
 app.add_typer(paths, name="path")
@@ -68,31 +69,17 @@ def run(
     page_port: PagePort = None,
     page_address: PageAddress = None,
     page_tls: PageTls = None,
+    started_by_page: Annotated[str | None, typer.Option(metavar="HASH", hidden=True)] = None,
 ) -> None:
     """Run a mission: bring the drives up, align, do its steps, stop, leave a recording and a report."""
     from artemis.commands.page import page_options
     from artemis.commands.run import run_and_report
 
     options = page_options(page_port, page_address, page_tls)
-    raise typer.Exit(run_and_report(mission, simulate, resume, options if page or options else None))
-
-
-@app.command()
-def page(
-    what: Annotated[str, typer.Argument(metavar="pair|certificate", help="pair: a code for one more browser.")],
-    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME...]", help="certificate: also for these.")] = None,
-    page_port: PagePort = None,
-    page_address: PageAddress = None,
-) -> None:
-    """Pair one more browser with the page of `run --page`, or make certificates for pages that other computers open."""
-    from artemis.commands.page import certify, pair
-
-    if what == "certificate":
-        certify(names or [])
-    elif what == "pair" and not names:
-        pair(page_port, page_address)
-    else:
-        raise ConfigError(f"page: expected pair, or certificate with names; found {' '.join([what, *(names or [])])}")
+    if started_by_page is not None:  # with the hash of what was checked there
+        options["started_by_page"] = True
+    served = options if page or options else None
+    raise typer.Exit(run_and_report(mission, simulate, resume, served, started_by_page))
 
 
 @app.command()
@@ -102,8 +89,14 @@ def check(
         int, typer.Option(metavar="N", min=0, max=100_000, help="Also which steps N random walks never reach.")
     ] = 0,
     seed: Annotated[int, typer.Option(help="Of the random walks.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="A line of JSON for each, for programs.")] = False,
+    with_page: Annotated[bool, typer.Option("--page", help="As `run --page` runs them; goes with --json.")] = False,
 ) -> None:
     """Say everything that `run` would refuse, without moving."""
+    if as_json:
+        from artemis.commands.check import tell_as_json
+
+        raise typer.Exit(0 if tell_as_json(missions, page=with_page) else REFUSED)
     from artemis.mission.loading import load_mission
     from artemis.mission.random_walks import walked
 

@@ -77,6 +77,7 @@ def plan_from(loaded: LoadedMission) -> Plan:
         policies=policies,
         found=found,
         obstacles=rules,
+        armed=not loaded.mission.supervision.wait_for_arm,
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from datetime import datetime
+from hashlib import sha256
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
@@ -216,6 +217,14 @@ class RunRecord:
 def files_of(loaded: LoadedMission, source: FilePath) -> dict[str, bytes]:
     """The mission's file and all that it names."""
     return {**loaded.files, source.name: source.read_bytes()}
+
+
+def content_hash(loaded: LoadedMission, source: FilePath) -> str:
+    """Of the mission's file and all that it names, with their names (SHA-256)."""
+    known = sha256()
+    for name, content in sorted(files_of(loaded, source).items()):
+        known.update(sha256(name.encode()).digest() + sha256(content).digest())
+    return known.hexdigest()
 
 
 def provenance_of(

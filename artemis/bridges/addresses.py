@@ -22,8 +22,10 @@ def check_address(address: str) -> str:
 ListenAddress = Annotated[str, AfterValidator(check_address)]
 
 
-def bound(address: str, port: int = 0, *, listening: bool = False) -> socket.socket:
+def bound(address: str, port: int = 0, *, listening: bool = False, shared: bool = False) -> socket.socket:
     """A TCP socket at an address and a port; 0: any that is free. It takes connections where it is `listening`.
+
+    A `shared` port may be bound by other processes of the same user, if they share it, too (SO_REUSEPORT, socket(7)).
 
     Raises:
         OSError: this computer has no such address, or the port is taken.
@@ -32,6 +34,8 @@ def bound(address: str, port: int = 0, *, listening: bool = False) -> socket.soc
     try:
         if port:
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if shared:
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
         made.bind((address, port))
         if listening:
             made.listen()

@@ -10,8 +10,6 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from enum import Enum
 from importlib.metadata import PackageNotFoundError, entry_points, requires, version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +18,8 @@ from packaging.requirements import Requirement
 
 from artemis import clock
 from artemis.build import described
+from artemis.commands.doctor_page import page_findings, priority
+from artemis.commands.findings import FAILURE, NOTE, OK, WARNING, Finding
 from artemis.errors import ConfigError, DeviceLost
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.planning import is_simulated
@@ -39,27 +39,6 @@ PERIOD, SECONDS = 0.02, 5.0
 PATIENCE = 10.0
 """A program of the system has this long to answer [s]."""
 NETWORK = Path("/sys/class/net")
-
-
-class Grade(Enum):
-    """How bad it is; only a failure changes the exit status."""
-
-    OK = "ok"
-    NOTE = "note"
-    WARNING = "warning"
-    FAILURE = "FAILURE"
-
-
-OK, NOTE, WARNING, FAILURE = Grade
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One line of the table, and what to do about it."""
-
-    grade: Grade
-    what: str
-    remedy: str = ""
 
 
 def examine(mission: Path | None, *, report: bool) -> int:
@@ -83,7 +62,9 @@ def examine(mission: Path | None, *, report: bool) -> int:
     failed |= _show("CAN", _can(loaded), report)
     failed |= _show("input devices", _inputs(), report)
     failed |= _show("disk", _disk(loaded, mission), report)
+    failed |= _show("page for operators", page_findings(), report)
     failed |= _show("clock", _clock(), report)
+    failed |= _show("priority", priority(), report)
     failed |= _show(f"timing: {SECONDS:g} s of {1 / PERIOD:g} ticks a second", _timing(), report)
     for point in sorted(entry_points(group=CHECKS)):
         failed |= _show(point.name, _of_others(point.load), report)

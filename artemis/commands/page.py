@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from ipaddress import ip_address
 from pathlib import Path
@@ -35,6 +35,14 @@ def page_options(port: int | None, address: str | None, tls: tuple[Path, Path] |
     return given
 
 
+def config_from(options: Mapping[str, Any]) -> PageObserverConfig:
+    """The page's observer with these keys. Raises ConfigError."""
+    try:
+        return PageObserverConfig.model_validate(options)
+    except ValidationError as error:
+        raise ConfigError([str(problem["msg"]) for problem in error.errors()]) from None
+
+
 def page_of(loaded: LoadedMission) -> PageObserverConfig | None:
     """The page that a run of the mission serves; None: it serves none."""
     for use in loaded.mission.observers.values():
@@ -54,12 +62,7 @@ def certify(given: Sequence[str]) -> None:
 
 def pair(port: int | None, address: str | None) -> None:
     """Say how one more browser is paired. Raises ConfigError."""
-    given = page_options(port, address, None)
-    try:
-        config = PageObserverConfig.model_validate(given)
-    except ValidationError as error:
-        raise ConfigError([str(problem["msg"]) for problem in error.errors()]) from None
-    announce(config)
+    announce(config_from(page_options(port, address, None)))
 
 
 def announce(config: PageObserverConfig | None) -> None:

@@ -14,8 +14,10 @@ from textwrap import shorten
 from typing import Any
 
 from artemis.app import Outcome, Watch, resumption_from, run_mission
+from artemis.attendance import Operator
 from artemis.commands.live import LiveView
 from artemis.commands.page import announce, page_of
+from artemis.commands.started import page_that_started, told_to
 from artemis.commands.terminal import (
     ACCEPT_KEYS,
     ANSWER_KEYS,
@@ -30,6 +32,7 @@ from artemis.devices.can_bus import place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
+from artemis.notify import ServiceManager
 from artemis.planning import (
     asks,
     check_drivable,
@@ -48,17 +51,22 @@ from artemis.report.mission_boxes import name_of
 from artemis.report.page import write_report
 from artemis.report.series import read_series
 from artemis.report.summary import Summary, consumption, summary
+from artemis.run_record import content_hash
 from artemis.states.whereabouts import counts
 from artemis.values import Request
 
 
 def run_and_report(
-    source: Path, simulate: bool, resume: Path | None = None, page: Mapping[str, Any] | None = None
+    source: Path,
+    simulate: bool,
+    resume: Path | None = None,
+    page: Mapping[str, Any] | None = None,
+    checked: str | None = None,
 ) -> int:
     """Run the mission in `source`, print the summary, write its report. Returns the exit status.
 
     `resume` is an earlier run of it, to go on with where that stopped; `page`: serve a page for operators, with these
-    keys of its observer.
+    keys of its observer. A run that `artemis page` starts is of what was `checked` there (`content_hash`).
 
     Raises:
         ConfigError: the mission, or its resume_point, is refused; nothing has moved.
@@ -66,8 +74,11 @@ def run_and_report(
         RecordingError: the run's folder cannot be made, or has no room; nothing has moved.
     """
     loaded = load_mission(source, simulate, page=page)
+    if checked is not None and checked != content_hash(loaded, source):
+        raise ConfigError(f"{source}: it, or a file that it names, has changed since it was checked: look at it again")
     resume_point = _resumption(loaded, source, resume, simulate)
-    outcome = run_in_sight(loaded, source, simulate, resume_point)
+    started_by = None if checked is None else page_that_started()
+    outcome = run_in_sight(loaded, source, simulate, resume_point, started_by=started_by)
     if outcome.failed:
         with suppress(ConfigError):  # then it cannot be gone on with; why is said to who tries
             resumption_from(loaded, source, outcome.run.path, simulate)
@@ -76,14 +87,15 @@ def run_and_report(
 
 
 def _with_answers(
-    loaded: LoadedMission, keys: Mapping[bytes, Request | str], hint: str
+    loaded: LoadedMission, keys: Mapping[bytes, Request | str], hint: str, simulated: bool
 ) -> tuple[Mapping[bytes, Request | str], str]:
     """Keys and their hint, with those for what the mission, or the bring-up of its robot, asks a person."""
     if asks(loaded):
         keys, hint = {**keys, **ANSWER_KEYS}, f"{hint}; {ANSWERING}"
     if straight_by_hand(loaded):
         keys, hint = {**keys, **ACCEPT_KEYS}, f"{hint}; enter accepts that the wheels stand straight"
-    return keys, hint
+    driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
+    return keys, f"{hint}; {DRIVING}" if driving else hint
 
 
 def run_in_sight(
@@ -95,6 +107,7 @@ def run_in_sight(
     keys: Mapping[bytes, Request | str] = KEYS,
     hint: str = HINT,
     then: Callable[[Outcome], None] = lambda outcome: None,
+    started_by: Operator | None = None,
 ) -> Outcome:
     """Run a loaded mission with its live view, print the summary, write its page.
 
@@ -107,6 +120,7 @@ def run_in_sight(
         keys: What the keys of the terminal ask for.
         hint: Names them.
         then: Is called as soon as the run is over, before the summary: what must not be missed if that breaks off.
+        started_by: Listens to the program that started it, and attends it; None: a terminal, or nobody, does.
 
     Raises:
         ConfigError: nothing is driven over its bus; nothing has moved.
@@ -115,19 +129,18 @@ def run_in_sight(
     """
     simulated, fast = is_simulated(loaded, simulate), is_fast(loaded, simulate)
     check_drivable(loaded, source, simulated)
-    keys, hint = _with_answers(loaded, keys, hint)
-    operator = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
+    keys, hint = _with_answers(loaded, keys, hint, simulated)
+    at_keys = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
+    operator = started_by or at_keys
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
         _print("warning", warning)
     for remark in loaded.remarks:
         _print("path", remark)
-    driving = any(use.plugin == "keyboard" for use in inputs_used(loaded, simulated).values())
-    hint = f"{hint}; {DRIVING}" if driving else hint
-    keys_work = hint if operator else ""
-    announce(page_of(loaded))
-    robot = loaded.robot
-    title = _title(loaded, simulated)
+    keys_work = hint if at_keys and not started_by else ""
+    if not started_by:
+        announce(page_of(loaded))
+    robot, title = loaded.robot, _title(loaded, simulated)
     view = LiveView(title, keys_work, terminate, robot.bitrate, robot.errors, partial(_where, loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")
@@ -136,7 +149,7 @@ def run_in_sight(
         loaded,
         source,
         simulate=simulate,
-        watch=watch,
+        watch=told_to(ServiceManager(), watch),
         observers={"live view": view},
         operator=operator,
         resume_point=resume_point,

@@ -14,6 +14,8 @@ from artemis.states.outline import steps_in
 
 PAGE = "page"
 """The plugins' name, and theirs in the mission."""
+STARTED_BY_PAGE = "started_by_page"
+"""The observer's key in a run that `artemis page` started."""
 
 
 def has_page(mission: Mapping[str, Any]) -> bool:
@@ -28,7 +30,7 @@ def add_page(mission: dict[str, Any], options: Mapping[str, Any]) -> None:
 
     An input `page` becomes the last, by priority, of every step by hand; it drives no faster than the slowest of the
     mission's inputs. On its map may be set what a step or the localizer takes. What the mission says of a page itself
-    stays, but for the `options` of its observer.
+    stays, but for the `options` of its observer. A run that a page started waits for arm.
 
     Raises:
         ConfigError: the mission has something else of that name.
@@ -53,6 +55,8 @@ def add_page(mission: dict[str, Any], options: Mapping[str, Any]) -> None:
     if used is None:
         used = observers[PAGE] = {"plugin": PAGE, "input": name}
     used.update(options)
+    if options.get(STARTED_BY_PAGE):  # by somebody who may be far away: an operator's own act arms
+        _section(mission, "supervision")["wait_for_arm"] = True
     simulation = mission.get("simulation")
     if isinstance(simulation, dict) and simulation.get("pace") == "fast":
         simulation["pace"] = "real_time"

@@ -65,6 +65,8 @@ class Supervision(Config):
 
     stop_distance_m: Annotated[float, Field(gt=0, le=10)] = 0.6
     """A quick stop from the highest speed of the mission must need no more than this."""
+    wait_for_arm: bool = False
+    """The drives are enabled only once an operator arms; otherwise the start of the run is the first arm."""
 
 
 class RecoveryPolicy(Config):

@@ -54,6 +54,8 @@ class PageObserverConfig(Config):
     """Names by which browsers reach it besides this computer's own; addresses in numbers always do."""
     input: str = "page"
     """The name of the mission's input with `plugin: page` that is given what operators want."""
+    started_by_page: bool = False
+    """`artemis page` started the run; it holds the port, too, and answers there before and after."""
 
     @model_validator(mode="after")
     def _encrypted(self) -> Self:
@@ -75,6 +77,29 @@ def url_of(config: PageObserverConfig) -> str:
     return f"{'https' if config.tls else 'http'}://{host}:{config.port}"
 
 
+def check_installed(what: str) -> None:
+    """Nothing, where the extra is installed that `what` needs. Raises ConfigError."""
+    for package in ("starlette", "uvicorn", "websockets", "segno"):
+        if find_spec(package) is None:
+            raise ConfigError(f"{what} needs the package {package}: {INSTALL}")
+
+
+def files_of_tls(config: PageObserverConfig, folder: Path, name: str) -> tuple[Path, Path] | None:
+    """Certificate and key of the page `name`, by names that are relative to a folder; None: it needs none.
+
+    Raises:
+        ConfigError: one of them is bad.
+    """
+    if config.tls is None:
+        return None
+    files = folder / config.tls.certificate, folder / config.tls.key
+    try:
+        tls_context(*files)
+    except ConfigError as error:
+        raise ConfigError(f"{name}: {error}") from None
+    return files
+
+
 class PageObserver:
     """Serves the page. In a run its port is taken when it is made."""
 
@@ -91,16 +116,8 @@ class PageObserver:
             ConfigError: the extra is not installed, the port is in use, this computer has no such address, or a file of
                 TLS or the page's key is bad.
         """
-        for package in ("starlette", "uvicorn", "websockets", "segno"):
-            if find_spec(package) is None:
-                raise ConfigError(f"{context.name}: plugin: page needs the package {package}: {INSTALL}")
-        tls = config.tls
-        files = None if tls is None else (context.folder / tls.certificate, context.folder / tls.key)
-        if files is not None:
-            try:
-                tls_context(*files)
-            except ConfigError as error:
-                raise ConfigError(f"{context.name}: {error}") from None
+        check_installed(f"{context.name}: plugin: page")
+        files = files_of_tls(config, context.folder, context.name)
         mission = mission_in(context.mission)
         self._view = PageView(context.robot, mission, context.routes, context.map, config.input)
         self._complaints = Complaints(context.name, "browser")
@@ -160,7 +177,7 @@ class _ServerThread(LoopThread):
     ) -> None:
         key = read_key(key_place())
         try:
-            self._socket = bound(config.listen, config.port, listening=True)
+            self._socket = bound(config.listen, config.port, listening=True, shared=config.started_by_page)
         except OSError as error:
             raise ConfigError(f"{name}: {config.listen}, port {config.port}: {error.strerror}") from None
         self._config, self._view, self._files, self._key, self._runs = config, view, files, key, runs
@@ -186,7 +203,8 @@ class _ServerThread(LoopThread):
 
     async def _main(self, end: asyncio.Event) -> None:
         from artemis.page.hub import Hub
-        from artemis.page.server import PageServer, serve
+        from artemis.page.paired import serve
+        from artemis.page.server import PageServer
 
         config = self._config
         hub = Hub((os.getppid(), os.getpid()), config.input, self._zones)

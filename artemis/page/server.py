@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import cache
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import msgspec
-import segno
-import uvicorn
-from starlette.applications import Starlette
-from starlette.requests import HTTPConnection, Request
-from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
-from starlette.types import ASGIApp, Receive, Scope
-from starlette.types import Send as AsgiSend
 from starlette.websockets import WebSocket, WebSocketDisconnect
-from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from artemis.bridges.operator.frames import MalformedFrame
-from artemis.bridges.operator.server import tls_context
 from artemis.bridges.page.session import StopPress, said
-from artemis.page.access import Access, grouped, new_code
+from artemis.page.access import Access
 from artemis.page.hub import Hub
+from artemis.page.paired import BUSY, HEADERS, REFUSED, PairedServer, body_of, file_answer, peer_of
 from artemis.page.runs_server import PastRuns
 
 RATE = 20.0
@@ -38,145 +29,56 @@ QUIET = 0.4
 SLOW = 2.0
 """A browser that does not take a message for so long is let go [s]."""
 MOST_WATCHING, MOST_WAITING = 16, 64
-MOST_BODY = 512
-MOST_CONNECTIONS, FIRST_REQUEST = 256, 3.0
-"""At once; and how long one may say nothing at first [s]."""
-STATIC, SHARED = Path(__file__).with_name("static"), Path(__file__).parents[1] / "static"
-"""The page's own files, and those that the reports of runs have, too."""
-TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
-HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
-}
-_GONE, _REFUSED, _BUSY = 1001, 4403, 4429
 
 
-@cache
-def static_file(name: str) -> tuple[bytes, str, str] | None:
-    """Content, type and tag of a file of the page; None: there is none."""
-    path = (SHARED if name.startswith("uplot/") else STATIC) / name
-    inside = ".." not in name and any(path.is_relative_to(folder) for folder in (STATIC, SHARED))
-    if not inside or path.suffix not in TYPES or not path.is_file():
-        return None
-    content = path.read_bytes()
-    return content, TYPES[path.suffix], f'"{sha256(content).hexdigest()[:16]}"'
-
-
-class AccessCheck:
-    """Lets nothing pass that another site has a browser ask for."""
-
-    def __init__(self, app: ASGIApp, access: Access) -> None:
-        self._app, self._access = app, access
-
-    async def __call__(self, scope: Scope, receive: Receive, send: AsgiSend) -> None:
-        """Answer, or pass on."""
-        if scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
-            return
-        seen = HTTPConnection(scope)
-        host, origin = seen.headers.get("host", ""), seen.headers.get("origin")
-        changes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
-        ours = self._access.is_our_host(host)
-        if not ours or ((changes or origin) and not self._access.is_our_origin(origin, host)):
-            if scope["type"] == "websocket":
-                await WebSocket(scope, receive, send).close(_REFUSED)
-            else:
-                await Response("not for pages of other sites\n", 403, HEADERS)(scope, receive, send)
-            return
-        await self._app(scope, receive, send)
-
-
-class PageServer:
-    """Routes and connections."""
+class PageServer(PairedServer):
+    """Routes and connections of a run."""
 
     def __init__(self, hub: Hub, access: Access, key: bytes, url: str, runs: Sequence[Path] = ()) -> None:
         """`url`: how other computers reach it; `runs`: the folders whose past runs it shows."""
-        self._hub, self._access, self._key, self._url = hub, access, key, url
+        self._hub = hub
         self._watching = 0
         routes = [
-            Route("/", self._index),
-            Route("/pair", self._pair_page),
-            Route("/pair", self._pair, methods=["POST"]),
             Route("/stop", self._stop, methods=["POST"]),
-            Route("/invite", self._invite, methods=["POST"]),
             Route("/history", self._history),
-            Route("/static/{name:path}", self._static),
-            PastRuns(runs, self._is_paired, _file, HEADERS).routes,
+            PastRuns(runs, self.is_paired, file_answer, HEADERS).routes,
             WebSocketRoute("/telemetry", self._telemetry),
             WebSocketRoute("/control", self._control),
         ]
-        self.app = AccessCheck(Starlette(routes=routes), access)
+        super().__init__(access, key, url, "index.html", routes)
+
+    def _refused(self, peer: str) -> None:
+        self._hub.seats.tell("NET-07", f"{peer} gave a wrong or used code to pair", self._hub.now)
 
     # ------------------------------------------------------------------------------------------ pages
 
-    def _is_paired(self, connection: HTTPConnection) -> bool:
-        return self._access.is_paired(connection.cookies.get(self._access.cookie))
-
-    async def _index(self, request: Request) -> Response:
-        if not self._is_paired(request):
-            return RedirectResponse("/pair", 303, HEADERS)
-        return _file(request, "index.html")
-
-    async def _pair_page(self, request: Request) -> Response:
-        return _file(request, "pair.html")
-
-    async def _static(self, request: Request) -> Response:
-        return _file(request, request.path_params["name"])
-
-    async def _pair(self, request: Request) -> Response:
-        with suppress(ValueError, msgspec.DecodeError):
-            given = msgspec.json.decode(await _body(request), type=dict[str, str])
-            if (cookie := self._access.pair(given.get("code", ""))) is not None:
-                paired = JSONResponse({"paired": True}, headers=HEADERS)
-                secure = request.url.scheme == "https"
-                paired.set_cookie(
-                    self._access.cookie, cookie, httponly=True, samesite="strict", secure=secure, max_age=90 * 86400
-                )
-                return paired
-        peer = request.client.host if request.client else "somebody"
-        self._hub.seats.tell("NET-07", f"{peer} gave a wrong or used code to pair", self._hub.now)
-        return JSONResponse({"paired": False}, 403, HEADERS)
-
-    async def _invite(self, request: Request) -> Response:
-        """A code for another browser, as an address and as rows of a QR code."""
-        if not self._is_paired(request):
-            return JSONResponse({}, 403, HEADERS)
-        code = new_code(self._key)
-        url = f"{self._url}/pair#{code}"
-        rows = ["".join("1" if dark else "0" for dark in row) for row in segno.make(url, error="m").matrix]
-        return JSONResponse({"url": url, "code": grouped(code), "rows": rows}, headers=HEADERS)
-
     async def _history(self, request: Request) -> Response:
-        if not self._is_paired(request):
+        if not self.is_paired(request):
             return JSONResponse([], 403, HEADERS)
         return Response(self._hub.history(), headers=HEADERS, media_type="application/json")
 
     async def _stop(self, request: Request) -> Response:
         """Stop: whoever is paired, with or without control."""
-        if not self._is_paired(request):
+        if not self.is_paired(request):
             return JSONResponse({}, 403, HEADERS)
         try:
-            press = said(await _body(request))
+            press = said(await body_of(request))
         except (MalformedFrame, ValueError):
             press = None
         if not isinstance(press, StopPress):
             return JSONResponse({}, 400, HEADERS)
-        peer = request.client.host if request.client else "somebody"
-        self._hub.seats.stop(peer, press, self._hub.now)
+        self._hub.seats.stop(peer_of(request), press, self._hub.now)
         self._hub.flush()
         return JSONResponse({"id": press.id}, 202 if self._hub.reaches_run else 503, HEADERS)
 
     # ------------------------------------------------------------------------------------------ what it tells
 
     async def _telemetry(self, link: WebSocket) -> None:
-        if not self._is_paired(link):
-            await link.close(_REFUSED)
+        if not self.is_paired(link):
+            await link.close(REFUSED)
             return
         if self._watching >= MOST_WATCHING:
-            await link.close(_BUSY)
+            await link.close(BUSY)
             return
         await link.accept()
         self._watching += 1
@@ -215,18 +117,18 @@ class PageServer:
                     try:
                         await asyncio.wait_for(link.send_text(text), SLOW)
                     except TimeoutError:
-                        await link.close(_BUSY)
+                        await link.close(BUSY)
                         return
                 await asyncio.sleep(1 / RATE)
 
     # ------------------------------------------------------------------------------------------ what it hears
 
     async def _control(self, link: WebSocket) -> None:
-        if not self._is_paired(link):
-            await link.close(_REFUSED)
+        if not self.is_paired(link):
+            await link.close(REFUSED)
             return
         if len(self._hub.sessions) >= MOST_WATCHING:
-            await link.close(_BUSY)
+            await link.close(BUSY)
             return
         await link.accept()
         waiting: deque[bytes] = deque(maxlen=MOST_WAITING)
@@ -245,7 +147,7 @@ class PageServer:
                         await link.send_text(waiting.popleft().decode())
 
         hub = self._hub
-        session = hub.connected(link.client.host if link.client else "somebody", send)
+        session = hub.connected(peer_of(link), send)
         send(hub.seat(session))
         sending = asyncio.create_task(pass_on())
         try:
@@ -253,81 +155,9 @@ class PageServer:
                 session.receive(await link.receive_text(), hub.now)
                 hub.flush()
             await asyncio.sleep(0)  # its last words
-            await link.close(_REFUSED)
+            await link.close(REFUSED)
         except (WebSocketDisconnect, KeyError):  # KeyError: bytes, where only text is said
             pass
         finally:
             sending.cancel()
             hub.disconnected(session)
-
-
-async def _body(request: Request) -> bytes:
-    """A short body. Raises ValueError: it is long."""
-    body = b""
-    async for piece in request.stream():
-        body += piece
-        if len(body) > MOST_BODY:
-            raise ValueError
-    return body
-
-
-def _file(request: Request, name: str) -> Response:
-    if (found := static_file(name)) is None:
-        return Response(status_code=404, headers=HEADERS)
-    content, kind, tag = found
-    headers = {**HEADERS, "Cache-Control": "no-cache", "ETag": tag}
-    if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers=headers)
-    return Response(content, headers=headers, media_type=kind)
-
-
-class TimedProtocol(H11Protocol):
-    """HTTP whose clients have a time for their first request: connections that say nothing leave room for Stop."""
-
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to wait."""
-        super().connection_made(transport)
-        self._patience = self.loop.call_later(FIRST_REQUEST, transport.close)
-
-    def data_received(self, data: bytes) -> None:
-        """A whole request ends the wait, also one that makes a WebSocket of it."""
-        super().data_received(data)
-        if self.cycle is not None or self.transport.get_protocol() is not self:
-            self._patience.cancel()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Nobody is waited for any more."""
-        self._patience.cancel()
-        super().connection_lost(exc)
-
-
-async def serve(
-    server: PageServer, listening: socket.socket, end: asyncio.Event, tls: tuple[Path, Path] | None
-) -> None:
-    """Answer until `end` is set."""
-    config = uvicorn.Config(
-        server.app,
-        http=TimedProtocol,
-        ws="websockets-sansio",
-        ws_max_size=2048,
-        ws_per_message_deflate=False,
-        ws_ping_interval=5.0,
-        ws_ping_timeout=5.0,
-        lifespan="off",
-        log_config=None,
-        access_log=False,
-        server_header=False,
-        limit_concurrency=MOST_CONNECTIONS,
-        timeout_graceful_shutdown=1,
-    )
-    config.load()
-    if tls is not None:
-        config.ssl_certfile, config.ssl_keyfile = str(tls[0]), str(tls[1])
-        config.ssl = tls_context(*tls)
-    inner = uvicorn.Server(config)
-    answering = asyncio.create_task(inner.serve(sockets=[listening]))
-    ending = asyncio.create_task(end.wait())
-    await asyncio.wait((answering, ending), return_when=asyncio.FIRST_COMPLETED)
-    inner.should_exit = True
-    ending.cancel()
-    await answering

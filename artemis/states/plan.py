@@ -188,6 +188,8 @@ class Plan(Struct, frozen=True, kw_only=True):
     """In steps that have no rules of their own."""
     tracks: Mapping[str, Track] = {}
     """What the earlier run has recorded, by name."""
+    armed: bool = True
+    """Its start is the first arm; False: an operator arms before the drives are enabled."""
 
     @property
     def stop_time(self) -> float:
@@ -233,7 +235,7 @@ class BringUp:
     """How far the drives are brought up, and what has to come before they may be: the modes' memory of it."""
 
     armed: bool = True
-    """The next bring-up may go on to enable the drives: starting the run is the first arm, then each takes its own."""
+    """The next bring-up may go on to enable the drives: at first as the plan says, then after an arm each."""
     connected: bool = False
     """The drives have our configuration: process data may be exchanged."""
     proving: bool = False
@@ -290,7 +292,7 @@ class Shared:
         self.spare = plan.spare
         self.needed: tuple[str, ...] = ()
         """Inputs that have to be heard now, in mode teleop: the one that has the robot, and those before it."""
-        self.bring_up = BringUp(placed=plan.start is not None)
+        self.bring_up = BringUp(armed=plan.armed, held=not plan.armed, placed=plan.start is not None)
         self.results = Results(tracks=deepcopy(dict(plan.tracks)))
         self.tree = plan.tree or list_of(
             step.declared.signals if isinstance(step, BehaviourStep) else () for step in plan.steps
@@ -336,9 +338,7 @@ class Shared:
     def replan(self, done: float, blocked: float) -> bool:
         """Have another route planned for an obstacle, if the present step still may; whether it does.
 
-        Args:
-            done: of the present one [m].
-            blocked: how long the robot has stood there [s].
+        The robot is at `done` [m] of the present one, and has stood there for `blocked` [s].
         """
         step = self.current
         if not isinstance(step, GotoStep) or not self.planned or self.replans >= step.replans:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -21,6 +23,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1] / "tests"))
 
 from page_rig import MISSIONS, PageRig, page_rig, recorded  # noqa: E402
+from ports import free_port  # noqa: E402
 
 from artemis.values import Mode, Tick  # noqa: E402
 
@@ -136,6 +139,30 @@ def take(browser: Any, home: Path) -> None:  # noqa: ANN401
         picture(page, "fault")
 
 
+def take_waiting(browser: Any, home: Path) -> None:  # noqa: ANN401
+    """The page of a robot that waits, with a mission of each kind."""
+    missions, folder = HERE.parents[1] / "missions", home / "missions"
+    for part in ("robots", "paths", "maps"):
+        shutil.copytree(missions / part, folder / part)
+    for name in (LOOP, "page_teleop.yaml", "figure_eight_socketcan.yaml"):
+        shutil.copy(missions / name, folder)
+    broken = (missions / LOOP).read_text().replace("figure-eight", "figure-eight-fast").replace("0.2}", "5.0}")
+    (folder / "figure_eight_fast.yaml").write_text(broken.replace("at 0.2 m/s", "at 5 m/s"))
+    command = [sys.executable, "-m", "artemis", "page", str(folder), "--page-port", str(free_port())]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as serving:
+        assert serving.stdout is not None
+        (address,) = re.findall(r"http\S+#\w+", serving.stdout.readline())
+        page = browser.new_context(**DESKTOP).new_page()
+        page.set_default_timeout(120_000)
+        page.goto(address)
+        page.wait_for_selector("body.waiting[data-link=ok]")
+        page.click("#take")
+        page.wait_for_selector("body.mine")
+        until(page, "document.querySelectorAll('.mission').length === 4 && !document.querySelector('.mission.unknown')")
+        picture(page, "waiting")
+        serving.terminate()
+
+
 def take_past(browser: Any, home: Path) -> None:  # noqa: ANN401
     """Those of past runs: the list, and a replay of two over each other."""
     run = recorded(LOOP, UNTIL[LOOP], home)
@@ -175,6 +202,7 @@ def main() -> None:
         with sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
             if "past" not in sys.argv:
+                take_waiting(browser, home)
                 take(browser, home)
                 moving_picture(browser, home)
             take_past(browser, home)

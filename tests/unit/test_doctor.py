@@ -10,7 +10,8 @@ import pytest
 from evdev_devices import EventDevice, FakeEvdev
 
 from artemis.commands import doctor
-from artemis.commands.doctor import FAILURE, NOTE, OK, WARNING, Finding, Grade, can_links, examine
+from artemis.commands.doctor import can_links, examine
+from artemis.commands.findings import FAILURE, NOTE, OK, WARNING, Finding, Grade
 from artemis.devices.evdev.nodes import event_nodes
 from artemis.recording.disk import Disk
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,14 @@ from artemis.app import Parts, run_mission
 from artemis.clock import SimulatedLoop
 from artemis.commands.one_step import mission_of
 from artemis.commands.replay import replay_run
+from artemis.drive_states import DriveState
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
 from artemis.mission.page import add_page, has_page
 from artemis.planning import inputs_used, is_fast, plan_from, plugin_made, setup_for
 from artemis.plugins.inputs.scripted import ScriptedInput
-from artemis.states.plan import TeleopStep
+from artemis.states.plan import Shared, TeleopStep
+from artemis.values import Mode, Tick
 
 
 def test_the_page_drives_beside_the_others_and_no_faster() -> None:
@@ -111,3 +114,35 @@ def test_a_run_with_a_page_that_was_added_replays(tmp_path: Path) -> None:
     assert any(isinstance(device, ScriptedInput) for device in devices.values())
     outcome = run_mission(loaded, MISSIONS / "teleop_scripted.yaml", parts=Parts(inputs=devices, loop=SimulatedLoop))
     assert replay_run(outcome.run.path) == 0
+
+
+def test_a_run_that_a_page_started_waits_for_arm() -> None:
+    plans = [
+        plan_from(load_mission(MISSIONS / "figure_eight.yaml", page={"started_by_page": started}))
+        for started in (True, False)
+    ]
+    assert [Shared(plan).bring_up.armed for plan in plans] == [False, True]
+
+
+@pytest.mark.exhaustive
+def test_before_the_first_arm_no_recovery_enables_the_drives(tmp_path: Path) -> None:
+    raw = (MISSIONS / "figure_eight.yaml").read_text()
+    more = (
+        "supervision: {wait_for_arm: true}\nrecovery: {SYS-01: {resume: continue}}\n"
+        f"record: {tmp_path}\nsimulation:\n  operator: [{{at_s: 12.0, do: arm}}, {{at_s: 20.0, do: end}}]\n"
+        "  faults: [{at_s: 1.0, inject: SYS-01}, {at_s: 8.0, inject: SYS-01}]\n"
+    )
+    for folder in ("robots", "paths"):
+        shutil.copytree(MISSIONS / folder, tmp_path / folder)
+    mission = tmp_path / "mission.yaml"
+    mission.write_text(raw.partition("simulation:")[0] + more)
+    ticks: list[Tick] = []
+    run_mission(load_mission(mission), mission, watch=lambda tick, traffic: ticks.append(tick))
+    stopped = [tick for tick in ticks if tick.mode in (Mode.QUICKSTOP, Mode.FAULT)]
+    assert round(stopped[0].snapshot.time) == 1
+    on = [
+        tick.snapshot.time
+        for tick in ticks
+        if any(drive.state is DriveState.OPERATION_ENABLE for drive in tick.snapshot.sensed.drives)
+    ]
+    assert 12.0 < on[0] < 20.0

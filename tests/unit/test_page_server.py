@@ -18,10 +18,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
-from artemis.page import server
+from artemis.page import paired as paired_server
 from artemis.page.certificates import kept, make
 from artemis.page.observer import PageObserverConfig, PageTls
-from artemis.page.server import SHARED, STATIC
+from artemis.page.paired import SHARED, STATIC
 from artemis.values import Mode, Request
 
 MOST_BYTES = 300_000
@@ -69,7 +69,7 @@ def told(connection: ClientConnection, wanted: str) -> dict[str, Any]:
 def test_a_connection_that_says_nothing_leaves_room_for_others(
     rig: PageRig, paired: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server, "FIRST_REQUEST", 0.05)
+    monkeypatch.setattr(paired_server, "FIRST_REQUEST", 0.05)
     with link(rig, paired, "/telemetry") as watching, socket.create_connection(("127.0.0.1", rig.port)) as silent:
         silent.settimeout(20.0)
         assert silent.recv(1) == b""

@@ -1,4 +1,5 @@
 // The way of commands: who has control, what the hand does every 50 ms, and Stop by two ways at once.
+import {browserName} from './browser.js';
 import {release, hand} from './hand.js';
 
 const BEAT = 50, GAP = 300, NO_ANSWER = 1000, RETRY = 400;
@@ -56,13 +57,7 @@ function hear(message) {
   }
 }
 
-function name() {
-  const agent = navigator.userAgent;
-  const browser = /Firefox/.test(agent) ? 'Firefox' : /Edg/.test(agent) ? 'Edge' : /Chrom/.test(agent) ? 'Chromium' : /Safari/.test(agent) ? 'Safari' : 'a browser';
-  return browser + (/Android|iPhone|Mobile/.test(agent) ? ' on a phone' : /iPad/.test(agent) ? ' on a tablet' : '');
-}
-
-export const take = () => { control.refused = ''; say({t: 'take', who: name()}); };
+export const take = () => { control.refused = ''; say({t: 'take', who: browserName()}); };
 export const giveBack = () => { release(''); hold(); say({t: 'release'}); };
 export function ask(word) {
   if (control.mine && asked.length < 8 && !asked.includes(word)) { asked.push(word); hold(); }

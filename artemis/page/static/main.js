@@ -5,6 +5,7 @@ import * as map from './map.js';
 import * as panels from './panels.js';
 import * as charts from './charts.js';
 import * as acts from './acts.js';
+import {bindInvite, reloadIfOther} from './browser.js';
 
 const $ = id => document.getElementById(id);
 const RETRY = 500, QUIET = 1000, OLD = 1.0;
@@ -16,16 +17,10 @@ let link = null, came = 0, stateAge = 0, over = false, everCame = false;
 function connect() {
   link = new WebSocket(`${location.protocol === 'https:' ? 'wss://' : 'ws://'}${location.host}/telemetry`);
   link.onmessage = event => { stats.messages++; stats.bytes += event.data.length; hear(JSON.parse(event.data)); };
-  link.onclose = event => {
-    if (event.code === 4403 || (event.code === 1006 && !everCame)) whoAmI();
+  link.onclose = () => {
+    reloadIfOther('/history');
     setTimeout(connect, RETRY);
   };
-}
-async function whoAmI() { // not paired any more?
-  try {
-    const answer = await fetch('/history');
-    if (answer.status === 403) location.replace('/pair');
-  } catch { /* not there */ }
 }
 
 function hear(message) {
@@ -170,19 +165,7 @@ $('zoom-out').addEventListener('click', () => map.zoom(1 / 1.4));
 panels.bindTabs(shown => charts.show(shown === 'charts'));
 panels.showFaults([]);
 
-$('invite').addEventListener('click', async () => {
-  const answer = await fetch('/invite', {method: 'POST'});
-  if (!answer.ok) return;
-  const {url, code, rows} = await answer.json(), canvas = $('qr'), edge = 4, size = rows.length + 2 * edge, dot = 5;
-  canvas.width = canvas.height = size * dot;
-  const pen = canvas.getContext('2d');
-  pen.fillStyle = '#fff'; pen.fillRect(0, 0, size * dot, size * dot);
-  pen.fillStyle = '#000';
-  rows.forEach((row, y) => [...row].forEach((dark, x) => { if (dark === '1') pen.fillRect((x + edge) * dot, (y + edge) * dot, dot, dot); }));
-  $('qr-url').textContent = $('qr-url').href = url;
-  $('qr-code').textContent = code;
-  $('invitation').hidden = false;
-});
+bindInvite();
 
 connect();
 showSeat();

@@ -1,0 +1,143 @@
+"""A run as the page that started it sees it: a process, the words that it says to its service manager, its last lines.
+
+Its standard input ends with this process, and then so does the run. Its output goes to a file, so that a page that
+hangs never holds it up.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory, TemporaryFile
+
+from artemis.notify import READY, STATUS, STOPPING, WATCHDOG
+
+FED_EVERY = 3.0
+"""The run says twice in this time that it ticks [s]."""
+HANG = 8.0
+"""One that has not ticked for so long is killed [s]: its drives stand by then, and it would have ended itself."""
+MOST_OUTPUT, MOST_LINES, LONGEST_LINE = 1 << 20, 40, 300
+ENDINGS = {
+    0: "done",
+    1: "failed, or stopped by a fault or an operator",
+    2: "refused; nothing has moved",
+    70: "ended by a bug of artemis; the drives were commanded to stop",
+    71: "ended because a plugin did not return; the drives stopped by themselves",
+}
+"""What the exit statuses of `artemis run` mean (docs/commands.md)."""
+
+
+def ending(status: int) -> str:
+    """What an exit status means, in words."""
+    if status < 0:
+        return f"killed by {signal.Signals(-status).name}; the drives stop by themselves"
+    with suppress(ValueError):
+        released = "the drives were stopped and released"
+        return ENDINGS.get(status) or f"ended by {signal.Signals(status - 128).name}; {released}"
+    return f"ended with status {status}"
+
+
+class StartedRun:
+    """One run, from its start to its end. `look` is called all the time."""
+
+    def __init__(self, command: Sequence[str], folder: Path, kept: Sequence[int], now: float) -> None:
+        """Begin `command` in a folder, at `now` [s]; file descriptors that are `kept` are not closed before it ends.
+
+        Raises:
+            OSError: the system has no room for another process.
+        """
+        self.is_ready = self.is_stopping = False
+        """It ticks; its last tick is over."""
+        self.status = ""
+        """What it does, in its own words."""
+        self._heard, self._hung = now, False
+        self._place = TemporaryDirectory(prefix="artemis-page-")  # only its owner may open it
+        self._output, self._last = TemporaryFile("a+b"), b""
+        self._notices = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        address = os.path.join(self._place.name, "notify")
+        try:
+            self._notices.bind(address)
+            self._notices.setblocking(False)
+            self._process = subprocess.Popen(
+                command,
+                cwd=folder,
+                stdin=subprocess.PIPE,
+                stdout=self._output,
+                stderr=subprocess.STDOUT,
+                pass_fds=kept,
+                start_new_session=True,  # a terminal's signals are for the page, which then ends it
+                env={**os.environ, "NOTIFY_SOCKET": address, "WATCHDOG_USEC": f"{FED_EVERY * 1e6:.0f}"},
+            )
+        except OSError:
+            self._forget()
+            raise
+        self.pid = self._process.pid
+
+    def look(self, now: float) -> int | None:
+        """Hear what it says; its exit status once it has ended. One that hangs is killed."""
+        for words in self._said():
+            if words == READY:
+                self.is_ready, self._heard = True, now
+            elif words == STOPPING:
+                self.is_stopping = True
+            elif words == WATCHDOG:
+                self._heard = now
+            elif words.startswith(STATUS):
+                self.status = words.removeprefix(STATUS)[:LONGEST_LINE]
+        if os.fstat(self._output.fileno()).st_size > MOST_OUTPUT:
+            self._last = self._tail()
+            os.ftruncate(self._output.fileno(), 0)
+        if self.is_ready and not self.is_stopping and now - self._heard > HANG and self._process.poll() is None:
+            self._hung = True
+            self.kill()
+        return self._process.poll()
+
+    @property
+    def outcome(self) -> str:
+        """How it ended, in words."""
+        words = ending(self._process.returncode)
+        return f"it did not tick for {HANG:g} s: {words}" if self._hung else words
+
+    def lines(self) -> list[str]:
+        """Its last lines."""
+        text = (self._last + self._tail()).decode(errors="replace")
+        lines = ["".join(sign for sign in line if sign.isprintable())[:LONGEST_LINE] for line in text.splitlines()]
+        return [line for line in lines if line.strip()][-MOST_LINES:]
+
+    def end(self) -> None:
+        """Ask it to end in order; asked again it stops quickly."""
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it at once: the drives stop by themselves."""
+        if self._process.poll() is None:
+            self._process.kill()
+
+    def close(self) -> None:
+        """Let go of one that has ended."""
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        self._forget()
+
+    def _forget(self) -> None:
+        self._notices.close()
+        self._output.close()
+        self._place.cleanup()
+
+    def _said(self) -> list[str]:
+        words: list[str] = []
+        with suppress(BlockingIOError):
+            for _ in range(1000):
+                words += self._notices.recv(4096).decode(errors="replace").splitlines()
+        return words
+
+    def _tail(self) -> bytes:
+        most = MOST_LINES * LONGEST_LINE
+        size = os.fstat(self._output.fileno()).st_size
+        return os.pread(self._output.fileno(), most, max(0, size - most))
