@@ -12,7 +12,7 @@ from typing import Any
 from artemis.commands.page import announce, config_from
 from artemis.errors import ConfigError
 from artemis.notify import ServiceManager
-from artemis.page.mission_folder import MissionFacts
+from artemis.page.mission_folder import CheckedMission
 from artemis.page.observer import PageObserverConfig, check_installed, files_of_tls
 
 ARTEMIS = (sys.executable, "-P", "-m", "artemis")
@@ -48,10 +48,10 @@ def wait_for_operators(folder: Path, options: dict[str, Any]) -> int:
     return 0
 
 
-def _run(config: PageObserverConfig) -> Callable[[MissionFacts], Sequence[str]]:
+def _run(config: PageObserverConfig) -> Callable[[CheckedMission], Sequence[str]]:
     """How a mission is run whose page has the port of this one."""
 
-    def command(mission: MissionFacts) -> Sequence[str]:
+    def command(mission: CheckedMission) -> Sequence[str]:
         page = ["--page-port", str(config.port), "--page-address", config.listen]
         if config.tls is not None:
             page += ["--page-tls", config.tls.certificate, config.tls.key]

@@ -29,7 +29,7 @@ _BESIDE = 15
 Stamp = tuple[int, int, int]
 
 
-class MissionFacts(msgspec.Struct, frozen=True, kw_only=True):
+class CheckedMission(msgspec.Struct, frozen=True, kw_only=True):
     """What `artemis check --json` says of one mission."""
 
     file: str
@@ -52,9 +52,9 @@ class MissionFacts(msgspec.Struct, frozen=True, kw_only=True):
 
 
 @dataclass(slots=True)
-class _Known:
+class _Entry:
     stamp: Stamp
-    facts: MissionFacts
+    facts: CheckedMission
 
 
 class MissionFolder:
@@ -66,7 +66,7 @@ class MissionFolder:
         self.note = ""
         """What keeps missions from being shown."""
         self._check, self._changed = check, changed
-        self._known: dict[str, _Known] = {}
+        self._known: dict[str, _Entry] = {}
         self._others: dict[str, Stamp] = {}
         """Files that are no missions."""
         self._checking: asyncio.Task[None] | None = None
@@ -75,11 +75,11 @@ class MissionFolder:
         """All shall be checked anew after that; nothing shall any more."""
 
     @property
-    def missions(self) -> list[MissionFacts]:
+    def missions(self) -> list[CheckedMission]:
         """All, by the names of their files."""
         return [self._known[name].facts for name in sorted(self._known)]
 
-    def get(self, file: str) -> MissionFacts | None:
+    def get(self, file: str) -> CheckedMission | None:
         """The mission in a file of the folder; None: there is none."""
         found = self._known.get(file)
         return None if found is None else found.facts
@@ -106,7 +106,7 @@ class MissionFolder:
                 self._others[name] = stamp
                 self._known.pop(name, None)
             else:
-                self._known[name] = _Known(stamp, facts)
+                self._known[name] = _Entry(stamp, facts)
                 before = "", set()
         if before != (self.note, set(self._known)):
             self._changed()
@@ -146,17 +146,17 @@ class MissionFolder:
             found = {name: found[name] for name in sorted(found)[:MOST_FILES]}
         return found
 
-    def _begun(self, name: str) -> MissionFacts | None:
+    def _begun(self, name: str) -> CheckedMission | None:
         """What is known of a file at once; None: it is no mission."""
         path = self.folder / name
         if not path.resolve().is_relative_to(self.folder.resolve()):
-            return MissionFacts(file=name, problems=(f"{name}: is a link to a file outside of the folder",))
+            return CheckedMission(file=name, problems=(f"{name}: is a link to a file outside of the folder",))
         try:
             with path.open("rb") as file:
                 is_mission = _IS_MISSION.search(file.read(HEAD))
         except OSError as error:
-            return MissionFacts(file=name, problems=(f"{name}: cannot be read: {error.strerror}",))
-        return MissionFacts(file=name, checked=False) if is_mission else None
+            return CheckedMission(file=name, problems=(f"{name}: cannot be read: {error.strerror}",))
+        return CheckedMission(file=name, checked=False) if is_mission else None
 
     # ------------------------------------------------------------------------------------------ checks
 
@@ -170,7 +170,7 @@ class MissionFolder:
                 words = await self._checked(left)
                 if left:  # the first of these was under way
                     name = next(iter(left))
-                    self._put(name, left[name], MissionFacts(file=name, problems=(f"{name}: {words}",)))
+                    self._put(name, left[name], CheckedMission(file=name, problems=(f"{name}: {words}",)))
             if self._over or not self._again:
                 return
             self._again = False
@@ -205,7 +205,7 @@ class MissionFolder:
                 if not line:
                     return f"its check ended with status {await process.wait()} and without a word"
                 with suppress(msgspec.DecodeError):  # printed by a plugin
-                    facts = msgspec.json.decode(line, type=MissionFacts)
+                    facts = msgspec.json.decode(line, type=CheckedMission)
                     if (stamp := left.pop(facts.file, None)) is not None:
                         self._put(facts.file, stamp, facts)
             return ""
@@ -214,13 +214,13 @@ class MissionFolder:
             await process.communicate()
             self._process = None
 
-    def _put(self, name: str, stamp: Stamp, facts: MissionFacts) -> None:
+    def _put(self, name: str, stamp: Stamp, facts: CheckedMission) -> None:
         """Note what was found, unless the file has changed meanwhile: then it is checked again."""
         if (known := self._known.get(name)) is not None and known.stamp == stamp:
             known.facts = msgspec.structs.replace(facts, problems=facts.problems[:MOST_PROBLEMS])
             self._changed()
 
 
-def as_shown(missions: Sequence[MissionFacts]) -> list[Mapping[str, object]]:
+def as_shown(missions: Sequence[CheckedMission]) -> list[Mapping[str, object]]:
     """Missions for a browser."""
     return [{**msgspec.structs.asdict(facts), "may_start": facts.may_start} for facts in missions]

@@ -14,7 +14,7 @@ from msgspec import Meta, Struct
 
 from artemis.bridges.operator.frames import MalformedFrame
 from artemis.bridges.page.session import GiveBack, Take
-from artemis.page.mission_folder import MissionFacts
+from artemis.page.mission_folder import CheckedMission
 
 SURE_AFTER, SURE_UNTIL = 0.8, 30.0
 """A second act counts from then until then after the first [s]: not two taps of one finger, nor one long ago."""
@@ -97,9 +97,9 @@ class Ended:
 class Waiting:
     """All browsers of one page."""
 
-    missions: Callable[[str], MissionFacts | None]
+    missions: Callable[[str], CheckedMission | None]
     """The mission in a file."""
-    begin: Callable[[MissionFacts], str]
+    begin: Callable[[CheckedMission], str]
     """Starts a mission; why it cannot be, or nothing."""
     cancel: Callable[[], None]
     """Ends what was started."""
@@ -109,15 +109,15 @@ class Waiting:
     """Browsers shall be told."""
     state: State = "waiting"
     owner: Watcher | None = None
-    chosen: MissionFacts | None = None
+    chosen: CheckedMission | None = None
     """What was started."""
     started_by: str = ""
     last: Ended | None = None
-    _asked: tuple[MissionFacts, float] | None = field(default=None)
+    _asked: tuple[CheckedMission, float] | None = field(default=None)
     """What its owner is asked about once more, and since when."""
 
     @property
-    def asked(self) -> MissionFacts | None:
+    def asked(self) -> CheckedMission | None:
         """What who has control is asked about once more."""
         return None if self._asked is None else self._asked[0]
 
@@ -183,7 +183,7 @@ class Waiting:
         else:
             self._begin(watcher, mission)
 
-    def _startable(self, said: Start | Confirm) -> tuple[MissionFacts | None, str]:
+    def _startable(self, said: Start | Confirm) -> tuple[CheckedMission | None, str]:
         """The mission as it was shown, or why it cannot be started."""
         if self.state != "waiting" or self.chosen is not None:
             return None, f"{self.started_by} has started {self.chosen.mission if self.chosen else 'a mission'}"
@@ -196,7 +196,7 @@ class Waiting:
             return None, f"{said.file} has changed: look at it again"
         return mission, ""
 
-    def _begin(self, watcher: Watcher, mission: MissionFacts) -> None:
+    def _begin(self, watcher: Watcher, mission: CheckedMission) -> None:
         watcher.refused = self.begin(mission)
         if not watcher.refused:
             self.state, self.chosen, self.started_by, self._asked = "starting", mission, watcher.who, None

@@ -18,7 +18,7 @@ from artemis.clock import wall_date
 from artemis.errors import ConfigError
 from artemis.notify import READY, STATUS, STOPPING, ServiceManager
 from artemis.page.access import Access, key_place, read_key
-from artemis.page.mission_folder import MissionFacts, MissionFolder
+from artemis.page.mission_folder import CheckedMission, MissionFolder
 from artemis.page.observer import PageObserverConfig, url_of
 from artemis.page.paired import serve
 from artemis.page.started_run import StartedRun
@@ -41,7 +41,7 @@ class WaitingPage:
         config: PageObserverConfig,
         tls: tuple[Path, Path] | None,
         check: Sequence[str],
-        run: Callable[[MissionFacts], Sequence[str]],
+        run: Callable[[CheckedMission], Sequence[str]],
         manager: ServiceManager,
     ) -> None:
         """Take the port.
@@ -122,7 +122,7 @@ class WaitingPage:
     def _tell(self) -> None:
         self._server.tell()
 
-    def _begin(self, mission: MissionFacts) -> str:
+    def _begin(self, mission: CheckedMission) -> str:
         """Start a mission; why that cannot be, or nothing."""
         now = asyncio.get_running_loop().time()
         try:

@@ -12,6 +12,8 @@ from artemis.values import DriveFeedback, JobKind, JobResult
 from artemis.vehicle import RobotFile
 
 _NEVER = nan, nan
+SLIPPED = 0.02
+"""Smaller differences [rad] of the sensor of the wheel's angle and the motor's encoder are no reading."""
 
 
 class SteeredWheelMonitor:
@@ -53,7 +55,8 @@ class SteeredWheelMonitor:
         if load > 0.5:
             readings.append(("STE-02", self._name, load, f"{drive.current:+.2f} A"))
         if self._encoder is not None:
-            return readings + self._against_encoder(drive, encoder_angle(drive.angle_sensor, self._encoder))
+            away = abs(encoder_angle(drive.angle_sensor, self._encoder) - drive.position)
+            return [*readings, self._slipped(away)] if away > SLIPPED and self._changes else readings
         if self._calibration is None:
             return readings
         if is_at_a_rail(drive.potentiometers):
@@ -72,12 +75,14 @@ class SteeredWheelMonitor:
         if apart > 0.5:
             words = f"{degrees(first):.1f} and {degrees(second):.1f} degrees"
             readings.append(("STE-03", self._name, apart, words))
-        return readings + self._against_encoder(drive, (first + second) / 2.0)
+        away = abs((first + second) / 2.0 - drive.position)
+        if away > SLIPPED and self._changes:
+            readings.append(self._slipped(away))
+        return readings
 
-    def _against_encoder(self, drive: DriveFeedback, measured: float) -> list[Reading]:
-        """The angle that was `measured` at the wheel against the one that the motor's encoder counts, both [rad]."""
-        away = abs(measured - drive.position)
-        return [("STE-05", self._name, away, f"{degrees(away):.1f} degrees")] if away > 0.02 and self._changes else []
+    def _slipped(self, away: float) -> Reading:
+        """The angle measured at the wheel is `away` [rad] from the one that the motor's encoder counts."""
+        return "STE-05", self._name, away, f"{degrees(away):.1f} degrees"
 
     def _frozen(self, drive: DriveFeedback) -> list[Reading]:
         readings: list[Reading] = []

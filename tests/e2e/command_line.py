@@ -163,7 +163,8 @@ def assert_left_at_rest(run: Path) -> None:
         assert any(written[0])
         assert written[-1] == bytes(4)
         assert (0x000, bytes((0x80, node))) in [(frame.id, frame.data) for frame in ends]
-    assert ends[-1].id == 0x700 + recording.robot.host_node_id
+    beats = [frame.time for frame in ends if frame.id == 0x700 + recording.robot.host_node_id]
+    assert beats[-1] >= ends[-1].time - 0.05  # to the end, as no drive may miss them before it is told so
 
 
 def modes_of(run: Path) -> list[str]:

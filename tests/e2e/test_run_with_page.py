@@ -110,7 +110,7 @@ def test_one_more_browser_is_paired_by_a_command(tmp_path: Path, monkeypatch: py
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["page", "nonsense"], "expected pair, or certificate with names"),
+        (["page", "nonsense"], "expected a folder of missions, or pair, or certificate with names"),
         (["page", "pair", "--page-address", "nowhere"], "does not appear to be an IPv4 or IPv6 address"),
         (["page", "pair", "--page-address", "0.0.0.0"], "artemis page certificate"),
         (["run", str(MISSIONS / "figure_eight.yaml"), "--page-address", "0.0.0.0"], "artemis page certificate"),

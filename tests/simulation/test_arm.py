@@ -61,13 +61,11 @@ def test_what_may_continue_does_where_nothing_else_was_wrong(tmp_path: Path) -> 
     assert (seen.status, seen.fault_ids) == (0, ["DRV-18"])
 
 
-@pytest.mark.parametrize(("time", "faults"), [(0.5, {"SYS-01", "COM-11"}), (0.7, {"SYS-01"})])  # 0.7: in the proof
-def test_the_start_is_no_arm_any_more_after_a_stop_in_the_first_bring_up(
-    tmp_path: Path, time: float, faults: set[str]
-) -> None:
+@pytest.mark.parametrize("time", [0.5, 0.7], ids=["first contact", "proof of the watchdogs"])
+def test_the_start_is_no_arm_any_more_after_a_stop_in_the_first_bring_up(tmp_path: Path, time: float) -> None:
     lost = fault(8.0, {"inject": "COM-11", "node": "traction-left", "duration_s": 0.15})
     seen = attended(tmp_path, [fault(time, LATE), lost])
-    assert set(seen.fault_ids) == faults
+    assert set(seen.fault_ids) == {"SYS-01"}  # drives that are off and have to be brought up again are not judged
     assert_waits_for_arm(seen, time)
 
 

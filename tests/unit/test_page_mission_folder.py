@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from artemis.page import mission_folder
-from artemis.page.mission_folder import MOST_FILES, MissionFacts, MissionFolder
+from artemis.page.mission_folder import MOST_FILES, CheckedMission, MissionFolder
 
 CHECK = """
 import json, os, sys
@@ -40,7 +40,7 @@ def in_folder(tmp_path: Path, play: Callable[[MissionFolder], object], check: st
     asyncio.run(main())
 
 
-async def checked(folder: MissionFolder) -> dict[str, MissionFacts]:
+async def checked(folder: MissionFolder) -> dict[str, CheckedMission]:
     folder.look()
     while any(not facts.checked for facts in folder.missions):
         await asyncio.sleep(0.01)
@@ -100,7 +100,7 @@ def test_a_file_that_changes_or_goes_is_seen(tmp_path: Path) -> None:
         path.write_text("mission: a\nsecond: and longer\n")
         other.unlink()
         folder.look()
-        assert folder.get("a.yaml") == MissionFacts(file="a.yaml", checked=False)
+        assert folder.get("a.yaml") == CheckedMission(file="a.yaml", checked=False)
         found = await checked(folder)
         assert list(found) == ["a.yaml"]
         assert found["a.yaml"].hash != first

@@ -9,21 +9,21 @@ import msgspec
 import pytest
 
 from artemis.bridges.operator.frames import MalformedFrame
-from artemis.page.mission_folder import MissionFacts
+from artemis.page.mission_folder import CheckedMission
 from artemis.page.started_run import ending
 from artemis.page.waiting import MOST_MESSAGES, SURE_AFTER, SURE_UNTIL, Ended, Waiting, Watcher, wanted
 
-SIMULATED = MissionFacts(file="lap.yaml", mission="lap", robot="A", bus="simulation", simulated=True, hash="aa")
-REAL = MissionFacts(file="real.yaml", mission="real", robot="A", bus="socketcan can0", hash="bb")
-BROKEN = MissionFacts(file="broken.yaml", hash="cc", problems=("broken.yaml:1:1: no",))
-UNCHECKED = MissionFacts(file="new.yaml", checked=False)
+SIMULATED = CheckedMission(file="lap.yaml", mission="lap", robot="A", bus="simulation", simulated=True, hash="aa")
+REAL = CheckedMission(file="real.yaml", mission="real", robot="A", bus="socketcan can0", hash="bb")
+BROKEN = CheckedMission(file="broken.yaml", hash="cc", problems=("broken.yaml:1:1: no",))
+UNCHECKED = CheckedMission(file="new.yaml", checked=False)
 
 
 @dataclass
 class Page:
     """What a page does with what browsers say."""
 
-    known: dict[str, MissionFacts] = field(
+    known: dict[str, CheckedMission] = field(
         default_factory=lambda: {facts.file: facts for facts in (SIMULATED, REAL, BROKEN, UNCHECKED)}
     )
     done: list[str] = field(default_factory=list)
@@ -39,7 +39,7 @@ class Page:
         )
         self.one, self.other = Watcher("1.1.1.1"), Watcher("2.2.2.2")
 
-    def _begin(self, mission: MissionFacts) -> str:
+    def _begin(self, mission: CheckedMission) -> str:
         self.done.append(mission.file)
         return self.problem
 
@@ -48,7 +48,7 @@ class Page:
         self.waiting.obey(watcher, wanted(json.dumps(words)), now)
         return watcher.refused
 
-    def start(self, watcher: Watcher, mission: MissionFacts, now: float = 0.0, **changed: str) -> str:
+    def start(self, watcher: Watcher, mission: CheckedMission, now: float = 0.0, **changed: str) -> str:
         words: dict[str, object] = {"t": "start", "file": mission.file, "hash": mission.hash, **changed}
         return self.say(watcher, now, **words)
 
@@ -86,7 +86,7 @@ def test_who_has_control_starts_and_one_run_goes_on_at_a_time(page: Page) -> Non
     ],
 )
 def test_only_what_was_checked_is_started(
-    page: Page, mission: MissionFacts, changed: dict[str, str], words: str
+    page: Page, mission: CheckedMission, changed: dict[str, str], words: str
 ) -> None:
     assert page.start(page.one, mission, 0.0, **changed) == words
     assert page.done == []
