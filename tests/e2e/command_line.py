@@ -149,6 +149,7 @@ def assert_left_at_rest(run: Path) -> None:
     recording = Recording(run)
     frames = [(sent, frame) for _, batch in recording.frames() for sent, frame in batch]
     ends = [frame for sent, frame in frames if sent][-60:]
+    beats = [frame.time for sent, frame in frames if sent and frame.id == 0x700 + recording.robot.host_node_id]
     for drive in recording.robot.drives.values():
         node = drive.node_id
         status = [frame.data for sent, frame in frames if not sent and frame.id == 0x180 + node]
@@ -156,15 +157,16 @@ def assert_left_at_rest(run: Path) -> None:
         positions = [int.from_bytes(data[2:6], "little", signed=True) for data in status[-3:]]
         assert max(positions) - min(positions) <= (2 if drive.role == "traction" else 50)
         written = [
-            frame.data[4:]
+            (frame.time, frame.data[4:])
             for sent, frame in frames
             if sent and frame.id == 0x600 + node and frame.data[:4] == WRITE_CONSUMER_HEARTBEAT
         ]
-        assert any(written[0])
-        assert written[-1] == bytes(4)
+        armed = max(number for number, (_, value) in enumerate(written) if any(value))
+        told, value = written[armed + 1]
+        assert value == bytes(4)
+        watch_time = int.from_bytes(written[armed][1][:2], "little") / 1e3
+        assert any(told - watch_time < beat <= told for beat in beats)  # it missed nothing while it watched us
         assert (0x000, bytes((0x80, node))) in [(frame.id, frame.data) for frame in ends]
-    beats = [frame.time for frame in ends if frame.id == 0x700 + recording.robot.host_node_id]
-    assert beats[-1] >= ends[-1].time - 0.05  # to the end, as no drive may miss them before it is told so
 
 
 def modes_of(run: Path) -> list[str]:
