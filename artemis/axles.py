@@ -141,6 +141,10 @@ class HardStop(Config):
     """As of `Potentiometers`."""
 
 
+SWITCH_MARGIN_DEG = 1.0
+"""So far beyond a home switch the motor has to turn [degrees]: it meets it slowly, from there."""
+
+
 class HomeSwitch(Config):
     """A switch at the drive's input for it: whenever the drives are brought up the motor looks for where it changes."""
 

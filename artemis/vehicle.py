@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from artemis.axles import (
     OWN_SIDES,
+    SWITCH_MARGIN_DEG,
     AbsoluteEncoder,
     ByHand,
     Calibration,
@@ -385,8 +386,9 @@ def _sources(robot: RobotFile, side: str, source: Source) -> Problems:
     reach = f"the {limit:.3g} degrees to which limits.steering_deg lets the motor turn"
     if isinstance(source, HardStop) and abs(source.stop_deg) <= limit:
         yield (*key, "stop_deg"), f"expected beyond {reach}, found {source.stop_deg:g}"
-    if isinstance(source, HomeSwitch) and abs(source.switch_deg) >= limit:
-        yield (*key, "switch_deg"), f"expected within {reach}, found {source.switch_deg:g}"
+    if isinstance(source, HomeSwitch) and abs(source.switch_deg) > limit - SWITCH_MARGIN_DEG:
+        margin = f"{SWITCH_MARGIN_DEG:g} degree or more"
+        yield (*key, "switch_deg"), f"expected {margin} within {reach}, found {source.switch_deg:g}"
 
 
 def _limits(limits: Limits) -> Problems:

@@ -164,6 +164,7 @@ class EposJobs:
 
     async def _make_safe(self) -> None:
         """Pre-Operational, off, the right drive, unwatching; a fault is reset where that is all it needs."""
+        await self._check_family()
         self._boots = self._epos.boots
         self._epos.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, self.drive.node_id))
         await self._switch_off()

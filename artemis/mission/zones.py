@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -41,7 +42,7 @@ def without_zone(raw: bytes, source: str, name: str | int) -> bytes:
 
 def zone_line(zone: MapZone, corners: Sequence[Sequence[float]]) -> str:
     """A zone on one line."""
-    name = f"name: {zone.name!r}, " if zone.name is not None else ""
+    name = f"name: {json.dumps(zone.name, ensure_ascii=False)}, " if zone.name is not None else ""
     speed = f", speed_m_s: {zone.speed_m_s:g}" if zone.speed_m_s is not None else ""
     points = ", ".join(f"[{x:g}, {y:g}]" for x, y in corners)
     return f"{{{name}kind: {zone.kind}{speed}, corners: [{points}]}}"

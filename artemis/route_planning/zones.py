@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from artemis.config import Config, Quantity
 
@@ -25,6 +25,13 @@ class MapZone(Config):
     """Of the virtual front wheel, in a slow zone."""
     name: Annotated[str, Field(min_length=1, max_length=64)] | None = None
     """For people."""
+
+    @field_validator("name")
+    @classmethod
+    def _one_line(cls, name: str | None) -> str | None:
+        if name is not None and not name.isprintable():
+            raise ValueError("expected letters, digits, signs and blanks, on one line")
+        return name
 
     @model_validator(mode="after")
     def _speed(self) -> Self:

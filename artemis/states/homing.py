@@ -11,7 +11,7 @@ from math import copysign, degrees, radians
 
 from msgspec.structs import replace
 
-from artemis.axles import AbsoluteEncoder, ByHand, HardStop, HomeSwitch
+from artemis.axles import SWITCH_MARGIN_DEG, AbsoluteEncoder, ByHand, HardStop, HomeSwitch
 from artemis.families.family import HOME_INPUT
 from artemis.motion.ackermann import Ackermann
 from artemis.motion.potentiometers import encoder_angle
@@ -28,7 +28,7 @@ SLOW = radians(10.0)
 """The motor looks for its stop, or its switch, at this rate [rad/s]: it meets it softly."""
 CREEP = radians(0.5)
 """It meets a switch once more at this rate [rad/s]: within a tick of 20 ms it turns by 0.01 degrees."""
-BACK = radians(1.0)
+BACK = radians(SWITCH_MARGIN_DEG)
 """So far from the switch it begins to creep, and so far it creeps beyond where it saw the switch first [rad]."""
 HELD = radians(0.5)
 """It is held when it stays so far behind its set-point [rad]; at that rate a free one is 0.2 degrees behind."""

@@ -267,7 +267,10 @@ SWITCH = {"angle": "home_switch", "switch_deg": 5.0, "on_side": "right"}
     [
         (ABSOLUTE, "drives.steering.cia402.absolute_encoder: this key is missing: its angle is read there"),
         (POTENTIOMETERS, "drives.steering.cia402.analog_inputs: this key is missing: a steered wheel has two"),
-        ({**SWITCH, "switch_deg": -40.0}, "expected within the 40 degrees to which limits.steering_deg lets the motor"),
+        (
+            {**SWITCH, "switch_deg": -39.5},
+            "expected 1 degree or more within the 40 degrees to which limits.steering_deg",
+        ),
     ],
 )
 def test_what_a_drive_does_not_show_is_named(source: dict[str, object], problem: str, tmp_path: Path) -> None:

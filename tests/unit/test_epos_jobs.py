@@ -265,6 +265,16 @@ def test_drive_of_another_family_is_told_nothing_for_a_controlword_may_mean_some
         assert rig.writes() == []
         assert rig.node.state is DriveState.OPERATION_ENABLE
 
+
+def test_drive_of_another_family_is_left_in_the_exchange_of_process_data() -> None:
+    async def test(rig: Rig) -> None:
+        nmt_commands(rig)
+        with pytest.raises(WrongDevice):
+            await rig.jobs.secure(0.0)
+        assert nmt_commands(rig) == []
+
+    on(LEFT, test, robot=ROBOT.model_copy(update={"drives": {**ROBOT.drives, LEFT: EPOS4.drives[LEFT]}}))
+
     on(LEFT, test, robot=ROBOT.model_copy(update={"drives": {**ROBOT.drives, LEFT: EPOS4.drives[LEFT]}}))
 
 

@@ -16,12 +16,13 @@ from artemis.bridges.page.session import ZoneChange
 from artemis.errors import ArtemisError
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_mission
-from artemis.mission.zones import zoned_floor
+from artemis.mission.zones import HEAD, with_zone, zoned_floor, zones_in
 from artemis.motion.planned_route import PLANNER
 from artemis.page.hub import Hub
 from artemis.page.zones import ZoneFiles
 from artemis.route_planning.device import RoutePlanner
 from artemis.route_planning.floor import Floor
+from artemis.route_planning.zones import MapZone
 from artemis.values import Job, JobKind, JobResult, Pose
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -155,3 +156,15 @@ def test_the_next_plan_heeds_a_zone_that_was_drawn_and_refuses_a_file_that_is_wr
     files_again = (MISSIONS / "maps/workshop.zones.yaml").read_bytes()
     (folder / "maps/workshop.zones.yaml").write_bytes(files_again)
     assert planned(planner).values == first.values
+
+
+@pytest.mark.parametrize("name", [r"a\\b", "it's", 'a "b"', 'it\'s "it"', "Größe", "x: {y}"])
+def test_a_name_is_read_as_it_was_written(name: str) -> None:
+    zone = MapZone(kind="keep-out", corners=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), name=name)
+    assert zones_in(with_zone(HEAD, "m", zone), "m").zones == (zone,)
+
+
+@pytest.mark.parametrize("name", ["two\nlines", "two\u2028lines", "bell\a"])
+def test_a_name_that_is_not_one_line_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="on one line"):
+        MapZone(kind="keep-out", corners=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), name=name)

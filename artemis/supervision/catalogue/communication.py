@@ -359,7 +359,8 @@ COMMUNICATION: dict[str, Row] = {
         S1,
         K,
         "is not the node of the robot file",
-        "node id, hardware_version, min_firmware, serial_number",
+        "node id, family, hardware_version, min_firmware, serial_number; one of another family is not stopped: "
+        "does its motor turn? press the emergency stop",
         to_fault=True,
         within=0.0,
         shows_as=("COM-08",),

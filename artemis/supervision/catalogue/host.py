@@ -160,7 +160,7 @@ HOST: dict[str, Row] = {
         "drives found moving",
         _DESIGN,
         recovery=ITSELF,
-        reason="bring-up listens, then stops what moves before anything else; the drives stay off until then",
+        reason="bring-up asks who is there and stops what moves before it writes anything else; the drives stay off",
     ),
     "SYS-11": Row("computer hot or busy", _ABSENT, WARN, ITSELF, reason="no common way to read it; SYS-01 decides"),
     "DSK-01": Row("disk nearly full", _LOADING, within=0.0),
