@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import cache
 from hashlib import sha256
@@ -43,14 +43,12 @@ GONE, REFUSED, BUSY = 1001, 4403, 4429
 
 
 @cache
-def static_file(name: str) -> tuple[bytes, str, str] | None:
-    """Content, type and tag of a file of the page; None: there is none."""
-    path = (SHARED if name.startswith("uplot/") else STATIC) / name
-    inside = ".." not in name and any(path.is_relative_to(folder) for folder in (STATIC, SHARED))
-    if not inside or path.suffix not in TYPES or not path.is_file():
-        return None
-    content = path.read_bytes()
-    return content, TYPES[path.suffix], f'"{sha256(content).hexdigest()[:16]}"'
+def _static_files() -> Mapping[str, tuple[bytes, str, str]]:
+    """All files of the page by name: content, type and tag. Read once: what browsers ask for is only looked up."""
+    files = [(file.name, file) for file in STATIC.iterdir()]
+    files += [(f"uplot/{file.name}", file) for file in (SHARED / "uplot").iterdir()]
+    found = {name: (file.read_bytes(), TYPES[file.suffix]) for name, file in files if file.suffix in TYPES}
+    return {name: (content, kind, f'"{sha256(content).hexdigest()[:16]}"') for name, (content, kind) in found.items()}
 
 
 class AccessCheck:
@@ -150,7 +148,7 @@ async def body_of(request: Request) -> bytes:
 
 def file_answer(request: Request, name: str) -> Response:
     """A file of the page, unless the browser has it; 404 where there is none."""
-    if (found := static_file(name)) is None:
+    if (found := _static_files().get(name)) is None:
         return Response(status_code=404, headers=HEADERS)
     content, kind, tag = found
     headers = {**HEADERS, "Cache-Control": "no-cache", "ETag": tag}

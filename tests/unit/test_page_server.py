@@ -106,7 +106,9 @@ def test_every_answer_has_the_content_policy(paired: httpx.Client) -> None:
         assert "default-src 'self'" in paired.get(path).headers["content-security-policy"]
 
 
-@pytest.mark.parametrize("path", ["../server.py", "..%2fserver.py", "uplot/LICENSE", "%2e%2e/access.py", ""])
+@pytest.mark.parametrize(
+    "path", ["../server.py", "..%2fserver.py", "uplot/LICENSE", "%2e%2e/access.py", "", "x" * 300 + ".js", "%00.js"]
+)
 def test_only_the_page_s_files_are_given(paired: httpx.Client, path: str) -> None:
     assert paired.get(f"/static/{path}").status_code == 404
 
