@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -23,6 +23,7 @@ from starlette.websockets import WebSocket
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from artemis.bridges.operator.server import tls_context
+from artemis.errors import ConfigError
 from artemis.page.access import Access, grouped, new_code
 
 MOST_BODY = 512
@@ -109,17 +110,22 @@ class PairedServer:
         return file_answer(request, request.path_params["name"])
 
     async def _pair(self, request: Request) -> Response:
-        with suppress(ValueError, msgspec.DecodeError):
+        try:
             given = msgspec.json.decode(await body_of(request), type=dict[str, str])
-            if (cookie := self._access.pair(given.get("code", ""))) is not None:
-                paired = JSONResponse({"paired": True}, headers=HEADERS)
-                secure = request.url.scheme == "https"
-                paired.set_cookie(
-                    self._access.cookie, cookie, httponly=True, samesite="strict", secure=secure, max_age=90 * 86400
-                )
-                return paired
-        self._refused(peer_of(request))
-        return JSONResponse({"paired": False}, 403, HEADERS)
+            cookie = await self._access.pair(given.get("code", ""))
+        except (ValueError, msgspec.DecodeError):
+            cookie = None
+        except ConfigError as error:
+            return JSONResponse({"paired": False, "problem": str(error)}, 503, HEADERS)
+        if cookie is None:
+            self._refused(peer_of(request))
+            return JSONResponse({"paired": False}, 403, HEADERS)
+        paired = JSONResponse({"paired": True}, headers=HEADERS)
+        secure = request.url.scheme == "https"
+        paired.set_cookie(
+            self._access.cookie, cookie, httponly=True, samesite="strict", secure=secure, max_age=90 * 86400
+        )
+        return paired
 
     async def _invite(self, request: Request) -> Response:
         """A code for another browser, as an address and as rows of a QR code."""

@@ -17,7 +17,7 @@ from artemis.bridges.addresses import bound
 from artemis.clock import wall_date
 from artemis.errors import ConfigError
 from artemis.notify import READY, STATUS, STOPPING, ServiceManager
-from artemis.page.access import Access, key_place, read_key
+from artemis.page.access import Access, key_place, read_key, used_place
 from artemis.page.mission_folder import CheckedMission, MissionFolder
 from artemis.page.observer import PageObserverConfig, url_of
 from artemis.page.paired import serve
@@ -69,7 +69,7 @@ class WaitingPage:
             check=lambda: self._folder.look(anew=True),
             changed=self._tell,
         )
-        access = Access(key, config.port, tls=tls is not None, names=config.names)
+        access = Access(key, config.port, used_place(), tls=tls is not None, names=config.names)
         self._server = WaitingServer(self._waiting, self._folder, access, key, url_of(config))
         self._leave, self._back = asyncio.Event(), asyncio.Event()
         self._shown: list[str] = []
