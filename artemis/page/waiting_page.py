@@ -124,6 +124,8 @@ class WaitingPage:
 
     def _begin(self, mission: CheckedMission) -> str:
         """Start a mission; why that cannot be, or nothing."""
+        if self._latest:
+            return "this page is ending"
         now = asyncio.get_running_loop().time()
         try:
             run = StartedRun(self._run_command(mission), self._folder.folder, (self._lock,), now)

@@ -1,0 +1,60 @@
+"""The process of a page that waits, without its server: what it starts, and no longer starts."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import pytest
+from ports import free_port
+
+from artemis.notify import ServiceManager
+from artemis.page.mission_folder import CheckedMission
+from artemis.page.observer import PageObserverConfig
+from artemis.page.waiting import Confirm, Start, Take, Waiting, Watcher
+from artemis.page.waiting_page import WaitingPage
+
+MISSION = CheckedMission(file="lap.yaml", mission="lap", bus="simulation", simulated=True, hash="aa")
+REAL = CheckedMission(file="real.yaml", mission="real", bus="socketcan can0", hash="bb")
+
+
+def at_page(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    play: Callable[[WaitingPage, Waiting, Watcher], Awaitable[None]],
+    program: str = "",
+) -> None:
+    """Have something done by who has control; `program` stands for each run."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setattr("artemis.page.mission_folder.MissionFolder.get", lambda _, file: known.get(file))
+    known = {each.file: each for each in (MISSION, REAL)}
+
+    async def main() -> None:
+        nothing = [sys.executable, "-c", ""]
+        command = [sys.executable, "-c", program]
+        config = PageObserverConfig(port=free_port())
+        page = WaitingPage(tmp_path, config, None, nothing, lambda mission: command, ServiceManager())
+        watcher = Watcher("1.1.1.1")
+        page._waiting.obey(watcher, Take(who="a test"), 0.0)
+        try:
+            await asyncio.wait_for(play(page, page._waiting, watcher), 60.0)  # type: ignore[arg-type]
+        finally:
+            await page.close()
+
+    asyncio.run(main())
+
+
+def test_a_page_that_ends_starts_nothing_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def play(page: WaitingPage, waiting: Waiting, watcher: Watcher) -> None:
+        waiting.obey(watcher, Start(file=REAL.file, hash=REAL.hash), 0.0)
+        page.end()
+        waiting.obey(watcher, Confirm(file=REAL.file, hash=REAL.hash), 1.0)
+        assert watcher.refused == "this page is ending"
+        waiting.obey(watcher, Start(file=MISSION.file, hash=MISSION.hash), 0.0)
+        assert watcher.refused == "this page is ending"
+        assert (waiting.state, page._server.run) == ("waiting", None)
+        await page._look()
+
+    at_page(tmp_path, monkeypatch, play)
