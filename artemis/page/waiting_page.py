@@ -100,7 +100,8 @@ class WaitingPage:
     def end(self) -> None:
         """Leave, after what was started has ended in order; asked again it stops quickly."""
         self._latest = self._latest or asyncio.get_running_loop().time() + END_TIME
-        self._cancel()
+        if self._server.run is not None:
+            self._server.run.end()
 
     async def close(self) -> None:
         """Give everything back. A run that goes on ends in order by itself: it has lost its standard input."""
@@ -137,7 +138,7 @@ class WaitingPage:
 
     def _cancel(self) -> None:
         if self._server.run is not None:
-            self._server.run.end()
+            self._server.run.cancel(asyncio.get_running_loop().time())
 
     async def _look(self) -> None:
         """Look after the run, and at the folder, until the end."""

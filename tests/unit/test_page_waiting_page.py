@@ -11,13 +11,23 @@ import pytest
 from ports import free_port
 
 from artemis.notify import ServiceManager
+from artemis.page import started_run
 from artemis.page.mission_folder import CheckedMission
 from artemis.page.observer import PageObserverConfig
-from artemis.page.waiting import Confirm, Start, Take, Waiting, Watcher
+from artemis.page.waiting import Cancel, Confirm, Start, Take, Waiting, Watcher
 from artemis.page.waiting_page import WaitingPage
 
 MISSION = CheckedMission(file="lap.yaml", mission="lap", bus="simulation", simulated=True, hash="aa")
 REAL = CheckedMission(file="real.yaml", mission="real", bus="socketcan can0", hash="bb")
+
+HANGS = """
+import signal
+from artemis.notify import ServiceManager
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+ServiceManager().tell("READY=1", "STOPPING=1")
+signal.sigwait([signal.SIGHUP])
+"""
+"""A run whose report is on a disk that does not answer."""
 
 
 def at_page(
@@ -58,3 +68,21 @@ def test_a_page_that_ends_starts_nothing_more(tmp_path: Path, monkeypatch: pytes
         await page._look()
 
     at_page(tmp_path, monkeypatch, play)
+
+
+def test_a_run_that_hangs_after_its_last_tick_can_be_cancelled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(started_run, "CANCEL_TIME", 0.1)
+
+    async def play(page: WaitingPage, waiting: Waiting, watcher: Watcher) -> None:
+        looking = asyncio.create_task(page._look())
+        waiting.obey(watcher, Start(file=MISSION.file, hash=MISSION.hash), 0.0)
+        while waiting.state != "ending":
+            await asyncio.sleep(0.01)
+        waiting.obey(Watcher("2.2.2.2"), Cancel(), 0.0)
+        while waiting.last is None:
+            await asyncio.sleep(0.01)
+        assert (waiting.state, waiting.last.status) == ("waiting", -9)
+        page.end()
+        await looking
+
+    at_page(tmp_path, monkeypatch, play, HANGS)
