@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
+from typing import Any
 
 import pytest
 from ports import free_port
 
+from artemis.bridges.page.session import Take
 from artemis.notify import ServiceManager
 from artemis.page import started_run
-from artemis.page.mission_folder import CheckedMission
+from artemis.page.mission_folder import CheckedMission, MissionFolder
 from artemis.page.observer import PageObserverConfig
-from artemis.page.waiting import Cancel, Confirm, Start, Take, Waiting, Watcher
+from artemis.page.waiting import Cancel, Confirm, Start, Waiting, Watcher
 from artemis.page.waiting_page import WaitingPage
 
 MISSION = CheckedMission(file="lap.yaml", mission="lap", bus="simulation", simulated=True, hash="aa")
@@ -22,6 +24,7 @@ REAL = CheckedMission(file="real.yaml", mission="real", bus="socketcan can0", ha
 
 HANGS = """
 import signal
+from artemis.bridges.page.session import Take
 from artemis.notify import ServiceManager
 signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
 ServiceManager().tell("READY=1", "STOPPING=1")
@@ -33,13 +36,13 @@ signal.sigwait([signal.SIGHUP])
 def at_page(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    play: Callable[[WaitingPage, Waiting, Watcher], Awaitable[None]],
+    play: Callable[[WaitingPage, Waiting, Watcher], Coroutine[Any, Any, None]],
     program: str = "",
 ) -> None:
     """Have something done by who has control; `program` stands for each run."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    monkeypatch.setattr("artemis.page.mission_folder.MissionFolder.get", lambda _, file: known.get(file))
     known = {each.file: each for each in (MISSION, REAL)}
+    monkeypatch.setattr(MissionFolder, "get", lambda _, file: known.get(file))
 
     async def main() -> None:
         nothing = [sys.executable, "-c", ""]
@@ -49,7 +52,7 @@ def at_page(
         watcher = Watcher("1.1.1.1")
         page._waiting.obey(watcher, Take(who="a test"), 0.0)
         try:
-            await asyncio.wait_for(play(page, page._waiting, watcher), 60.0)  # type: ignore[arg-type]
+            await asyncio.wait_for(play(page, page._waiting, watcher), 60.0)
         finally:
             await page.close()
 
