@@ -6,6 +6,7 @@ So a page that is started again knows its browsers, and another process of the s
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import binascii
 import hmac
@@ -22,6 +23,7 @@ from socket import gethostname
 from artemis.bridges.operator.pairing import default_place
 from artemis.clock import wall_date
 from artemis.errors import ConfigError
+from artemis.page.used_codes import UsedCodes
 
 CODE_TIME, PAIRED_TIME = 600, 90 * 86400
 """A code is good for so long, a paired browser may come back for so long [s]."""
@@ -35,6 +37,11 @@ _CODE, _COOKIE = b"code", b"cookie"
 def key_place() -> Path:
     """Where the page's key is kept."""
     return default_place().with_name("page.key")
+
+
+def used_place() -> Path:
+    """Where it is kept which codes were used."""
+    return key_place().with_name("page.used")
 
 
 def read_key(path: Path) -> bytes:
@@ -67,33 +74,45 @@ def new_code(key: bytes, now: datetime | None = None) -> str:
 
 
 class Access:
-    """Remembers which codes were used."""
+    """Of one page; which codes were used all pages with the same key know."""
 
     def __init__(
-        self, key: bytes, port: int, *, tls: bool, names: Iterable[str] = (), date: Callable[[], datetime] = wall_date
+        self,
+        key: bytes,
+        port: int,
+        used: Path,
+        *,
+        tls: bool,
+        names: Iterable[str] = (),
+        date: Callable[[], datetime] = wall_date,
     ) -> None:
-        """A page at `port`, with or without TLS, that browsers reach by these `names`, too; `date` on the wall."""
+        """A page at `port`, with or without TLS, that browsers reach by these `names`, too; `date` on the wall.
+
+        `used`: the file of used codes (`used_place`).
+        """
         own = gethostname().lower()
         self._names = {"localhost", own, f"{own.split('.')[0]}.local", *map(str.lower, names)}
         self._key, self._date, self._tls = key, date, tls
         self.cookie = f"artemis-{port}"
         """Its name: browsers share cookies between the ports of a computer."""
-        self._used: dict[bytes, int] = {}
+        self._used = UsedCodes(used)
         self._wrong: list[float] = []
 
-    def pair(self, code: str) -> str | None:
-        """The value of a cookie for a code; None: it is wrong, too old, or was used."""
+    async def pair(self, code: str) -> str | None:
+        """The value of a cookie for a code; None: it is wrong, too old, or was used.
+
+        Raises:
+            ConfigError: it is not known which codes were used, or that cannot be noted.
+        """
         now = self._date()
         self._wrong = [then for then in self._wrong if now.timestamp() - then < GUESS_TIME]
         if len(self._wrong) >= MOST_GUESSES:
             return None
         until = _opened(self._key, _CODE, code, now)
-        raw = _plain(code)
-        if until is None or raw in self._used:
+        # The disk may be slow, and Stop comes by the same loop; a thread waits only for who has a good code.
+        if until is None or not await asyncio.to_thread(self._used.take, _plain(code), until, now.timestamp()):
             self._wrong.append(now.timestamp())
             return None
-        self._used = {used: end for used, end in self._used.items() if end > now.timestamp()}
-        self._used[raw] = until
         return _signed(self._key, _COOKIE, _seconds(now) + PAIRED_TIME)
 
     def is_paired(self, cookie: str | None) -> bool:

@@ -140,7 +140,7 @@ class MissionFolder:
                             seen = entry.stat()
                             found[name] = seen.st_mtime_ns, seen.st_size, seen.st_ino
         except OSError as error:
-            self.note = f"{self.folder}: {error.strerror}"
+            self.note = f"{self.folder.name}: {error.strerror}"
         if len(found) > MOST_FILES:
             self.note = f"only the first {MOST_FILES} of {len(found)} files are shown"
             found = {name: found[name] for name in sorted(found)[:MOST_FILES]}

@@ -20,7 +20,7 @@ from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.errors import ConfigError
-from artemis.page.access import Access, key_place, read_key
+from artemis.page.access import Access, key_place, read_key, used_place
 from artemis.page.view import PageView, mission_in
 from artemis.page.zones import ZoneFiles
 from artemis.plugins.contracts import PluginContext
@@ -210,7 +210,7 @@ class _ServerThread(LoopThread):
         hub = Hub((os.getppid(), os.getpid()), config.input, self._zones)
         hub.about = _JSON(self._view.about())
         hub.history, hub.trail = lambda: _JSON(self._view.history), lambda: _JSON(self._view.trail)
-        access = Access(self._key, config.port, tls=config.tls is not None, names=config.names)
+        access = Access(self._key, config.port, used_place(), tls=config.tls is not None, names=config.names)
         server = PageServer(hub, access, self._key, url_of(config), [self._runs])
         self._hub = hub
         hub.begin()

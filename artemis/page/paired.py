@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -23,6 +23,7 @@ from starlette.websockets import WebSocket
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from artemis.bridges.operator.server import tls_context
+from artemis.errors import ConfigError
 from artemis.page.access import Access, grouped, new_code
 
 MOST_BODY = 512
@@ -43,14 +44,12 @@ GONE, REFUSED, BUSY = 1001, 4403, 4429
 
 
 @cache
-def static_file(name: str) -> tuple[bytes, str, str] | None:
-    """Content, type and tag of a file of the page; None: there is none."""
-    path = (SHARED if name.startswith("uplot/") else STATIC) / name
-    inside = ".." not in name and any(path.is_relative_to(folder) for folder in (STATIC, SHARED))
-    if not inside or path.suffix not in TYPES or not path.is_file():
-        return None
-    content = path.read_bytes()
-    return content, TYPES[path.suffix], f'"{sha256(content).hexdigest()[:16]}"'
+def _static_files() -> Mapping[str, tuple[bytes, str, str]]:
+    """All files of the page by name: content, type and tag. Read once: what browsers ask for is only looked up."""
+    files = [(file.name, file) for file in STATIC.iterdir()]
+    files += [(f"uplot/{file.name}", file) for file in (SHARED / "uplot").iterdir()]
+    found = {name: (file.read_bytes(), TYPES[file.suffix]) for name, file in files if file.suffix in TYPES}
+    return {name: (content, kind, f'"{sha256(content).hexdigest()[:16]}"') for name, (content, kind) in found.items()}
 
 
 class AccessCheck:
@@ -111,17 +110,22 @@ class PairedServer:
         return file_answer(request, request.path_params["name"])
 
     async def _pair(self, request: Request) -> Response:
-        with suppress(ValueError, msgspec.DecodeError):
+        try:
             given = msgspec.json.decode(await body_of(request), type=dict[str, str])
-            if (cookie := self._access.pair(given.get("code", ""))) is not None:
-                paired = JSONResponse({"paired": True}, headers=HEADERS)
-                secure = request.url.scheme == "https"
-                paired.set_cookie(
-                    self._access.cookie, cookie, httponly=True, samesite="strict", secure=secure, max_age=90 * 86400
-                )
-                return paired
-        self._refused(peer_of(request))
-        return JSONResponse({"paired": False}, 403, HEADERS)
+            cookie = await self._access.pair(given.get("code", ""))
+        except (ValueError, msgspec.DecodeError):
+            cookie = None
+        except ConfigError as error:
+            return JSONResponse({"paired": False, "problem": str(error)}, 503, HEADERS)
+        if cookie is None:
+            self._refused(peer_of(request))
+            return JSONResponse({"paired": False}, 403, HEADERS)
+        paired = JSONResponse({"paired": True}, headers=HEADERS)
+        secure = request.url.scheme == "https"
+        paired.set_cookie(
+            self._access.cookie, cookie, httponly=True, samesite="strict", secure=secure, max_age=90 * 86400
+        )
+        return paired
 
     async def _invite(self, request: Request) -> Response:
         """A code for another browser, as an address and as rows of a QR code."""
@@ -150,7 +154,7 @@ async def body_of(request: Request) -> bytes:
 
 def file_answer(request: Request, name: str) -> Response:
     """A file of the page, unless the browser has it; 404 where there is none."""
-    if (found := static_file(name)) is None:
+    if (found := _static_files().get(name)) is None:
         return Response(status_code=404, headers=HEADERS)
     content, kind, tag = found
     headers = {**HEADERS, "Cache-Control": "no-cache", "ETag": tag}

@@ -88,6 +88,15 @@ def signature(folder: Path) -> list[int]:
     return found
 
 
+def has_report(folder: Path) -> bool:
+    """Whether there is one, of the recording as it is now."""
+    run = RunFolder(path=folder)
+    try:
+        return run.report.stat().st_mtime_ns >= run.recording.stat().st_mtime_ns
+    except OSError:
+        return False
+
+
 def facts_of(folder: Path) -> RunFacts:
     """What the journal says; where that does not suffice, the recording, which is read whole then."""
     run = RunFolder(path=folder)

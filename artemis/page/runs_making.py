@@ -14,10 +14,9 @@ from typing import Any
 
 import msgspec
 
-from artemis.page.runs import REPLAY, RunFacts, signature
+from artemis.page.runs import REPLAY, RunFacts, has_report, signature
 from artemis.page.runs_replay import is_made
 from artemis.page.runs_work import Said, command
-from artemis.recording.run_folder import RunFolder
 
 LOOK_AGAIN = 10.0
 """A run that changes is read again so long after it was read [s]."""
@@ -165,11 +164,7 @@ def is_ready(what: str, folder: Path) -> bool:
     """Whether it is there, and of the run as it is now."""
     if what == REPLAY:
         return is_made(folder / REPLAY, folder)
-    run = RunFolder(path=folder)
-    try:
-        return run.report.stat().st_mtime_ns >= run.recording.stat().st_mtime_ns
-    except OSError:
-        return False
+    return has_report(folder)
 
 
 async def _lines(process: Process) -> AsyncIterator[Said]:

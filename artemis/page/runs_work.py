@@ -6,19 +6,20 @@ standard output; `zip` writes the archive there instead.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import sys
 import threading
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
 import msgspec
 
-from artemis.errors import ArtemisError
-from artemis.page.runs import REPLAY, RunFacts, facts_of
+from artemis.errors import ArtemisError, RecordingError
+from artemis.page.runs import REPLAY, RunFacts, facts_of, has_report
 from artemis.recording.run_folder import RunFolder
 
 NICE = 15
@@ -75,18 +76,42 @@ def _facts(folders: list[Path]) -> None:
         say(Said(run=str(folder), facts=facts_of(folder)))
 
 
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Waits until no other page has something made of the run: that which waits and the run's own may be asked both.
+
+    Raises:
+        RecordingError: there is no such folder any more.
+    """
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except OSError as error:
+        raise RecordingError(f"{folder.name}: {error.strerror}") from None
+    try:
+        with suppress(OSError):  # a network file system may have no locks of folders: then nobody waits
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
 def _report(folders: list[Path]) -> None:
     from artemis.recording.mcap_reader import Recording
     from artemis.report.page import write_report
 
-    write_report(Recording(folders[0]), RunFolder(path=folders[0]).report)
+    with _alone(folders[0]):
+        if not has_report(folders[0]):
+            write_report(Recording(folders[0]), RunFolder(path=folders[0]).report)
     say(Said(share=1.0))
 
 
 def _replay(folders: list[Path]) -> None:
-    from artemis.page.runs_replay import write_replay
+    from artemis.page.runs_replay import is_made, write_replay
 
-    write_replay(folders[0], folders[0] / REPLAY, lambda share: say(Said(share=round(share, 3))))
+    replay = folders[0] / REPLAY
+    with _alone(folders[0]):
+        if not is_made(replay, folders[0]):
+            write_replay(folders[0], replay, lambda share: say(Said(share=round(share, 3))))
     say(Said(share=1.0))
 
 

@@ -12,6 +12,7 @@ import socket
 import subprocess
 from collections.abc import Sequence
 from contextlib import suppress
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 
@@ -21,6 +22,8 @@ FED_EVERY = 3.0
 """The run says twice in this time that it ticks [s]."""
 HANG = 8.0
 """One that has not ticked for so long is killed [s]: its drives stand by then, and it would have ended itself."""
+CANCEL_TIME = 10.0
+"""One that is cancelled after its last tick has so long to end [s]; then it is killed."""
 MOST_OUTPUT, MOST_LINES, LONGEST_LINE = 1 << 20, 40, 300
 ENDINGS = {
     0: "done",
@@ -56,6 +59,7 @@ class StartedRun:
         self.status = ""
         """What it does, in its own words."""
         self._heard, self._hung = now, False
+        self._killed_at = inf
         self._place = TemporaryDirectory(prefix="artemis-page-")  # only its owner may open it
         self._output, self._last = TemporaryFile("a+b"), b""
         self._notices = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -95,12 +99,17 @@ class StartedRun:
         if self.is_ready and not self.is_stopping and now - self._heard > HANG and self._process.poll() is None:
             self._hung = True
             self.kill()
+        if now > self._killed_at:
+            self.kill()
         return self._process.poll()
 
     @property
     def outcome(self) -> str:
         """How it ended, in words."""
-        words = ending(self._process.returncode)
+        status = self._process.returncode
+        if self.is_stopping and status < 0:
+            return f"killed by {signal.Signals(-status).name} after its last tick: summary and report may be missing"
+        words = ending(status)
         return f"it did not tick for {HANG:g} s: {words}" if self._hung else words
 
     def lines(self) -> list[str]:
@@ -113,6 +122,12 @@ class StartedRun:
         """Ask it to end in order; asked again it stops quickly."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGTERM)
+
+    def cancel(self, now: float) -> None:
+        """As `end`; one whose last tick is over, so that its drives are released, has not all the time for it."""
+        self.end()
+        if self.is_stopping:
+            self._killed_at = min(self._killed_at, now + CANCEL_TIME)
 
     def kill(self) -> None:
         """End it at once: the drives stop by themselves."""

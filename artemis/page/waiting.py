@@ -132,7 +132,7 @@ class Waiting:
             case Cancel():
                 if self.owner is watcher:
                     self._asked = None
-                if self.state == "starting":
+                if self.state in ("starting", "ending"):  # in between the run's own page stops it
                     self.cancel()
             case CheckAgain():
                 self.check()

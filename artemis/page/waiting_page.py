@@ -17,7 +17,7 @@ from artemis.bridges.addresses import bound
 from artemis.clock import wall_date
 from artemis.errors import ConfigError
 from artemis.notify import READY, STATUS, STOPPING, ServiceManager
-from artemis.page.access import Access, key_place, read_key
+from artemis.page.access import Access, key_place, read_key, used_place
 from artemis.page.mission_folder import CheckedMission, MissionFolder
 from artemis.page.observer import PageObserverConfig, url_of
 from artemis.page.paired import serve
@@ -69,7 +69,7 @@ class WaitingPage:
             check=lambda: self._folder.look(anew=True),
             changed=self._tell,
         )
-        access = Access(key, config.port, tls=tls is not None, names=config.names)
+        access = Access(key, config.port, used_place(), tls=tls is not None, names=config.names)
         self._server = WaitingServer(self._waiting, self._folder, access, key, url_of(config))
         self._leave, self._back = asyncio.Event(), asyncio.Event()
         self._shown: list[str] = []
@@ -100,7 +100,8 @@ class WaitingPage:
     def end(self) -> None:
         """Leave, after what was started has ended in order; asked again it stops quickly."""
         self._latest = self._latest or asyncio.get_running_loop().time() + END_TIME
-        self._cancel()
+        if self._server.run is not None:
+            self._server.run.end()
 
     async def close(self) -> None:
         """Give everything back. A run that goes on ends in order by itself: it has lost its standard input."""
@@ -124,6 +125,8 @@ class WaitingPage:
 
     def _begin(self, mission: CheckedMission) -> str:
         """Start a mission; why that cannot be, or nothing."""
+        if self._latest:
+            return "this page is ending"
         now = asyncio.get_running_loop().time()
         try:
             run = StartedRun(self._run_command(mission), self._folder.folder, (self._lock,), now)
@@ -135,7 +138,7 @@ class WaitingPage:
 
     def _cancel(self) -> None:
         if self._server.run is not None:
-            self._server.run.end()
+            self._server.run.cancel(asyncio.get_running_loop().time())
 
     async def _look(self) -> None:
         """Look after the run, and at the folder, until the end."""

@@ -112,6 +112,16 @@ def test_every_block_says_what_it_is() -> None:
     assert sessions == ["docs/plugins.md"], "tests/e2e/test_plugin_package.py goes through the one of this page"
 
 
+def test_every_row_is_in_a_table() -> None:
+    outside = [
+        f"{relative(page)}: {rows[0][:60]}"
+        for page in DOCS
+        for found in re.findall(r"(?:^\|.*\n)+", prose(page), re.MULTILINE)
+        if not re.fullmatch(r"\|[-:| ]+\|", ((rows := found.splitlines())[1:] or [""])[0])
+    ]
+    assert outside == []
+
+
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of what the commands need, where they may leave runs behind."""

@@ -143,6 +143,6 @@ def test_too_many_files_and_no_folder_are_said(tmp_path: Path) -> None:
         assert crowd.note == f"only the first {MOST_FILES} of {MOST_FILES + 1} files are shown"
         none = MissionFolder(tmp_path / "none", [], lambda: None)
         none.look()
-        assert (none.note, none.missions) == (f"{tmp_path / 'none'}: No such file or directory", [])
+        assert (none.note, none.missions) == ("none: No such file or directory", [])
 
     in_folder(tmp_path, play)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import io
 import os
 import subprocess
@@ -19,6 +20,7 @@ from test_page_runs import made
 from artemis.page import runs_making
 from artemis.page.runs import REPLAY
 from artemis.page.runs_making import MOST_WAITING, Works
+from artemis.page.runs_replay import write_replay
 from artemis.page.runs_work import NICE, command
 
 BROKEN, CIRCLE = "20260301T130000Z-circle", "20260301T120000Z-circle"
@@ -214,3 +216,40 @@ def test_the_process_is_nice_and_leaves_with_who_began_it(tmp_path: Path) -> Non
     assert worker.stdin is not None
     worker.stdin.close()
     assert worker.wait(60) == 0
+
+
+@pytest.mark.parametrize("what", [REPLAY, "report"])
+def test_two_pages_do_not_make_the_same_at_once(tmp_path: Path, what: str) -> None:
+    folder = made(tmp_path, CIRCLE)
+    lock = os.open(folder, os.O_RDONLY)
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    worker = subprocess.Popen(command(what, str(folder)), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    while not any(
+        " -> FLOCK " in line and f" {worker.pid} " in line for line in Path("/proc/locks").read_text().splitlines()
+    ):
+        assert worker.poll() is None, "it waits"
+    if what == REPLAY:
+        write_replay(folder, folder / REPLAY)
+    else:
+        (folder / "report.html").write_text("of the other page")
+    by_the_other = _times(folder)
+    os.close(lock)
+    assert worker.stdout is not None
+    said = worker.stdout.read()
+    worker.communicate()
+    assert (worker.returncode, said) == (0, b'{"share":1.0}\n')
+    assert _times(folder) == by_the_other, "it is not made again"
+
+
+def _times(folder: Path) -> dict[Path, int]:
+    return {path: path.stat().st_mtime_ns for path in sorted(folder.rglob("*"))}
+
+
+def test_a_run_that_is_gone_is_said_without_its_place(tmp_path: Path) -> None:
+    async def problem() -> str:
+        making = Works().make(REPLAY, tmp_path / "gone")
+        while making.state in ("waiting", "making"):
+            await asyncio.sleep(0.01)
+        return making.problem
+
+    assert asyncio.run(problem()) == "gone: No such file or directory"

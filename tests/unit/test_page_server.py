@@ -19,6 +19,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from artemis.page import paired as paired_server
+from artemis.page.access import key_place
 from artemis.page.certificates import kept, make
 from artemis.page.observer import PageObserverConfig, PageTls
 from artemis.page.paired import SHARED, STATIC
@@ -106,7 +107,9 @@ def test_every_answer_has_the_content_policy(paired: httpx.Client) -> None:
         assert "default-src 'self'" in paired.get(path).headers["content-security-policy"]
 
 
-@pytest.mark.parametrize("path", ["../server.py", "..%2fserver.py", "uplot/LICENSE", "%2e%2e/access.py", ""])
+@pytest.mark.parametrize(
+    "path", ["../server.py", "..%2fserver.py", "uplot/LICENSE", "%2e%2e/access.py", "", "x" * 300 + ".js", "%00.js"]
+)
 def test_only_the_page_s_files_are_given(paired: httpx.Client, path: str) -> None:
     assert paired.get(f"/static/{path}").status_code == 404
 
@@ -184,6 +187,18 @@ def test_an_invitation_pairs_another_browser(rig: PageRig, paired: httpx.Client)
     with httpx.Client(base_url=rig.url, headers=origin(rig)) as another:
         assert another.post("/pair", json={"code": invitation["code"]}).status_code == 200
         assert another.get("/history").status_code == 200
+
+
+def test_a_browser_is_told_why_no_code_is_taken(rig: PageRig) -> None:
+    used = key_place().with_name("page.used")
+    content = used.read_bytes() if used.exists() else b""
+    with httpx.Client(base_url=rig.url, headers=origin(rig)) as stranger:
+        used.write_bytes(b"nonsense")
+        answer = stranger.post("/pair", json={"code": rig.pairing().split("#")[1]})
+        used.write_bytes(content)
+        assert (answer.status_code, answer.json()["paired"]) == (503, False)
+        assert answer.json()["problem"].startswith("page.used is damaged")
+        assert "set-cookie" not in answer.headers
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="needs the program openssl")

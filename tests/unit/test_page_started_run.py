@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from artemis.page import started_run
-from artemis.page.started_run import HANG, MOST_LINES, StartedRun
+from artemis.page.started_run import CANCEL_TIME, HANG, MOST_LINES, StartedRun
 
 PAUSE = threading.Event()
 """Never set."""
@@ -81,6 +81,31 @@ def test_one_that_does_not_tick_any_more_is_killed_but_not_while_it_ends(tmp_pat
     with started(tmp_path, program.replace("['READY=1']", "['READY=1', 'STOPPING=1']")) as run:
         until(run, lambda: run.is_stopping)
         assert run.look(100.0) is None
+
+
+def test_one_that_hangs_after_its_last_tick_is_killed_some_time_after_it_was_cancelled(tmp_path: Path) -> None:
+    deaf = "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM]); manager.tell('READY=1', 'STOPPING=1')"
+    with started(tmp_path, TICKING + deaf + "; signal.sigwait([signal.SIGHUP])") as run:
+        until(run, lambda: run.is_stopping)
+        run.cancel(100.0)
+        run.cancel(105.0)
+        assert run.look(100.0 + CANCEL_TIME) is None
+        until(run, lambda: run.look(101.0 + CANCEL_TIME) is not None)
+        assert run.outcome == "killed by SIGKILL after its last tick: summary and report may be missing"
+
+
+def test_one_that_begins_or_drives_has_all_time_to_end_in_order(tmp_path: Path) -> None:
+    with started(tmp_path, TICKING + "manager.tell('READY=1'); signal.sigwait([signal.SIGHUP])") as run:
+        until(run, lambda: run.is_ready)
+        run.cancel(0.0)
+        until(run, lambda: run.look(0.0) is not None)
+        assert run.outcome == "killed by SIGTERM; the drives stop by themselves"
+    deaf = "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM]); manager.tell('STATUS=deaf'); signal.pause()"
+    with started(tmp_path, TICKING + deaf) as run:
+        until(run, lambda: run.status == "deaf")
+        run.cancel(0.0)
+        run.look(CANCEL_TIME + 1.0)
+        assert run.look(CANCEL_TIME + 2.0) is None
 
 
 def test_it_sees_the_end_of_the_page(tmp_path: Path) -> None:

@@ -142,6 +142,16 @@ def test_what_begins_is_cancelled_by_anybody_and_all_checked_again(page: Page) -
     assert page.done == ["lap.yaml", "cancel", "check"]
 
 
+def test_a_run_is_cancelled_while_it_begins_or_ends_and_not_while_its_own_page_is_there(page: Page) -> None:
+    page.start(page.one, SIMULATED)
+    page.waiting.state = "running"
+    page.say(page.other, t="cancel")
+    assert page.done == ["lap.yaml"]
+    page.waiting.state = "ending"
+    page.say(page.other, t="cancel")
+    assert page.done == ["lap.yaml", "cancel"]
+
+
 def test_who_says_too_much_or_nonsense_is_let_go() -> None:
     watcher = Watcher("1.1.1.1")
     assert [watcher.may_say(100.0) for _ in range(MOST_MESSAGES + 1)].count(False) == 1

@@ -8,7 +8,8 @@ async function pair(code) {
       method: 'POST', headers: {'content-type': 'application/json'}, body: JSON.stringify({code}),
     });
     if (answer.ok) { location.replace('/'); return; }
-    said.textContent = 'This code is wrong, older than ten minutes, or was used already. ' +
+    const {problem} = await answer.json();
+    said.textContent = problem ? `The robot’s computer takes no code now: ${problem}.` : 'This code is wrong, older than ten minutes, or was used already. ' +
       'On the robot’s computer, "artemis page pair" makes a new one.';
   } catch {
     said.textContent = 'The robot’s computer does not answer.';

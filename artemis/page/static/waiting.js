@@ -62,9 +62,10 @@ function showRun(run, state) {
   $('run').hidden = !run;
   if (!run) return;
   write('run-title', state === 'ending' ? `${run.mission} has come to its end` : `${run.mission} begins`);
-  write('run-status', state === 'ending' ? 'Its summary and its report are made.' : `Started by ${run.who}. When it is ready its page comes here; nothing moves before somebody arms there.`);
+  write('run-status', state === 'ending' ? 'The drives are released; its summary and its report are made. If that does not end, do not wait for it: a report can be made again under Past runs.' : `Started by ${run.who}. When it is ready its page comes here; nothing moves before somebody arms there.`);
   showLines('run-lines', run.lines);
-  $('cancel').hidden = state !== 'starting';
+  write('cancel', state === 'ending' ? 'Do not wait for its report' : 'Cancel the start');
+  $('cancel').hidden = state !== 'starting' && state !== 'ending';
 }
 function showLast(last) {
   $('last').hidden = !last;

@@ -1,0 +1,91 @@
+"""The process of a page that waits, without its server: what it starts, and no longer starts."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ports import free_port
+
+from artemis.bridges.page.session import Take
+from artemis.notify import ServiceManager
+from artemis.page import started_run
+from artemis.page.mission_folder import CheckedMission, MissionFolder
+from artemis.page.observer import PageObserverConfig
+from artemis.page.waiting import Cancel, Confirm, Start, Waiting, Watcher
+from artemis.page.waiting_page import WaitingPage
+
+MISSION = CheckedMission(file="lap.yaml", mission="lap", bus="simulation", simulated=True, hash="aa")
+REAL = CheckedMission(file="real.yaml", mission="real", bus="socketcan can0", hash="bb")
+
+HANGS = """
+import signal
+from artemis.bridges.page.session import Take
+from artemis.notify import ServiceManager
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+ServiceManager().tell("READY=1", "STOPPING=1")
+signal.sigwait([signal.SIGHUP])
+"""
+"""A run whose report is on a disk that does not answer."""
+
+
+def at_page(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    play: Callable[[WaitingPage, Waiting, Watcher], Coroutine[Any, Any, None]],
+    program: str = "",
+) -> None:
+    """Have something done by who has control; `program` stands for each run."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    known = {each.file: each for each in (MISSION, REAL)}
+    monkeypatch.setattr(MissionFolder, "get", lambda _, file: known.get(file))
+
+    async def main() -> None:
+        nothing = [sys.executable, "-c", ""]
+        command = [sys.executable, "-c", program]
+        config = PageObserverConfig(port=free_port())
+        page = WaitingPage(tmp_path, config, None, nothing, lambda mission: command, ServiceManager())
+        watcher = Watcher("1.1.1.1")
+        page._waiting.obey(watcher, Take(who="a test"), 0.0)
+        try:
+            await asyncio.wait_for(play(page, page._waiting, watcher), 60.0)
+        finally:
+            await page.close()
+
+    asyncio.run(main())
+
+
+def test_a_page_that_ends_starts_nothing_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def play(page: WaitingPage, waiting: Waiting, watcher: Watcher) -> None:
+        waiting.obey(watcher, Start(file=REAL.file, hash=REAL.hash), 0.0)
+        page.end()
+        waiting.obey(watcher, Confirm(file=REAL.file, hash=REAL.hash), 1.0)
+        assert watcher.refused == "this page is ending"
+        waiting.obey(watcher, Start(file=MISSION.file, hash=MISSION.hash), 0.0)
+        assert watcher.refused == "this page is ending"
+        assert (waiting.state, page._server.run) == ("waiting", None)
+        await page._look()
+
+    at_page(tmp_path, monkeypatch, play)
+
+
+def test_a_run_that_hangs_after_its_last_tick_can_be_cancelled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(started_run, "CANCEL_TIME", 0.1)
+
+    async def play(page: WaitingPage, waiting: Waiting, watcher: Watcher) -> None:
+        looking = asyncio.create_task(page._look())
+        waiting.obey(watcher, Start(file=MISSION.file, hash=MISSION.hash), 0.0)
+        while waiting.state != "ending":
+            await asyncio.sleep(0.01)
+        waiting.obey(Watcher("2.2.2.2"), Cancel(), 0.0)
+        while waiting.last is None:
+            await asyncio.sleep(0.01)
+        assert (waiting.state, waiting.last.status) == ("waiting", -9)
+        page.end()
+        await looking
+
+    at_page(tmp_path, monkeypatch, play, HANGS)
