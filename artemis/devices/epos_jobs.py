@@ -159,6 +159,7 @@ class EposJobs:
         whole = reset == RESETS["node"]
         command = NmtCommand.RESET_NODE if whole else NmtCommand.RESET_COMMUNICATION
         self._epos.send(nmt_frame(command, self.drive.node_id))
+        self._hardware = None  # what boots is asked anew
         await asyncio.sleep(self._family.reset_time)
         return "NMT Reset Node" if whole else "NMT Reset Communication"
 
@@ -328,7 +329,7 @@ class EposJobs:
             raise NotKept(self.name, f"did not keep {setting.object}: wrote 0x{setting.value:X}, reads 0x{kept:X}")
 
     async def _check_family(self) -> None:
-        """What a controlword means depends on the family; asked once, and again whenever the drive is secured."""
+        """What a controlword means depends on the family; asked once, and again when the drive is secured or was reset."""
         if self._hardware is None:
             self._hardware = await check_family(self.name, self.drive, self.read)
 

@@ -70,7 +70,7 @@ def test_two_generations_drive_one_robot(tmp_path: Path) -> None:
 
 @pytest.mark.exhaustive
 def test_a_quick_stop_is_the_drives_own_and_they_go_on_when_armed(tmp_path: Path) -> None:
-    simulation = {"operator": [{"at_s": 16.0, "do": "arm"}]}
+    simulation = {"operator": [{"at_s": 21.0, "do": "arm"}]}
     rig = Rig(write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=EPOS4, simulation=simulation))
     rig.while_following(rig.request(Request.QUICKSTOP), name="stop")
     seen = rig.run()
