@@ -82,7 +82,7 @@ def _tree(parts: int) -> MissionTree:
 
 
 def _facts(outcome: str = "") -> MissionFacts:
-    return MissionFacts(signals={"run_s": 1.0, "driven_m": 1.0, "battery_v": 25.0}, dt=0.02, outcome=outcome)
+    return MissionFacts(signals={"run_s": 1.0, "driven_m": 1.0}, dt=0.02, outcome=outcome)
 
 
 def _part(number: int) -> Mapping[str, Any]:
@@ -90,5 +90,5 @@ def _part(number: int) -> Mapping[str, Any]:
     attempt = {"try": {"retries": 2, "between": [wait], "steps": [wait, wait], "catch": {"any": [{"say": "caught"}]}}}
     branches = [{"if": f"run_s > {1000 + number}", "steps": [wait]}, {"steps": [wait]}]
     inner = {"repeat": {"times": 2, "steps": [attempt, {"choose": branches}]}}
-    when = [{"if": "battery_v < 23", "steps": [wait]}]
+    when = [{"if": "driven_m > 23", "steps": [wait]}]
     return {"during": {"at_most_s": 1000.0 + number, "steps": [inner], "when": when}}
