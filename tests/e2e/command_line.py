@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import shutil
 import signal
 import socket
@@ -18,6 +17,7 @@ from typing import IO
 from unittest.mock import patch
 
 import pytest
+from lateness import skip_if_late
 from ports import free_port
 
 from artemis import cli
@@ -101,18 +101,6 @@ def read_until(process: subprocess.Popen[str], words: str) -> str:
         if words in line:
             return "".join(lines)
     raise AssertionError(f"ended without {words!r}: {''.join(lines)}{stream(process.stderr).read()}")
-
-
-def skip_if_late(shown: str, *others: str) -> None:
-    """A machine that is busy with something else stops a real-time run, rightly: then there is nothing to test.
-
-    A late host says so itself. Drives in another process that answer too late (and `others`, which are faults too) are
-    only believed to be late where more than twice as many programs want to run as there are processors.
-    """
-    busy = os.getloadavg()[0] > 2 * (os.cpu_count() or 1)
-    for fault in ("SYS-01", "COM-08", "COM-11", "COM-28", "DRV-20", *others) if busy else ("SYS-01",):
-        if fault in shown:
-            pytest.skip(f"this machine is too busy for real time: {shown[shown.index(fault) :].splitlines()[0]}")
 
 
 def stream(pipe: IO[str] | None) -> IO[str]:

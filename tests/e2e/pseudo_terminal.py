@@ -15,7 +15,8 @@ import termios
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from command_line import ARTEMIS, PATIENCE, skip_if_late
+from command_line import ARTEMIS, PATIENCE
+from lateness import skip_if_late
 
 _LOOK = 0.1
 """After this time without output [s], whether the process still runs."""

@@ -13,11 +13,11 @@ from command_line import (
     endless_mission,
     only_run,
     read_until,
-    skip_if_late,
     started,
     stream,
     write_mission,
 )
+from lateness import skip_if_late
 
 from artemis.errors import RecordingError
 from artemis.recording.journal import read_journal

@@ -21,11 +21,11 @@ from command_line import (
     multicast_problem,
     only_run,
     read_until,
-    skip_if_late,
     started,
     stream,
     write_mission,
 )
+from lateness import skip_if_late
 from ports import free_port
 
 from artemis.mission.loading import load_model

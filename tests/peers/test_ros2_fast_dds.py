@@ -22,6 +22,7 @@ from msgspec.structs import replace
 
 pytest.importorskip("rosbags", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
 pytest.importorskip("cyclonedds", reason="needs the extra ros2: pip install 'artemis-robot[ros2]'")
+from lateness import skip_if_late
 from ros2_rig import LONGEST, STEP, own_address
 
 from artemis.bridges.ros2.settings import unicast_ports
@@ -101,6 +102,7 @@ class Lines:
         for _ in range(round(LONGEST / STEP)):
             for line in self.lines[seen:]:
                 seen += 1
+                skip_if_late(line)
                 if re.search(words, line):
                     return line
             step()
