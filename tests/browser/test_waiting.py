@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,19 @@ def page(folder: Path, chromium: Any) -> Iterator[Any]:
         context.close()
 
 
+def end_the_run(page: Any) -> None:
+    """Take control and press End twice, as often as it takes: on a busy computer a request may be too old to count."""
+    from playwright.sync_api import Error
+
+    while not page.is_visible("#last"):
+        with suppress(Error):  # the page that waits takes the place of the run's at this moment
+            page.evaluate(
+                "() => { const [take, end] = ['#take', '[data-ask=end]'].map(each => document.querySelector(each));"
+                " if (end && !document.body.classList.contains('mine')) take.click(); end?.click(); end?.click(); }"
+            )
+        page.wait_for_timeout(500)
+
+
 @pytest.mark.exhaustive
 def test_a_mission_is_started_and_comes_back_with_its_end(page: Any) -> None:
     page.wait_for_selector(".mission.real")
@@ -60,10 +74,7 @@ def test_a_mission_is_started_and_comes_back_with_its_end(page: Any) -> None:
     page.wait_for_selector("#map")
     page.wait_for_selector("body[data-link=ok]")
     page.wait_for_selector("#phase:has-text('arm')")
-    page.click("#take")
-    page.wait_for_selector("body.mine")
-    page.click("[data-ask=end]")
-    page.click("[data-ask=end]:has-text('again')")
+    end_the_run(page)
     page.wait_for_selector("#last:not([hidden])")
     assert "failed" in page.text_content("#last-title")
     page.click("#last summary")
