@@ -329,7 +329,7 @@ class EposJobs:
             raise NotKept(self.name, f"did not keep {setting.object}: wrote 0x{setting.value:X}, reads 0x{kept:X}")
 
     async def _check_family(self) -> None:
-        """What a controlword means depends on the family; asked once, and again when the drive is secured or was reset."""
+        """What a controlword means depends on the family; asked again when the drive is secured, and after a reset."""
         if self._hardware is None:
             self._hardware = await check_family(self.name, self.drive, self.read)
 
