@@ -24,7 +24,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from artemis.bridges.operator.server import tls_context
 from artemis.errors import ConfigError
-from artemis.page.access import Access, grouped, new_code
+from artemis.page.access import PAIRED_TIME, Access, grouped, new_code
 
 MOST_BODY = 512
 MOST_CONNECTIONS, FIRST_REQUEST = 256, 3.0
@@ -123,7 +123,7 @@ class PairedServer:
         paired = JSONResponse({"paired": True}, headers=HEADERS)
         secure = request.url.scheme == "https"
         paired.set_cookie(
-            self._access.cookie, cookie, httponly=True, samesite="strict", secure=secure, max_age=90 * 86400
+            self._access.cookie, cookie, httponly=True, samesite="strict", secure=secure, max_age=PAIRED_TIME
         )
         return paired
 

@@ -13,6 +13,7 @@ import msgspec
 from artemis.clock import wall_date
 from artemis.errors import RecordingError
 from artemis.recording.journal import Entry, JournalContent, read_journal
+from artemis.recording.mcap_file import MAGIC
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.run_folder import RunFolder
 from artemis.values import Tick
@@ -23,8 +24,6 @@ MOST_FAULTS = 30
 """Different faults of a run that a list names."""
 REPLAY = "replay"
 """The folder in that of a run that what replays it is kept in."""
-_MAGIC = b"\x89MCAP0\r\n"
-"""The last bytes of a whole file, too (MCAP specification, "Magic")."""
 
 
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
@@ -153,8 +152,8 @@ def _is_whole(recording: Path) -> bool:
     """Whether the file was ended as it should; what is in it is not looked at."""
     try:
         with recording.open("rb") as file:
-            file.seek(-len(_MAGIC), os.SEEK_END)
-            return file.read() == _MAGIC
+            file.seek(-len(MAGIC), os.SEEK_END)
+            return file.read() == MAGIC  # the last bytes of a whole file, too (MCAP specification, "Magic")
     except OSError:
         return False
 

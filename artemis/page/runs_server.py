@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 
+from artemis.page.paired import HEADERS, file_answer
 from artemis.page.runs import REPLAY, find, runs_of
 from artemis.page.runs_making import Making, Works
 from artemis.recording.run_folder import RunFolder
@@ -34,22 +35,14 @@ Answer = Callable[[Request], Any]
 class PastRuns:
     """Routes of the page's server, all of them below `/runs`."""
 
-    def __init__(
-        self,
-        roots: Sequence[Path],
-        is_paired: Callable[[HTTPConnection], bool],
-        page: Callable[[Request, str], Response],
-        headers: Mapping[str, str],
-    ) -> None:
+    def __init__(self, roots: Sequence[Path], is_paired: Callable[[HTTPConnection], bool]) -> None:
         """Begin.
 
         Args:
             roots: folders with runs; each is known by its number.
             is_paired: whether a browser may see them.
-            page: answers with one of the page's own files.
-            headers: of every answer.
         """
-        self._roots, self._is_paired, self._page, self._headers = tuple(roots), is_paired, page, dict(headers)
+        self._roots, self._is_paired = tuple(roots), is_paired
         self._works: Works | None = None
         one = "/{root}/{name}"
         self.routes = Mount(
@@ -75,13 +68,13 @@ class PastRuns:
     def _own(self, name: str) -> Answer:
         async def answer(request: Request) -> Response:
             if not self._is_paired(request):
-                return RedirectResponse("/pair", 303, self._headers)
-            return self._page(request, name)
+                return RedirectResponse("/pair", 303, HEADERS)
+            return file_answer(request, name)
 
         return answer
 
     def _json(self, content: object, status: int = 200) -> Response:
-        headers = {**self._headers, "Cache-Control": "no-store"}
+        headers = {**HEADERS, "Cache-Control": "no-store"}
         return Response(msgspec.json.encode(content), status, headers, media_type="application/json")
 
     async def _list(self, request: Request) -> Response:
@@ -125,7 +118,7 @@ class PastRuns:
         content = await asyncio.to_thread(_content, RunFolder(path=folder).report)
         if content is None:
             return self._none(request)
-        headers = {**self._headers, "Content-Security-Policy": REPORT_POLICY, "Cache-Control": "no-cache"}
+        headers = {**HEADERS, "Content-Security-Policy": REPORT_POLICY, "Cache-Control": "no-cache"}
         return Response(content, headers=headers, media_type="text/html")
 
     async def _piece(self, request: Request) -> Response:
@@ -136,7 +129,7 @@ class PastRuns:
         content = await asyncio.to_thread(_content, folder / REPLAY / f"{file}.json.gz")
         if content is None:
             return self._none(request)
-        headers = {**self._headers, "Cache-Control": "no-cache", "Content-Encoding": "gzip"}
+        headers = {**HEADERS, "Cache-Control": "no-cache", "Content-Encoding": "gzip"}
         return Response(content, headers=headers, media_type="application/json")
 
     async def _archive(self, request: Request) -> Response:
@@ -144,9 +137,9 @@ class PastRuns:
             return self._none(request)
         works = self.works
         if not works.can_pack:
-            return JSONResponse({"problem": "others download runs now: try again later"}, 503, self._headers)
+            return JSONResponse({"problem": "others download runs now: try again later"}, 503, HEADERS)
         plain = re.sub(r"[^A-Za-z0-9_.-]", "_", folder.name)
-        headers = {**self._headers, "Content-Disposition": f'attachment; filename="{plain}.zip"'}
+        headers = {**HEADERS, "Content-Disposition": f'attachment; filename="{plain}.zip"'}
         return StreamingResponse(works.packed(folder), headers=headers, media_type="application/zip")
 
 

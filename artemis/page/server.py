@@ -19,7 +19,7 @@ from artemis.bridges.operator.frames import MalformedFrame
 from artemis.bridges.page.session import StopPress, said
 from artemis.page.access import Access
 from artemis.page.hub import Hub
-from artemis.page.paired import BUSY, HEADERS, REFUSED, PairedServer, body_of, file_answer, peer_of
+from artemis.page.paired import BUSY, HEADERS, REFUSED, PairedServer, body_of, peer_of
 from artemis.page.runs_server import PastRuns
 
 RATE = 20.0
@@ -41,7 +41,7 @@ class PageServer(PairedServer):
         routes = [
             Route("/stop", self._stop, methods=["POST"]),
             Route("/history", self._history),
-            PastRuns(runs, self.is_paired, file_answer, HEADERS).routes,
+            PastRuns(runs, self.is_paired).routes,
             WebSocketRoute("/telemetry", self._telemetry),
             WebSocketRoute("/control", self._control),
         ]

@@ -131,23 +131,23 @@ class PageView:
 
     def _acts(self) -> Part:
         """What an operator at the page may do in which step, by its number."""
-        steps = list(enumerate(body for _, _, body in self._numbered_steps()))
-        words = [word for _, word, _ in self._numbered_steps()]
-        bodies = {number: body for number, body in steps if isinstance(body, Mapping)}
+        steps = [
+            (number, word, body)
+            for number, (_, word, body) in enumerate(self._numbered_steps())
+            if isinstance(body, Mapping)
+        ]
         inputs = self._mission.get("inputs")
         use = inputs.get(self._input) if isinstance(inputs, Mapping) else None
         return {
             "allow": list((use.get("allow") or ()) if isinstance(use, Mapping) else ()),
             "goals": [
-                number
-                for number, body in bodies.items()
-                if words[number] == "goto" and asked_input(body.get("to")) == self._input
+                number for number, word, body in steps if word == "goto" and asked_input(body.get("to")) == self._input
             ],
-            "records": [number for number, body in bodies.items() if words[number] == "teleop" and body.get("record")],
+            "records": [number for number, word, body in steps if word == "teleop" and body.get("record")],
             "questions": {
                 number: {"question": body["question"], "answers": list(body["answers"])}
-                for number, body in bodies.items()
-                if words[number] == "ask"
+                for number, word, body in steps
+                if word == "ask"
             },
         }
 

@@ -12,8 +12,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-from artemis.bridges.operator.frames import MalformedFrame
-from artemis.bridges.page.session import GiveBack, Take
+from artemis.bridges.page.session import GiveBack, Take, decoded
 from artemis.page.mission_folder import CheckedMission
 
 SURE_AFTER, SURE_UNTIL = 0.8, 30.0
@@ -54,10 +53,7 @@ _DECODER = msgspec.json.Decoder(Wanted)
 
 def wanted(text: str | bytes) -> Wanted:
     """What a browser says. Raises MalformedFrame."""
-    try:
-        found: Wanted = _DECODER.decode(text)
-    except (msgspec.DecodeError, UnicodeEncodeError) as error:
-        raise MalformedFrame(str(error)) from None
+    found: Wanted = decoded(_DECODER, text)
     return found
 
 

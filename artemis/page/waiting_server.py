@@ -15,7 +15,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from artemis.bridges.operator.frames import MalformedFrame
 from artemis.page.access import Access
 from artemis.page.mission_folder import MissionFolder, as_shown
-from artemis.page.paired import BUSY, HEADERS, REFUSED, PairedServer, file_answer, peer_of
+from artemis.page.paired import BUSY, HEADERS, REFUSED, PairedServer, peer_of
 from artemis.page.runs_server import PastRuns
 from artemis.page.started_run import StartedRun
 from artemis.page.waiting import Waiting, Watcher, wanted
@@ -38,7 +38,7 @@ class WaitingServer(PairedServer):
         self._watching: dict[Watcher, asyncio.Event] = {}
         routes = [
             Route("/missions", self._missions),
-            PastRuns([folder.folder / "runs"], self.is_paired, file_answer, HEADERS).routes,
+            PastRuns([folder.folder / "runs"], self.is_paired).routes,
             WebSocketRoute("/waiting", self._wait),
         ]
         super().__init__(access, key, url, "waiting.html", routes)

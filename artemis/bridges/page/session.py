@@ -136,11 +136,16 @@ _DECODER = msgspec.json.Decoder(Said)
 
 def said(text: str | bytes) -> Said:
     """What a page says. Raises MalformedFrame."""
+    found: Said = decoded(_DECODER, text)
+    return found
+
+
+def decoded(decoder: msgspec.json.Decoder[Any], text: str | bytes) -> Any:  # noqa: ANN401 (of the decoder's type)
+    """What a browser says, of the kinds that a decoder knows. Raises MalformedFrame."""
     try:
-        found: Said = _DECODER.decode(text)
+        return decoder.decode(text)
     except (msgspec.DecodeError, UnicodeEncodeError) as error:
         raise MalformedFrame(str(error)) from None
-    return found
 
 
 class PageSeats(Seats):
