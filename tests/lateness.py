@@ -3,8 +3,35 @@
 from __future__ import annotations
 
 import os
+import time
+from collections import deque
+from threading import Thread
 
 import pytest
+
+SYS_01 = 0.08
+"""A tick that is so late [s] stops a robot."""
+_PERIOD = 0.02
+_late: deque[tuple[float, float]] = deque(maxlen=10_000)
+"""When this process woke up too late, on the clock of `time.time` [s], and how late it was [s]."""
+
+
+def watch() -> None:
+    """Begin to measure how late this process wakes up: as late as a control loop in its place."""
+    Thread(target=_watch, name="lateness", daemon=True).start()
+
+
+def _watch() -> None:
+    while True:
+        due = time.perf_counter() + _PERIOD
+        time.sleep(_PERIOD)
+        if (late := time.perf_counter() - due) > SYS_01:
+            _late.append((time.time(), late))
+
+
+def latest(begun: float, ended: float) -> float:
+    """The longest delay between two dates [s]; 0: none was longer than a robot stands."""
+    return max((late for at, late in _late if begun < at < ended + SYS_01), default=0.0)
 
 
 def skip_if_late(shown: str, *others: str) -> None:
