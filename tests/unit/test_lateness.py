@@ -40,9 +40,9 @@ def test_in_real_time_on_time(monkeypatch):
 def test_only_what_runs_in_real_time_on_a_busy_machine_is_excused(tmp_path: Path) -> None:
     case = tmp_path / "test_cases.py"
     case.write_text(CASES)
-    options = ["-n", "0", "-q", "-p", "no:cacheprovider", "-p", "conftest", "-c", TESTS.parent / "pyproject.toml"]
+    options = ["-n", "0", "-q", "-p", "no:cacheprovider", "-p", "conftest", "-c", str(TESTS.parent / "pyproject.toml")]
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", *options, case],
+        [sys.executable, "-m", "pytest", *options, str(case)],
         cwd=TESTS,
         capture_output=True,
         text=True,
