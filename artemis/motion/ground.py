@@ -126,5 +126,6 @@ def _border(box: Rectangle) -> Array:
 
 def _numbers(places: Array) -> tuple[Indices, Indices]:
     """Where the cells of places in the frame of the odometry are in the grid, and which of those that share it."""
-    column, row = np.floor(places / CELL).astype(np.int64)
-    return (column & CELLS - 1) * CELLS + (row & CELLS - 1), column * 1_000_003 + row
+    cells = np.floor(places / CELL).astype(np.int64)
+    there = cells & CELLS - 1
+    return there[0] * CELLS + there[1], cells[0] * 1_000_003 + cells[1]

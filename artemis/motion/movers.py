@@ -32,6 +32,7 @@ KEPT, EVERY = 1.0, 0.2
 """What was found counts for so long [s], of all that was found what lies so far apart [s]."""
 
 
+NOTHING: Array = np.zeros((2, 0))
 Free = Callable[[Array], NDArray[np.bool_]]
 """Where nothing was by a scan, of places in the frame of the odometry, shape (2, n)."""
 
@@ -91,7 +92,7 @@ class Movers:
         kept = [each for _, each in self._found]
         if found and (not self._found or now - self._found[-1][0] >= EVERY):
             self._found.append((now, np.concatenate(found, axis=1)))
-        return np.concatenate([np.zeros((2, 0)), *kept, *found], axis=1)
+        return np.concatenate([*kept, *found], axis=1) if kept or found else NOTHING
 
 
 def _moving(groups: list[Group], before: list[Group], time: float) -> list[tuple[Group, float, float]]:
@@ -129,19 +130,17 @@ def _passed(points: Array, moving: list[tuple[Group, float, float]], was_free: F
 
 
 def _groups(points: Array) -> list[Group]:
-    x, y = points[0], points[1]
-    if x.size < FEWEST:
+    size = points.shape[1]
+    if size < FEWEST:
         return []
-    dx, dy = x[1:] - x[:-1], y[1:] - y[:-1]
-    apart = np.ones(x.size, dtype=np.bool_)
-    np.greater(dx * dx + dy * dy, GAP * GAP, out=apart[1:])
-    begins = apart.nonzero()[0]
+    steps = points[:, 1:] - points[:, :-1]
+    steps *= steps
+    begins = [0, *((steps[0] + steps[1] > GAP * GAP).nonzero()[0] + 1).tolist()]
     low, high = np.minimum.reduceat(points, begins, axis=1), np.maximum.reduceat(points, begins, axis=1)
     (xs, ys), (widths, heights) = ((low + high) / 2.0).tolist(), (high - low).tolist()
-    firsts = [*begins.tolist(), x.size]
     return [
         Group(first=first, last=last, x=xs[number], y=ys[number], width=width)
-        for number, (first, last) in enumerate(pairwise(firsts))
+        for number, (first, last) in enumerate(pairwise([*begins, size]))
         if last - first >= FEWEST and (width := hypot(widths[number], heights[number])) <= WIDEST
     ]
 

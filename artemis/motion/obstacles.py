@@ -137,27 +137,24 @@ class ObstacleStop:
         if age == inf:
             return Clearance(speed=0.0, distance=0.0)
         reaction = REACTION + max(age, 0.0)
-        points = [points for view in views for points in view.around()]
         seen = forward or any([view.looks_back for view in views])
         turned = min(max(wanted - steering, -self._rate * reaction), self._rate * reaction)
         angles = [min(max(steering + turned * arc, -self._steering), self._steering) for arc in ARCS]
         angles = angles if turned else angles[:1]
         curvatures = [tan(angle) / self._wheelbase for angle in angles]
         horizon = self._horizon + _farther(rules)
-        free = [horizon] * len(angles)
-        if points:
-            box = self._box.grown(rules.margin)
-            near = points[0] if len(points) == 1 else np.concatenate(points, axis=1)
-            free = free_distances(near, curvatures, box, horizon, forward=forward)
+        points = [view.around() for view in views]
+        near = points[0] if len(points) == 1 else np.concatenate(points, 1)
+        free = free_distances(near, curvatures, self._box.grown(rules.margin), horizon, forward=forward)
         if not (seen or rules.unseen_reverse):
             free = list(map(min, free, self._ground.known(curvatures, now)))
-        free = [(distance - rules.clear) / cos(angle) for distance, angle in zip(free, angles, strict=True)]
-        speed = min([stopping_speed(distance, reaction, self._deceleration) for distance in free])
+        distance = min([(way - rules.clear) / cos(angle) for way, angle in zip(free, angles, strict=True)])
+        speed = stopping_speed(distance, reaction, self._deceleration)
         if not seen:
             speed = min(speed, REVERSE_SPEED)
         if self._driven < UNKNOWN_DISTANCE:
             speed = min(speed, UNKNOWN_SPEED)
-        return Clearance(speed=speed, distance=min(free))
+        return Clearance(speed=speed, distance=distance)
 
 
 def _farther(rules: ObstacleRules) -> float:

@@ -50,71 +50,77 @@ def free_distances(
     At most `within`: nothing is touched before. A point that would be touched after more than half a turn counts as
     touched after half a turn.
     """
-    x, y = points[0], points[1]
-    rear, front, half, arcs = box.rear, box.front, box.half_width, len(curvatures)
     if not forward:
-        x, rear, front = -x, -front, -rear
-    if within < inf:
-        behind, ahead, right, left = _bounds(curvatures, rear, front, half, within)
-        near = ((x >= behind) & (x <= ahead) & (y >= right) & (y <= left)).nonzero()[0]
-        x, y = x.take(near), y.take(near)
-    if not x.size:
-        return [within] * arcs
-    if ((x >= rear) & (x <= front) & (np.abs(y) <= half)).any():
-        return [0.0] * arcs
-    radii = [1.0 / abs(curvature) if abs(curvature) * STRAIGHT > 1.0 else STRAIGHT for curvature in curvatures]
-    edges = _edges(radii, rear, front, half)
-    outward = np.array([y if curvature >= 0.0 else -y for curvature in curvatures])
-    u = outward - np.array(radii)[:, np.newaxis]
-    square = x * x + u * u
-    limits = edges[:3].reshape(3, arcs, -1, 1)
-    rest = square[:, np.newaxis] - limits[0]
-    meets = rest >= limits[1]
-    meets &= rest <= limits[2]
-    reached = meets.ravel().nonzero()[0]
+        points, box = points * _MIRRORED, Rectangle(-box.front, -box.rear, box.half_width)
+    x, y = points[0], points[1]
+    behind, ahead, right, left = _bounds(curvatures, box, within)
+    points = points.take(((x >= behind) & (x <= ahead) & (y >= right) & (y <= left)).nonzero()[0], 1)
+    x, y, size = points[0], points[1], points.shape[1]
+    if not size:
+        return [within] * len(curvatures)
+    beside = (x <= box.front).nonzero()[0]
+    if beside.size and ((x.take(beside) >= box.rear) & (np.abs(y.take(beside)) <= box.half_width)).any():
+        return [0.0] * len(curvatures)
+    centres = [_centre(curvature) for curvature in curvatures]
+    edges = np.array(_edges(centres, box)).reshape(-1, _COLUMNS).T
+    x, y = points[:, np.newaxis].repeat(edges.shape[1], 1).reshape(2, -1)
+    edges = edges.repeat(size, 1)
+    y -= edges[3]
+    square = x * x + y * y
+    rest = square - edges[0]
+    reached = ((rest >= edges[1]) & (rest <= edges[2])).nonzero()[0]
     if not reached.size:
-        return [within] * arcs
-    edge = reached // x.size
-    point = reached - edge * x.size
-    turned = edge // limits.shape[2] * x.size + point
-    place, across = edges[3].take(edge), edges[5].take(edge) > 0.0
-    other = edges[4].take(edge) * np.sqrt(rest.take(reached))
-    x_there, u_there = np.where(across, place, other), np.where(across, other, place)
-    x, u = x.take(point), u.take(turned)
-    cosine = (x * x_there + u * u_there) / square.take(turned)
-    turns_there = u * x_there - x * u_there >= 0.0  # the sine of its angle; else after more than half a turn
-    largest = np.full(rest.size, _NEVER)
-    largest[reached] = np.where(turns_there, cosine, -1.0)
+        return [within] * len(curvatures)
+    x, y, square = x.take(reached), y.take(reached), square.take(reached)
+    centre, x_place, y_place, x_sign, y_sign = edges[3:].take(reached, 1)
+    other = np.sqrt(rest.take(reached))
+    x_there, y_there = x_place + x_sign * other, y_place + y_sign * other
+    cosine = (x * x_there + y * y_there) / np.copysign(square, centre)
+    cosine[y * x_there < x * y_there] = -1.0  # its sine is negative: after more than half a turn
+    rest.fill(_NEVER)
+    rest[reached] = cosine
+    found = rest.reshape(len(centres), -1)
+    largest = [found.item(arc, place) for arc, place in enumerate(found.argmax(1).tolist())]
     return [
-        within if cosine == _NEVER else min(within, radius * acos(min(max(cosine, -1.0), 1.0)))
-        for radius, cosine in zip(radii, largest.reshape(arcs, -1).max(axis=1).tolist(), strict=True)
+        within if cosine == _NEVER else min(within, abs(centre) * acos(min(max(cosine, -1.0), 1.0)))
+        for centre, cosine in zip(centres, largest, strict=True)
     ]
 
 
 _NEVER = -2.0
+_MIRRORED: Array = np.array(((-1.0,), (1.0,)))
+_COLUMNS = 8
 
 
-def _edges(radii: list[float], rear: float, front: float, half: float) -> Array:
-    """Of the front, left, right and, if any centre lies within its width, the rear edge, of one arc after the other.
+def _centre(curvature: float) -> float:
+    """Where an arc's turning centre lies beside the rear axle, left positive [m]."""
+    if abs(curvature) * STRAIGHT > 1.0:
+        return 1.0 / curvature
+    return STRAIGHT if curvature >= 0.0 else -STRAIGHT
 
-    Seen from the turning centre, which lies to the left: the squares of where they lie; the least and the greatest
-    squares of the other coordinate on them; where they lie; the other coordinate's sign; and whether they lie at one x,
-    else at one u. Shape (6, n).
+
+def _edges(centres: Sequence[float], box: Rectangle) -> list[float]:
+    """Of the front, inner, outer and, if any centre lies within its width, rear edge, of one arc after the other.
+
+    `_COLUMNS` numbers each. Seen from the turning centre an edge lies at one x or one y: its square; the least and the
+    greatest square of the other coordinate on the edge; where the centre lies; and a, b, c, d. A point whose square is
+    by r² larger meets the edge at (a + c r, b + d r); if the centre lies to the right, at the opposite, for the points
+    circle it the other way.
     """
+    rear, front, half = box.rear, box.front, box.half_width
     first, last = front * front, rear * rear
     ahead, beside, behind, past = max(rear, 0.0) ** 2, max(-front, 0.0) ** 2, _squared(-rear), _squared(front)
-    rows: list[float] = []
-    for radius in radii:
-        left, right, inner = half - radius, -half - radius, max(radius - half, 0.0)
-        most, inner = right * right, inner * inner
-        rows += (
-            *(first, inner, most, front, -1.0, 1.0),
-            *(left * left, ahead, past, left, 1.0, 0.0),
-            *(most, beside, behind, right, -1.0, 0.0),
-        )
-        if min(radii) <= half:
-            rows += last, 0.0, _squared(left), rear, 1.0, 1.0
-    return np.array(rows).reshape(-1, 6).T
+    tight, numbers = min(map(abs, centres)) <= half, list[float]()
+    for centre in centres:
+        side, radius = (1.0, centre) if centre > 0.0 else (-1.0, -centre)
+        inner, outer = half - radius, -half - radius
+        least, most = max(-inner, 0.0), outer * outer
+        numbers += first, least * least, most, centre, side * front, 0.0, 0.0, -1.0
+        numbers += inner * inner, ahead, past, centre, 0.0, inner, side, 0.0
+        numbers += most, beside, behind, centre, 0.0, outer, -side, 0.0
+        if tight:
+            numbers += last, 0.0, _squared(inner), centre, side * rear, 0.0, 0.0, 1.0
+    return numbers
 
 
 def _squared(most: float) -> float:
@@ -122,17 +128,16 @@ def _squared(most: float) -> float:
     return most * most if most >= 0.0 else -1.0
 
 
-def _bounds(
-    curvatures: Sequence[float], rear: float, front: float, half: float, distance: float
-) -> tuple[float, float, float, float]:
+def _bounds(curvatures: Sequence[float], box: Rectangle, distance: float) -> tuple[float, float, float, float]:
     """A rectangle in which the outline stays on all of the arcs: from, to along x; from, to along y."""
     left, right = distance * max(*curvatures, 0.0), -distance * min(*curvatures, 0.0)
-    if max(left, right) > pi / 2.0:
+    if not max(left, right) <= pi / 2.0:  # or no number: straight ahead for ever
         return -inf, inf, -inf, inf
-    ahead, behind, beside = max(front, 0.0), max(-rear, 0.0), half * sin(max(left, right))
+    ahead, behind, half = max(box.front, 0.0), max(-box.rear, 0.0), box.half_width
+    turned = half * sin(max(left, right))
     to_left = max(distance * left / 2.0 + ahead * sin(left), behind * sin(right))
     to_right = max(distance * right / 2.0 + ahead * sin(right), behind * sin(left))
-    return -behind - beside, distance + ahead + beside, -half - to_right, half + to_left
+    return -behind - turned, distance + ahead + turned, -half - to_right, half + to_left
 
 
 def stopping_speed(distance: float, reaction: float, deceleration: float) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from artemis.motion.angles import wrap
 from artemis.motion.beams import ScanPeriod, seeing
-from artemis.motion.movers import Movers
+from artemis.motion.movers import NOTHING, Movers
 from artemis.motion.poses import placed, seen_from
 from artemis.motion.spline import Array
 from artemis.motion.sweep import Rectangle
@@ -18,17 +18,19 @@ from artemis.mounting import Mounting
 from artemis.scan import Scan
 from artemis.values import Pose
 
-SAME = 150
+SAME: Array = np.array(150.0)
 """Returns of neighbouring beams in two scans are of the same thing if they differ by less [mm]; what one beam alone
-showed once is dust."""
+showed once is dust. Here and below an array of no dimension: numpy takes half as long for it as for a number."""
 NEAR = 0.3
 """So near the outline [m] every return counts while the robot creeps."""
 LEAVING, EDGE = 150, radians(4.0)
 """Returns so little beyond the least range [mm], or so near the edges of the field of view, are remembered."""
 BESIDE, BEYOND = 12, 150
 """A remembered point is gone once so many beams to both sides of it show something so much farther [mm]."""
-THINNED, FAR = 0.025, 1_000_000.0
-"""Remembered points lie in cells of this width [m], one in each. Farther than anything [mm]."""
+THINNED: Array = np.array(0.025)
+"""Remembered points lie in cells of this width [m], one in each."""
+FAR = 1_000_000.0
+"""Farther than anything [mm]."""
 NOTED, TURNED = 0.02, radians(1.0)
 """They are noted after so much distance [m] or rotation."""
 SORTED_EVERY = 0.05
@@ -41,7 +43,6 @@ BACK = radians(45.0)
 """A scanner whose field of view reaches this far to both sides of straight back looks there."""
 
 Indices = NDArray[np.int64]
-NOTHING: Array = np.zeros((2, 0))
 
 
 class View:
@@ -59,16 +60,21 @@ class View:
         self._scanner, self._box, self._lookahead = scanner, box, lookahead
         self._near = box.grown(NEAR)
         self._movers = Movers()
-        self._place = np.array([[scanner.x_m], [scanner.y_m]])
+        self._x, self._y = np.array(float(scanner.x_m)), np.array(float(scanner.y_m))
         self.least = round(1000.0 * scanner.least_range_m)
+        self._least: Array = np.array(float(self.least))
         self._far = round(1000.0 * (reach + FASTEST_WALK * lookahead))
         self.shape: tuple[float, float, int] | None = None
         """Bearing of the first beam, from one to the next [rad], and how many there are; None: no scan has come."""
-        self._half = int(reach / THINNED) + 1
-        middles = [THINNED * (place + 0.5 - self._half) for place in range(2 * self._half)]
+        half = int(reach / THINNED) + 1
+        middles = [THINNED * (place + 0.5) for place in range(-half - 1, half + 1)]
         self._bearings, distances = self.directions(np.array(np.meshgrid(middles, middles, indexing="ij")))
         self._distance_of = 1000.0 * distances
-        self._first = np.zeros(4 * self._half * self._half, dtype=np.int64)
+        self._around = np.zeros(distances.shape, dtype=np.bool_)
+        self._around[1:-1, 1:-1] = True
+        self._middle: Indices = np.array(half + 1)
+        self._first = np.zeros(distances.size, dtype=np.int64)
+        self._beam_time = 0.0
         self.forget()
 
     def forget(self) -> None:
@@ -85,9 +91,9 @@ class View:
         age = now - self._time
         return age if age <= self._period.patience else inf
 
-    def around(self) -> list[Array]:
+    def around(self) -> Array:
         """Every point that counts."""
-        return [points for points in (self._points, self._kept, self._coming) if points.size]
+        return np.concatenate((self._points, self._kept, self._coming), 1)
 
     @property
     def sees_motion(self) -> bool:
@@ -131,7 +137,7 @@ class View:
         before, self.millimetres = self.millimetres if known else np.zeros_like(ranges), ranges
         self._period.take(scan)
         self._time = scan.time + scan.beam_time * len(ranges)
-        near = (ranges >= (1 if creeping else self.least)) & (ranges < self._farthest)
+        near = (ranges >= (1.0 if creeping else self._least)) & (ranges < self._farthest)
         if not (self._kept.size or self.sees_motion or near.any()):
             self._points = self._coming = NOTHING
             return
@@ -142,7 +148,7 @@ class View:
             counts |= near & self._is_close(ranges)
         beams = counts.nonzero()[0]
         if len(beams) < len(ranges):
-            points = points.take(beams, axis=1)
+            points = points.take(beams, 1)
         self._points = points
         if now - self._sorted_at >= SORTED_EVERY:
             self._sorted_at = now
@@ -163,10 +169,12 @@ class View:
         """Where all beams end [m], of a scan whose first beam is so old [s], by how the robot moves."""
         points = self._directions * ranges
         x, y = points[0], points[1]
-        x += self._scanner.x_m
-        y += self._scanner.y_m
+        x += self._x
+        y += self._y
         if speed or turn:
-            ages = age - beam_time * self._numbers
+            if beam_time != self._beam_time:
+                self._beam_time, self._delays = beam_time, beam_time * self._numbers
+            ages = age - self._delays
             aside = ages * turn
             aside *= x
             ages *= turn * y - speed
@@ -176,7 +184,7 @@ class View:
 
     def _is_close(self, ranges: Array) -> NDArray[np.bool_]:
         """Which beams end so near the outline that they count at once."""
-        (x, y), box = self._directions * ranges + self._place, self._near
+        (x, y), box = self._seen(ranges, 0.0, 0.0, 0.0, 0.0), self._near
         return np.asarray((x > box.rear) & (x < box.front) & (y > -box.half_width) & (y < box.half_width))
 
     def _fit(self, start: float, increment: float, count: int) -> None:
@@ -186,15 +194,17 @@ class View:
         angles = [self._scanner.heading + bearing for bearing in bearings]
         self._directions = np.array([[cos(angle) for angle in angles], [sin(angle) for angle in angles]]) / 1000.0
         self._numbers = np.arange(float(count))
+        self._delays = self._beam_time * self._numbers
         low, high = sorted((bearings[0], bearings[-1]))
-        self._leaving = np.array([not low + EDGE < bearing < high - EDGE for bearing in bearings])
+        leaving = float(self.least + LEAVING)
+        self._leaving = np.array([leaving if low + EDGE < each < high - EDGE else inf for each in bearings])
         beams, inner = self.beams_past(self._bearings), int(EDGE / 4.0 / abs(increment))
         in_view = (beams >= inner) & (beams < count - inner)
-        self._beam_of = np.where(in_view, beams, 0).ravel()
-        near = self._distance_of < self.least + LEAVING // 2
-        self._hides = np.where(in_view, np.where(near, self._distance_of + BEYOND, -1.0), inf).ravel()
+        self._beam_of = np.where(in_view, beams, 0)
+        gone = ~self._around | in_view & (self._distance_of >= self.least + LEAVING // 2)
+        self._hides = np.where(gone, -1.0, np.where(in_view, self._distance_of + BEYOND, inf))
         clear = seeing(np.arange(count) * degrees(increment) + degrees(start), self._scanner.mask)
-        self._farthest = np.where(clear, self._far, 0)
+        self._farthest = np.where(clear, float(self._far), 0.0)
         self._padded = np.full(count + 2 * BESIDE, FAR)
 
     def _remember(self, points: Array, beams: NDArray[np.intp]) -> None:
@@ -203,43 +213,37 @@ class View:
         if abs(pose.x - last.x) + abs(pose.y - last.y) < NOTED and abs(pose.heading - last.heading) < TURNED:
             return
         self._noted = pose
-        leaves = self._leaving | (self.millimetres < self.least + LEAVING)
-        new = points.compress(leaves.take(beams), axis=1)
+        leaves = self.millimetres < self._leaving
+        new = points.take(leaves.take(beams).nonzero()[0][::-1], 1)
         if not new.size:
             return
-        cells, inside = self._cells(new)
-        new, cells = new.compress(inside, axis=1), cells.compress(inside)
-        first, order = self._first, np.arange(len(cells))
-        first[cells[::-1]] = order[::-1]  # where several are, the last one is written: the first point
-        known, near = self._cells(self._kept)
-        first[known.compress(near)] = -1
-        self._kept = np.concatenate([self._kept, new.compress(first.take(cells) == order, axis=1)], axis=1)
+        points = np.concatenate((new, self._kept), 1)
+        cells, order = self._cells(points), np.arange(points.shape[1])
+        self._first[cells] = order  # where several are, the last one is written, which is the oldest
+        stays = (self._first.take(cells) == order) & self._around.take(cells)
+        stays[new.shape[1] :] = True
+        self._kept = points.take(stays.nonzero()[0], 1)
 
-    def _cells(self, points: Array) -> tuple[Indices, NDArray[np.bool_]]:
-        """A number for the cell of each point, and whether it is one of those around the robot."""
-        width = 2 * self._half
-        cells = np.floor(points / THINNED).astype(np.int64)
-        cells += self._half
-        column, row = cells
-        inside = cells.view(np.uint64) < width  # what is negative is huge then
-        return column * width + row, inside[0] & inside[1]
+    def _cells(self, points: Array) -> Indices:
+        """A number for the cell of each point; all that are not around the robot are in the cells at the edge."""
+        column, row = np.floor(points / THINNED).astype(np.int64) + self._middle
+        cells: Indices = np.ravel_multi_index((column, row), self._around.shape, mode="clip")
+        return cells
 
     def _forget_some(self) -> None:
         """Drop remembered points that are far, in view, or seen to be gone.
 
         `_hides` says of a cell how far the beams past it may see if something still stands there [mm]; negative: what
-        stands there is seen itself; infinite: no beam passes it.
+        stands there is seen itself, or far; infinite: no beam passes it.
         """
         if not self._kept.size:
             return
-        cells, kept = self._cells(self._kept)
-        farthest = self._hides.take(cells, mode="clip")
-        kept &= farthest >= 0.0
-        if (farthest < inf).any():
-            beams = self._beam_of.take(cells, mode="clip")
-            kept &= self._least_beside().take(beams) <= farthest
-        if not kept.all():
-            self._kept = self._kept.compress(kept, axis=1)
+        cells = self._cells(self._kept)
+        farthest = self._hides.take(cells)
+        kept = farthest >= 0.0
+        if np.count_nonzero(farthest < inf):
+            kept &= self._least_beside().take(self._beam_of.take(cells)) <= farthest
+        self._kept = self._kept.take(kept.nonzero()[0], 1)
 
     def _least_beside(self) -> Array:
         """The least return of each beam and `BESIDE` ones to both sides of it."""
@@ -265,7 +269,7 @@ class View:
 
     def directions(self, places: Array) -> tuple[Array, Array]:
         """Of places as seen from the scanner: bearings [rad] and distances [m]; both of the shape of one coordinate."""
-        shape, (x, y) = places.shape[1:], (places.reshape(2, -1) - self._place).tolist()
+        shape, (x, y) = places.shape[1:], (places.reshape(2, -1) - np.array([[self._x], [self._y]])).tolist()
         heading = self._scanner.heading
         bearings = [wrap(atan2(left, ahead) - heading) for ahead, left in zip(x, y, strict=True)]
         return np.array(bearings).reshape(shape), np.array(list(map(hypot, x, y))).reshape(shape)
@@ -301,12 +305,10 @@ def _points_from(origin: Pose, points: Array) -> Array:
 
 def _seen_twice(some: NDArray[np.bool_], ranges: Array, before: Array) -> NDArray[np.bool_]:
     """Which of some beams show nearly what they, or those beside them, showed in the scan before."""
-    found = np.abs(ranges - before) < SAME
-    found &= some
-    rest = (some > found).nonzero()[0]
-    if rest.size:
-        there = ranges.take(rest)
-        found[rest] = (np.abs(there - before.take(rest - 1, mode="clip")) < SAME) | (
-            np.abs(there - before.take(rest + 1, mode="clip")) < SAME
+    found, alone = some.copy(), ((np.abs(ranges - before) >= SAME) & some).nonzero()[0]
+    if alone.size:
+        there = ranges.take(alone)
+        found[alone] = (np.abs(there - before.take(alone - 1, mode="clip")) < SAME) | (
+            np.abs(there - before.take(alone + 1, mode="clip")) < SAME
         )
     return found
