@@ -143,8 +143,7 @@ class ObstacleStop:
         angles = angles if turned else angles[:1]
         curvatures = [tan(angle) / self._wheelbase for angle in angles]
         horizon = self._horizon + _farther(rules)
-        points = [view.around() for view in views]
-        near = points[0] if len(points) == 1 else np.concatenate(points, 1)
+        near = np.concatenate([points for view in views for points in view.around()], 1)
         free = free_distances(near, curvatures, self._box.grown(rules.margin), horizon, forward=forward)
         if not (seen or rules.unseen_reverse):
             free = list(map(min, free, self._ground.known(curvatures, now)))

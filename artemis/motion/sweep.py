@@ -63,19 +63,17 @@ def free_distances(
         return [0.0] * len(curvatures)
     centres = [_centre(curvature) for curvature in curvatures]
     edges = np.array(_edges(centres, box)).reshape(-1, _COLUMNS).T
-    x, y = points[:, np.newaxis].repeat(edges.shape[1], 1).reshape(2, -1)
-    edges = edges.repeat(size, 1)
-    y -= edges[3]
+    seen, edges = points[:, np.newaxis].repeat(edges.shape[1], 1).reshape(2, -1), edges.repeat(size, 1)
+    x, y = seen[0], seen[1] - edges[3]
     square = x * x + y * y
     rest = square - edges[0]
     reached = ((rest >= edges[1]) & (rest <= edges[2])).nonzero()[0]
     if not reached.size:
         return [within] * len(curvatures)
     x, y, square = x.take(reached), y.take(reached), square.take(reached)
-    centre, x_place, y_place, x_sign, y_sign = edges[3:].take(reached, 1)
-    other = np.sqrt(rest.take(reached))
-    x_there, y_there = x_place + x_sign * other, y_place + y_sign * other
-    cosine = (x * x_there + y * y_there) / np.copysign(square, centre)
+    edge, root = edges.take(reached, 1), np.sqrt(rest.take(reached))
+    x_there, y_there = edge[4] + edge[6] * root, edge[5] + edge[7] * root
+    cosine = (x * x_there + y * y_there) / np.copysign(square, edge[3])
     cosine[y * x_there < x * y_there] = -1.0  # its sine is negative: after more than half a turn
     rest.fill(_NEVER)
     rest[reached] = cosine
@@ -110,7 +108,8 @@ def _edges(centres: Sequence[float], box: Rectangle) -> list[float]:
     rear, front, half = box.rear, box.front, box.half_width
     first, last = front * front, rear * rear
     ahead, beside, behind, past = max(rear, 0.0) ** 2, max(-front, 0.0) ** 2, _squared(-rear), _squared(front)
-    tight, numbers = min(map(abs, centres)) <= half, list[float]()
+    tight = min(map(abs, centres)) <= half
+    numbers: list[float] = []
     for centre in centres:
         side, radius = (1.0, centre) if centre > 0.0 else (-1.0, -centre)
         inner, outer = half - radius, -half - radius

@@ -91,9 +91,9 @@ class View:
         age = now - self._time
         return age if age <= self._period.patience else inf
 
-    def around(self) -> Array:
-        """Every point that counts."""
-        return np.concatenate((self._points, self._kept, self._coming), 1)
+    def around(self) -> tuple[Array, Array, Array]:
+        """Every point that counts: seen by the newest scan, remembered, and where something will be."""
+        return self._points, self._kept, self._coming
 
     @property
     def sees_motion(self) -> bool:
