@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from artemis.app import Watch
 from artemis.attendance import Operator
@@ -41,6 +43,16 @@ def told_to(manager: ServiceManager, watch: Watch) -> Watch:
             manager.tell(STOPPING)
 
     return both
+
+
+@contextmanager
+def report_unbroken() -> Iterator[None]:
+    """SIGTERM, by which a service manager ends a run in order, does not break its report off; Ctrl-C does."""
+    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def page_that_started() -> Operator:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import signal
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from command_line import (
@@ -19,6 +21,15 @@ from command_line import (
     stream,
     write_mission,
 )
+
+from artemis.app import Parts, run_mission
+from artemis.clock import SimulatedLoop
+from artemis.commands import run
+from artemis.config import Config
+from artemis.devices.can_bus import Traffic
+from artemis.mission.loading import load_mission
+from artemis.recording.mcap_reader import Recording
+from artemis.values import OperatorInput, Tick
 
 REAL_TIME = "simulation: {pace: real_time}\n"
 
@@ -80,6 +91,75 @@ def test_a_reader_that_goes_away_ends_the_run_in_order(tmp_path: Path) -> None:
     assert modes_of(run)[-1] == "end"
     assert (run / "report.html").exists()
     assert "follow" not in modes_of(run)
+
+
+@pytest.fixture
+def let_through() -> Iterator[list[int]]:
+    """Signals that reached the process instead of the run."""
+    heard: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, lambda number, _: heard.append(number)) for number in numbers}
+    yield heard
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def short_mission(folder: Path) -> Path:
+    """Ends after the bring-up."""
+    mission = write_mission(folder)
+    mission.write_text(mission.read_text().partition("steps:")[0] + "steps:\n  - wait: {seconds: 0.1}\n")
+    return mission
+
+
+class SignalsWhenClosed:
+    """An input device during whose end signals come."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def read(self, now: float) -> OperatorInput:
+        return OperatorInput(source="hand", age=0.0)
+
+    def close(self) -> None:
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.raise_signal(number)
+
+
+def test_signals_after_the_last_tick_wait_until_the_recording_is_closed(
+    tmp_path: Path, let_through: list[int]
+) -> None:
+    ticks: list[Tick] = []
+
+    def watch(tick: Tick, _: Traffic) -> None:
+        ticks.append(tick)
+        if tick.wish.finished:
+            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(signal.SIGTERM)
+
+    source = short_mission(tmp_path)
+    parts = Parts(inputs={"hand": SignalsWhenClosed()}, loop=SimulatedLoop)
+    outcome = run_mission(load_mission(source), source, watch=watch, parts=parts)
+    assert (outcome.failed, outcome.interrupted, outcome.troubles, let_through) == (False, signal.SIGTERM, (), [])
+    assert [tick.wish.finished for tick in ticks[-2:]] == [False, True], "nothing is asked of a robot that has ended"
+    assert len(list(Recording(outcome.run.path).ticks())) == len(ticks)
+    signal.raise_signal(signal.SIGTERM)
+    assert let_through == [signal.SIGTERM], "they are the process's own again"
+
+
+def test_sigterm_leaves_a_run_its_report(
+    tmp_path: Path, let_through: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = run.write_report
+
+    def interrupted(*arguments: object) -> None:
+        signal.raise_signal(signal.SIGTERM)
+        write(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(run, "write_report", interrupted)
+    assert run.run_and_report(short_mission(tmp_path), simulate=False) == 0
+    assert (only_run(tmp_path) / "report.html").exists()
+    assert let_through == []
+    signal.raise_signal(signal.SIGTERM)
+    assert let_through == [signal.SIGTERM]
 
 
 @pytest.mark.parametrize("arguments", [["schema"], ["graph"]])
