@@ -52,6 +52,8 @@ class Attendance:
         self.interrupted: int | None = None
         """The signal that ends the run: the first."""
         self._taken: list[signal.Signals] = []
+        self._over = False
+        """The last tick was: nothing is asked for any more."""
 
     @property
     def expected(self) -> bool:
@@ -91,27 +93,12 @@ class Attendance:
         """
         for act in self._acts:
             loop.call_later(act.at_s, request, REQUESTS[act.do] if act.answer is None else act.answer)
-        over = False
 
         def ask(what: Request) -> None:
-            if not over:
+            if not self._over:
                 request(what)
 
-        def interrupt(number: int, _: object) -> None:
-            """Between two instructions of whatever runs: also of a plugin that does not return."""
-            again, self.interrupted = self.interrupted is not None, self.interrupted or number
-            if over:
-                return
-            loop.call_soon_threadsafe(ask, Request.END)
-            if again or (number == signal.SIGHUP and self._operator is not None):
-                loop.call_soon_threadsafe(ask, Request.QUICKSTOP)
-
-        if threading.current_thread() is threading.main_thread():  # no other hears signals
-            for number in ENDING:
-                outlives = number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN
-                if self._operator is not None or not outlives:
-                    signal.signal(number, interrupt)
-                    self._taken.append(number)
+        self._take_signals(loop, ask)
 
         def tell(typed: bytes) -> None:
             for listener in self._listeners:
@@ -120,9 +107,27 @@ class Attendance:
         listening = None if self._operator is None else self._operator(request, tell if self._listeners else None)
 
         def stop() -> None:
-            nonlocal over
-            over = True
+            self._over = True
             if listening is not None:
                 listening()
 
         return stop
+
+    def _take_signals(self, loop: asyncio.AbstractEventLoop, ask: Callable[[Request], None]) -> None:
+        if threading.current_thread() is not threading.main_thread():  # no other hears signals
+            return
+
+        def interrupt(number: int, _: object) -> None:
+            """Between two instructions of whatever runs: also of a plugin that does not return."""
+            again, self.interrupted = self.interrupted is not None, self.interrupted or number
+            if self._over:
+                return
+            loop.call_soon_threadsafe(ask, Request.END)
+            if again or (number == signal.SIGHUP and self._operator is not None):
+                loop.call_soon_threadsafe(ask, Request.QUICKSTOP)
+
+        for number in ENDING:
+            outlives = number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN
+            if self._operator is not None or not outlives:
+                signal.signal(number, interrupt)
+                self._taken.append(number)

@@ -47,12 +47,13 @@ def told_to(manager: ServiceManager, watch: Watch) -> Watch:
 
 @contextmanager
 def report_unbroken() -> Iterator[None]:
-    """SIGTERM, by which a service manager ends a run in order, does not break its report off; Ctrl-C does."""
-    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    """What ends a run in order from outside, or hangs up its terminal, does not break its report off; Ctrl-C does."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGTERM, signal.SIGHUP)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def page_that_started() -> Operator:

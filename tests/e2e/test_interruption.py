@@ -124,9 +124,7 @@ class SignalsWhenClosed:
             signal.raise_signal(number)
 
 
-def test_signals_after_the_last_tick_wait_until_the_recording_is_closed(
-    tmp_path: Path, let_through: list[int]
-) -> None:
+def test_signals_after_the_last_tick_wait_until_the_recording_is_closed(tmp_path: Path, let_through: list[int]) -> None:
     ticks: list[Tick] = []
 
     def watch(tick: Tick, _: Traffic) -> None:
@@ -145,13 +143,14 @@ def test_signals_after_the_last_tick_wait_until_the_recording_is_closed(
     assert let_through == [signal.SIGTERM], "they are the process's own again"
 
 
-def test_sigterm_leaves_a_run_its_report(
+def test_only_ctrl_c_breaks_a_report_off(
     tmp_path: Path, let_through: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write = run.write_report
 
     def interrupted(*arguments: object) -> None:
         signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGHUP)
         write(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(run, "write_report", interrupted)
