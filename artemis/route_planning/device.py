@@ -170,7 +170,7 @@ class RoutePlanner:
 
 
 def end_with_the_run() -> None:
-    """Signals to all processes of a terminal or a service are for the run; with that this one ends, also if it is killed."""
+    """Signals to all processes of a terminal or a service are for the run, with which this one ends in any case."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     run = multiprocessing.parent_process()
