@@ -29,6 +29,8 @@ from artemis.page.access import PAIRED_TIME, Access, grouped, new_code
 MOST_BODY = 512
 MOST_CONNECTIONS, FIRST_REQUEST = 256, 3.0
 """At once; and how long one may say nothing at first [s]."""
+PING = 5.0
+"""A WebSocket is asked so often whether it is there, and has so long to answer [s]."""
 STATIC, SHARED = Path(__file__).with_name("static"), Path(__file__).parents[1] / "static"
 """The page's own files, and those that the reports of runs have, too."""
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
@@ -201,8 +203,8 @@ async def serve(
         ws="websockets-sansio",
         ws_max_size=2048,
         ws_per_message_deflate=False,
-        ws_ping_interval=5.0,
-        ws_ping_timeout=5.0,
+        ws_ping_interval=PING,
+        ws_ping_timeout=PING,
         lifespan="off",
         log_config=None,
         access_log=False,

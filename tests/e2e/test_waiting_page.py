@@ -54,7 +54,7 @@ class Browser:
 
     def __init__(self, port: int, code: str) -> None:
         self.url = f"http://127.0.0.1:{port}"
-        self.client = httpx.Client(base_url=self.url, headers={"origin": self.url}, timeout=20)
+        self.client = httpx.Client(base_url=self.url, headers={"origin": self.url}, timeout=PATIENCE)
         assert self.client.post("/pair", json={"code": code}).status_code == 200
 
     def __enter__(self) -> Self:

@@ -46,7 +46,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory, runs: Path) -> Iterator[PageRi
 
 @pytest.fixture(scope="module")
 def paired(rig: PageRig) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=rig.url, headers={"origin": rig.url}, timeout=60.0) as client:
+    with rig.client() as client:
         assert client.post("/pair", json={"code": rig.pairing().split("#")[1]}).status_code == 200
         yield client
 
@@ -60,7 +60,7 @@ def until_ready(client: httpx.Client, place: str) -> dict[str, Any]:
 
 
 def test_who_has_not_paired_sees_no_run(rig: PageRig) -> None:
-    with httpx.Client(base_url=rig.url, headers={"origin": rig.url}) as stranger:
+    with rig.client() as stranger:
         assert stranger.get("/runs/").headers["location"] == "/pair"
         assert stranger.get("/runs/replay").headers["location"] == "/pair"
         for path in ("list", f"0/{CIRCLE}/run.zip", f"0/{CIRCLE}/report", f"0/{CIRCLE}/report.html"):
