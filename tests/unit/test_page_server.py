@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import socket
 import ssl
@@ -95,6 +96,14 @@ def test_pages_of_others_cannot_ask(rig: PageRig, paired: httpx.Client, headers:
 def test_every_answer_has_the_content_policy(paired: httpx.Client) -> None:
     for path in ("/", "/pair", "/static/main.js", "/static/nothing.js", "/history"):
         assert "default-src 'self'" in paired.get(path).headers["content-security-policy"]
+
+
+@pytest.mark.parametrize("page", ["index", "runs_replay", "runs", "waiting", "pair"])
+def test_pages_are_put_together_of_their_parts(paired: httpx.Client, page: str) -> None:
+    text = paired.get(f"/static/{page}.html").text
+    assert (text.count("<!doctype html>"), text.count("</head>"), text.count("<!--")) == (1, 1, 0)
+    ids = re.findall(r' id="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
 
 
 @pytest.mark.parametrize(
