@@ -175,7 +175,12 @@ def end_with_the_run() -> None:
         signal.signal(number, signal.SIG_IGN)
     run = multiprocessing.parent_process()
     assert run is not None
-    threading.Thread(target=lambda: (run.join(), os._exit(0)), daemon=True).start()
+
+    def leave() -> None:
+        run.join()
+        os._exit(0)
+
+    threading.Thread(target=leave, daemon=True).start()
 
 
 def _content(file: Path) -> bytes:

@@ -29,6 +29,7 @@ from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.mission.loading import load_mission
 from artemis.recording.mcap_reader import Recording
+from artemis.report.page import write_report
 from artemis.values import OperatorInput, Tick
 
 REAL_TIME = "simulation: {pace: real_time}\n"
@@ -146,12 +147,11 @@ def test_signals_after_the_last_tick_wait_until_the_recording_is_closed(tmp_path
 def test_only_ctrl_c_breaks_a_report_off(
     tmp_path: Path, let_through: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write = run.write_report
 
     def interrupted(*arguments: object) -> None:
         signal.raise_signal(signal.SIGTERM)
         signal.raise_signal(signal.SIGHUP)
-        write(*arguments)  # type: ignore[arg-type]
+        write_report(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(run, "write_report", interrupted)
     assert run.run_and_report(short_mission(tmp_path), simulate=False) == 0
