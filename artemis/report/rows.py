@@ -7,9 +7,8 @@ column, those nearest behind moments that somebody names, and enough of them to 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +31,13 @@ class Errors:
     squares: float = 0.0
     largest: float = 0.0
 
-    def add(self, error: float) -> None:
-        """One more; nan does not count."""
-        if not isnan(error):
-            self.number += 1
-            self.squares += error * error
-            self.largest = max(self.largest, abs(error))
+    def add(self, errors: Array) -> None:
+        """Some more, shape (n,); nan does not count."""
+        known = errors[~np.isnan(errors)]
+        if len(known):
+            self.number += len(known)
+            self.squares = float(np.cumsum(np.append(self.squares, known * known))[-1])  # as added one by one
+            self.largest = max(self.largest, float(np.abs(known).max()))
 
     @property
     def rms(self) -> float | None:
@@ -53,9 +53,20 @@ class Errors:
 class Rows:
     """Takes the rows one by one. The first column is the run time, `x` and `y` are those of the place."""
 
-    def __init__(self, width: int, x: int, y: int, ticks: int | None, moments: Sequence[float] = ()) -> None:
-        """`ticks`: about how many rows will come; None: each of them has to stay. `moments`: in run time [s]."""
-        self._width, self._x, self._y = width, x, y
+    def __init__(
+        self,
+        width: int,
+        x: int,
+        y: int,
+        ticks: int | None,
+        moments: Sequence[float] = (),
+        errors: Mapping[int, Errors] | None = None,
+    ) -> None:
+        """`ticks`: about how many rows will come; None: each of them has to stay. `moments`: in run time [s].
+
+        `errors`, by numbers of columns: they count all values of these.
+        """
+        self._width, self._x, self._y, self._errors = width, x, y, errors or {}
         self._all = ticks is None or ticks <= ALL
         self._stretch = width * (4096 if ticks is None or ticks <= ALL else -(-ticks // STRETCHES))
         self._moments = np.sort(np.array(moments, dtype=np.float64))
@@ -75,6 +86,8 @@ class Rows:
 
     def _end_stretch(self) -> None:
         block = np.array(self._block, dtype=np.float64).reshape(-1, self._width)
+        for column, errors in self._errors.items():
+            errors.add(block[:, column])
         if len(block):
             self._kept.frombytes((block if self._all else block[self._mattering(block)]).tobytes())
         del self._block[:]
