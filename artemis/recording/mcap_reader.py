@@ -129,7 +129,7 @@ class Recording:
         """The ticks and, each after its tick, packed frames; all in one pass. Raises as `ticks` does."""
         ticks = self._found.channels(TICKS)
         for message in self._messages(TICKS, "/frames"):
-            yield self._understood(message, schemas.tick_from_record if message.channel in ticks else _frames_from)
+            yield self._decoded(message) if message.channel in ticks else self._understood(message, _frames_from)
 
     def last_tick(self) -> TickRecord | None:
         """The last of them; None: there is none.
