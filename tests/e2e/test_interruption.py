@@ -41,6 +41,7 @@ def assert_stopped_on_the_way(folder: Path) -> None:
     assert_left_at_rest(run)
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_run_in_order_without_a_terminal(tmp_path: Path, number: signal.Signals) -> None:
@@ -54,6 +55,7 @@ def test_a_signal_ends_a_run_in_order_without_a_terminal(tmp_path: Path, number:
     assert_stopped_on_the_way(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("ignored", "sent", "ends_by"),
@@ -161,6 +163,7 @@ def test_only_ctrl_c_breaks_a_report_off(
     assert let_through == [signal.SIGTERM]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["schema"], ["graph"]])
 def test_a_reader_that_goes_away_is_no_bug(arguments: list[str]) -> None:
     with subprocess.Popen([*ARTEMIS, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
