@@ -11,13 +11,16 @@ DOCS := build/docs-env
 # Where it is set, every worker and every `artemis` that the tests start would compile everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture page-pictures thesis docs wheel clean
+.PHONY: demo test test-ci test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture page-pictures thesis docs wheel clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
 
 test: $(READY)
 	@$(BIN)/python -m pytest
+
+test-ci: $(READY)
+	@$(BIN)/python -m pytest -m "not exhaustive or programs"
 
 test-all: $(READY)
 	@$(BIN)/python -m pytest -m "" --hypothesis-profile=exhaustive

@@ -137,10 +137,11 @@ class _Run:
         """Run to the end, in the time of such a loop."""
         begun = clock.stopwatch()
         patient = None if self.record.threaded else self.attendance.is_undisturbed
-        with self.record.observing(self.asked, patient), asyncio.Runner(loop_factory=loop) as runner:
-            runner.run(self._main())
-            self.record.outcome = "failed" if self.failed else DONE
-        troubles = self.record.conclude(self.results)
+        with self.attendance.holding_signals():
+            with self.record.observing(self.asked, patient), asyncio.Runner(loop_factory=loop) as runner:
+                runner.run(self._main())
+                self.record.outcome = "failed" if self.failed else DONE
+            troubles = self.record.conclude(self.results)
         return Outcome(
             failed=self.failed,
             interrupted=self.attendance.interrupted,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from math import inf
 
 from artemis.mission.schema import Operation
@@ -24,6 +25,8 @@ REQUESTS = {
     "left_tenth": Request.LEFT_TENTH,
     "right_tenth": Request.RIGHT_TENTH,
 }
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a run."""
 Typed = Callable[[bytes], None]
 """Is called with what is typed at the terminal; with nothing once that is closed."""
 Operator = Callable[[Callable[[Request | str], None], Typed | None], Callable[[], None]]
@@ -48,6 +51,9 @@ class Attendance:
         """Somebody was heard at a device that needs a person."""
         self.interrupted: int | None = None
         """The signal that ends the run: the first."""
+        self._taken: list[signal.Signals] = []
+        self._over = False
+        """The last tick was: nothing is asked for any more."""
 
     @property
     def expected(self) -> bool:
@@ -67,8 +73,18 @@ class Attendance:
         self._listeners.append(listener)
         return self._operator is not None
 
+    @contextmanager
+    def holding_signals(self) -> Iterator[None]:
+        """Those that `begin` took break nothing off before the end of this: the recording is closed in it."""
+        before = {number: signal.getsignal(number) for number in ENDING}
+        try:
+            yield
+        finally:
+            for number in self._taken:
+                signal.signal(number, before[number])
+
     def begin(self, loop: asyncio.AbstractEventLoop, request: Callable[[Request | str], None]) -> Callable[[], None]:
-        """Pass on what everybody asks for from now on; returns how to stop.
+        """Pass on what everybody asks for from now on; returns how to stop. Signals stay taken: `holding_signals`.
 
         SIGINT, SIGTERM and SIGHUP end the run, whoever started it; a second one stops quickly. SIGINT does so
         also where a shell had it ignored, as for a script's `artemis run ... &`: nothing may refuse to stop a robot.
@@ -78,19 +94,11 @@ class Attendance:
         for act in self._acts:
             loop.call_later(act.at_s, request, REQUESTS[act.do] if act.answer is None else act.answer)
 
-        def interrupt(number: int, _: object) -> None:
-            """Between two instructions of whatever runs: also of a plugin that does not return."""
-            again, self.interrupted = self.interrupted is not None, self.interrupted or number
-            loop.call_soon_threadsafe(request, Request.END)
-            if again or (number == signal.SIGHUP and self._operator is not None):
-                loop.call_soon_threadsafe(request, Request.QUICKSTOP)
+        def ask(what: Request) -> None:
+            if not self._over:
+                request(what)
 
-        before = {}
-        if threading.current_thread() is threading.main_thread():  # no other hears signals
-            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-                outlives = number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN
-                if self._operator is not None or not outlives:
-                    before[number] = signal.signal(number, interrupt)
+        self._take_signals(loop, ask)
 
         def tell(typed: bytes) -> None:
             for listener in self._listeners:
@@ -99,9 +107,27 @@ class Attendance:
         listening = None if self._operator is None else self._operator(request, tell if self._listeners else None)
 
         def stop() -> None:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+            self._over = True
             if listening is not None:
                 listening()
 
         return stop
+
+    def _take_signals(self, loop: asyncio.AbstractEventLoop, ask: Callable[[Request], None]) -> None:
+        if threading.current_thread() is not threading.main_thread():  # no other hears signals
+            return
+
+        def interrupt(number: int, _: object) -> None:
+            """Between two instructions of whatever runs: also of a plugin that does not return."""
+            again, self.interrupted = self.interrupted is not None, self.interrupted or number
+            if self._over:
+                return
+            loop.call_soon_threadsafe(ask, Request.END)
+            if again or (number == signal.SIGHUP and self._operator is not None):
+                loop.call_soon_threadsafe(ask, Request.QUICKSTOP)
+
+        for number in ENDING:
+            outlives = number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN
+            if self._operator is not None or not outlives:
+                signal.signal(number, interrupt)
+                self._taken.append(number)

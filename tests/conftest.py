@@ -1,4 +1,4 @@
-"""For all tests: which of them `make test` leaves to `make test-all`, their order, and how Hypothesis tries.
+"""For all tests: which of them `make test` leaves to others, their order, and how Hypothesis tries.
 
 Anything may run on any worker of pytest-xdist, beside anything else.
 """
@@ -22,6 +22,9 @@ from hypothesis import settings
 
 for _shared in ("simulation", "e2e"):  # what tests of other folders take from there: the rig of whole runs, the command
     sys.path.append(str(Path(__file__).parent / _shared))
+
+PROGRAMS = ("browser", "e2e", "peers")
+"""Folders of tests that drive other programs, or artemis as a program."""
 
 settings.register_profile("short", settings.default, deadline=None, max_examples=40)
 settings.register_profile("exhaustive", settings.default, deadline=None, max_examples=200)
@@ -48,6 +51,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: [item.get_closest_marker(mark) is None for mark in ("realtime", "timeout")])
     counts: Counter[str] = Counter()
     for item in items:
+        if item.path.parent.name in PROGRAMS:
+            item.add_marker(pytest.mark.programs)
         if sampled := item.get_closest_marker("sampled"):
             name = item.nodeid.partition("[")[0]
             if counts[name] % sampled.args[0]:
@@ -72,8 +77,8 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """What fails in real time while the machine is as busy as stops a robot (SYS-01) proves nothing: it is skipped."""
     report = yield
-    if report.failed and item.get_closest_marker("realtime") and (late := lateness.latest(call.start, call.stop)):
-        reason = f"this machine is too busy for real time: {1000 * late:.0f} ms late, then: {report.longreprtext}"
+    if report.failed and item.get_closest_marker("realtime") and (why := lateness.excuse(call.start, call.stop)):
+        reason = f"this machine is too busy for real time ({why}): {report.longreprtext}"
         report.outcome, report.longrepr = "skipped", (str(item.path), item.location[1] or 0, reason)
     return report
 

@@ -29,9 +29,11 @@ def _watch() -> None:
             _late.append((time.time(), late))
 
 
-def latest(begun: float, ended: float) -> float:
-    """The longest delay between two dates [s]; 0: none was longer than a robot stands."""
-    return max((late for at, late in _late if begun < at < ended + SYS_01), default=0.0)
+def excuse(begun: float, ended: float) -> str:
+    """Why a failure in real time between two dates [s] proves nothing; empty: it does prove something."""
+    if late := max((late for at, late in _late if begun < at < ended + SYS_01), default=0.0):
+        return f"{1000 * late:.0f} ms late"
+    return "more than twice as many programs want to run as there are processors" if _is_busy() else ""
 
 
 def skip_if_late(shown: str, *others: str) -> None:
@@ -40,7 +42,10 @@ def skip_if_late(shown: str, *others: str) -> None:
     A late host says so itself. Drives in another process that answer too late (and `others`, which are faults too) are
     only believed to be late where more than twice as many programs want to run as there are processors.
     """
-    busy = os.getloadavg()[0] > 2 * (os.cpu_count() or 1)
-    for fault in ("SYS-01", "COM-08", "COM-11", "COM-28", "DRV-20", *others) if busy else ("SYS-01",):
+    for fault in ("SYS-01", "COM-08", "COM-11", "COM-28", "DRV-20", *others) if _is_busy() else ("SYS-01",):
         if fault in shown:
             pytest.skip(f"this machine is too busy for real time: {shown[shown.index(fault) :].splitlines()[0]}")
+
+
+def _is_busy() -> bool:
+    return os.getloadavg()[0] > 2 * (os.cpu_count() or 1)

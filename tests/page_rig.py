@@ -6,6 +6,7 @@ The run was computed on virtual time before, so that nothing here depends on how
 from __future__ import annotations
 
 import asyncio
+import ssl
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +16,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar
 
+import httpx
+import pytest
 from ports import free_port
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 from artemis.app import Parts, run_mission
 from artemis.clock import SimulatedLoop
@@ -23,6 +28,7 @@ from artemis.config import Config
 from artemis.devices.can_bus import Traffic
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import Operation
+from artemis.page import paired
 from artemis.page.access import key_place, new_code, read_key
 from artemis.page.observer import PageObserver, PageObserverConfig, PageTls
 from artemis.planning import localizer_of, setup_for
@@ -32,6 +38,8 @@ from artemis.values import OperatorInput, Tick
 
 MISSIONS = Path(__file__).parents[1] / "missions"
 PERIOD = 0.02
+PATIENCE = 100.0
+"""Longer than anything takes on a busy machine [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +91,7 @@ class PageRig:
     run: Recorded
     port: int
     observer: PageObserver
+    tls: bool = False
     samples: list[tuple[float, OperatorInput, list[tuple[str, str]]]] = field(default_factory=list)
     """What the input said, with the loop's time, and its problems."""
     place: int = 0
@@ -94,7 +103,24 @@ class PageRig:
 
     @property
     def url(self) -> str:
-        return f"http://127.0.0.1:{self.port}"
+        return f"http{'s' * self.tls}://127.0.0.1:{self.port}"
+
+    def client(self, trusted: ssl.SSLContext | bool = True) -> httpx.Client:
+        """A browser, as far as requests go: one that waits as long as it takes."""
+        return httpx.Client(base_url=self.url, headers={"origin": self.url}, verify=trusted, timeout=PATIENCE)
+
+    def link(
+        self, client: httpx.Client, path: str, origin: str = "", trusted: ssl.SSLContext | None = None
+    ) -> ClientConnection:
+        """Its WebSocket."""
+        return connect(
+            self.url.replace("http", "ws") + path,
+            additional_headers={"cookie": "; ".join(f"{name}={value}" for name, value in client.cookies.items())},
+            origin=Origin(origin or self.url),
+            ssl=trusted,
+            open_timeout=PATIENCE,
+            ping_interval=None,
+        )
 
     def pairing(self) -> str:
         """An address that pairs one browser."""
@@ -112,7 +138,7 @@ class PageRig:
         stopped = next(time for time, sample, _ in self.samples if time > begun and not sample.enabled)
         print(f"{event}: no sample drives after {(stopped - begun) * 1e3:.0f} ms")
 
-    def wait(self, wanted: Callable[[OperatorInput], bool], patience: float = 20.0) -> OperatorInput:
+    def wait(self, wanted: Callable[[OperatorInput], bool], patience: float = PATIENCE) -> OperatorInput:
         """The first sample that is as wanted, from the one on that was waited for before. Raises TimeoutError."""
 
         def found() -> bool:
@@ -183,7 +209,7 @@ def page_rig(run: Recorded, folder: Path, tls: PageTls | None = None, runs: Path
         map=lambda: shown,
     )
     observer = PageObserver(PageObserverConfig(port=port, tls=tls, input=f"page {port}"), context)
-    rig = PageRig(run, port, observer)
+    rig = PageRig(run, port, observer, tls=tls is not None)
     threads = [
         threading.Thread(target=rig._feed, daemon=True),
         threading.Thread(target=lambda: asyncio.run(rig._read()), daemon=True),
@@ -191,7 +217,10 @@ def page_rig(run: Recorded, folder: Path, tls: PageTls | None = None, runs: Path
     for thread in threads:
         thread.start()
     try:
-        yield rig
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(paired, "FIRST_REQUEST", PATIENCE)  # also of a client on a busy machine
+            patch.setattr(paired, "PING", PATIENCE)
+            yield rig
     finally:
         rig._over.set()
         for thread in threads:

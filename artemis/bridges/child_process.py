@@ -21,10 +21,13 @@ class ChildProcess:
     def __init__(self, arguments: Sequence[str], fds: Sequence[int]) -> None:
         """Begin: `arguments` of the interpreter, and file descriptors that it takes over as the last ones.
 
+        SIGTERM, which a service manager sends to all processes of a service, is for the run, which then ends this one.
+
         Raises:
             OSError: the system has no room for another process.
         """
         self._errors, self._last = TemporaryFile("a+b"), b""  # appended to: it may be cut while another one writes
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])  # a new process begins with it (exec(3p))
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", *arguments, *map(str, fds)],
@@ -38,6 +41,8 @@ class ChildProcess:
         except OSError:
             self._errors.close()
             raise
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         self.pid = self._process.pid
 
     def trim(self) -> None:

@@ -14,8 +14,9 @@ from pathlib import Path
 from artemis.bridges.addresses import bound
 from artemis.clock import wall_date
 from artemis.commands.findings import FAILURE, NOTE, OK, WARNING, Finding
+from artemis.errors import ConfigError
 from artemis.page import certificates
-from artemis.page.access import key_place
+from artemis.page.access import key_place, read_key
 from artemis.page.observer import PORT
 
 PAGE_PORT = PORT
@@ -40,16 +41,17 @@ def page_findings() -> Iterator[Finding]:
 
 def _key(path: Path) -> Iterator[Finding]:
     folder = next(place for place in (path.parent, *path.parent.parents) if place.exists())
-    if path.exists() and path.stat().st_mode & 0o077:
-        yield Finding(FAILURE, f"{path}: others can read the page's key", f"chmod 600 {path}")
-    elif not os.access(path if path.exists() else folder, os.R_OK | os.W_OK):
-        yield Finding(
-            FAILURE,
-            f"{path}: this user can neither keep nor read the page's key there",
-            "a home of its own, or XDG_CONFIG_HOME: a folder that it may write",
-        )
-    else:
+    try:
+        if path.exists():
+            read_key(path)
+    except ConfigError as error:
+        yield Finding(FAILURE, str(error))
+        return
+    if path.exists() or os.access(folder, os.R_OK | os.W_OK):
         yield Finding(OK, f"the page's key is kept in {path}")
+    else:
+        remedy = "a home of its own, or XDG_CONFIG_HOME: a folder that it may write"
+        yield Finding(FAILURE, f"{path}: this user cannot keep the page's key there", remedy)
 
 
 def _port(port: int) -> Iterator[Finding]:

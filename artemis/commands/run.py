@@ -17,7 +17,7 @@ from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.attendance import Operator
 from artemis.commands.live import LiveView
 from artemis.commands.page import announce, page_of
-from artemis.commands.started import page_that_started, told_to
+from artemis.commands.started import page_that_started, report_unbroken, told_to
 from artemis.commands.terminal import (
     ACCEPT_KEYS,
     ANSWER_KEYS,
@@ -154,8 +154,9 @@ def run_in_sight(
         operator=operator,
         resume_point=resume_point,
     )
-    then(outcome)
-    _conclude(outcome)
+    with report_unbroken():
+        then(outcome)
+        _conclude(outcome)
     return outcome
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from artemis.app import Watch
 from artemis.attendance import Operator
@@ -41,6 +43,17 @@ def told_to(manager: ServiceManager, watch: Watch) -> Watch:
             manager.tell(STOPPING)
 
     return both
+
+
+@contextmanager
+def report_unbroken() -> Iterator[None]:
+    """What ends a run in order from outside, or hangs up its terminal, does not break its report off; Ctrl-C does."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def page_that_started() -> Operator:

@@ -8,12 +8,13 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections import deque
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
 import msgspec
 
+from artemis.bridges.background import BackgroundTasks
 from artemis.bridges.operator.session import BEAT_EVERY
 from artemis.bridges.page.port import connected_to
 from artemis.bridges.page.session import PageSeats, PageSession, Send, ZoneChange
@@ -51,7 +52,7 @@ class Hub:
         self._run: socket.socket | None = None
         self._zones = zones
         self._disk = asyncio.Lock()
-        self._changing: set[asyncio.Task[None]] = set()
+        self._changing = BackgroundTasks()
         self.seats.change_zones = self._order_change
         self._next = self._loop.time()
         self._timer: asyncio.TimerHandle | None = None
@@ -72,7 +73,7 @@ class Hub:
         """Beat, and look for the run."""
         self._look()
         self._beat()
-        self._begin_task(self._tell_zones())
+        self._changing.begin(self._tell_zones())
 
     def close(self) -> None:
         """End what `begin` began."""
@@ -140,15 +141,10 @@ class Hub:
     # ------------------------------------------------------------------------------------------ zones
 
     def _order_change(self, change: ZoneChange, told: Callable[[str], None]) -> None:
-        self._begin_task(self._change(change, told))
-
-    def _begin_task(self, work: Coroutine[Any, Any, None]) -> None:
-        """In another thread: a disk takes longer than Stop may wait."""
-        task = self._loop.create_task(work)
-        self._changing.add(task)
-        task.add_done_callback(self._changing.discard)
+        self._changing.begin(self._change(change, told))
 
     async def _change(self, change: ZoneChange, told: Callable[[str], None]) -> None:
+        """In another thread: a disk takes longer than Stop may wait."""
         if self._zones is None:
             told("this run plans no routes: it has no zones")
             return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import socket
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -29,9 +30,12 @@ from artemis.page.access import PAIRED_TIME, Access, grouped, new_code
 MOST_BODY = 512
 MOST_CONNECTIONS, FIRST_REQUEST = 256, 3.0
 """At once; and how long one may say nothing at first [s]."""
+PING = 5.0
+"""A WebSocket is asked so often whether it is there, and has so long to answer [s]."""
 STATIC, SHARED = Path(__file__).with_name("static"), Path(__file__).parents[1] / "static"
 """The page's own files, and those that the reports of runs have, too."""
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+_PART = re.compile(rb"<!-- (part_\w+\.html) -->\n")
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'self'",
     "X-Content-Type-Options": "nosniff",
@@ -45,11 +49,18 @@ GONE, REFUSED, BUSY = 1001, 4403, 4429
 
 @cache
 def _static_files() -> Mapping[str, tuple[bytes, str, str]]:
-    """All files of the page by name: content, type and tag. Read once: what browsers ask for is only looked up."""
+    """All files of the page by name: content, type and tag. Read once: what browsers ask for is only looked up.
+
+    What pages have in common is in files of its own, for which a line of theirs stands.
+    """
     files = [(file.name, file) for file in STATIC.iterdir()]
     files += [(f"uplot/{file.name}", file) for file in (SHARED / "uplot").iterdir()]
-    found = {name: (file.read_bytes(), TYPES[file.suffix]) for name, file in files if file.suffix in TYPES}
-    return {name: (content, kind, f'"{sha256(content).hexdigest()[:16]}"') for name, (content, kind) in found.items()}
+    read = {name: file.read_bytes() for name, file in files if file.suffix in TYPES}
+    whole = {name: _PART.sub(lambda part: read[part[1].decode()], content) for name, content in read.items()}
+    return {
+        name: (content, TYPES[Path(name).suffix], f'"{sha256(content).hexdigest()[:16]}"')
+        for name, content in whole.items()
+    }
 
 
 class AccessCheck:
@@ -201,8 +212,8 @@ async def serve(
         ws="websockets-sansio",
         ws_max_size=2048,
         ws_per_message_deflate=False,
-        ws_ping_interval=5.0,
-        ws_ping_timeout=5.0,
+        ws_ping_interval=PING,
+        ws_ping_timeout=PING,
         lifespan="off",
         log_config=None,
         access_log=False,

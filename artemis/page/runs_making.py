@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from artemis.bridges.background import BackgroundTasks
 from artemis.page.runs import REPLAY, RunFacts, has_report, signature
 from artemis.page.runs_replay import is_made
 from artemis.page.runs_work import Said, command
@@ -56,7 +57,7 @@ class Works:
         self._making: dict[tuple[str, Path], Making] = {}
         self._one = asyncio.Semaphore(1)
         self._archives = 0
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks = BackgroundTasks()
         self._known: dict[Path, _ReadFacts] = {}
         self._reading: set[Path] = set()
 
@@ -67,7 +68,7 @@ class Works:
         wanted = [folder for folder in folders if self._is_old(folder) and folder not in self._reading][:MOST_AT_ONCE]
         if wanted and not self._reading:
             self._reading.update(wanted)
-            self._begin(self._read(wanted))
+            self._tasks.begin(self._read(wanted))
         return [known.facts if (known := self._known.get(folder)) is not None else None for folder in folders]
 
     def _is_old(self, folder: Path) -> bool:
@@ -117,7 +118,7 @@ class Works:
             return Making("failed", problem="too much is being made already: try again in a while")
         self._making = {key: each for key, each in self._making.items() if each.state in ("waiting", "making")}
         making = self._making[what, folder] = Making()
-        self._begin(self._make(what, folder, making))
+        self._tasks.begin(self._make(what, folder, making))
         return making
 
     async def _make(self, what: str, folder: Path, making: Making) -> None:
@@ -153,11 +154,6 @@ class Works:
                     raise RuntimeError(how)  # ends the connection: a browser then says that the download failed
         finally:
             self._archives -= 1
-
-    def _begin(self, work: Any) -> None:  # noqa: ANN401 (a coroutine)
-        task = self._loop.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
 
 
 def is_ready(what: str, folder: Path) -> bool:

@@ -23,7 +23,9 @@ FED_EVERY = 3.0
 HANG = 8.0
 """One that has not ticked for so long is killed [s]: its drives stand by then, and it would have ended itself."""
 CANCEL_TIME = 10.0
-"""One that is cancelled after its last tick has so long to end [s]; then it is killed."""
+"""One that shall end before its first tick, or is not waited for after its last, has so long [s]; then it is killed."""
+END_TIME = 90.0
+"""One that shall end in order, and write its report, has so long [s]; then it is killed."""
 MOST_OUTPUT, MOST_LINES, LONGEST_LINE = 1 << 20, 40, 300
 ENDINGS = {
     0: "done",
@@ -58,8 +60,9 @@ class StartedRun:
         """It ticks; its last tick is over."""
         self.status = ""
         """What it does, in its own words."""
-        self._heard, self._hung = now, False
-        self._killed_at = inf
+        self.killed_at = inf
+        """When it is killed if it has not ended [s]."""
+        self._heard, self._why = now, ""
         self._place = TemporaryDirectory(prefix="artemis-page-")  # only its owner may open it
         self._output, self._last = TemporaryFile("a+b"), b""
         self._notices = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -81,12 +84,14 @@ class StartedRun:
             self._forget()
             raise
         self.pid = self._process.pid
+        assert self._process.stdin is not None
+        self._stdin = self._process.stdin
 
     def look(self, now: float) -> int | None:
         """Hear what it says; its exit status once it has ended. One that hangs is killed."""
         for words in self._said():
             if words == READY:
-                self.is_ready, self._heard = True, now
+                self.is_ready, self._heard, self.killed_at = True, now, inf
             elif words == STOPPING:
                 self.is_stopping = True
             elif words == WATCHDOG:
@@ -96,21 +101,25 @@ class StartedRun:
         if os.fstat(self._output.fileno()).st_size > MOST_OUTPUT:
             self._last = self._tail()
             os.ftruncate(self._output.fileno(), 0)
-        if self.is_ready and not self.is_stopping and now - self._heard > HANG and self._process.poll() is None:
-            self._hung = True
-            self.kill()
-        if now > self._killed_at:
-            self.kill()
+        if self.is_ready and not self.is_stopping and now - self._heard > HANG:
+            self._kill(f"it did not tick for {HANG:g} s: ")
+        if now > self.killed_at:
+            self._kill(f"it did not end within {CANCEL_TIME:g} s: ")
         return self._process.poll()
 
     @property
     def outcome(self) -> str:
         """How it ended, in words."""
         status = self._process.returncode
-        if self.is_stopping and status < 0:
-            return f"killed by {signal.Signals(-status).name} after its last tick: summary and report may be missing"
         words = ending(status)
-        return f"it did not tick for {HANG:g} s: {words}" if self._hung else words
+        if status < 0 and not self.is_ready:
+            words = f"killed by {signal.Signals(-status).name} before its first tick; "
+            words += "it had switched on no drive, and one that was on stops by its own watchdog"
+        elif self.is_stopping and (status < 0 or self.killed_at < inf):
+            words = (
+                "it was not waited for after its last tick; the drives were released before, its report may be missing"
+            )
+        return self._why + words
 
     def lines(self) -> list[str]:
         """Its last lines."""
@@ -118,26 +127,41 @@ class StartedRun:
         lines = ["".join(sign for sign in line if sign.isprintable())[:LONGEST_LINE] for line in text.splitlines()]
         return [line for line in lines if line.strip()][-MOST_LINES:]
 
-    def end(self) -> None:
-        """Ask it to end in order; asked again it stops quickly."""
-        if self._process.poll() is None:
-            self._process.send_signal(signal.SIGTERM)
+    def end(self, now: float) -> None:
+        """Have it end in order; asked again it stops quickly. Its report is made all the same.
+
+        What ticks hears the end of its standard input. A service manager says SIGTERM to it, too, and that twice is a
+        quick stop; SIGHUP is one at once, as that of a terminal with somebody at it.
+        """
+        if self._process.poll() is not None:
+            return
+        if not self.is_ready:
+            self.killed_at = min(self.killed_at, now + CANCEL_TIME)
+            self._process.terminate()
+        elif self._stdin.closed:
+            self._process.send_signal(signal.SIGHUP)
+        self._stdin.close()
 
     def cancel(self, now: float) -> None:
-        """As `end`; one whose last tick is over, so that its drives are released, has not all the time for it."""
-        self.end()
-        if self.is_stopping:
-            self._killed_at = min(self._killed_at, now + CANCEL_TIME)
+        """Have one end that has not ticked yet, or whose last tick is over and its drives released: not waited for."""
+        if self.is_stopping and self._process.poll() is None:
+            self.killed_at = min(self.killed_at, now + CANCEL_TIME)
+            self._process.send_signal(signal.SIGINT)
+        elif not self.is_ready:
+            self.end(now)
 
     def kill(self) -> None:
         """End it at once: the drives stop by themselves."""
+        self._kill("")
+
+    def _kill(self, why: str) -> None:
         if self._process.poll() is None:
+            self._why = why
             self._process.kill()
 
     def close(self) -> None:
         """Let go of one that has ended."""
-        if self._process.stdin is not None:
-            self._process.stdin.close()
+        self._stdin.close()
         self._forget()
 
     def _forget(self) -> None:

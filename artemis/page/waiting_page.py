@@ -21,15 +21,13 @@ from artemis.page.access import Access, key_place, read_key, used_place
 from artemis.page.mission_folder import CheckedMission, MissionFolder
 from artemis.page.observer import PageObserverConfig, url_of
 from artemis.page.paired import serve
-from artemis.page.started_run import StartedRun
+from artemis.page.started_run import END_TIME, StartedRun
 from artemis.page.waiting import Ended, Waiting
 from artemis.page.waiting_server import WaitingServer
 
 LOOK = 0.1
 """Between two looks at the run [s]."""
 LOOK_AT_FOLDER = 2.0
-END_TIME = 90.0
-"""A run has this long to end in order, and to write its report [s]; then it is killed."""
 
 
 class WaitingPage:
@@ -98,13 +96,17 @@ class WaitingPage:
         self._manager.tell(STOPPING)
 
     def end(self) -> None:
-        """Leave, after what was started has ended in order; asked again it stops quickly."""
-        self._latest = self._latest or asyncio.get_running_loop().time() + END_TIME
+        """Leave, after what was started has ended in order, with its report; asked again the robot stops quickly."""
+        now = asyncio.get_running_loop().time()
+        self._latest = self._latest or now + END_TIME
         if self._server.run is not None:
-            self._server.run.end()
+            self._server.run.end(now)
 
     async def close(self) -> None:
-        """Give everything back. A run that goes on ends in order by itself: it has lost its standard input."""
+        """Give everything back. A run that goes on, because this page has failed, is ended in order before."""
+        if not self._latest:
+            self.end()
+        await self._look()
         await self._folder.close()
         for open_socket in (self._listening, self._reserved):
             open_socket.close()

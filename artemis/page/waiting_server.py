@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import suppress
+from math import inf
 from typing import Any
 
 import msgspec
@@ -17,7 +18,7 @@ from artemis.page.access import Access
 from artemis.page.mission_folder import MissionFolder, as_shown
 from artemis.page.paired import BUSY, HEADERS, REFUSED, PairedServer, peer_of
 from artemis.page.runs_server import PastRuns
-from artemis.page.started_run import StartedRun
+from artemis.page.started_run import CANCEL_TIME, StartedRun
 from artemis.page.waiting import Waiting, Watcher, wanted
 
 MOST_WATCHING = 16
@@ -55,6 +56,7 @@ class WaitingServer(PairedServer):
         if run is not None and waiting.chosen is not None:
             started = {"mission": waiting.chosen.mission, "file": waiting.chosen.file, "who": waiting.started_by}
             started |= {"status": run.status, "lines": run.lines()}
+            started["cancelled"] = CANCEL_TIME if run.killed_at < inf else None
         return {
             "folder": self._folder.folder.name,
             "note": self._folder.note,

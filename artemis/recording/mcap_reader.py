@@ -5,71 +5,36 @@ Never more of it is in memory than one chunk and the files that the mission name
 
 from __future__ import annotations
 
-import struct
-from array import array
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from functools import cached_property
 from io import BufferedReader, FileIO
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile, InvalidMagic, McapError
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata
+from mcap.records import Chunk
 from pydantic import ValidationError
 
 from artemis.devices.can_bus import Frame
 from artemis.errors import RecordingError
 from artemis.recording import schemas
 from artemis.recording.journal import Entry, JournalContent, Level, read_journal
-from artemis.recording.mcap_records import BoundedFile, content_of, read_record, records_in, whole_records
+from artemis.recording.mcap_contents import DAMAGE, TICKS, contents_of
+from artemis.recording.mcap_records import BoundedFile, Message, content_of, messages_in
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.schemas import TickRecord
 from artemis.vehicle import RobotFile
 
-_MESSAGE = struct.Struct("<HIQ8x")
-"""Channel, sequence and log time at the beginning of a message; the publishing time is the same."""
-_DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
-"""What a damaged file makes the mcap package raise (checksums: ValueError; absurd lengths: the last two)."""
 _NOT_UNDERSTOOD = (msgspec.DecodeError, ValueError, RecursionError)
 """What bytes raise that are not the JSON that they should be (not UTF-8, an unknown value: ValueError)."""
 _FRAMES, _LOG = msgspec.json.Decoder(schemas.Frames), msgspec.json.Decoder(schemas.Log)
 _Content = TypeVar("_Content")
 _PLACED = b'"reset_pose":true'
 """In the record of the tick in which the odometry gets its origin."""
-
-
-class _Message(NamedTuple):
-    topic: str
-    sequence: int
-    time_ns: int
-    data: bytes
-
-
-class _Extent:
-    """Which ticks the file holds, by their second halves."""
-
-    def __init__(self) -> None:
-        self.number = self.lost = 0
-        self.first_gap = ""
-        self.first_ns = self.last_ns = 0
-        self.last = -1
-        """Sequence number."""
-
-    def see(self, sequence: int, time_ns: int) -> None:
-        if self.number == 0:
-            self.first_ns = time_ns
-        elif sequence > self.last + 1:
-            self.lost += sequence - self.last - 1
-            self.first_gap = self.first_gap or f"{self.last + 1} to {sequence - 1}"
-        self.number += 1
-        self.last, self.last_ns = sequence, time_ns
 
 
 class Recording:
@@ -94,17 +59,13 @@ class Recording:
             RecordingError: it cannot be read, is no recording of artemis, or ends before the run begins.
         """
         self.path = path / "recording.mcap" if path.is_dir() else path
-        self.attachments: dict[str, bytes] = {}
-        self._metadata: dict[str, dict[str, str]] = {}
-        self._chunks = array("Q")
-        """Where in the file the content of each begins."""
-        self._topics: dict[int, str] = {}
-        self._extent = _Extent()
-        damage = self._scan()
-        if "artemis" not in self._metadata or "robot.json" not in self.attachments:
+        with self._opened() as stream:
+            self._found, damage = contents_of(stream)
+        self.attachments, metadata = self._found.attachments, self._found.metadata
+        if "artemis" not in metadata or "robot.json" not in self.attachments:
             raise RecordingError(f"{self.path}: {damage or 'not written by artemis'}; nothing of a run can be read")
-        self.versions = self._metadata["artemis"]
-        end = self._metadata.get("end", {})
+        self.versions = metadata["artemis"]
+        end = metadata.get("end", {})
         self.outcome = end.get("outcome", "")
         try:
             self._start = int(self.versions["start_ns"])
@@ -115,8 +76,8 @@ class Recording:
         except (KeyError, ValueError) as error:
             raise RecordingError(f"{self.path}: {damage or 'damaged'}; its times cannot be read: {error!r}") from error
         self.missing = self._missing(damage)
-        self.number = self._extent.number
-        self.duration = (self._extent.last_ns - self._extent.first_ns) / 1e9
+        self.number = self._found.number
+        self.duration = (self._found.last_ns - self._found.first_ns) / 1e9
 
     # ----------------------------------------------------------------------------------------------------- content
 
@@ -156,18 +117,19 @@ class Recording:
         Raises:
             RecordingError: a tick holds other values than this version of artemis knows, or the file is gone.
         """
-        yield from map(self._decoded, self._messages("/tick"))
+        yield from map(self._decoded, self._messages(TICKS))
 
     def chosen_ticks(self, chosen: Callable[[float, bytes], bool]) -> Iterator[TickRecord]:
         """Those that `chosen` wants, by their run time [s] and their JSON; only they are decoded. Raises as `ticks`."""
-        for message in self._messages("/tick"):
+        for message in self._messages(TICKS):
             if chosen((message.time_ns - self._start) / 1e9, message.data):
                 yield self._decoded(message)
 
     def ticks_and_frames(self) -> Iterator[TickRecord | schemas.Frames]:
         """The ticks and, each after its tick, packed frames; all in one pass. Raises as `ticks` does."""
-        for message in self._messages("/tick", "/frames"):
-            yield self._decoded(message) if message.topic == "/tick" else self._understood(message, _frames_from)
+        ticks = self._found.channels(TICKS)
+        for message in self._messages(TICKS, "/frames"):
+            yield self._decoded(message) if message.channel in ticks else self._understood(message, _frames_from)
 
     def last_tick(self) -> TickRecord | None:
         """The last of them; None: there is none.
@@ -175,12 +137,14 @@ class Recording:
         Raises:
             RecordingError: as `ticks`.
         """
-        last = deque(self._messages("/tick"), maxlen=1)
-        return self._decoded(last[0]) if last else None
+        for content in self._contents(reversed(self._found.chunks)):
+            if ticks := list(messages_in(content, self._found.channels(TICKS))):
+                return self._decoded(ticks[-1])
+        return None
 
     def places_robot(self) -> bool:
         """Whether the odometry got its origin in this run: before, its poses mean nothing."""
-        return any(_PLACED in message.data for message in self._messages("/tick"))
+        return any(_PLACED in message.data for message in self._messages(TICKS))
 
     @cached_property
     def resume_point(self) -> ResumePoint | None:
@@ -225,15 +189,15 @@ class Recording:
             return tuple(self.entries())
         return journal.entries
 
-    def _decoded(self, message: _Message) -> TickRecord:
+    def _decoded(self, message: Message) -> TickRecord:
         return self._understood(message, schemas.tick_from_record)
 
-    def _understood(self, message: _Message, read: Callable[[bytes], _Content]) -> _Content:
+    def _understood(self, message: Message, read: Callable[[bytes], _Content]) -> _Content:
         """What `read` makes of a message; what that raises becomes a RecordingError."""
         try:
             return read(message.data)
         except _NOT_UNDERSTOOD as error:
-            what = f"{message.topic.removeprefix('/')} {message.sequence}"
+            what = f"{self._found.topics[message.channel].removeprefix('/')} {message.sequence}"
             version = self.versions.get("artemis", "?")
             problem = f"{what} is not understood ({error}); it was written by artemis {version}"
             raise RecordingError(f"{self.path}: {problem}") from error
@@ -250,70 +214,27 @@ class Recording:
         except OSError as error:
             raise RecordingError(f"{self.path}: cannot read: {error.strerror}") from error
 
-    def _scan(self) -> str | None:
-        """Collect everything whole; returns what is wrong with the rest."""
-        with self._opened() as stream:
-            try:
-                for opcode, content in whole_records(stream):
-                    if opcode == Opcode.METADATA:
-                        metadata = read_record(Metadata, content)
-                        self._metadata[metadata.name] = metadata.metadata
-                    elif opcode == Opcode.ATTACHMENT:
-                        attachment = read_record(Attachment, content)
-                        self.attachments[attachment.name] = attachment.data
-                    elif opcode == Opcode.CHUNK:
-                        self._look_through(content_of(read_record(Chunk, content), check=True))
-                        self._chunks.append(stream.tell() - len(content))
-                    elif opcode == Opcode.DATA_END:
-                        return None
-            except InvalidMagic:
-                return "not an MCAP file"
-            except EndOfFile:
-                return "the file is cut off"
-            except _DAMAGE as error:
-                return f"the file is damaged ({error})"
-        return "the file is cut off"
-
-    def _look_through(self, content: bytes) -> None:
-        """Learn topics, and which ticks are there."""
-        ticks: list[tuple[int, int]] = []
-        for opcode, start, end in records_in(content):
-            if opcode == Opcode.MESSAGE:
-                if end - start < _MESSAGE.size:
-                    raise ValueError(f"a message of {end - start} bytes")
-                number, sequence, time_ns = _MESSAGE.unpack_from(content, start)
-                if self._topics.get(number) == "/tick":
-                    ticks.append((sequence, time_ns))
-            elif opcode == Opcode.CHANNEL:
-                channel = read_record(Channel, content[start:end])
-                self._topics[channel.id] = channel.topic
-        for sequence, time_ns in ticks:
-            self._extent.see(sequence, time_ns)
-
-    def _messages(self, *topics: str) -> Iterator[_Message]:
+    def _messages(self, *topics: str) -> Iterator[Message]:
         """All messages of some topics, in the order written."""
-        wanted = {number: topic for number, topic in self._topics.items() if topic in topics}
-        for content in self._contents():
-            for opcode, start, end in records_in(content):
-                if opcode == Opcode.MESSAGE:
-                    number, sequence, time_ns = _MESSAGE.unpack_from(content, start)
-                    if number in wanted:
-                        yield _Message(wanted[number], sequence, time_ns, content[start + _MESSAGE.size : end])
+        channels = self._found.channels(*topics)
+        for content in self._contents(self._found.chunks):
+            yield from messages_in(content, channels)
 
-    def _contents(self) -> Iterator[bytes]:
-        """The chunks, read again."""
+    def _contents(self, chunks: Iterable[int]) -> Iterator[bytes]:
+        """These chunks, read again."""
+        unpacker = zstandard.ZstdDecompressor()
         with self._opened() as stream:
-            for place in self._chunks:
+            for place in chunks:
                 stream.seek(place)
                 try:
-                    content = content_of(Chunk.read(ReadDataStream(stream)), check=False)
-                except _DAMAGE as error:
+                    content = content_of(Chunk.read(ReadDataStream(stream)), unpacker, check=False)
+                except DAMAGE as error:
                     raise RecordingError(f"{self.path}: changed while it was read: {error}") from error
                 yield content
 
     def _missing(self, damage: str | None) -> str | None:
         """Words for ticks that the recorder had to drop, and for the damage of the file."""
-        ticks = self._extent
+        ticks = self._found
         time = (ticks.last_ns - self._start) / 1e9
         place = f"tick {ticks.last} at {time:.2f} s" if ticks.number else "no tick"
         parts = [f"{ticks.lost} ticks were not recorded, the first are {ticks.first_gap}"] if ticks.lost else []

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from io import BufferedReader, BytesIO, FileIO
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 from zlib import crc32
 
 import zstandard
@@ -19,9 +19,22 @@ from artemis.recording.mcap_file import MAGIC
 
 _RECORD = struct.Struct("<BQ")
 """Kind and length of a record (MCAP specification, "Records")."""
+_MESSAGE = struct.Struct("<BQHIQ8x")
+"""A message but for its data: kind and length of the record, channel, sequence, log time; publishing it is the same."""
+SHORTEST_MESSAGE = _MESSAGE.size - _RECORD.size
+"""Bytes of one without data."""
 MOST_IN_CHUNK = 64 * 1024 * 1024
 """A chunk that claims to hold more bytes is damaged: the recorder ends one with the message that passes 256 KiB."""
 _Record = TypeVar("_Record", Attachment, Channel, Chunk, DataEnd, Metadata)
+
+
+class Message(NamedTuple):
+    """What a message holds, by the number of its channel, logged at `time_ns` [ns since 1970]."""
+
+    channel: int
+    sequence: int
+    time_ns: int
+    data: bytes
 
 
 class BoundedFile(BufferedReader):
@@ -79,7 +92,7 @@ def read_record(kind: type[_Record], content: bytes) -> _Record:
     return record
 
 
-def content_of(chunk: Chunk, *, check: bool) -> bytes:
+def content_of(chunk: Chunk, unpacker: zstandard.ZstdDecompressor, *, check: bool) -> bytes:
     """The records of a chunk, decompressed, and checked if asked for.
 
     Raises:
@@ -94,7 +107,7 @@ def content_of(chunk: Chunk, *, check: bool) -> bytes:
     if claimed > MOST_IN_CHUNK:
         raise ValueError(f"a chunk claims {claimed} bytes, more than {MOST_IN_CHUNK} that it may hold")
     if chunk.compression:
-        content = zstandard.decompress(content, max_output_size=claimed)
+        content = unpacker.decompress(content, max_output_size=claimed)
     if check and chunk.uncompressed_crc not in (0, crc32(content)):
         raise ValueError("the checksum of a chunk is wrong")
     return content
@@ -110,3 +123,13 @@ def records_in(content: bytes) -> Iterator[tuple[int, int, int]]:
             raise ValueError("a record is longer than its chunk")
         yield opcode, offset, offset + length
         offset += length
+
+
+def messages_in(content: bytes, channels: Container[int]) -> Iterator[Message]:
+    """The messages of some channels in a chunk: two to four for each tick of a run, and each passed over at once."""
+    offset, last = 0, len(content) - _MESSAGE.size
+    while offset <= last:
+        opcode, length, channel, sequence, time = _MESSAGE.unpack_from(content, offset)
+        begin, offset = offset, offset + _RECORD.size + length
+        if opcode == Opcode.MESSAGE and channel in channels:
+            yield Message(channel, sequence, time, content[begin + _MESSAGE.size : offset])

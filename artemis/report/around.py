@@ -37,10 +37,12 @@ class DrivenAround:
     def see(self, tick: Tick, *, slowed: bool) -> None:
         """The next tick, and whether an obstacle slowed the robot down."""
         sensed, pose = tick.snapshot.sensed, tick.snapshot.pose
-        self._scans.update({scan.source: scan for scan in sensed.scans if scan.source in self._scanners})
-        self.routes += [
-            unpacked(done.values)[:, :2] for done in sensed.results if done.kind is JobKind.PLAN and done.values
-        ]
+        for scan in sensed.scans:
+            if scan.source in self._scanners:
+                self._scans[scan.source] = scan
+        for done in sensed.results:
+            if done.kind is JobKind.PLAN and done.values:
+                self.routes.append(unpacked(done.values)[:, :2])
         if not slowed or pose.lost or sensed.time - self._last < EVERY or len(self.seen) >= MOST:
             return
         self._last = sensed.time

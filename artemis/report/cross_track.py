@@ -144,8 +144,7 @@ class GivenErrors:
     def finish(self) -> None:
         """Count the last ones."""
         if self._line is not None and self._poses:
-            for distance in distances(np.array(self._poses), self._line).tolist():
-                self.errors.add(distance)
+            self.errors.add(distances(np.array(self._poses), self._line))
         self._poses.clear()
 
 

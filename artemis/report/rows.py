@@ -6,10 +6,9 @@ column, those nearest behind moments that somebody names, and enough of them to 
 
 from __future__ import annotations
 
-from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isnan
+from struct import Struct
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +31,13 @@ class Errors:
     squares: float = 0.0
     largest: float = 0.0
 
-    def add(self, error: float) -> None:
-        """One more; nan does not count."""
-        if not isnan(error):
-            self.number += 1
-            self.squares += error * error
-            self.largest = max(self.largest, abs(error))
+    def add(self, errors: Array) -> None:
+        """Some more, shape (n,); nan does not count."""
+        known = errors[~np.isnan(errors)]
+        if len(known):
+            self.number += len(known)
+            self.squares = float(np.cumsum(np.append(self.squares, known * known))[-1])  # as added one by one
+            self.largest = max(self.largest, float(np.abs(known).max()))
 
     @property
     def rms(self) -> float | None:
@@ -53,18 +53,29 @@ class Errors:
 class Rows:
     """Takes the rows one by one. The first column is the run time, `x` and `y` are those of the place."""
 
-    def __init__(self, width: int, x: int, y: int, ticks: int | None, moments: Sequence[float] = ()) -> None:
-        """`ticks`: about how many rows will come; None: each of them has to stay. `moments`: in run time [s]."""
-        self._width, self._x, self._y = width, x, y
+    def __init__(
+        self,
+        width: int,
+        x: int,
+        y: int,
+        ticks: int | None,
+        moments: Sequence[float] = (),
+        errors: Mapping[int, Errors] | None = None,
+    ) -> None:
+        """`ticks`: about how many rows will come; None: each of them has to stay. `moments`: in run time [s].
+
+        `errors`, by numbers of columns: they count all values of these.
+        """
+        self._width, self._x, self._y, self._errors = width, x, y, errors or {}
         self._all = ticks is None or ticks <= ALL
-        self._stretch = width * (4096 if ticks is None or ticks <= ALL else -(-ticks // STRETCHES))
+        self._row = Struct(f"{width}d")
+        self._stretch = self._row.size * (4096 if ticks is None or ticks <= ALL else -(-ticks // STRETCHES))
         self._moments = np.sort(np.array(moments, dtype=np.float64))
-        self._block: array[float] = array("d")
-        self._kept: array[float] = array("d")
+        self._block, self._kept = bytearray(), bytearray()
 
     def add(self, row: Sequence[float]) -> None:
         """The next row; nan where there is no value."""
-        self._block.extend(row)
+        self._block += self._row.pack(*row)
         if len(self._block) >= self._stretch:
             self._end_stretch()
 
@@ -74,10 +85,12 @@ class Rows:
         return np.frombuffer(self._kept, dtype=np.float64).reshape(-1, self._width)
 
     def _end_stretch(self) -> None:
-        block = np.array(self._block, dtype=np.float64).reshape(-1, self._width)
+        block = np.frombuffer(bytes(self._block)).reshape(-1, self._width)
+        for column, errors in self._errors.items():
+            errors.add(block[:, column])
         if len(block):
-            self._kept.frombytes((block if self._all else block[self._mattering(block)]).tobytes())
-        del self._block[:]
+            self._kept += (block if self._all else block[self._mattering(block)]).tobytes()
+        self._block.clear()
 
     def _mattering(self, block: Array) -> NDArray[np.int64]:
         known = ~np.isnan(block)

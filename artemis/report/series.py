@@ -188,7 +188,9 @@ class _Reader:
         faults = [entry.time for entry in self._entries if entry.kind == "fault"]
         ticks = None if every_tick else recording.number
         width = len(_COLUMNS) + 2 * len(self._drives) + (len(_OF_BATTERY) if robot.battery else 0)
-        self._rows = Rows(width, _AT["x"], _AT["y"], ticks, faults)
+        self._error, self._true_error = Errors(), Errors()
+        errors = {_AT["cross_track"]: self._error, _AT["true_cross_track"]: self._true_error}
+        self._rows = Rows(width, _AT["x"], _AT["y"], ticks, faults, errors)
         self._true_places = TruePlaces(routes_of(recording))
         self._around = DrivenAround(robot)
         self._modes = _Spans()
@@ -196,8 +198,8 @@ class _Reader:
         self.bus = BusLoad(recording.number, recording.duration)
         self.index = -1
         """Of the last tick."""
-        self._ticks = 0
-        self._error, self._true_error = Errors(), Errors()
+        self._ticks, self._time = 0, 0.0
+        """How many there were, and the run time [s] of the last."""
         self._given, self._true_given = GivenErrors(), GivenErrors()
         self._error_end: float | None = None
         self._way = self._waited = 0.0
@@ -225,32 +227,33 @@ class _Reader:
         true_arc_length, true_cross_track = self._true_places.find(tick.position.step, tracking, true)
         followed = _NOT_FOLLOWING if tracking is None else _followed(tracking, points)
         arc_length, cross_track, planned_speed, feedforward, feedback = followed
-        self._error.add(cross_track)
-        self._true_error.add(true_cross_track)
         self._given.add(estimated, self._true_places.given)
         self._true_given.add(true, self._true_places.given)
         if true is not None:
             self._error_end = hypot(estimated.x - true.x, estimated.y - true.y)
-        at = true or _NO_POSE
-        row = [time, moment, estimated.x, estimated.y, estimated.heading, by_wheels.x, by_wheels.y, by_wheels.heading]
-        row += (at.x, at.y, at.heading)
-        row += (arc_length, cross_track, true_arc_length, true_cross_track)
         for fix in sensed.fixes:
             self._quality = fix.quality
-        row += (*_stds(located.covariance), self._quality)
         clearance = points.clearance
         slowed = clearance is not None and clearance.speed < abs(tick.wish.command.speed)
         self._around.see(tick, slowed=slowed)
         self._waited += snapshot.dt if clearance is not None and clearance.blocked else 0.0
-        row += (odometry.speed, planned_speed, feedforward, feedback, sensed.late)
-        row.append(clearance.speed if clearance is not None and slowed else nan)
-        if (battery := snapshot.battery) is not None:
-            self._joules = battery.joules
+        at = true or _NO_POSE
+        row = [
+            *(time, moment, estimated.x, estimated.y, estimated.heading),
+            *(by_wheels.x, by_wheels.y, by_wheels.heading, at.x, at.y, at.heading),
+            *(arc_length, cross_track, true_arc_length, true_cross_track),
+            *_stds(located.covariance),
+            *(self._quality, odometry.speed, planned_speed, feedforward, feedback, sensed.late),
+            clearance.speed if clearance is not None and slowed else nan,
+        ]
         heard = {drive.name: drive for drive in sensed.drives}
         for name, set_point, states, measured in self._drives:
             drive = heard.get(name) or DriveFeedback(name=name)
             row += (set_point(points), nan if drive.age is None else measured(drive))
-            states.see(time, drive.state)
+            if drive.state is not states.value:
+                states.begin(time, drive.state)
+        if (battery := snapshot.battery) is not None:
+            self._joules = battery.joules
         if self._recording.robot.battery:
             row += [nan if battery is None else getattr(battery, name) for name in _OF_BATTERY]
         self._rows.add(row)
@@ -259,11 +262,12 @@ class _Reader:
         self._driven = odometry.distance
         if tick.wish.reset_pose:
             self._driven, self._placed_after, self._located = None, time, None
-        self._modes.see(time, tick.mode)
+        if tick.mode is not self._modes.value:
+            self._modes.begin(time, tick.mode)
         self._mission.see(tick)
         self.bus.tick(time)
         self.index, self._finished, self._source = sensed.index, tick.wish.finished, located.source
-        self._ticks += 1
+        self._ticks, self._time = self._ticks + 1, time
 
     def series(self) -> Series:
         """All that was seen."""
@@ -272,7 +276,7 @@ class _Reader:
         unknown = np.full(len(table), nan)
         for number, name in enumerate(reversed(_OF_BATTERY), 1):
             columns[name] = table[:, -number] if self._recording.robot.battery else unknown
-        modes = self._modes.intervals()
+        modes = self._modes.intervals(self._time)
         self._given.finish()
         self._true_given.finish()
         bus_time, bus_load = self.bus.shares(self._recording.robot.bitrate)
@@ -315,7 +319,7 @@ class _Reader:
             modes=modes,
             steps=tuple(interval for interval in modes if interval.value in _DOING),
             mission=self._mission,
-            drive_states={name: spans.intervals() for name, spans in self._states.items()},
+            drive_states={name: spans.intervals(self._time) for name, spans in self._states.items()},
             paths=tuple(self._true_places.paths),
             entries=self._entries,
             frames=self.bus.frames,
@@ -352,23 +356,21 @@ def _wheels(table: Array, robot: RobotFile) -> dict[str, Wheel]:
 
 
 class _Spans:
-    """Unbroken stretches of one value; each ends where the next begins, the last with the last tick."""
+    """Unbroken stretches of one value; each ends where the next begins."""
 
     def __init__(self) -> None:
+        self.value: Enum | None = None
         self._begun: list[tuple[float, Enum]] = []
-        self._value: Enum | None = None
-        self._end = 0.0
 
-    def see(self, time: float, value: Enum) -> None:
-        """The value of the next tick."""
-        if value is not self._value:
-            self._value = value
-            self._begun.append((time, value))
-        self._end = time
+    def begin(self, time: float, value: Enum) -> None:
+        """Another value from this tick on."""
+        self.value = value
+        self._begun.append((time, value))
 
-    def intervals(self) -> tuple[Interval, ...]:
-        ends = [time for time, _ in self._begun[1:]]
+    def intervals(self, end: float) -> tuple[Interval, ...]:
+        """The last one ends with the last tick [s]."""
+        ends = [*(time for time, _ in self._begun[1:]), end]
         return tuple(
             Interval(value=value.value, begin=begin, end=end)
-            for (begin, value), end in zip(self._begun, [*ends, self._end], strict=False)
+            for (begin, value), end in zip(self._begun, ends, strict=False)
         )

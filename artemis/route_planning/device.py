@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import multiprocessing
+import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -60,7 +62,7 @@ class RoutePlanner:
         self._pool: ProcessPoolExecutor | None = None
         if not virtual:
             fresh = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(1, mp_context=fresh, initializer=_leave_interrupts_alone)
+            self._pool = ProcessPoolExecutor(1, mp_context=fresh, initializer=end_with_the_run)
 
     def begin(self, start: float, wake: Callable[[], None], report: Report) -> Sequence[Work]:
         """As of a `Device`: the process loads, and compiles, what it will need."""
@@ -167,9 +169,18 @@ class RoutePlanner:
             self._pool.shutdown(cancel_futures=True)
 
 
-def _leave_interrupts_alone() -> None:
-    """Ctrl-C goes to all processes of a terminal: the run ends this one."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def end_with_the_run() -> None:
+    """Signals to all processes of a terminal or a service are for the run, with which this one ends in any case."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    run = multiprocessing.parent_process()
+    assert run is not None
+
+    def leave() -> None:
+        run.join()
+        os._exit(0)
+
+    threading.Thread(target=leave, daemon=True).start()
 
 
 def _content(file: Path) -> bytes:

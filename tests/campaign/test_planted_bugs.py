@@ -12,6 +12,7 @@ from staged import SCENARIOS, run
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(20)
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_sound_system_breaks_no_invariant(name: str) -> None:

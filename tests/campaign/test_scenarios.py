@@ -42,6 +42,7 @@ def test_seed_says_everything(robot: RobotFile) -> None:
     assert scenario(7, robot) != scenario(8, robot)
 
 
+@pytest.mark.slow
 def test_every_injection_is_drawn_or_says_why_not(robot: RobotFile) -> None:
     drawn = {fault["inject"] for seed in range(3000) for fault in scenario(seed, robot).faults}
 
@@ -116,6 +117,7 @@ def test_monitor_is_never_milder_than_the_table_that_runs() -> None:
     assert all(ROWS[id].recovery.kind is Kind.ITSELF for id in BY_ITSELF)
 
 
+@pytest.mark.slow
 def test_same_seed_leaves_the_same_journal(robot: RobotFile, tmp_path: Path) -> None:
     journals = []
     for name in ("first", "second"):

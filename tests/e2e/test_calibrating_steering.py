@@ -27,6 +27,7 @@ def read(screen: Terminal, words: str) -> None:
         screen.see(words)
 
 
+@pytest.mark.slow
 def test_without_anybody_there_the_robot_file_gets_the_result_and_keeps_its_comments(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, more=HIDDEN)
 

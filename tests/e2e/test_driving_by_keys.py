@@ -29,6 +29,7 @@ def mission(folder: Path) -> Path:
     return Path(shutil.copy(MISSIONS / "teleop_keyboard.yaml", folder))
 
 
+@pytest.mark.slow
 @pytest.mark.realtime
 def test_arrows_drive_while_they_are_held(tmp_path: Path) -> None:
     with terminal(mission(tmp_path)) as screen:
@@ -56,6 +57,7 @@ def test_arrows_drive_while_they_are_held(tmp_path: Path) -> None:
     assert (run / "paths/driven.csv").read_text().startswith("x,y,heading\n")
 
 
+@pytest.mark.slow
 @pytest.mark.realtime
 def test_terminal_that_answers_no_more_stops_the_robot(tmp_path: Path) -> None:
     with terminal(mission(tmp_path)) as screen:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import signal
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from command_line import (
@@ -20,6 +22,16 @@ from command_line import (
     write_mission,
 )
 
+from artemis.app import Parts, run_mission
+from artemis.clock import SimulatedLoop
+from artemis.commands import run
+from artemis.config import Config
+from artemis.devices.can_bus import Traffic
+from artemis.mission.loading import load_mission
+from artemis.recording.mcap_reader import Recording
+from artemis.report.page import write_report
+from artemis.values import OperatorInput, Tick
+
 REAL_TIME = "simulation: {pace: real_time}\n"
 
 
@@ -29,6 +41,7 @@ def assert_stopped_on_the_way(folder: Path) -> None:
     assert_left_at_rest(run)
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_run_in_order_without_a_terminal(tmp_path: Path, number: signal.Signals) -> None:
@@ -42,6 +55,7 @@ def test_a_signal_ends_a_run_in_order_without_a_terminal(tmp_path: Path, number:
     assert_stopped_on_the_way(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("ignored", "sent", "ends_by"),
@@ -82,6 +96,74 @@ def test_a_reader_that_goes_away_ends_the_run_in_order(tmp_path: Path) -> None:
     assert "follow" not in modes_of(run)
 
 
+@pytest.fixture
+def let_through() -> Iterator[list[int]]:
+    """Signals that reached the process instead of the run."""
+    heard: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, lambda number, _: heard.append(number)) for number in numbers}
+    yield heard
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def short_mission(folder: Path) -> Path:
+    """Ends after the bring-up."""
+    mission = write_mission(folder)
+    mission.write_text(mission.read_text().partition("steps:")[0] + "steps:\n  - wait: {seconds: 0.1}\n")
+    return mission
+
+
+class SignalsWhenClosed:
+    """An input device during whose end signals come."""
+
+    Config: ClassVar[type[Config]] = Config
+
+    def read(self, now: float) -> OperatorInput:
+        return OperatorInput(source="hand", age=0.0)
+
+    def close(self) -> None:
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.raise_signal(number)
+
+
+def test_signals_after_the_last_tick_wait_until_the_recording_is_closed(tmp_path: Path, let_through: list[int]) -> None:
+    ticks: list[Tick] = []
+
+    def watch(tick: Tick, _: Traffic) -> None:
+        ticks.append(tick)
+        if tick.wish.finished:
+            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(signal.SIGTERM)
+
+    source = short_mission(tmp_path)
+    parts = Parts(inputs={"hand": SignalsWhenClosed()}, loop=SimulatedLoop)
+    outcome = run_mission(load_mission(source), source, watch=watch, parts=parts)
+    assert (outcome.failed, outcome.interrupted, outcome.troubles, let_through) == (False, signal.SIGTERM, (), [])
+    assert [tick.wish.finished for tick in ticks[-2:]] == [False, True], "nothing is asked of a robot that has ended"
+    assert len(list(Recording(outcome.run.path).ticks())) == len(ticks)
+    signal.raise_signal(signal.SIGTERM)
+    assert let_through == [signal.SIGTERM], "they are the process's own again"
+
+
+def test_only_ctrl_c_breaks_a_report_off(
+    tmp_path: Path, let_through: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+
+    def interrupted(*arguments: object) -> None:
+        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGHUP)
+        write_report(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(run, "write_report", interrupted)
+    assert run.run_and_report(short_mission(tmp_path), simulate=False) == 0
+    assert (only_run(tmp_path) / "report.html").exists()
+    assert let_through == []
+    signal.raise_signal(signal.SIGTERM)
+    assert let_through == [signal.SIGTERM]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["schema"], ["graph"]])
 def test_a_reader_that_goes_away_is_no_bug(arguments: list[str]) -> None:
     with subprocess.Popen([*ARTEMIS, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

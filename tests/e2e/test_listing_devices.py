@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from command_line import artemis, artemis_here, write_mission
 
 
+@pytest.mark.slow
 def test_devices_of_this_computer_and_drives_of_a_mission_are_listed(tmp_path: Path) -> None:
     done = artemis("devices", "--mission", write_mission(tmp_path))
     assert (done.returncode, done.stderr) == (0, "")

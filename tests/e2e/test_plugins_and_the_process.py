@@ -114,6 +114,7 @@ def assert_named(process: subprocess.Popen[str], folder: Path, method: str) -> N
     assert "plugin 'stick' has not answered" in journal.entries[-1].text
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.realtime
 @pytest.mark.usefixtures("site")
@@ -123,6 +124,7 @@ def test_a_plugin_that_blocks_for_ever_is_named_and_the_process_ends(tmp_path: P
         assert_named(process, tmp_path, method)
 
 
+@pytest.mark.slow
 @pytest.mark.realtime
 @pytest.mark.usefixtures("site")
 def test_a_plugin_that_blocks_in_simulated_time_may_until_somebody_asks_for_the_end(tmp_path: Path) -> None:
@@ -143,6 +145,7 @@ def test_a_plugin_that_ends_the_process_is_refused_and_named(tmp_path: Path) -> 
     assert_left_at_rest(only_run(tmp_path))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("site")
 def test_a_thread_that_a_plugin_leaves_is_named_and_keeps_nothing_alive(tmp_path: Path) -> None:
     done = artemis("run", mission(tmp_path, "thread"))

@@ -64,6 +64,7 @@ def resumed(first: Path, failed: subprocess.CompletedProcess[str]) -> subprocess
     return artemis(*label(failed.stdout, "go on").split()[1:])
 
 
+@pytest.mark.slow
 def test_a_failed_run_tells_how_to_go_on(failed: subprocess.CompletedProcess[str], first: Path, mission: Path) -> None:
     assert label(failed.stdout, "go on") == f"artemis run {mission} --simulate --resume {first}"
 
@@ -78,6 +79,7 @@ def test_a_run_that_cannot_be_gone_on_with_tells_no_command_for_it(tmp_path: Pat
     assert "the position of the robot is unknown" in refused.stderr
 
 
+@pytest.mark.slow
 def test_a_run_that_a_fault_ended_is_gone_on_with(
     resumed: subprocess.CompletedProcess[str], first: Path, folder: Path
 ) -> None:

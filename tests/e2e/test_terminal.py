@@ -61,6 +61,7 @@ def test_a_terminal_that_is_closed_stops_the_robot(tmp_path: Path) -> None:
     assert_left_at_rest(run)
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_a_run_on_virtual_time(tmp_path: Path) -> None:
     with terminal(endless_mission(tmp_path)) as screen:
         assert "keys:" not in screen.see("following")
@@ -70,6 +71,7 @@ def test_ctrl_c_ends_a_run_on_virtual_time(tmp_path: Path) -> None:
     assert_left_at_rest(only_run(tmp_path))
 
 
+@pytest.mark.slow
 def test_the_changing_line_shows_the_way_and_fits_the_terminal(tmp_path: Path) -> None:
     lines: dict[int, list[str]] = {}
     with terminal(endless_mission(tmp_path)) as screen:
@@ -87,6 +89,7 @@ def test_the_changing_line_shows_the_way_and_fits_the_terminal(tmp_path: Path) -
     assert all(re.fullmatch(motion + distance, line) for line in lines[110]), lines
 
 
+@pytest.mark.slow
 def test_a_fault_is_red_unless_colour_is_not_wanted(tmp_path: Path) -> None:
     mission = write_mission(tmp_path, more="simulation: {true_robot: {supply: {battery_v: 7}}}\n")
     with terminal(mission) as screen:

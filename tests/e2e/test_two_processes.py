@@ -119,6 +119,7 @@ def lost_contacts(run: Path) -> int:
     return sum(frame.id & 0x780 == 0x080 and frame.data[:2] == b"\x30\x81" for frame in frames)
 
 
+@pytest.mark.slow
 def test_a_mission_is_done_against_simulated_drives_in_another_process(
     tmp_path: Path, port: int, robot: RobotFile
 ) -> None:

@@ -128,7 +128,6 @@ def examined(folder: Path, tests: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.slow
 def test_a_weak_test_is_found_and_mutants_that_never_end_are_stopped(tmp_path: Path) -> None:
     assert sorted(examined(tmp_path, WEAK).stdout.splitlines()) == [
         "killed: LIMIT: `LIMIT = 10` -> `LIMIT = 11`",
@@ -143,6 +142,7 @@ def test_a_weak_test_is_found_and_mutants_that_never_end_are_stopped(tmp_path: P
     ]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("tests", "problem"),
     [("def test_it():\n    assert False\n", "fails without a mutant"), ("nothing = 1\n", "pytest found no tests")],
@@ -153,6 +153,7 @@ def test_tests_that_prove_nothing_are_refused(tmp_path: Path, tests: str, proble
     assert problem in run.stderr
 
 
+@pytest.mark.exhaustive
 def test_what_imports_a_mutant_is_imported_anew_and_what_it_imports_is_not() -> None:
     importlib.import_module("artemis.robot")
     changed = changed_by(main.subjects()["motion/limits.py"])
@@ -160,6 +161,7 @@ def test_what_imports_a_mutant_is_imported_anew_and_what_it_imports_is_not() -> 
     assert not {"artemis.values", "artemis.motion.ackermann"} & changed
 
 
+@pytest.mark.exhaustive
 def test_a_package_changes_with_its_modules_and_all_modules_with_their_package() -> None:
     row = changed_by(main.subjects()["supervision/catalogue/row.py"])
     drives = changed_by(main.subjects()["supervision/catalogue/drives.py"])
@@ -212,6 +214,7 @@ def test_every_entry_of_the_list_is_of_the_core_and_has_a_reason() -> None:
     assert len({(entry.module, entry.where, entry.change) for entry in known}) == len(known)
 
 
+@pytest.mark.exhaustive
 def test_every_listed_survivor_is_still_a_mutant() -> None:
     for module, subject in main.subjects().items():
         there = {(mutant.where, mutant.change) for mutant in mutants(subject.path.read_text(), names_of(subject.name))}

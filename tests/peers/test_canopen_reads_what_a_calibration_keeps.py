@@ -9,6 +9,7 @@ import json
 import shutil
 from pathlib import Path
 
+import pytest
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 from canopen.profiles.p402 import BaseNode402
 from test_canopen_drives_sim_epos import ROBOT, Wire, described
@@ -20,6 +21,7 @@ from artemis.sim.world import World
 MEMORY = 0x200C
 
 
+@pytest.mark.slow
 def test_another_client_reads_zeros_and_slopes_after_the_power_was_gone(tmp_path: Path) -> None:
     shutil.copy(ROBOT, tmp_path / "robot.yaml")
     measure = {"reference_deg": {"left": 0.8, "right": -1.3}, "save": "drives"}

@@ -114,6 +114,7 @@ def test_the_same_drive_gives_the_same_commands(tmp_path: Path, drive: Callable[
     assert frames[0] == frames[1]
 
 
+@pytest.mark.slow
 def test_the_second_run_holds_what_it_took_from_the_first(tmp_path: Path) -> None:
     second = run(again(by_table(tmp_path)))
     assert second.outcome is not None
@@ -124,6 +125,7 @@ def test_the_second_run_holds_what_it_took_from_the_first(tmp_path: Path) -> Non
     assert commands(third) == commands(second)
 
 
+@pytest.mark.slow
 def test_the_recording_itself_does_as_well_as_its_folder(tmp_path: Path) -> None:
     first = by_table(tmp_path)
     path = again(first)

@@ -38,6 +38,7 @@ def assert_waits_for_arm(seen: Run, since: float) -> None:
     assert seen.status == 1
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("first", "second", "recovery"),
@@ -56,6 +57,7 @@ def test_what_may_continue_does_not_spend_an_arm_that_another_fault_waits_for(
     assert_waits_for_arm(seen, 7.4)
 
 
+@pytest.mark.slow
 def test_what_may_continue_does_where_nothing_else_was_wrong(tmp_path: Path) -> None:
     seen = attended(tmp_path, [fault(5.4, OVERRUN)], recovery={"DRV-18": {"retries": 1, **CONTINUE}})
     assert (seen.status, seen.fault_ids) == (0, ["DRV-18"])
@@ -75,6 +77,7 @@ def test_the_start_is_the_arm_of_a_bring_up_that_recovers_by_itself(tmp_path: Pa
     assert (seen.status, set(seen.fault_ids)) == (0, {"COM-08"})
 
 
+@pytest.mark.slow
 def test_an_arm_with_the_controls_pressed_enables_nothing_until_they_are_released_and_it_is_given_again(
     tmp_path: Path,
 ) -> None:

@@ -69,6 +69,7 @@ def test_result_lies_in_the_folder_of_the_run_and_in_its_journal(tmp_path: Path)
     assert memory(run.world.drive(LEFT)) == (0, 0, 0, 0)
 
 
+@pytest.mark.slow
 def test_alignment_uses_the_result(tmp_path: Path) -> None:
     """The same machine, now with the new values in the robot file: its wheels stand straight, and the drives agree."""
     first = calibrate(tmp_path / "first").run()
@@ -111,6 +112,7 @@ ONE_BY_ONE = jogs(
 """The left wheel to -0.8 degrees, the right one, which was taken along, to 1.3: there they truly stand straight."""
 
 
+@pytest.mark.slow
 def test_a_person_turns_the_wheels_straight_in_whole_and_tenth_degrees(tmp_path: Path) -> None:
     true = HIDDEN.model_copy(update={"backlash_deg": 0.0})
     run = calibrate(tmp_path, true, ONE_BY_ONE, reference_deg={}, save="ask").run()
@@ -175,6 +177,7 @@ def test_a_key_that_bounces_accepts_once(tmp_path: Path) -> None:
 # ---------------------------------------------------------------------------------------------- new potentiometers
 
 
+@pytest.mark.slow
 def test_new_potentiometers_are_calibrated_though_the_robot_file_knows_nothing_of_them(tmp_path: Path) -> None:
     true = PlantParameters(
         steering_zero_left_deg=25.0,

@@ -11,6 +11,7 @@ from scenes_of_localizers import LOCALIZER_SCENES, SCENE
 from artemis.values import Mode
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(3)
 @cases(LOCALIZER_SCENES)
 def test_fault_is_noticed_in_time_and_what_must_follow_follows(tmp_path: Path, id: str, scene: Scene) -> None:

@@ -69,6 +69,7 @@ def test_fault_that_is_final_is_not_acknowledged(tmp_path: Path, id: str) -> Non
     assert {seen.phase for seen in run.seen if ACKNOWLEDGED < seen.time < AT + 2.1 and "cannot continue" in seen.phase}
 
 
+@pytest.mark.slow
 def test_fault_that_comes_again_is_final(tmp_path: Path) -> None:
     again = {"at_s": ARMED, "inject": "DRV-02", "node": STEER}
     acts = [(ACKNOWLEDGED, "acknowledge"), (ARMED + 2.5, "acknowledge"), (ARMED + 3.0, "end")]

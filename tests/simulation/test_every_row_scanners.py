@@ -42,6 +42,7 @@ def test_a_scanner_that_is_needed_and_never_comes_ends_the_run_before_it_moves(t
     assert "Connection refused" in done.faults[0].text
 
 
+@pytest.mark.slow
 def test_a_scanner_that_comes_back_is_gone_on_with(tmp_path: Path) -> None:
     faults = [{"at_s": 2.501, "inject": "LAS-01", "duration_s": 0.4}]
     done = driven(tmp_path, obstacles="off", simulation={"faults": faults})

@@ -41,6 +41,7 @@ def rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("name", "file", "mean", "most"),
@@ -60,6 +61,7 @@ def test_on_its_path(name: str, file: str, mean: float, most: float) -> None:
     assert max(tick.tick.set_points.speed for tick in seen.in_mode(Mode.FOLLOW)) > 0.6
 
 
+@pytest.mark.slow
 def test_onto_a_path_beside_it() -> None:
     seen = ran("straight")
     assert (seen.status, seen.fault_ids) == (0, [])

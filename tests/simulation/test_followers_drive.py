@@ -11,6 +11,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.short_alignment]
 PATH = (MISSIONS / "paths" / "figure_eight.csv").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("plugin", "nearness"),

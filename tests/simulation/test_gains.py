@@ -105,6 +105,7 @@ def test_gains_may_be_tried_first_of_all(tmp_path: Path, tick_hz: int) -> None:
     assert (run.status, run.fault_ids) == (0, [])
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("tick_hz", [50, 200])
 @pytest.mark.parametrize("step", [trying(300, 10, 200), TURN], ids=["gains", "turn"])

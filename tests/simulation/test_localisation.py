@@ -51,6 +51,7 @@ def true_errors(seen: Run, file: Path = COURSE) -> list[tuple[float, float]]:
     return errors
 
 
+@pytest.mark.slow
 def test_the_robot_stays_on_its_path_where_its_odometry_alone_would_leave_it() -> None:
     seen = tracked()
     assert (seen.status, seen.fault_ids) == (0, [])

@@ -42,6 +42,7 @@ def faults(seen: Run) -> set[str]:
     return {fault.id for tick in seen.ticks for fault in tick.snapshot.verdict.faults}
 
 
+@pytest.mark.slow
 def test_waits_for_what_stands_in_its_way_and_drives_on_once_it_is_gone(tmp_path: Path) -> None:
     path = mission(tmp_path, [CALIBRATE, LONG], world={"walls": WALLS, "poles": [{**POST, "until_s": 25}]})
 
@@ -56,6 +57,7 @@ def test_waits_for_what_stands_in_its_way_and_drives_on_once_it_is_gone(tmp_path
     assert seen.recompute().difference is None
 
 
+@pytest.mark.slow
 def test_a_step_that_stays_blocked_ends_so(tmp_path: Path) -> None:
     keys: dict[str, Any] = {"world": {"walls": WALLS, "poles": [POST]}, "obstacles": {"blocked_after_s": 3}}
     caught = {"try": {"steps": [LONG], "catch": {"blocked": [{"say": "blocked"}]}}}
@@ -98,6 +100,7 @@ def test_backwards_over_unknown_ground_is_blocked_unless_the_mission_allows_it(t
     assert min(tick.set_points.speed for tick in allowed.ticks) == pytest.approx(-0.2)
 
 
+@pytest.mark.slow
 def test_modes_that_drive_by_hand_stop_too_and_may_back_off(tmp_path: Path) -> None:
     rows = ["time_s,speed,steering,enable", "0,0,0,0", "9,1,0,1", "15,0,0,1", "16,-1,0,1", "19,0,0,0"]
     (tmp_path / "drive.csv").parent.mkdir(parents=True, exist_ok=True)
@@ -140,6 +143,7 @@ def test_a_robot_without_a_scanner_cannot_stop_for_obstacles(tmp_path: Path) -> 
         load_mission(path)
 
 
+@pytest.mark.slow
 def test_what_comes_too_near_to_be_seen_does_not_cover_the_scanner(tmp_path: Path) -> None:
     box = {"x_m": 2.6, "y_m": 0, "length_m": 0.6, "width_m": 0.4}
     keys: dict[str, Any] = {"world": {"walls": WALLS, "boxes": [box]}, "obstacles": {"blocked_after_s": 3}}

@@ -85,6 +85,7 @@ def assert_controlled_stop(seen: Run, id: str) -> None:
     assert standing(seen.world.truth)
 
 
+@pytest.mark.slow
 def test_a_follower_without_a_mistake_drives_the_path(tmp_path: Path) -> None:
     seen = run_failing(tmp_path, lambda following: following)
     assert (seen.status, seen.fault_ids) == (0, [])
@@ -150,12 +151,14 @@ def test_a_follower_that_answers_garbage_is_a_controlled_stop(tmp_path: Path, an
     assert_controlled_stop(run_failing(tmp_path, lambda following: answer), "PLG-06")
 
 
+@pytest.mark.slow
 def test_a_command_beyond_every_limit_is_limited_not_obeyed(tmp_path: Path) -> None:
     seen = run_failing(tmp_path, commanding(1e9, 1e9))
     assert max(abs(s.tick.set_points.speed) for s in seen.seen) <= 0.7
     assert max(abs(s.tick.set_points.steering) for s in seen.seen) <= math.radians(60) + 1e-5
 
 
+@pytest.mark.slow
 def test_a_follower_that_leaves_the_path_is_stopped_at_the_limit(tmp_path: Path) -> None:
     def astray(following: Following) -> Following:
         return replace(following, command=DriveCommand(speed=SPEED, steering=0.4))
@@ -236,6 +239,7 @@ def test_an_input_that_raises_stops_the_robot(tmp_path: Path) -> None:
     assert seen.stands_from() - 8.4 < 0.4 / DECELERATION + 0.3
 
 
+@pytest.mark.slow
 def test_an_input_that_ends_the_program_when_it_is_closed_changes_nothing(tmp_path: Path) -> None:
     class Leaving(Stick):
         def close(self) -> None:
@@ -249,6 +253,7 @@ def test_an_input_that_ends_the_program_when_it_is_closed_changes_nothing(tmp_pa
     assert warnings == ["PLG-02 stick: SystemExit(0), when it was closed"]
 
 
+@pytest.mark.slow
 def test_an_input_that_is_lost_with_a_name_that_is_no_text_stops_the_robot_and_is_told(tmp_path: Path) -> None:
     def unplugged(_: OperatorInput) -> OperatorInput:
         raise DeviceLost("stick", "/dev/input/js\udcff: gone")
@@ -269,6 +274,7 @@ def test_a_number_that_is_none_from_an_input_is_a_controlled_stop(tmp_path: Path
     assert seen.stands_from() - 8.4 < 0.4 / DECELERATION + 0.3
 
 
+@pytest.mark.slow
 def test_a_stick_that_is_held_when_teleoperation_begins_moves_nothing_until_it_is_released(tmp_path: Path) -> None:
     held = (3.0, 0.0, 0.6, 1)  # while the wheels align: the run is armed with released controls only
     table = stick((0.0, 0.0, 0.0, 0), held, (10.4, 0.0, 0.0, 0), (11.4, 0.0, 0.6, 1), (13.4, 0.0, 0.0, 0))

@@ -61,6 +61,7 @@ def farthest(some: list[tuple[float, float]], others: list[tuple[float, float]])
     return max(distances)
 
 
+@pytest.mark.slow
 def test_the_mission_is_done_and_stays_on_what_it_was_shown(seen: Run) -> None:
     assert (seen.status, seen.fault_ids) == (0, [])
     assert seen.is_done
@@ -81,11 +82,13 @@ def test_the_path_that_was_shown_is_kept(seen: Run) -> None:
     assert min(steps) > 0.04
 
 
+@pytest.mark.slow
 def test_its_recording_replays_bit_for_bit(seen: Run) -> None:
     result = seen.recompute()
     assert (result.difference, result.ticks) == (None, len(seen.seen))
 
 
+@pytest.mark.slow
 def test_a_path_file_of_the_run_is_followed_by_another_run(
     seen: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -156,6 +159,7 @@ def test_nobody_who_presses_records_the_whole_step(shown_with: Shown) -> None:
     assert math.dist(written[-1], driven[-1]) < 0.06
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("presses_at", [[], [7.4, 11.4], [7.4, 9.4, 12.4], [8.4]])
 def test_a_path_by_its_name_is_what_the_run_has_kept(
     shown_with: Shown, tmp_path: Path, presses_at: list[float]

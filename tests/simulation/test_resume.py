@@ -51,6 +51,7 @@ def copied(mission: Path, first: Done, tmp_path: Path) -> tuple[Path, Path]:
 # ---------------------------------------------------------------------------------------------- where it stopped
 
 
+@pytest.mark.slow
 def test_a_path_is_gone_on_with_where_the_robot_stopped(first: Done, second: Done) -> None:
     assert (first.outcome.exit_status, second.outcome.exit_status) == (1, 0)
     assert [tick.position.step for tick in second.ticks[:1]] == [1]
@@ -77,6 +78,7 @@ def test_the_robot_is_brought_up_from_the_start_and_its_odometry_goes_on(first: 
     assert math.hypot(pose.x - error.true_pose.x, pose.y - error.true_pose.y) < 0.02
 
 
+@pytest.mark.slow
 def test_a_run_can_be_gone_on_with_again_and_again(mission: Path, first: Done) -> None:
     again = run(mission, first.folder, until=driven(1.1))
     third = run(mission, again.folder, until=lambda tick: tick.mode is Mode.READY)  # before it moves
@@ -87,6 +89,7 @@ def test_a_run_can_be_gone_on_with_again_and_again(mission: Path, first: Done) -
     assert last.ticks[-1].snapshot.odometry.pose.x == pytest.approx(FAR, abs=0.03)
 
 
+@pytest.mark.slow
 def test_laps_are_gone_on_with_in_their_lap(tmp_path: Path) -> None:
     angles = [math.tau * number / 60 for number in range(60)]
     ring = "x,y\n" + "".join(f"{0.8 * math.sin(a):.4f},{0.8 * (1 - math.cos(a)):.4f}\n" for a in angles)
@@ -186,6 +189,7 @@ def test_a_run_that_was_killed_is_gone_on_with_as_far_as_it_is_recorded(tmp_path
     assert second.ticks[-1].snapshot.odometry.pose.x == pytest.approx(FAR, abs=0.03)
 
 
+@pytest.mark.slow
 def test_a_recording_cut_anywhere_is_refused_or_gone_on_with_from_what_is_whole(copied: tuple[Path, Path]) -> None:
     mission, folder = copied
     recording = folder / "recording.mcap"

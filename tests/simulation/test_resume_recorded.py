@@ -47,6 +47,7 @@ def kept(done: Done) -> str:
     return (done.folder / "paths/shown.csv").read_text()
 
 
+@pytest.mark.slow
 def test_a_recorded_path_is_gone_on_with(mission: Path, first: Done) -> None:
     length = first.following()[0].wish.tracking
     assert length is not None
@@ -60,6 +61,7 @@ def test_a_recorded_path_is_gone_on_with(mission: Path, first: Done) -> None:
     assert replay_run(second.folder) == 0
 
 
+@pytest.mark.slow
 def test_a_run_that_goes_on_with_one_that_went_on_has_it_too(mission: Path, first: Done) -> None:
     second = run(mission, first.folder, until=driven(2.0))
     shutil.rmtree(second.folder / "paths")  # as after a kill
@@ -69,6 +71,7 @@ def test_a_run_that_goes_on_with_one_that_went_on_has_it_too(mission: Path, firs
     assert kept(third) == kept(first)
 
 
+@pytest.mark.slow
 def test_a_killed_run_has_recorded_what_was_driven(mission: Path, tmp_path: Path) -> None:
     shutil.copytree(mission.parent, tmp_path / "m", ignore=lambda *_: ["runs"])
     mission = tmp_path / "m" / mission.name

@@ -142,6 +142,7 @@ def test_a_recording_without_an_end_and_without_a_journal_is_not_trusted(mission
 # ---------------------------------------------------------------------------------------------- driven since
 
 
+@pytest.mark.slow
 def test_a_run_is_not_gone_on_with_once_another_has_driven_the_robot(mission: Path) -> None:
     first = run(mission, until=driven(HALF))
     assert refused(mission, first.folder) == ""

@@ -48,6 +48,7 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run(folder / "three_point_turn.yaml", longest=120.0)
 
 
+@pytest.mark.slow
 def test_a_three_point_turn_is_driven_to_its_end(turned: Run) -> None:
     assert (turned.status, turned.fault_ids) == (0, [])
     assert directions(turned) == [1, -1, 1]
@@ -93,6 +94,7 @@ def test_other_followers_reverse_as_well(plugin: str, tmp_path: Path) -> None:
     assert seen.cross_track() < 0.2
 
 
+@pytest.mark.slow
 def test_a_straight_is_driven_backwards_by_the_mission_or_by_the_headings(tmp_path: Path) -> None:
     behind = "x,y\n" + "".join(f"{-x / 10},0\n" for x in range(16))
     headings = "x,y,heading\n" + "".join(f"{-x / 10},0,0\n" for x in range(16))
@@ -152,6 +154,7 @@ def test_a_way_that_was_shown_is_driven_back_out_in_reverse(mission: Path) -> No
     assert seen.cross_track() < 0.06
 
 
+@pytest.mark.slow
 def test_a_run_that_stopped_in_a_backward_part_is_gone_on_with(mission: Path) -> None:
     first = resuming.run(mission, until=resuming.driven(1.2))
     second = resuming.run(mission, first.folder)
@@ -164,6 +167,7 @@ def test_a_run_that_stopped_in_a_backward_part_is_gone_on_with(mission: Path) ->
     assert replay_run(second.folder) == 0
 
 
+@pytest.mark.slow
 def test_what_was_shown_to_and_fro_is_followed_so_and_becomes_one_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -25,6 +25,7 @@ def drive(folder: Path, *steps: dict[str, Any], battery_v: float = 24.4, metres:
     return run(write_mission(folder, [CALIBRATE, *steps], files, robot, simulation=simulation))
 
 
+@pytest.mark.slow
 def test_a_path_that_the_battery_does_not_reach_is_not_begun(tmp_path: Path) -> None:
     done = drive(tmp_path / "alone", follow(0.5), battery_v=22.3)
     assert done.status == 1
@@ -45,6 +46,7 @@ def test_all_that_a_list_of_steps_follows_counts_before_it_is_begun(tmp_path: Pa
     assert [seen.phase for seen in done.seen if "403 m to drive" in seen.phase]
 
 
+@pytest.mark.slow
 def test_a_robot_whose_voltage_sags_accelerates_half_as_much(tmp_path: Path) -> None:
     def rises(folder: Path, **keys: Any) -> float:  # noqa: ANN401
         done = drive(folder, follow(0.5), **keys)
@@ -94,6 +96,7 @@ def on_epos4(mission: Path) -> Path:
     return mission
 
 
+@pytest.mark.slow
 def test_an_epos4_tells_the_voltage_of_its_battery(tmp_path: Path) -> None:
     sinking = {"at_s": 22.0, "inject": "PWR-02", "voltage": 21.0, "within_s": 0.2}
     simulation = {"pace": "fast", "true_robot": {"supply": {"battery_v": 24.4}}, "faults": [sinking]}

@@ -82,6 +82,7 @@ def away_from_path(done: Run) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_a_path_is_followed_by_the_scanner_and_again_the_same(tmp_path: Path) -> None:
     """Until the slice ends: somebody ends the run after some metres."""
     operator = [{"at_s": 21.0, "do": "end"}]
@@ -106,6 +107,7 @@ def test_a_patrol_stands_for_no_obstacle_where_none_is() -> None:
     assert run(PATROL, longest=200.0).fault_ids == []
 
 
+@pytest.mark.slow
 def test_a_robot_that_began_elsewhere_is_found_where_an_operator_says_and_replays_without_the_hint(
     tmp_path: Path,
 ) -> None:
@@ -126,6 +128,7 @@ def test_a_robot_that_began_elsewhere_is_found_where_an_operator_says_and_replay
     assert done.recompute().difference is None
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_fixes(tmp_path: Path) -> None:
     one, other = (run(hall(tmp_path / name, standing(1.0), HINT)) for name in ("one", "other"))
     assert fixes(one) == fixes(other)
@@ -141,6 +144,7 @@ def test_people_and_moved_furniture_do_not_mislead_it(tmp_path: Path) -> None:
     assert max(off(seen) for seen in done.in_mode(Mode.FOLLOW)) < 0.06
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_switched_on_anywhere_is_found_while_it_stands(tmp_path: Path) -> None:
     done = run(hall(tmp_path, standing(6.0), "global", true={"x_m": 9.0, "y_m": 5.2, "heading_deg": 150}))
     told = fixes(done)
@@ -153,6 +157,7 @@ def test_a_robot_that_is_switched_on_anywhere_is_found_while_it_stands(tmp_path:
     assert off(last) < 0.04
 
 
+@pytest.mark.slow
 def test_a_wrong_start_is_noticed_and_the_robot_looked_for(tmp_path: Path) -> None:
     done = run(hall(tmp_path, standing(6.0), HINT, true={"x_m": 9.0, "y_m": 5.2, "heading_deg": 150}))
     assert fixes(done)[0][1].doubt >= 1.0
@@ -169,6 +174,7 @@ def test_a_run_begins_where_the_last_one_ended(tmp_path: Path) -> None:
     assert off(again.seen[-1]) < 0.04
 
 
+@pytest.mark.slow
 def test_a_kidnapped_robot_says_so_stops_and_is_found_again(tmp_path: Path) -> None:
     carried = {"at_s": 9.0, "inject": "PTH-06", "x_m": 1.0, "y_m": 4.5, "heading_deg": 160}
     keys: dict[str, Any] = {"recovery": {"LOC-03": {"resume": "continue"}}, "simulation": {"faults": [carried]}}

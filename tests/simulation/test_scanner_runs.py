@@ -36,6 +36,7 @@ def scans_of(done: Run) -> list[tuple[float, Scan]]:
     return [(seen.time, scan) for seen in done.seen for scan in seen.tick.snapshot.sensed.scans]
 
 
+@pytest.mark.slow
 def test_scans_are_recorded_and_replay_bit_for_bit(tmp_path: Path) -> None:
     done = driven(tmp_path, world=WORLD)
     scans = scans_of(done)
@@ -64,6 +65,7 @@ def test_viewers_get_ten_scans_a_second_from_where_the_scanner_sits(tmp_path: Pa
     assert told["ranges"] in [(scan.millimetres / 1000).tolist() for _, scan in scans_of(done)]
 
 
+@pytest.mark.slow
 def test_each_scan_is_sensed_once_soon_and_in_its_time(tmp_path: Path) -> None:
     scans = scans_of(driven(tmp_path, world=WORLD))
     for (_, one), (time, other) in pairwise(scans):
@@ -72,6 +74,7 @@ def test_each_scan_is_sensed_once_soon_and_in_its_time(tmp_path: Path) -> None:
         assert 0.0 < time - (other.time + 541 * other.beam_time) < 0.0225
 
 
+@pytest.mark.slow
 def test_a_scanner_changes_nothing_else(tmp_path: Path) -> None:
     """What it sees limits the speed; a mission that drives no faster than without looking drives the same."""
     robots: dict[str, dict[str, Any]] = {"artemis_lms100.yaml": {"world": WORLD}, "artemis.yaml": {}}
@@ -85,11 +88,13 @@ def test_a_scanner_changes_nothing_else(tmp_path: Path) -> None:
     assert left == [seen.tick.set_points for seen in without.seen]
 
 
+@pytest.mark.slow
 def test_the_same_seed_sees_the_same(tmp_path: Path) -> None:
     one, same = (scans_of(driven(tmp_path / name, world=WORLD)) for name in ("one", "same"))
     assert one == same
 
 
+@pytest.mark.slow
 def test_what_is_seen_is_where_it_is(tmp_path: Path) -> None:
     """Each beam from where the robot truly was then: on a wall, to the errors of the data sheet."""
     done = driven(tmp_path, world=WORLD)

@@ -35,6 +35,7 @@ def test_a_run_with_a_scanner_is_recorded_and_replays_bit_for_bit(tmp_path: Path
     assert (replayed.ticks, replayed.difference) == (len(seen.ticks), None)
 
 
+@pytest.mark.slow
 def test_a_scanner_ends_with_the_run_and_changes_nothing_else(tmp_path: Path) -> None:
     scanner = FakeScanner()
     with_one, without = driven_with(scanner, tmp_path / "with"), run(write_mission(tmp_path / "without", STEPS))

@@ -41,6 +41,7 @@ def test_slice_of_the_bars(first: int) -> None:
     assert "0 of 3 scenes" in bars[0].measured
 
 
+@pytest.mark.exhaustive
 def test_bars_fail_without_the_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(obstacles.ObstacleStop, "look", lambda *_: None)
 
@@ -67,6 +68,7 @@ def test_cost_is_the_median_and_the_slowest(monkeypatch: pytest.MonkeyPatch) -> 
     assert not cost(100).met
 
 
+@pytest.mark.slow
 def test_command_prints_one_table(monkeypatch: pytest.MonkeyPatch) -> None:
     @contextmanager
     def here(_number: int) -> Iterator[Executor]:

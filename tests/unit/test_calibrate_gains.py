@@ -174,6 +174,7 @@ def test_a_real_robot_does_not_move_unasked(tmp_path: Path) -> None:
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.slow
 def test_a_trial_is_a_run_with_table_and_figure_and_keeps_nothing_simulated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -33,6 +33,7 @@ def loop(folder: Path, side: int, zero: float = 1.0, wheelbase: float = 1.03) ->
     return file
 
 
+@pytest.mark.slow
 def test_tables_are_fitted_checked_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     calibrate_with_truth(RUNS, [], MACHINE, CHECK, tmp_path, None)
 
@@ -112,6 +113,7 @@ def test_a_wrong_sign_or_unit_is_refused_by_name(unit: float, words: str, tmp_pa
     assert not (tmp_path / "calibration.html").exists()
 
 
+@pytest.mark.slow
 def test_the_truth_of_another_run_is_refused(tmp_path: Path) -> None:
     other = tmp_path / "other.csv"
     rows = [f"{0.05 * n:.2f},{0.1 * cos(0.05 * n):.5f},{0.1 * sin(0.13 * n):.5f},0.0" for n in range(1800)]

@@ -147,6 +147,7 @@ class TestNoise:
             diagonal = np.diagonal(measured, -below)
             assert band[below, : len(diagonal)] == pytest.approx(diagonal, abs=2.5e-7)
 
+    @pytest.mark.exhaustive
     def test_whitened_errors_have_unit_variance(self) -> None:
         driven = drive({}, 5, duration=40.0, slip=0.0, on_axle=True)
         found = fit([Run(log=driven.log, truth=driven.truth)], BASE, TWO_WHEELS)
@@ -158,6 +159,7 @@ class TestNoise:
 
 
 class TestFit:
+    @pytest.mark.exhaustive
     @pytest.mark.sampled(2)
     @pytest.mark.parametrize("headings", [True, False])
     def test_two_minutes_tell_what_the_figures_say(self, headings: bool) -> None:
@@ -184,6 +186,7 @@ class TestFit:
 
         assert error.mean() < 0.002 * other.log.rolled
 
+    @pytest.mark.exhaustive
     def test_names_what_it_holds(self) -> None:
         driven = drive({}, 8, duration=60.0)
 
@@ -266,6 +269,7 @@ class TestFit:
 
 
 class TestRealRuns:
+    @pytest.mark.exhaustive
     @pytest.mark.sampled(2)
     @pytest.mark.parametrize(
         ("headings", "within"),
@@ -407,6 +411,7 @@ class TestMachineFile:
             self.machine(**changed)
 
 
+@pytest.mark.slow
 def test_rows_have_left_right_and_mean() -> None:
     driven = drive(hidden(13), 13, duration=60.0, on_axle=True)
     found = fit([Run(log=driven.log, truth=driven.truth)], BASE, TWO_WHEELS)

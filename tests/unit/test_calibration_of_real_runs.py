@@ -28,6 +28,7 @@ def apart(one: Fit, other: Fit) -> list[float]:
     return [float(abs(a.value - b.value) / np.hypot(a.half_width, b.half_width)) for a, b in pairs]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.sampled(24)
 @pytest.mark.parametrize("fitted", SPLITS, ids=lambda names: "+".join(name[8:10] + name[-1] for name in names))
 def test_circles_are_hardly_worse_than_by_the_plain_fit(fitted: tuple[str, ...]) -> None:
@@ -68,6 +69,7 @@ def test_free_runs_calibrate_circles_better_than_the_plain_fit() -> None:
 
 
 @pytest.mark.exhaustive
+@pytest.mark.timeout(900)
 def test_intervals_hold_across_disjoint_halves() -> None:
     halves = [frozenset(half) for half in combinations(CIRCLES, 3) if CIRCLES[0] in half]
     found = [(fit_of(half), fit_of(frozenset(CIRCLES) - half)) for half in halves]

@@ -40,10 +40,13 @@ def test_all_is_well_and_without_the_extra_nothing_is_asked(monkeypatch: pytest.
     assert [len(lines) for lines in found().values()] == [0, 1, 0, 0]
 
 
-def test_a_key_that_others_read_or_nobody_keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_key_that_others_read_or_nobody_keeps_or_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read_key(key_place())
     key_place().chmod(0o644)
     assert f"chmod 600 {key_place()}" in found()[FAILURE][0]
+    key_place().chmod(0o600)
+    key_place().write_text("half a k")
+    assert "is no key of a page: remove it" in found()[FAILURE][0]
     monkeypatch.setattr(os, "access", lambda place, mode: False)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "other"))
     assert "XDG_CONFIG_HOME" in found()[FAILURE][0]

@@ -138,6 +138,7 @@ def pairs() -> Iterator[tuple[Fault, Fault]]:
         yield catalogue.fault(first, "traction-left"), catalogue.fault(second, "steer-right")
 
 
+@pytest.mark.slow
 def test_two_faults_at_once_are_met_at_least_as_severely_as_each_of_them() -> None:
     alone = {id: judged(catalogue.fault(id, "traction-left")) for id in FAULTS}
     for first, second in pairs():

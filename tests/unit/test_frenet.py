@@ -215,6 +215,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("name", OTHERS)

@@ -55,6 +55,7 @@ def seeds(few: int) -> list[object]:
     return [pytest.param(seed, marks=() if seed < few else pytest.mark.exhaustive) for seed in range(200)]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("drives", [DRIVES, DRIVES_4], ids=["epos1", "epos4"])
 @pytest.mark.parametrize("role", ["traction", "steering"])
 def test_the_load_that_is_there_is_found(role: str, drives: Mapping[str, Drive]) -> None:
@@ -163,6 +164,7 @@ def assert_sound(found: Tuned) -> None:
     assert found.resting < 0.02 * abs(found.new[0].step) / found.new[0].ramp
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("seed", seeds(3))
 def test_driven_wheels_with_hidden_loads_settle_much_sooner(seed: int) -> None:
     found = tuned(machine(seed, "traction"))

@@ -196,6 +196,7 @@ def test_a_wheel_is_neutral_with_pedals_released_and_not_far_off_its_centre() ->
     assert {axes: Wheel().hold(*axes)[0].neutral for axes in cases} == cases
 
 
+@pytest.mark.slow
 @settings(derandomize=True, deadline=None)
 @given(st.lists(st.tuples(level, share, share, st.booleans()), min_size=1, max_size=30))
 def test_no_hands_at_a_wheel_reverse_in_motion(moves: list[tuple[float, float, float, bool]]) -> None:

@@ -32,7 +32,7 @@ def test_passes_held_up():
 
 @pytest.mark.realtime
 def test_in_real_time_on_time(monkeypatch):
-    monkeypatch.setattr("lateness.latest", lambda begun, ended: 0.0)
+    monkeypatch.setattr("lateness.excuse", lambda begun, ended: "")
     raise ValueError
 """
 
@@ -50,7 +50,7 @@ def test_only_what_runs_in_real_time_on_a_busy_machine_is_excused(tmp_path: Path
         check=False,
     )
     assert "SKIPPED [1]" in done.stdout
-    assert "this machine is too busy for real time: " in done.stdout
+    assert "this machine is too busy for real time (" in done.stdout
     assert "its reason" in done.stdout
     failed = {line.split("::")[1].split()[0] for line in done.stdout.splitlines() if line.startswith("FAILED")}
     assert failed == {"test_without_real_time_held_up", "test_in_real_time_on_time"}

@@ -94,6 +94,7 @@ def test_what_cannot_be_is_refused(log: Path, tmp_path: Path) -> None:
     assert "no such file" in refused("edit", made, "-o", other, "--undo-loop", "1")
 
 
+@pytest.mark.slow
 def test_a_map_is_gone_on_with(log: Path, tmp_path: Path) -> None:
     """The second run begins in the middle of the map, drives where the first was, and on into another room."""
     begun, more = tmp_path / "begun.yaml", tmp_path / "more.yaml"

@@ -30,6 +30,7 @@ def test_a_scan_matches_where_it_was_taken() -> None:
     assert found.score > 0.95
 
 
+@pytest.mark.slow
 @given(x=st.floats(-0.3, 0.3), y=st.floats(-0.3, 0.3), turn=st.floats(-0.2, 0.2))
 def test_the_search_finds_a_moved_robot_to_a_cell_and_refining_to_millimetres(x: float, y: float, turn: float) -> None:
     grid = LikelihoodGrid(SETTINGS, SMALL)
@@ -44,6 +45,7 @@ def test_the_search_finds_a_moved_robot_to_a_cell_and_refining_to_millimetres(x:
     assert abs(refined.pose[2] - true[2]) < 0.005
 
 
+@pytest.mark.exhaustive
 def test_the_search_is_exact() -> None:
     """No pose of the window is better: all of them are tried one by one."""
     grid, points = grid_of(START), scan(OFFICE, compose(START, [0.12, -0.2, 0.1]))[::4]

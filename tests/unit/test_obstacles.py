@@ -150,6 +150,7 @@ def test_touches_nothing_that_stands(seed: int) -> None:
     assert outcome is None or outcome.nearest >= 0.01
 
 
+@pytest.mark.exhaustive
 def test_scenes_would_be_touched_without_it() -> None:
     seed, touched = 2000, 0
     for number in range(seed, seed + 12):

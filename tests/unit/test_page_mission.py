@@ -100,6 +100,7 @@ def test_what_is_no_mission_is_left_to_its_reader(mission: dict[str, Any]) -> No
     add_page(mission, {})
 
 
+@pytest.mark.slow
 def test_a_run_with_a_page_that_was_added_replays(tmp_path: Path) -> None:
     """The recorded file of the mission does not have the page; the recorded mission has."""
     loaded = load_mission(MISSIONS / "teleop_scripted.yaml", page={})

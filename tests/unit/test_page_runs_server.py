@@ -46,7 +46,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory, runs: Path) -> Iterator[PageRi
 
 @pytest.fixture(scope="module")
 def paired(rig: PageRig) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=rig.url, headers={"origin": rig.url}, timeout=60.0) as client:
+    with rig.client() as client:
         assert client.post("/pair", json={"code": rig.pairing().split("#")[1]}).status_code == 200
         yield client
 
@@ -60,7 +60,7 @@ def until_ready(client: httpx.Client, place: str) -> dict[str, Any]:
 
 
 def test_who_has_not_paired_sees_no_run(rig: PageRig) -> None:
-    with httpx.Client(base_url=rig.url, headers={"origin": rig.url}) as stranger:
+    with rig.client() as stranger:
         assert stranger.get("/runs/").headers["location"] == "/pair"
         assert stranger.get("/runs/replay").headers["location"] == "/pair"
         for path in ("list", f"0/{CIRCLE}/run.zip", f"0/{CIRCLE}/report", f"0/{CIRCLE}/report.html"):
@@ -101,6 +101,7 @@ def test_the_list_comes_newest_first_and_in_parts(paired: httpx.Client) -> None:
     assert paired.get("/runs/list", params={"skip": "-1", "count": "x"}).json() == told
 
 
+@pytest.mark.slow
 def test_a_replay_is_made_once_and_comes_in_pieces(paired: httpx.Client, runs: Path) -> None:
     place = f"/runs/0/{CIRCLE}/replay"
     assert paired.get(place).json()["state"] == "none"
@@ -116,6 +117,7 @@ def test_a_replay_is_made_once_and_comes_in_pieces(paired: httpx.Client, runs: P
     assert (runs / CIRCLE / REPLAY / "made.json").stat().st_mtime_ns == made_at
 
 
+@pytest.mark.slow
 def test_a_report_is_of_no_origin(paired: httpx.Client) -> None:
     assert until_ready(paired, f"/runs/0/{BROKEN}/report")["state"] == "ready"
     report = paired.get(f"/runs/0/{BROKEN}/report.html")
@@ -135,6 +137,7 @@ def test_all_files_of_a_run_come_as_one(paired: httpx.Client, runs: Path) -> Non
 # ---------------------------------------------------------------------------------------------------- the process
 
 
+@pytest.mark.slow
 def test_a_damaged_recording_is_said_and_may_be_tried_again(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     folder.mkdir()
@@ -208,6 +211,7 @@ async def _closed(pieces: Sequence[AsyncIterator[bytes]]) -> None:
         await each.aclose()  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_the_process_is_nice_and_leaves_with_who_began_it(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "journal.jsonl")  # whoever reads that waits for ever
     worker = subprocess.Popen(command("facts", str(tmp_path)), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
@@ -218,6 +222,7 @@ def test_the_process_is_nice_and_leaves_with_who_began_it(tmp_path: Path) -> Non
     assert worker.wait(60) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", [REPLAY, "report"])
 def test_two_pages_do_not_make_the_same_at_once(tmp_path: Path, what: str) -> None:
     folder = made(tmp_path, CIRCLE)

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import socket
 import ssl
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
-from page_rig import PageRig, page_rig, recorded
+from page_rig import PATIENCE, PageRig, page_rig, recorded
 from pydantic import ValidationError
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Origin
+from websockets.sync.client import ClientConnection
 
 from artemis.page import paired as paired_server
 from artemis.page.access import key_place
@@ -40,29 +41,19 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PageRig]:
             yield made
 
 
-def origin(rig: PageRig) -> dict[str, str]:
-    return {"origin": rig.url}
-
-
 @pytest.fixture(scope="module")
 def paired(rig: PageRig) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=rig.url, headers=origin(rig)) as client:
+    with rig.client() as client:
         code = rig.pairing().split("#")[1]
         assert client.post("/pair", json={"code": code}).status_code == 200
         assert client.post("/pair", json={"code": code}).status_code == 403
         yield client
 
 
-def link(rig: PageRig, client: httpx.Client, path: str, origin: str = "") -> ClientConnection:
-    headers = {"cookie": "; ".join(f"{name}={value}" for name, value in client.cookies.items())}
-    place = rig.url.replace("http", "ws") + path
-    return connect(place, additional_headers=headers, origin=Origin(origin or rig.url))
-
-
 def told(connection: ClientConnection, wanted: str) -> dict[str, Any]:
     """The next message of a kind, or with such a part."""
     while True:
-        message: dict[str, Any] = json.loads(connection.recv(10))
+        message: dict[str, Any] = json.loads(connection.recv(PATIENCE))
         if message.get("t") == wanted or wanted in message:
             return message
 
@@ -71,14 +62,14 @@ def test_a_connection_that_says_nothing_leaves_room_for_others(
     rig: PageRig, paired: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(paired_server, "FIRST_REQUEST", 0.05)
-    with link(rig, paired, "/telemetry") as watching, socket.create_connection(("127.0.0.1", rig.port)) as silent:
+    with rig.link(paired, "/telemetry") as watching, socket.create_connection(("127.0.0.1", rig.port)) as silent:
         silent.settimeout(20.0)
         assert silent.recv(1) == b""
         assert told(watching, "state")
 
 
 def test_who_has_not_paired_sees_nothing(rig: PageRig) -> None:
-    with httpx.Client(base_url=rig.url, headers=origin(rig)) as stranger:
+    with rig.client() as stranger:
         assert stranger.get("/").headers["location"] == "/pair"
         assert stranger.get("/pair").status_code == 200
         for answer in (
@@ -91,7 +82,7 @@ def test_who_has_not_paired_sees_nothing(rig: PageRig) -> None:
             assert answer.status_code == 403
         for path in ("/telemetry", "/control"):
             with pytest.raises(InvalidStatus):
-                link(rig, stranger, path)
+                rig.link(stranger, path)
 
 
 @pytest.mark.parametrize("headers", [{"origin": "http://evil.example"}, {"host": "evil.example"}, {"origin": ""}])
@@ -99,12 +90,20 @@ def test_pages_of_others_cannot_ask(rig: PageRig, paired: httpx.Client, headers:
     answer = paired.post("/stop", json={"t": "stop", "id": "cross"}, headers=headers)
     assert answer.status_code == 403
     with pytest.raises(InvalidStatus):
-        link(rig, paired, "/control", origin=headers.get("origin") or "http://evil.example")
+        rig.link(paired, "/control", origin=headers.get("origin") or "http://evil.example")
 
 
 def test_every_answer_has_the_content_policy(paired: httpx.Client) -> None:
     for path in ("/", "/pair", "/static/main.js", "/static/nothing.js", "/history"):
         assert "default-src 'self'" in paired.get(path).headers["content-security-policy"]
+
+
+@pytest.mark.parametrize("page", ["index", "runs_replay", "runs", "waiting", "pair"])
+def test_pages_are_put_together_of_their_parts(paired: httpx.Client, page: str) -> None:
+    text = paired.get(f"/static/{page}.html").text
+    assert (text.count("<!doctype html>"), text.count("</head>"), text.count("<!--")) == (1, 1, 0)
+    ids = re.findall(r' id="([^"]+)"', text)
+    assert len(ids) == len(set(ids))
 
 
 @pytest.mark.parametrize(
@@ -120,7 +119,7 @@ def test_a_file_that_the_browser_has_is_not_sent_again(paired: httpx.Client) -> 
 
 
 def test_what_is_told_first_and_then(rig: PageRig, paired: httpx.Client) -> None:
-    with link(rig, paired, "/telemetry") as connection:
+    with rig.link(paired, "/telemetry") as connection:
         first = told(connection, "about")
         assert (first["about"]["robot"], first["about"]["mission"]) == ("ARTEMIS", "figure-eight")
         assert len(first["path"]["points"]) > 100
@@ -134,7 +133,7 @@ def test_what_is_told_first_and_then(rig: PageRig, paired: httpx.Client) -> None
 
 
 def test_driving_and_stopping_over_the_link(rig: PageRig, paired: httpx.Client) -> None:
-    with link(rig, paired, "/control") as connection:
+    with rig.link(paired, "/control") as connection:
         assert told(connection, "seat")["run"] is True
         connection.send(json.dumps({"t": "take", "who": "a test"}))
         assert told(connection, "seat")["mine"] is True
@@ -146,14 +145,12 @@ def test_driving_and_stopping_over_the_link(rig: PageRig, paired: httpx.Client) 
             beat = told(connection, "beat")["n"]
             connection.send(json.dumps({"t": "hold", "seq": sequence, "beat": beat, **words}))
 
-        hold()
-        rig.wait(lambda sample: sample.neutral and sample.buttons == (False,))
-        for _ in range(100):
-            hold(held=True, neutral=False, x=0.5, y=0.5)
+        while not (rig.samples[-1][1].neutral and rig.samples[-1][1].buttons == (False,)):
+            hold()
+        for turn in count():  # what comes too late has no effect, and then it has to be released once
             if rig.samples[-1][1].enabled and rig.samples[-1][1].speed > 0 > rig.samples[-1][1].steering:
                 break
-        else:
-            raise AssertionError(rig.samples[-1])
+            hold(held=turn % 10 > 0, neutral=turn % 10 == 0, x=0.5, y=0.5)
         connection.send(json.dumps({"t": "stop", "id": "both ways"}))
         answer = paired.post("/stop", json={"t": "stop", "id": "both ways"})
         assert (answer.status_code, answer.json()) == (202, {"id": "both ways"})
@@ -166,7 +163,7 @@ def test_driving_and_stopping_over_the_link(rig: PageRig, paired: httpx.Client) 
 
 @pytest.mark.parametrize("message", ["", "nonsense", b"\x00\x01", "x" * 4000])
 def test_nonsense_closes_that_connection_alone(rig: PageRig, paired: httpx.Client, message: str | bytes) -> None:
-    with link(rig, paired, "/control") as connection, link(rig, paired, "/control") as other:
+    with rig.link(paired, "/control") as connection, rig.link(paired, "/control") as other:
         told(connection, "seat")
         connection.send(message)
         with pytest.raises(ConnectionClosed):
@@ -184,7 +181,7 @@ def test_an_invitation_pairs_another_browser(rig: PageRig, paired: httpx.Client)
     invitation = paired.post("/invite").json()
     assert invitation["url"].startswith(f"{rig.url}/pair#")
     assert {len(row) for row in invitation["rows"]} == {len(invitation["rows"])}
-    with httpx.Client(base_url=rig.url, headers=origin(rig)) as another:
+    with rig.client() as another:
         assert another.post("/pair", json={"code": invitation["code"]}).status_code == 200
         assert another.get("/history").status_code == 200
 
@@ -192,7 +189,7 @@ def test_an_invitation_pairs_another_browser(rig: PageRig, paired: httpx.Client)
 def test_a_browser_is_told_why_no_code_is_taken(rig: PageRig) -> None:
     used = key_place().with_name("page.used")
     content = used.read_bytes() if used.exists() else b""
-    with httpx.Client(base_url=rig.url, headers=origin(rig)) as stranger:
+    with rig.client() as stranger:
         used.write_bytes(b"nonsense")
         answer = stranger.post("/pair", json={"code": rig.pairing().split("#")[1]})
         used.write_bytes(content)
@@ -214,14 +211,11 @@ def test_certificates_that_it_makes_encrypt_the_page(tmp_path: Path, monkeypatch
     run = recorded("figure_eight.yaml", 9.0, tmp_path)
     with page_rig(run, tmp_path, PageTls(certificate=certificate, key=key)) as rig:
         rig.show(50)
-        url = f"https://127.0.0.1:{rig.port}"
-        with httpx.Client(base_url=url, headers={"origin": url}, verify=trusted) as client:
+        with rig.client(trusted) as client:
             code = rig.pairing().split("#")[1]
             cookie = client.post("/pair", json={"code": code}).headers["set-cookie"]
             assert {"HttpOnly", "Secure", "SameSite=strict"} <= set(cookie.split("; "))
-            headers = {"cookie": cookie.split(";")[0]}
-            place = url.replace("https", "wss") + "/telemetry"
-            with connect(place, ssl=trusted, origin=Origin(url), additional_headers=headers) as connection:
+            with rig.link(client, "/telemetry", trusted=trusted) as connection:
                 assert told(connection, "about")["about"]["robot"] == "ARTEMIS"
 
 

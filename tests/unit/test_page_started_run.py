@@ -1,12 +1,17 @@
-"""A run as the page that started it sees it: its words, its last lines, how it ends, and that it ends with the page."""
+"""A run as the page that started it sees it: its words, its last lines, how it ends, and that it ends with the page.
+
+Real processes, and times that the tests give.
+"""
 
 from __future__ import annotations
 
 import itertools
+import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -49,10 +54,9 @@ def test_its_words_and_its_end(tmp_path: Path) -> None:
     with started(tmp_path, program) as run:
         until(run, lambda: run.is_ready)
         assert (run.status, run.is_stopping, run.look(0.0)) == ("init: listening", False, None)
-        run.end()
+        run.end(0.0)
         until(run, lambda: run.look(0.0) is not None)
-        assert run.look(0.0) == -15
-        assert run.outcome == "killed by SIGTERM; the drives stop by themselves"
+        assert (run.look(0.0), run.outcome) == (0, "done")
 
 
 def test_its_last_lines_are_kept_and_not_all_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,7 +67,7 @@ def test_its_last_lines_are_kept_and_not_all_of_them(tmp_path: Path, monkeypatch
             PAUSE.wait(0.01)
         run.look(0.0)
         assert len(run.lines()) == MOST_LINES
-        run.end()
+        run.end(0.0)
         until(run, lambda: run.look(0.0) is not None)
         lines = run.lines()
         assert len(lines) <= MOST_LINES
@@ -83,29 +87,70 @@ def test_one_that_does_not_tick_any_more_is_killed_but_not_while_it_ends(tmp_pat
         assert run.look(100.0) is None
 
 
-def test_one_that_hangs_after_its_last_tick_is_killed_some_time_after_it_was_cancelled(tmp_path: Path) -> None:
-    deaf = "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM]); manager.tell('READY=1', 'STOPPING=1')"
-    with started(tmp_path, TICKING + deaf + "; signal.sigwait([signal.SIGHUP])") as run:
+def test_one_that_ticks_is_asked_once_to_end_and_then_to_stop_quickly(tmp_path: Path) -> None:
+    program = """
+signal.signal(signal.SIGTERM, lambda *_: print("SIGTERM", flush=True))
+signal.signal(signal.SIGHUP, lambda *_: print("SIGHUP", flush=True))
+manager.tell("READY=1", "STATUS=" + str(os.getpid()))
+sys.stdin.read()
+print("END", flush=True)
+signal.pause()
+"""
+    with started(tmp_path, TICKING + program) as run:
+        until(run, lambda: run.is_ready)
+        run.end(0.0)
+        until(run, lambda: run.lines() == ["END"])
+        assert run.killed_at == inf, "it has all time to end in order"
+        run.end(0.0)
+        until(run, lambda: run.lines() == ["END", "SIGHUP"])
+
+
+DEAF = "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM, signal.SIGINT]); "
+
+
+@pytest.mark.parametrize("asked", [StartedRun.end, StartedRun.cancel])
+def test_one_that_hangs_before_its_first_tick_is_killed_some_time_after_it_was_told_to_end(
+    tmp_path: Path, asked: Callable[[StartedRun, float], None]
+) -> None:
+    with started(tmp_path, TICKING + DEAF + "manager.tell('STATUS=deaf'); signal.pause()") as run:
+        until(run, lambda: run.status == "deaf")
+        asked(run, 100.0)
+        asked(run, 105.0)
+        assert run.look(100.0 + CANCEL_TIME) is None
+        until(run, lambda: run.look(101.0 + CANCEL_TIME) is not None)
+        assert run.outcome == (
+            f"it did not end within {CANCEL_TIME:g} s: killed by SIGKILL before its first tick; "
+            "it had switched on no drive, and one that was on stops by its own watchdog"
+        )
+
+
+def test_one_that_ticks_after_all_has_all_time_to_end_in_order(tmp_path: Path) -> None:
+    program = DEAF + "manager.tell('STATUS=deaf'); signal.sigwait([signal.SIGTERM]); manager.tell('READY=1'); "
+    with started(tmp_path, TICKING + program + "signal.pause()") as run:
+        until(run, lambda: run.status == "deaf")
+        run.cancel(0.0)
+        until(run, lambda: run.is_ready)
+        run.cancel(0.0)
+        assert (run.look(HANG - 1.0), run.killed_at) == (None, inf)
+
+
+def test_one_that_is_not_waited_for_after_its_last_tick(tmp_path: Path) -> None:
+    over = "manager.tell('READY=1', 'STOPPING=1'); signal.pause()"
+    words = "it was not waited for after its last tick; the drives were released before, its report may be missing"
+    with started(tmp_path, TICKING + over) as run:
+        until(run, lambda: run.is_stopping)
+        run.end(0.0)
+        assert run.look(100.0) is None, "its report is being made"
+        run.cancel(100.0)
+        until(run, lambda: run.look(100.0) is not None)
+        assert (run.look(100.0), run.outcome) == (-signal.SIGINT, words)
+    with started(tmp_path, TICKING + DEAF + over) as run:
         until(run, lambda: run.is_stopping)
         run.cancel(100.0)
         run.cancel(105.0)
         assert run.look(100.0 + CANCEL_TIME) is None
         until(run, lambda: run.look(101.0 + CANCEL_TIME) is not None)
-        assert run.outcome == "killed by SIGKILL after its last tick: summary and report may be missing"
-
-
-def test_one_that_begins_or_drives_has_all_time_to_end_in_order(tmp_path: Path) -> None:
-    with started(tmp_path, TICKING + "manager.tell('READY=1'); signal.sigwait([signal.SIGHUP])") as run:
-        until(run, lambda: run.is_ready)
-        run.cancel(0.0)
-        until(run, lambda: run.look(0.0) is not None)
-        assert run.outcome == "killed by SIGTERM; the drives stop by themselves"
-    deaf = "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM]); manager.tell('STATUS=deaf'); signal.pause()"
-    with started(tmp_path, TICKING + deaf) as run:
-        until(run, lambda: run.status == "deaf")
-        run.cancel(0.0)
-        run.look(CANCEL_TIME + 1.0)
-        assert run.look(CANCEL_TIME + 2.0) is None
+        assert run.outcome == f"it did not end within {CANCEL_TIME:g} s: {words}"
 
 
 def test_it_sees_the_end_of_the_page(tmp_path: Path) -> None:

@@ -92,6 +92,7 @@ def test_the_path_of_a_step_comes_once_and_leaves_with_it(faulty: Recorded) -> N
     assert len(versions) == len({tick.position.step for tick, _ in faulty.ticks})
 
 
+@pytest.mark.slow
 def test_a_scan_is_where_the_scanner_saw_it(scanned: Recorded) -> None:
     view = view_of(scanned)
     for number in seen(scanned, view):

@@ -24,13 +24,21 @@ REAL = CheckedMission(file="real.yaml", mission="real", bus="socketcan can0", ha
 
 HANGS = """
 import signal
-from artemis.bridges.page.session import Take
 from artemis.notify import ServiceManager
-signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
-ServiceManager().tell("READY=1", "STOPPING=1")
-signal.sigwait([signal.SIGHUP])
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM, signal.SIGINT])
+ServiceManager().tell(*{words})
+signal.pause()
 """
-"""A run whose report is on a disk that does not answer."""
+"""A run that does not go on: before its first tick, or as its report is on a disk that does not answer."""
+ENDS = """
+import sys, time
+from artemis.notify import ServiceManager
+manager = ServiceManager()
+manager.tell("READY=1")
+sys.stdin.read()
+manager.tell("STOPPING=1")
+open("report", "w").close()
+"""
 
 
 def at_page(
@@ -73,19 +81,52 @@ def test_a_page_that_ends_starts_nothing_more(tmp_path: Path, monkeypatch: pytes
     at_page(tmp_path, monkeypatch, play)
 
 
-def test_a_run_that_hangs_after_its_last_tick_can_be_cancelled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("words", "state", "outcome"),
+    [
+        (["STATUS=imports a plugin"], "starting", "SIGKILL before its first tick; it had switched on no drive"),
+        (["READY=1", "STOPPING=1"], "ending", "after its last tick; the drives were released before"),
+    ],
+)
+def test_a_run_that_hangs_before_its_first_tick_or_after_its_last_can_be_cancelled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], state: str, outcome: str
+) -> None:
     monkeypatch.setattr(started_run, "CANCEL_TIME", 0.1)
 
     async def play(page: WaitingPage, waiting: Waiting, watcher: Watcher) -> None:
         looking = asyncio.create_task(page._look())
         waiting.obey(watcher, Start(file=MISSION.file, hash=MISSION.hash), 0.0)
-        while waiting.state != "ending":
+        while (
+            waiting.state != state
+            or (run := page._server.run) is None
+            or words[0] not in ("READY=1", f"STATUS={run.status}")
+        ):
             await asyncio.sleep(0.01)
         waiting.obey(Watcher("2.2.2.2"), Cancel(), 0.0)
+        assert page._server.told()["run"]["cancelled"] is not None
         while waiting.last is None:
             await asyncio.sleep(0.01)
         assert (waiting.state, waiting.last.status) == ("waiting", -9)
+        assert outcome in waiting.last.outcome
         page.end()
         await looking
 
-    at_page(tmp_path, monkeypatch, play, HANGS)
+    at_page(tmp_path, monkeypatch, play, HANGS.format(words=words))
+
+
+@pytest.mark.parametrize("asked", [0, 1])
+def test_a_page_that_fails_ends_its_run_in_order_before_it_leaves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: int
+) -> None:
+    async def play(page: WaitingPage, waiting: Waiting, watcher: Watcher) -> None:
+        waiting.obey(watcher, Start(file=MISSION.file, hash=MISSION.hash), 0.0)
+        run = page._server.run
+        assert run is not None
+        while not run.is_ready:
+            run.look(asyncio.get_running_loop().time())
+            await asyncio.sleep(0.01)
+        for _ in range(asked):
+            page.end()
+
+    at_page(tmp_path, monkeypatch, play, ENDS)
+    assert (tmp_path / "report").exists()

@@ -130,6 +130,7 @@ def planned(planner: RoutePlanner) -> JobResult:
     return asyncio.run(planner.perform(Job(id=1, kind=JobKind.PLAN, drive=PLANNER, value=step)))
 
 
+@pytest.mark.slow
 def test_the_next_plan_heeds_a_zone_that_was_drawn_and_refuses_a_file_that_is_wrong(folder: Path) -> None:
     for name in ("goto_workshop.yaml", "robots"):
         (shutil.copytree if (MISSIONS / name).is_dir() else shutil.copy)(MISSIONS / name, folder / name)

@@ -79,6 +79,7 @@ def recorded(sensed: Sensed) -> Sensed:
     return tick_from_record(record).snapshot.sensed
 
 
+@pytest.mark.slow
 @given(sensed_values)
 def test_sensed_values_survive_exactly(sensed: Sensed) -> None:
     assert recorded(sensed) == sensed

@@ -75,8 +75,8 @@ def test_a_short_run_keeps_every_row_and_a_long_one_if_it_must(ticks: int | None
 def test_errors_count_what_is_known() -> None:
     errors = Errors()
     assert (errors.rms, errors.max) == (None, None)
-    for error in (3.0, float("nan"), -4.0):
-        errors.add(error)
+    for some in ([], [3.0, np.nan], [np.nan], [-4.0]):
+        errors.add(np.array(some))
 
     assert errors.rms == pytest.approx(12.5**0.5)
     assert errors.max == 4.0

@@ -40,6 +40,7 @@ def errors(found: list[ScanPose], true: Array) -> Array:
     return np.asarray(np.hypot(off[:, 0], off[:, 1]))
 
 
+@pytest.mark.exhaustive
 def test_a_robot_is_followed_past_things_that_are_not_on_the_map(known: ScanMap) -> None:
     counted = odometry(WAY, [0.9] * (len(WAY) - 1), np.radians(5))
     found = followed(ScanLocalizer(known, TUNED, WAY[0]), SOLD, WAY, counted)
@@ -52,6 +53,7 @@ def test_a_robot_is_followed_past_things_that_are_not_on_the_map(known: ScanMap)
     assert max(np.sqrt(each[0, 0]) for each in measured) < 0.05
 
 
+@pytest.mark.exhaustive
 def test_a_robot_is_followed_without_odometry(known: ScanMap) -> None:
     assert errors(followed(ScanLocalizer(known, TUNED, WAY[0]), OFFICE, WAY, None), WAY).max() < 0.08
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any
 
+from artemis.bridges.background import BackgroundTasks
 from artemis.bridges.ros1.connections import Connections
 from artemis.bridges.ros1.links import Publication, Service, Subscription, TcpRosServer
 from artemis.bridges.ros1.xmlrpc import CallError, XmlRpcServer, call
@@ -51,7 +52,7 @@ class RosNode:
         self.services: dict[str, Service] = {}
         self._pid: int | None = None
         self._shutdown = asyncio.Event()
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks = BackgroundTasks()
         self._updated: set[str] = set()
         """Topics of whose publishers the master has told since this node asked."""
 
@@ -142,9 +143,7 @@ class RosNode:
     def _meet(self, subscription: Subscription, uris: Iterable[object]) -> None:
         """Connect to the publishers of a topic, and leave those that are gone."""
         for work in subscription.meet([uri for uri in uris if isinstance(uri, str)]):
-            task = asyncio.get_running_loop().create_task(work)
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
+            self._tasks.begin(work)
 
     # ------------------------------------------------------------------------------------------ what others ask
 

@@ -62,7 +62,8 @@ function showRun(run, state) {
   $('run').hidden = !run;
   if (!run) return;
   write('run-title', state === 'ending' ? `${run.mission} has come to its end` : `${run.mission} begins`);
-  write('run-status', state === 'ending' ? 'The drives are released; its summary and its report are made. If that does not end, do not wait for it: a report can be made again under Past runs.' : `Started by ${run.who}. When it is ready its page comes here; nothing moves before somebody arms there.`);
+  const cancelled = run.cancelled === null ? '' : `It was told to end, and is killed if it has not within ${run.cancelled} s. `;
+  write('run-status', cancelled + (state === 'ending' ? 'The drives are released; its summary and its report are made. If that does not end, do not wait for it: a report can be made again under Past runs.' : cancelled ? 'It has switched on no drive.' : `Started by ${run.who}. When it is ready its page comes here; nothing moves before somebody arms there.`));
   showLines('run-lines', run.lines);
   write('cancel', state === 'ending' ? 'Do not wait for its report' : 'Cancel the start');
   $('cancel').hidden = state !== 'starting' && state !== 'ending';
