@@ -106,8 +106,8 @@ def test_a_loop_that_is_driven_to_and_fro_is_not_closed() -> None:
         # along the path only as degrees: 180 rad would be backwards, and 90 rad forwards
         (
             csv((0, 0, 180), (-0.5, 0, 180), (-1, 0, 180)),
-            "p.csv:2:5: heading 180: expected rad, these are degrees: call the column heading_deg, and read the file by "
-            "`artemis path import`",
+            "p.csv:2:5: heading 180: expected rad, these are degrees: call the column heading_deg, and read the file "
+            "by `artemis path import`",
         ),
         (csv((0, 0, 90), (0, 0.5, 90), (0, 1, 90)), "p.csv:2:5: heading 90: expected rad"),
         # the heading turns round where the distance does not
