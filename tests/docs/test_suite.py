@@ -34,7 +34,8 @@ ALL = ["test_first", "test_longest", *(f"test_sampled[{number}]" for number in r
 
 @pytest.mark.parametrize(("words", "expected"), [([], SHORT), (["-m", ""], ALL)])
 def test_samples_are_tried_in_full_by_make_test_all(tmp_path: Path, words: list[str], expected: list[str]) -> None:
-    shutil.copy(ROOT / "tests" / "conftest.py", tmp_path)
+    for name in ("conftest.py", "lateness.py"):
+        shutil.copy(ROOT / "tests" / name, tmp_path)
     (tmp_path / "test_it.py").write_text(TESTS)
     where = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(tmp_path), "-p", "no:cacheprovider", str(tmp_path)]
     command = [sys.executable, "-m", "pytest", "-n", "0", "-q", "--collect-only", *words, *where]
