@@ -151,6 +151,8 @@ class _Loading(SurroundingsChecks):
         self._check_policies()
         if robot is not None and tried:
             self._check_inputs(robot)
+        if mission is not None and tried:
+            self._check_record(mission.record)
         tree = self._tree(mission, robot)
         if self._problems or mission is None or robot is None or true_robot is None or tree is None:
             raise ConfigError(sorted(dict.fromkeys(self._problems), key=by_position))
@@ -185,6 +187,13 @@ class _Loading(SurroundingsChecks):
             self._problems += error.problems
             return None
         return self._validated(RobotFile, document)
+
+    def _check_record(self, name: str) -> None:
+        """The folder of the runs is there, or can be made: no file stands in its place."""
+        folder = self._folder / name
+        there = next(place for place in (folder, *folder.parents) if place.exists())
+        if not there.is_dir():
+            self._complain(("record",), f"is a file, expected a folder: {there}")
 
     def _check_drives(self, mission: Mission, robot: RobotFile) -> None:
         """Drives that interpolate are told the period of set-points in whole ms; not all can be simulated."""

@@ -35,6 +35,7 @@ _EXPECTED = {
     "less_than_equal": "at most {le}",
     "literal_error": "{expected}",
     "string_too_short": "text",
+    "string_too_long": "at most {max_length} characters",
     "string_pattern_mismatch": "text like {pattern}",
     "too_short": "a list of at least {min_length}",
     "too_long": "a list of at most {max_length}",

@@ -90,9 +90,18 @@ def _fits(columns: dict[str, Array]) -> bool:
     if "heading" in columns:
         return _along(x, y, columns["heading"])
     if "heading_deg" in columns:
-        degrees = columns["heading_deg"]
-        return bool(np.abs(degrees).max() > math.tau) and _along(x, y, np.radians(degrees))
+        return _as_degrees(x, y, columns["heading_deg"])
     return True
+
+
+def is_in_degrees(x: Array, y: Array, heading: Array) -> bool:
+    """Whether a heading [rad] fits the path [m] only if its numbers are degrees."""
+    return _as_degrees(x, y, heading) and not _along(x, y, heading)
+
+
+def _as_degrees(x: Array, y: Array, heading: Array) -> bool:
+    """Whether the numbers of a heading are degrees along or against the path, and too large for small angles [rad]."""
+    return bool(np.abs(heading).max() > math.tau) and _along(x, y, np.radians(heading))
 
 
 def _along(x: Array, y: Array, heading: Array) -> bool:

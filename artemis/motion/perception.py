@@ -132,16 +132,21 @@ class Perception:
         """Time between the last measurement of the wheels and this one [s], by their frames: a tick may come late.
 
         The mean of both wheels, as their distances count: one that falls silent ages while the other one rolls. 0 where
-        it is less than half a tick: then the counts are too coarse for a speed. Until both drives were heard, the time
-        since the tick at `before` [s of the run].
+        it is less than half a tick: then the counts are too coarse for a speed. Until both drives were heard, and while
+        neither is, the time since the tick at `before` [s of the run].
         """
         last, self._measured = self._measured, None
-        if left.age is not None and right.age is not None:
-            self._measured = sensed.time - (min(left.age, self._stale) + min(right.age, self._stale)) / 2
-        if last is None or self._measured is None:
+        if left.age is None or right.age is None:
+            return sensed.time - before
+        younger = min(left.age, right.age)
+        oldest = max(younger, self._stale)  # where both are old the computer stalled, or neither is heard
+        self._measured = sensed.time - (min(left.age, oldest) + min(right.age, oldest)) / 2
+        if last is None:
             return sensed.time - before
         if self._measured - last < self._dt_max / 4:
             self._measured = last
+            if younger > self._stale:
+                return sensed.time - before
         return self._measured - last
 
     def _located(self, sensed: Sensed, dt: float, *, at_once: bool, unheard: bool) -> LocatedPose:

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
+from artemis.motion.columns import is_in_degrees
 from artemis.motion.path import Path, check_drivable, path_from_points
 from artemis.motion.path_points import MIN_STEP, Points, cusps, read_points
 from artemis.motion.spline import Array
@@ -206,7 +207,11 @@ def part_of(points: Points, stretch: Stretch, *, whole: bool) -> Part:
 
 def _check_headings(points: Points, found: list[Stretch]) -> None:
     """Report headings across the path, and reversals too near to each other."""
-    if points.heading is not None:
+    if points.heading is not None and is_in_degrees(points.x, points.y, points.heading):
+        index = int(np.abs(points.heading).argmax())
+        problem = f"heading {points.heading[index]:g}: expected rad, these are degrees: call the column heading_deg"
+        points.report(index, f"{problem}, and read the file by `artemis path import`", "heading")
+    elif points.heading is not None:
         for index in across(points.x, points.y, points.heading, found):
             problem = f"heading {points.heading[index]:.2f} rad points across the path; expected along or against it"
             points.report(index, problem, "heading")

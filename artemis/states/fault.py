@@ -90,8 +90,10 @@ class FaultMode(RoutineMode):
         verdict, present = snapshot.verdict, snapshot.verdict.faults[0]
         late = snapshot.time > latest
         goes_on = verdict.recovers and not self.bring_up.held and (verdict.resumes or self.bring_up.armed)
-        if late or is_second(self.shared, snapshot) or not (snapshot.sensed.attended or goes_on):
-            return (yield give_up(replace(idle, phase="fault"), late=late))
+        alone = not (snapshot.sensed.attended or goes_on)
+        if late or alone or is_second(self.shared, snapshot):
+            phase = "no operator to acknowledge" if alone and not verdict.final else "fault"
+            return (yield give_up(replace(idle, phase=phase), late=late))
         if verdict.final:
             phase = f"this run cannot continue; end it: {present.text}"
         elif verdict.recovers:

@@ -94,7 +94,7 @@ class QuickstopMode(RoutineMode):
         """At rest, with what it waits for; ends the run where nobody will come."""
         alone = not snapshot.sensed.attended and not self._goes_on
         if alone or snapshot.time > latest:
-            return give_up(replace(rest, phase="stopped"), late=not alone)
+            return give_up(replace(rest, phase="no operator to arm" if alone else "stopped"), late=not alone)
         wish = replace(rest, phase=waits_for(snapshot) or "stopped: arm to continue")
         return self._lookout.watch(self.shared, wish, snapshot)
 

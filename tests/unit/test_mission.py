@@ -308,6 +308,13 @@ def test_the_nearest_name_is_proposed_whatever_its_case() -> None:
     assert nearest("?", [f"n{i:02}" for i in range(20)]).endswith("n10, n11, ...")
 
 
+def test_a_text_that_is_too_long_is_told_in_plain_words(folder: Path) -> None:
+    question = "ask: {question: " + "x" * 1001 + ", answers: [a]}"
+    first = "  - calibrate: {steering: from_potentiometers}\n"
+    (problem,) = refusal(folder, first, f"{first}  - {question}\n")
+    assert "steps[1].ask.question: expected at most 1000 characters, found 'xxx" in problem
+
+
 @pytest.mark.parametrize(
     ("value", "words"),
     [

@@ -288,6 +288,7 @@ def test_headings_that_are_all_0_are_none(tmp_path: Path, capsys: pytest.Capture
         ("x,y\n", "in.csv:1:1: 0 distinct points"),
         ("x,y\n1,1\n1,1\n", "in.csv:1:1: 1 distinct points"),
         ("x,y,yaw\n0,0,0.1\n1,0,3\n2,0,0\n", "in.csv:3:1: the heading points across the path"),
+        ("x,y,yaw\n0,0,90\n0,1,90\n0,2,90\n", "in.csv:2:1: the headings are degrees, expected rad"),
         ("x,y\n0,0\n1,0\n2,0\n1.43,0.82\n", "in.csv:4:1: the robot would turn by 55 deg on the spot"),
         ("x,y,v\n0,0,0.1\n1,0,-0.3\n2,0,0.1\n", "in.csv:3:1: speed: expected more than 0 m/s, found -0.3"),
         ("x,y\n0,0\n50000,0\n", "in.csv: path of 50000 m"),

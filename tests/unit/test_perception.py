@@ -149,6 +149,16 @@ def test_frames_of_one_wheel_that_miss_a_tick_do_not_change_the_speed() -> None:
     assert found[1:] == pytest.approx([0.5] * 4)
 
 
+def test_computer_that_stalls_does_not_change_the_speed() -> None:
+    stalled = speeds((0.02, 0.001), (0.04, 0.021), (0.36, 0.041), (0.38, 0.361), (0.4, 0.381))
+    assert stalled[1:] == pytest.approx([0.5] * 4), "the frames that waited are as old as they are"
+
+
+def test_what_was_rolled_unheard_counts_for_all_of_that_time() -> None:
+    silent = [(0.04 + number * PERIOD, 0.021) for number in range(1, 10)]
+    assert speeds((0.02, 0.001), (0.04, 0.021), *silent, (0.24, 0.221))[-2:] == pytest.approx([0.0, 0.5])
+
+
 def test_drives_that_are_no_longer_heard_count_as_standing() -> None:
     found = speeds((0.02, 0.001), (0.04, 0.021), *((0.04 + number * PERIOD, 0.021) for number in range(1, 6)))
     assert found[1] == pytest.approx(0.5)

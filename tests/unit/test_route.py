@@ -103,6 +103,13 @@ def test_a_loop_that_is_driven_to_and_fro_is_not_closed() -> None:
             csv((0, 0, 0), (0.5, 0, 1.7), (1, 0, 0)),
             "p.csv:3:7: heading 1.70 rad points across the path; expected along or against it",
         ),
+        # along the path only as degrees: 180 rad would be backwards, and 90 rad forwards
+        (
+            csv((0, 0, 180), (-0.5, 0, 180), (-1, 0, 180)),
+            "p.csv:2:5: heading 180: expected rad, these are degrees: call the column heading_deg, and read the file "
+            "by `artemis path import`",
+        ),
+        (csv((0, 0, 90), (0, 0.5, 90), (0, 1, 90)), "p.csv:2:5: heading 90: expected rad"),
         # the heading turns round where the distance does not
         (csv(*((x / 10, 0, 0) for x in range(6)), *((x / 10, 0, 3.1) for x in range(6, 11))), "p.csv:"),
         # the path reverses, and the robot with it

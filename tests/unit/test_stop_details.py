@@ -124,7 +124,7 @@ def test_stop_with_nobody_there_ends_the_run_without_blaming_anybody() -> None:
     alone = snapshot(0.0, attended=False, **HOLDS)
     mode.enter(alone)
     wish = mode.step(alone)
-    assert (wish.event, wish.failed, wish.fault) == (Event.END, True, None)
+    assert (wish.event, wish.failed, wish.fault, wish.phase) == (Event.END, True, None, "no operator to arm")
 
 
 BOTH = judged("INP-03", "PTH-09", device="stick")
@@ -211,9 +211,15 @@ def test_fault_with_nobody_there_ends_the_run_and_says_so_only_after_the_time_of
     player = in_fault()
     player.until(lambda wish: wish.phase == "acknowledge to bring the drives up again")
     wish = player.tick(attended=False)
-    assert (wish.event, wish.failed, wish.fault, wish.phase) == (Event.END, True, None, "fault")
+    assert (wish.event, wish.failed, wish.fault, wish.phase) == (Event.END, True, None, "no operator to acknowledge")
     player.time += PATIENCE
     assert fault_of(player.tick()) == ("OPR-03", "")
+
+
+def test_fault_that_no_operator_can_acknowledge_does_not_miss_one() -> None:
+    player = in_fault()
+    player.until(lambda wish: wish.phase == "acknowledge to bring the drives up again")
+    assert player.tick(attended=False, verdict=judged("COM-18", final=True)).phase == "fault"
 
 
 @pytest.mark.parametrize("recovers", [False, True])
