@@ -137,10 +137,9 @@ def run_in_sight(
         _print("warning", warning)
     for remark in loaded.remarks:
         _print("path", remark)
-    keys_work = hint if at_keys and not started_by else ""
     if not started_by:
         announce(page_of(loaded))
-    robot, title = loaded.robot, _title(loaded, simulated)
+    keys_work, robot, title = "" if operator is started_by else hint, loaded.robot, _title(loaded, simulated)
     view = LiveView(title, keys_work, terminate, robot.bitrate, robot.errors, partial(_where, loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")

@@ -261,6 +261,9 @@ SCENARIOS: dict[str, Scenario] = {
         fault("DRV-25", 8.0, STEER), acts=[(9.0, "acknowledge"), (11.0, "arm")], killed_at=16.0
     ),
     "behaviour": approach(),
+    "wheels freed in a stop": approach(
+        fault("PTH-07", 8.28, duration_s=0.16), acts=[(8.35, "quickstop"), (10.0, "arm"), (20.0, "end")]
+    ),
     "behaviour raises": approach(fault("PLG-02", 8.5)),
     "behaviour answers with rubbish": approach(fault("PLG-06", 8.5)),
     "behaviour late": approach(fault("PTH-09", 8.5, seconds=0.05)),

@@ -272,6 +272,7 @@ def test_ports_that_are_all_in_use_are_told(domain: int, closing: ExitStack) -> 
     assert seen.problems == [f"every port of domain {domain} is in use: {first} to {last}"]
 
 
+@pytest.mark.realtime
 def test_the_process_ends_with_the_run(domain: int, closing: ExitStack) -> None:
     seen = Seen(domain, closing)
     until(lambda: seen.node.state.heard, seen.tick)
