@@ -111,7 +111,8 @@ def test_a_map_is_latched_for_the_tools_of_ros(ros: Ros) -> None:
     finally:
         observer.close()
     assert all(line in told for line in ('frame_id: "map"', "width: 40", "height: 30", "x: -2.0"))
-    assert (told.count("100"), told.count("-1,")) == (7, 30 * 40 - 8)
+    data = told.partition("data:")[2]  # the digits of its time are not counted
+    assert (data.count("100"), data.count("-1,")) == (7, 30 * 40 - 8)
 
 
 def test_goals_and_poses_of_the_tools_of_ros_are_passed_on(ros: Ros) -> None:
