@@ -6,6 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import lateness
+
+from artemis.supervision.catalogue import ROWS
+
 TESTS = Path(__file__).parents[1]
 
 CASES = """
@@ -55,3 +59,7 @@ def test_only_what_runs_in_real_time_on_a_busy_machine_is_excused(tmp_path: Path
     failed = {line.split("::")[1].split()[0] for line in done.stdout.splitlines() if line.startswith("FAILED")}
     assert failed == {"test_without_real_time_held_up", "test_in_real_time_on_time"}
     assert "1 passed" in done.stdout
+
+
+def test_a_machine_is_late_where_a_robot_stops() -> None:
+    assert ROWS["SYS-01"].within == lateness.SYS_01

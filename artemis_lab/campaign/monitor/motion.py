@@ -33,8 +33,8 @@ PUSHED = ("RUN-02", "RUN-03", "RUN-01", "RUN-05", "COM-12", "SYS-10", "RUN-09", 
 UNPOWERED = ("EST-01", "EST-03", "EST-04", "SYS-09", "PWR-02", "PWR-03", "COM-32", "COM-33", "DRV-04")
 CUT_OFF = ("COM-21", "COM-22", "COM-23", "COM-24", "COM-25")
 """The host does not reach the drives: they notice by themselves."""
-BLOCKED = ("RUN-04", "PTH-07")
-"""Driven wheels are held."""
+HELD = ("RUN-04", "PTH-07")
+"""A driven wheel, or both, cannot turn."""
 STALLS = ("SYS-01", "SYS-03", "SYS-07", "COM-31", "PLG-03", "PLG-04", "PTH-09")
 HELPLESS = (*CUT_OFF, *STALLS, "COM-29", "COM-12")
 ALONE = 0.12
@@ -112,7 +112,7 @@ def slows_down(e: Evidence) -> Iterator[Violation]:
         braking, looks = COASTING if coasts else BRAKES["S2"], e.looks_between(begin, end)
         blocked = any(i.id == "RUN-04" for i in e.injected)  # then the drives brake the other wheel from its own speed
         fastest = max((_fastest(look, blocked) for look in looks if look.time < begin + 0.1), default=0.0)
-        if any(i.id in BLOCKED and i.time < begin < i.until for i in e.injected):
+        if any(i.id in HELD and i.time < begin < i.until for i in e.injected):
             fastest = max(fastest, *(_told(e.targets[side], begin) for side in SIDES))  # once freed, it rolls as told
         for look in looks:
             ramp = max(0.0, fastest - braking * (look.time - begin - 0.1 - REACTION - e.tick))
