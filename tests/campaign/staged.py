@@ -14,7 +14,7 @@ from artemis_lab.campaign.one_run import Result, run_scenario
 from artemis_lab.campaign.scenario import Scenario
 
 ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
-ROBOT, SEEING = ROBOTS / "artemis.yaml", ROBOTS / "artemis_lms100.yaml"
+ROBOT, SEEING, OF_EPOS4 = (ROBOTS / f"artemis{which}.yaml" for which in ("", "_lms100", "_epos4"))
 LONGEST = 60.0
 """A run that takes longer does not end [s]: a planted bug need not be watched for as long as a campaign's seed."""
 Faults = Sequence[dict[str, Any]]
@@ -27,10 +27,10 @@ FOLLOW: dict[str, Any] = {"follow": {"path": "path.csv", "follower": {"plugin": 
 FOLLOW_BACK = {"follow": {**FOLLOW["follow"], "from_end": True}}
 
 
-def run(given: Scenario, *, replayed: bool = False) -> Result:
+def run(given: Scenario, robot: Path = ROBOT, *, replayed: bool = False) -> Result:
     """In a folder that is gone afterwards."""
     with tempfile.TemporaryDirectory() as folder, patch.object(Scenario, "longest", LONGEST):
-        robot = SEEING if given.world else ROBOT
+        robot = SEEING if given.world else robot
         return run_scenario(given, robot.read_bytes(), Path(folder), replayed=replayed)
 
 
@@ -235,6 +235,7 @@ SCENARIOS: dict[str, Scenario] = {
     "write not kept, and not needed": drive(fault("COM-10", 0.0, STEER)),
     "follower steers too far at the end of the path": follow(fault("RUN-12", 9.6, duration_s=2.0)),
     "error in bring-up": drive(fault("DRV-02", 0.42, LEFT)),
+    "damaged EMCY while it is enabled": drive(fault("DRV-32", 2.904, STEER)),
     "steering measured": measure(),
     "new potentiometers measured": measure(new=True, steering_zero_left_deg=25.0, steering_zero_right_deg=-30.0),
     "wheel blocked while it is measured": measure(fault("STE-02", 10.0, STEER)),

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from _pytest.mark import ParameterSet
 from bugs import BUGS, Bug, planted
-from staged import SCENARIOS, run
+from staged import OF_EPOS4, RIGHT, SCENARIOS, fault, follow, run
 
 pytestmark = pytest.mark.slow
 
@@ -17,6 +17,10 @@ pytestmark = pytest.mark.slow
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_sound_system_breaks_no_invariant(name: str) -> None:
     assert run(SCENARIOS[name], replayed=True).violations == ()
+
+
+def test_drive_that_restarts_slowly_shows_as_silent_first() -> None:
+    assert run(follow(fault("COM-26", 12.0, RIGHT)), OF_EPOS4).violations == ()
 
 
 def planted_bugs() -> Iterator[ParameterSet]:

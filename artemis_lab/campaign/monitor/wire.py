@@ -78,7 +78,7 @@ class ModeShown(NamedTuple):
 
 
 class SeenEmergency(NamedTuple):
-    """EMCY."""
+    """EMCY of 8 bytes (CiA 301, 7.2.7.3): one of another length says nothing of its drive."""
 
     time: float
     code: int
@@ -146,7 +146,7 @@ class Wire:
             say(ModeShown(time, _signed(data[-1:])))
         elif service == 0x300 and len(data) == 2:
             say(StopFrame(time, _unsigned(data)))
-        elif service == 0x080 and len(data) >= 2:
+        elif service == 0x080 and len(data) == 8:
             say(SeenEmergency(time, _unsigned(data[:2])))
         elif service == 0x700 and data[:1] == b"\0":
             say(Boot(time))
