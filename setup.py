@@ -27,6 +27,9 @@ artemis/recording/mcap_file.py
 artemis/recording/mcap_writer.py
 artemis/sim/axis.py
 artemis/sim/bus.py
+artemis/sim/cia402.py
+artemis/sim/cia402_motion.py
+artemis/sim/cia402_power.py
 artemis/sim/dictionary.py
 artemis/sim/epos.py
 artemis/sim/epos1_motion.py

@@ -196,22 +196,13 @@ class _Loading(SurroundingsChecks):
             self._complain(("record",), f"is a file, expected a folder: {there}")
 
     def _check_drives(self, mission: Mission, robot: RobotFile) -> None:
-        """Drives that interpolate are told the period of set-points in whole ms; not all can be simulated."""
+        """Drives that interpolate are told the period of set-points in whole ms."""
         interpolating = [name for name, drive in robot.drives.items() if drive.tables.interpolates]
         if interpolating and 1000 % mission.tick_hz:
             rates = ", ".join(str(rate) for rate in range(25, 201) if not 1000 % rate)
             period = f"a period of {1000 / mission.tick_hz:.3g} ms"
             text = f"{period}; {interpolating[0]} interpolates over whole milliseconds: expected one of {rates}"
             self._complain(("tick_hz",), text)
-        if not self._simulated:
-            return
-        from artemis.sim.drive_node import NODES
-
-        unknown = [name for name, drive in robot.drives.items() if drive.family not in NODES]
-        if unknown:
-            family = robot.drives[unknown[0]].family
-            text = f"{unknown[0]} is of family {family}, which cannot be simulated; {' and '.join(NODES)} can"
-            self._complain(("robot",), text)
 
     def _inputs(self) -> dict[str, Config | None]:
         """Options of the mission's inputs by name; None where they are wrong."""

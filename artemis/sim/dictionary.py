@@ -1,7 +1,7 @@
 """The object dictionary of a simulated EPOS: what may be read and written, when, and by what it is refused.
 
 Checks come in the order object, sub-index, access, length, range, device state, and then the object's own.
-The objects themselves stand in `epos_objects.py` and `epos4_objects.py`.
+The objects themselves stand in `epos_objects.py`, `epos4_objects.py` and `cia402_objects.py`.
 """
 
 from __future__ import annotations

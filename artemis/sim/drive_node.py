@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from artemis.drive_schema import Drive
-from artemis.errors import ConfigError
 from artemis.sim.axis import Axis
+from artemis.sim.cia402 import SimCia402
 from artemis.sim.epos import SimEpos
 from artemis.sim.epos2 import SimEpos2
 from artemis.sim.epos4 import SimEpos4
 from artemis.sim.epos_settings import SimSettings
 
-NODES: dict[str, type[SimEpos]] = {"epos1": SimEpos, "epos2": SimEpos2, "epos4": SimEpos4}
+NODES: dict[str, type[SimEpos]] = {"epos1": SimEpos, "epos2": SimEpos2, "epos4": SimEpos4, "cia402": SimCia402}
 """By the key `family` of a drive."""
 
 
@@ -22,11 +22,5 @@ def simulated_drive(drive: Drive, axis: Axis, *, name: str, settings: SimSetting
         axis: What it moves.
         name: Its name there.
         settings: How it behaves.
-
-    Raises:
-        ConfigError: No drive of this family can be simulated.
     """
-    kind = NODES.get(drive.family)
-    if kind is None:
-        raise ConfigError(f"{name} is of family {drive.family}, which cannot be simulated; {', '.join(NODES)} can")
-    return kind(drive, axis, name=name, settings=settings)
+    return NODES[drive.family](drive, axis, name=name, settings=settings)

@@ -3,7 +3,7 @@
 What its parts do: `dictionary` and `epos_objects` hold the objects, `epos_sdo` serves them, `epos_pdo` maps them,
 `epos_power` is the device state machine, `epos_motion` the modes of operation, `epos_errors` the error memory,
 `epos_error_control` heartbeats and guarding, `epos_parameters` the non-volatile memory; `axis` is what it moves;
-`epos_failures` is what it can be made to do wrong. `epos4` makes an EPOS4 of it.
+`epos_failures` is what it can be made to do wrong. `cia402` makes a drive of that profile of it, `epos4` an EPOS4.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""A simulated EPOS4: the node of `epos` with the parts in which that generation differs.
+"""A simulated EPOS4: the node of `cia402` with the parts in which this family differs.
 
 `epos4_objects` has its objects, `epos4_errors` its errors, `epos4_power` its device states and option codes,
 `epos4_motion` its cyclic modes, `epos4_homing` its homing methods, `epos4_periphery` inputs, outputs, supply and
-temperature. What it shares with the first generation is that of `epos`: SDO server, PDOs, NMT, heartbeats, memory.
+temperature. What it shares with all is that of `epos`: SDO server, PDOs, NMT, heartbeats, memory.
 
 Not simulated: LSS, block transfers, USB and RS232, auto-tuning, a second encoder in the regulators, analog set-points,
 touch probes.
@@ -11,39 +11,32 @@ touch probes.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 from artemis.drive_schema import Drive
 from artemis.drive_states import POWERED, DriveState, Nmt
 from artemis.sim.axis import Axis
+from artemis.sim.cia402 import SimCia402
 from artemis.sim.dictionary import AbortCode, AccessRefused, Dictionary, key_of
-from artemis.sim.epos import SimEpos
 from artemis.sim.epos4_errors import HOT, SSI_FRAME, STO_OPEN, UNREFERENCED, Epos4Errors
 from artemis.sim.epos4_motion import Epos4Motion
 from artemis.sim.epos4_objects import ABORTS, HARDWARE, VOLATILE, objects4
 from artemis.sim.epos4_periphery import Periphery
 from artemis.sim.epos4_power import Epos4Power
-from artemis.sim.epos_errors import LIFE_GUARD, ErrorMemory
+from artemis.sim.epos_errors import ErrorMemory
 from artemis.sim.epos_motion import Motion
 from artemis.sim.epos_parameters import ParameterMemory
-from artemis.sim.epos_pdo import COUNT, INVALID, judge_identifier
 from artemis.sim.epos_power import PowerStage
 from artemis.sim.epos_settings import SimSettings
 
 WARNING = 0x0080
 """Statusword bit 7."""
-COMMUNICATION = range(0x1000, 0x2000)
-"""What a communication reset loads again."""
-BUS_OFF = 0x81FD
-TO_PRE_OPERATIONAL = 0
-"""Value of 0x1029:1."""
 QUICK_STOP_INPUT = 28
 """Function of a digital input, object 0x3142."""
 RESTORES = (1, 4)
 """Sub-indices of object 0x1011 that restore everything: the documented one, and the maker's own."""
 
 
-class SimEpos4(SimEpos):
+class SimEpos4(SimCia402):
     """One simulated EPOS4."""
 
     def __init__(self, drive: Drive, axis: Axis, *, name: str, settings: SimSettings | None = None) -> None:
@@ -88,9 +81,7 @@ class SimEpos4(SimEpos):
         return self._memory, self._drive_function, self._device
 
     def _make_memory(self) -> ParameterMemory:
-        memory = ParameterMemory(
-            self._dictionary, volatile=VOLATILE, communication=COMMUNICATION, restores=RESTORES, restore_at_once=False
-        )
+        memory = self._memory_of(VOLATILE, RESTORES)
         for sub in RESTORES:
             key = key_of(0x1011, sub)
             self._dictionary.checks[key] = self._only_pre_operational(self._dictionary.checks[key])
@@ -106,22 +97,9 @@ class SimEpos4(SimEpos):
 
     def _describe(self) -> None:
         """Tie the objects that belong to the node as a whole."""
-        checks, written = self._dictionary.checks, self._dictionary.written
-        for parameters in (0x1400, 0x1800):
-            for number in range(COUNT):
-                key = key_of(parameters + number, 1)
-                checks[key] = partial(self._judge_identifier, key)
+        super()._describe()
         for sub in (1, 2):
-            written[key_of(0x2201, sub)] = lambda _: self._read_supply_limits()
-        self._describe_device()
-
-    def _judge_identifier(self, key: int, cob_id: int) -> None:
-        """The identifier changes only from one that is not valid to another that is not, either."""
-        judge_identifier(cob_id)
-        present = self._dictionary.values[key]
-        both_invalid = bool(present & cob_id & INVALID)
-        if (present ^ cob_id) & 0x7FF and not both_invalid:
-            raise AccessRefused(AbortCode.UNSUPPORTED_ACCESS)
+            self._dictionary.written[key_of(0x2201, sub)] = lambda _: self._read_supply_limits()
 
     def _read_supply_limits(self) -> None:
         number = self._dictionary.number
@@ -185,10 +163,5 @@ class SimEpos4(SimEpos):
 
     def _raise_error(self, code: int) -> None:
         super()._raise_error(code)
-        if code not in self._errors.active:
-            return
-        if code in UNREFERENCED:
+        if code in UNREFERENCED and code in self._errors.active:
             self._drive_function.lose_reference()
-        leaves = code in (LIFE_GUARD, BUS_OFF) and self._dictionary.number(0x1029, 1) == TO_PRE_OPERATIONAL
-        if leaves and self.nmt is Nmt.OPERATIONAL:
-            self.change_nmt(Nmt.PRE_OPERATIONAL, self._now)

@@ -7,18 +7,18 @@ their digits when the unit 0x60A9 changes; position limits 0 and 0 are off, as f
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Set
+from collections.abc import Mapping, Set
 from math import floor
 from typing import ClassVar
 
-from artemis.sim.axis import STILL_RPM, Axis, Regulation
+from artemis.sim.axis import Axis, Regulation
+from artemis.sim.cia402_motion import CyclicMotion
 from artemis.sim.dictionary import Dictionary, key_of
 from artemis.sim.epos4_errors import MISSED_SET_POINT, NEGATIVE_SWITCH, POSITION_LIMIT_4, POSITIVE_SWITCH
 from artemis.sim.epos4_homing import Homing
-from artemis.sim.epos_motion import BIT_10, BIT_12, BIT_13, HALT, HOMING, LIMIT_ACTIVE, NEW_SET_POINT, Motion, int16
+from artemis.sim.epos_motion import HALT, HOMING, NEW_SET_POINT, int16
 
-CYCLIC_POSITION, CYCLIC_VELOCITY, CYCLIC_TORQUE = 8, 9, 10
+CYCLIC_TORQUE = 10
 SSI = 3
 """Byte 1 of object 0x3000:1."""
 PRESENT_PLACE = 37
@@ -29,12 +29,6 @@ NEGATIVE_LIMIT, POSITIVE_LIMIT = 0, 1
 GAINS = tuple(
     key_of(index, sub) for index, subs in ((0x30A0, 2), (0x30A2, 2), (0x30A1, 3)) for sub in range(1, subs + 1)
 )
-_SET_POINTS = {
-    CYCLIC_POSITION: (key_of(0x607A, 0), key_of(0x60B0, 0)),
-    CYCLIC_VELOCITY: (key_of(0x60FF, 0), key_of(0x60B1, 0)),
-    CYCLIC_TORQUE: (key_of(0x6071, 0), key_of(0x60B2, 0)),
-}
-"""Target and offset of the cyclic modes."""
 _LIMITS = (
     *((0x3001, sub) for sub in (1, 2, 4, 5)),
     *((index, 0) for index in (0x6080, 0x60A9)),
@@ -44,11 +38,14 @@ _SENSOR_TYPES = key_of(0x3000, 1)
 _SENSORS = ((0x3000, 1), (0x3000, 2), (0x3010, 1), (0x3010, 2), (0x3012, 2), (0x3020, 1), (0x301A, 1))
 
 
-class Epos4Motion(Motion):
+class Epos4Motion(CyclicMotion):
     """Modes of operation of one EPOS4."""
 
     position_limit_error: ClassVar[int] = POSITION_LIMIT_4
-    crowded_error: ClassVar[int] = 0
+    set_points: ClassVar[Mapping[int, tuple[int, int]]] = {
+        **CyclicMotion.set_points,
+        CYCLIC_TORQUE: (key_of(0x6071, 0), key_of(0x60B2, 0)),
+    }
 
     def __init__(
         self,
@@ -70,11 +67,6 @@ class Epos4Motion(Motion):
         """
         self._tolerance = tolerance
         self._active = active
-        self._period = 0.0
-        self._silence = 0.0
-        self._at_once = False
-        self._top = math.inf
-        self._speed_limited = False
         self.reads_ssi = False
         """An SSI encoder is configured as sensor 2."""
         self.homing = Homing(dictionary, axis, active.__contains__)
@@ -86,14 +78,11 @@ class Epos4Motion(Motion):
         """Tie the objects of motion to this object."""
         super().describe()
         axis, getters, written = self.axis, self._dictionary.getters, self._dictionary.written
-        getters[key_of(0x606B, 0)] = lambda: self._shown(axis.demand_velocity)
-        for index, sub in ((0x606C, 0), (0x60E5, 1)):
-            getters[key_of(index, sub)] = lambda: self._shown(axis.velocity)
+        getters[key_of(0x60E5, 1)] = lambda: self._shown(axis.velocity)
         for index, sub in ((0x30D3, 1), (0x60E5, 9)):
             getters[key_of(index, sub)] = lambda: self._shown(axis.velocity_averaged)
         getters[key_of(0x60E4, 1)] = self.position
         getters[key_of(0x60E4, 2)] = getters[key_of(0x3012, 9)] = self.absolute_position
-        getters[key_of(0x60F4, 0)] = lambda: round(axis.lag)
         getters[key_of(0x30D0, 0)] = lambda: round(axis.current)
         getters[key_of(0x30D1, 1)] = lambda: round(axis.current_averaged)
         getters[key_of(0x30D1, 2)] = lambda: round(axis.current)
@@ -102,10 +91,6 @@ class Epos4Motion(Motion):
         getters[key_of(0x30D2, 1)] = lambda: self._per_mille(axis.current_averaged)
         getters[key_of(0x3000, 5)] = self.resolution
         getters[key_of(0x3000, 6)] = lambda: round(self._top)
-        for mode, (target, offset) in _SET_POINTS.items():
-            self._dictionary.checks[target] = self._note_request
-            written[target] = self._taker(mode, counts=True)
-            written[offset] = self._taker(mode, counts=False)
         for index, sub in _LIMITS:
             written[key_of(index, sub)] = lambda _: self.configure()
         for index, sub in _SENSORS:
@@ -137,26 +122,6 @@ class Epos4Motion(Motion):
             return 6 * values[key_of(0x3001, 3)]
         return 0
 
-    def status_bits(self) -> int:
-        """The statusword's bits 10, 12 and 13 of the present mode, 11 and 15."""
-        bits = super().status_bits()
-        if self._speed_limited:
-            bits |= LIMIT_ACTIVE
-        if self.mode == HOMING:
-            bits &= ~BIT_10
-            if -STILL_RPM < self.axis.velocity < STILL_RPM:
-                bits |= BIT_10
-        elif self.mode in _SET_POINTS:
-            if self.commanded and not self._controlword & HALT:
-                bits |= BIT_12
-            if self._followed_badly:
-                bits |= BIT_13
-        return bits
-
-    def _shown(self, velocity: float) -> int:
-        """A velocity [rpm] in the drive's unit."""
-        return max(-0x80000000, min(0x7FFFFFFF, round(velocity / self.rpm)))
-
     def _per_mille(self, current: float) -> int:
         """A current [mA] as torque, in thousandths of the rated one."""
         return int16(1000.0 * current / self._values[key_of(0x3001, 1)]) if self.rated_torque() else 0
@@ -175,17 +140,6 @@ class Epos4Motion(Motion):
         self._period = number(0x60C2, 1) * 1e-3
         self._look_for_ssi()
 
-    def position_limits(self) -> tuple[float, float]:
-        """Objects 0x607D [counts]; infinite: off."""
-        if not (self._dictionary.number(0x607D, 1) or self._dictionary.number(0x607D, 2)):
-            return -math.inf, math.inf
-        return super().position_limits()
-
-    def engage(self) -> None:
-        """Operation Enabled begins."""
-        self._silence = 0.0
-        super().engage()
-
     def release(self) -> None:
         """Power off: the shaft coasts."""
         self.homing.stop()
@@ -195,10 +149,6 @@ class Epos4Motion(Motion):
         """Ramp down with the deceleration of this index."""
         self.homing.stop()
         super().brake(ramp)
-
-    def quick_stop(self) -> None:
-        """Ramp down with 0x6085 in every mode, and stay there with power."""
-        self.brake(0x6085)
 
     def _leave_mode(self) -> None:
         self.homing.stop()
@@ -228,18 +178,7 @@ class Epos4Motion(Motion):
         elif self.mode == HOMING and not self.commanded and controlword & changed & NEW_SET_POINT:
             if self._dictionary.number(0x6098) == PRESENT_PLACE:
                 self._arrive_home()
-        error = super().command(controlword)
-        if changed & HALT and self.commanded and self.mode in _SET_POINTS:
-            self.set_direct(self.mode)
-        return error
-
-    def _set_velocity(self) -> None:
-        number, axis = self._dictionary.number, self.axis
-        axis.acceleration, axis.deceleration = self._acceleration(0x6083), self._acceleration(0x6084)
-        top = min(number(0x607F), number(0x6080))
-        target = 0 if self._controlword & HALT else number(0x60FF)
-        self._speed_limited = abs(target) > top
-        axis.regulate(Regulation.VELOCITY, max(-top, min(top, target)) * self.rpm)
+        return super().command(controlword)
 
     def _begin_profile(self, target: int, relative: bool) -> None:
         number, axis = self._dictionary.number, self.axis
@@ -251,60 +190,11 @@ class Epos4Motion(Motion):
         axis.regulate(Regulation.PROFILE, float(target + self._zero))
 
     def _acceleration(self, index: int) -> float:
+        """Of a profile [rpm/s]."""
         return float(min(self._dictionary.number(index), self._dictionary.number(0x60C5)))
 
-    def _note_request(self, _: int) -> None:
-        """Only an SDO request is checked before it is written."""
-        self._at_once = True
-
-    def _taker(self, mode: int, *, counts: bool) -> Callable[[int], None]:
-        def take(_: int) -> None:
-            at_once, self._at_once = self._at_once, False
-            if not self.commanded or self.mode != mode:
-                return
-            if counts:
-                self._silence = 0.0
-            period = self._period
-            if at_once:
-                self._period = 0.0
-            self.set_direct(mode)
-            self._period = period
-
-        return take
-
-    def set_direct(self, mode: int) -> None:
-        """The target of a cyclic mode, with its offset: reached within the interpolation period, or at once."""
-        axis = self.axis
-        if self._controlword & HALT:
-            axis.deceleration = float(self._dictionary.number(0x6084))
-            axis.regulate(Regulation.VELOCITY, 0.0)
-            return
-        target, offset = _SET_POINTS[mode]
-        wanted = self._values[target] + self._values[offset]
-        self._speed_limited = False
-        if mode == CYCLIC_POSITION:
-            self._lead_to(float(wanted + self._zero))
-        elif mode == CYCLIC_VELOCITY:
-            speed = max(-self._top, min(self._top, wanted * self.rpm))
-            self._speed_limited = speed != wanted * self.rpm
-            axis.regulate(Regulation.VELOCITY, speed)
-            change = abs(speed - axis.demand_velocity)
-            axis.acceleration = axis.deceleration = change / self._period if self._period else math.inf
-        else:
-            nominal = self._dictionary.number(0x3001, 1) if self.rated_torque() else 0
-            axis.regulate(Regulation.CURRENT, wanted * nominal / 1000.0)
-
-    def _lead_to(self, target: float) -> None:
-        """A target of the cyclic position mode, as the axis counts."""
-        axis = self.axis
-        if not self._period:
-            axis.regulate(Regulation.POSITION, target)
-            axis.demand_position = target
-            return
-        axis.regulate(Regulation.EVEN, target)
-        speed = abs(target - axis.demand_position) / (self._period * axis.counts_per_rpm_s)
-        self._speed_limited = speed > self._top
-        axis.profile_velocity = min(speed, self._top)
+    def _current_of(self, torque: int) -> float:
+        return torque * self._dictionary.number(0x3001, 1) / 1000.0 if self.rated_torque() else 0.0
 
     # ------------------------------------------------------------------------------------------ homing
 
@@ -334,7 +224,7 @@ class Epos4Motion(Motion):
             return POSITIVE_SWITCH
         if demand < 0.0 and NEGATIVE_LIMIT in self._active:
             return NEGATIVE_SWITCH
-        if self._period and self.mode in _SET_POINTS:
+        if self._period and self.mode in self.set_points:
             self._silence += dt
             if self._silence > self._period * (1.0 + self._tolerance):
                 self._silence = 0.0

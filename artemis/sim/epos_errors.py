@@ -1,6 +1,6 @@
 """Device errors of a simulated EPOS: error register, error history; the first generation's table.
 
-Source: EPOS firmware specification 2010, 12.2. The EPOS4's table is in `epos4_errors.py`.
+Source: EPOS firmware specification 2010, 12.2. Other tables are in `epos4_errors.py` and `cia402.py`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Reaction(Enum):
     NONE = "none"
     QUICK_STOP = "ramp with 0x6085, then power off"
     POWER_OFF = "power off at once"
-    FAULT_OPTION = "as object 0x605E says"  # EPOS4
-    ABORT_OPTION = "as object 0x6007 says"  # EPOS4
+    FAULT_OPTION = "as object 0x605E says"  # CiA 402
+    ABORT_OPTION = "as object 0x6007 says"  # CiA 402
     WARNING = "none; bit 7 of the statusword tells"  # EPOS4
 
 
@@ -117,6 +117,13 @@ class ErrorMemory:
         if code in self._until_bus_reset:
             self._bus_was_reset = False
         return True
+
+    def end(self, code: int) -> None:
+        """An error is over without a fault reset."""
+        self.active.discard(code)
+        self.register = 0
+        for left in self.active:
+            self.register |= self._table.get(left, GENERIC).register
 
     def note_bus_reset(self) -> None:
         """NMT Reset Communication: what some errors wait for before a fault reset is taken."""

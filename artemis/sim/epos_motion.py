@@ -1,7 +1,7 @@
 """The drive function of a simulated EPOS: what the modes of operation that all generations have ask of the motor axis.
 
 Sources: EPOS firmware specification 2010, chapter 9 and 14.59 to 14.93; application note "Device Programming" 2009.
-What each generation adds is in `epos1_motion.py` and `epos4_motion.py`.
+What others add is in `epos1_motion.py`, `cia402_motion.py` and `epos4_motion.py`.
 """
 
 from __future__ import annotations

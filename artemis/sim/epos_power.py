@@ -1,6 +1,6 @@
 """The device state machine of a simulated EPOS: that of the first generation, which is not quite CiA 402's.
 
-Source: EPOS firmware specification 2010, 8.1. The EPOS4's is made of it in `epos4_power.py`.
+Source: EPOS firmware specification 2010, 8.1. The profile's is made of it in `cia402_power.py`.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ class SimSettings(Config):
     refresh_s: Seconds = 0.005
     """Time in the state Refresh."""
     measure_s: Seconds = 0.005
-    """Time in the state Measure Init; of an EPOS4 that of the transition to Switched On, in which it measures, too."""
+    """Time in the state Measure Init; of others that of the transition to Switched On, in which they measure, too."""
     firmware: Annotated[int, Field(ge=0x2030, le=0xFFFF)] = 0x2033
     """Object 0x2003:1."""
     position_limits_clip: bool = False

@@ -156,9 +156,6 @@ class World:
             seed: Of all that is random: slip and potentiometer noise.
             start: Time of power-on [s].
             settings: How the drives behave.
-
-        Raises:
-            ConfigError: A drive is of a family that cannot be simulated.
         """
         true = true or PlantParameters()
         self.time = start

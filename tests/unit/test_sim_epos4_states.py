@@ -7,7 +7,7 @@ from sim_epos_rig import STEERING_4, TRACTION_4, Rig
 
 from artemis.drive_states import DriveState
 from artemis.sim.epos4_errors import ERRORS_4
-from artemis.sim.epos4_power import PATTERNS_4
+from artemis.sim.cia402_power import PATTERNS_402
 from artemis.sim.epos_errors import Reaction
 from artemis.sim.epos_settings import Epos4Settings, SimSettings
 
@@ -61,7 +61,7 @@ def test_states_are_those_of_cia_402() -> None:
 
 
 def test_no_statusword_has_the_bits_of_the_first_generation() -> None:
-    assert all(not pattern & 0x4100 for pattern in PATTERNS_4.values())
+    assert all(not pattern & 0x4100 for pattern in PATTERNS_402.values())
 
 
 def test_enabling_measures_offsets_in_switched_on() -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from sim_epos_rig import STEERING, STEERING_4, Rig
 
 from artemis.drive_schema import Drive
-from artemis.sim.epos4_power import PATTERNS_4
+from artemis.sim.cia402_power import PATTERNS_402
 from artemis.sim.epos_power import PATTERNS
 
 NODE = STEERING.node_id
@@ -44,7 +44,7 @@ requests = st.builds(
 def test_no_frames_whatever_bring_the_node_out_of_step(
     drive: Drive, traffic: list[tuple[tuple[int, bytes, bool], int]]
 ) -> None:
-    patterns = PATTERNS if drive is STEERING else PATTERNS_4
+    patterns = PATTERNS if drive is STEERING else PATTERNS_402
     rig = Rig(drive)
     for (identifier, data, rtr), pause in traffic:
         rig.send(identifier, data, rtr=rtr)
