@@ -8,9 +8,11 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from artemis.config import Config
+from artemis.drive_schema import Drive
 from artemis.drive_states import DriveState, Nmt
+from artemis.families.objects import PRODUCT
+from artemis.sim.cia402_objects import objects402
 from artemis.sim.epos2 import objects2
-from artemis.sim.epos4 import SimEpos4
 from artemis.sim.epos4_objects import objects4
 from artemis.sim.epos_failures import Speech
 from artemis.sim.epos_objects import objects
@@ -32,7 +34,9 @@ OBJECTS = {
     "epos2": {(entry.index, entry.sub) for entry in objects2(1, 0, 0, 0)},
     "epos4": {(entry.index, entry.sub) for entry in objects4(1, 0, 0, 0)},
 }
-"""Index and sub-index of everything that a drive of a family has."""
+"""Index and sub-index of everything that a drive of a family has; of others their robot file says it."""
+OF_ITS_MAKER = range(0x2000, 0x6000)
+"""Indices that CiA 301 leaves to the maker of a drive."""
 
 
 class UnknownError(Config):
@@ -93,7 +97,7 @@ class WrongStatusword(Lasting):
 
 
 class StaleTarget(Config):
-    """What the target object still holds: rpm, or counts of a steering drive."""
+    """What the target object still holds, in the drive's unit of velocity, or in counts of a steering drive."""
 
     target: int = 1000
 
@@ -106,7 +110,8 @@ class ObjectOf(Lasting):
 
     @model_validator(mode="after")
     def _known(self) -> Self:
-        if not any((self.index, self.sub) in known for known in OBJECTS.values()):
+        known = any((self.index, self.sub) in known for known in OBJECTS.values())
+        if not known and self.index not in OF_ITS_MAKER:
             raise ValueError(f"no object 0x{self.index:04X} sub-index {self.sub} in any drive")
         return self
 
@@ -152,6 +157,13 @@ class WrongNode(Lasting):
     answers: Literal["nothing", "another product"] = "nothing"
 
 
+def has_object(drive: Drive, index: int, sub: int) -> bool:
+    """Whether the drive has it."""
+    if drive.cia402 is None:
+        return (index, sub) in OBJECTS[drive.family]
+    return any((entry.index, entry.sub) == (index, sub) for entry in objects402(drive, drive.cia402))
+
+
 def _report(stage: Stage, node: str | None, p: UnknownError) -> None:
     stage.drive(node).emergency(p.code, stage.now, heard=p.heard)
 
@@ -185,7 +197,8 @@ def _change_state(stage: Stage, node: str | None, p: NewState) -> None:
 
 def _refuse_state(stage: Stage, node: str | None, p: RefusedState) -> Undo:
     drive, state = stage.drive(node), DriveState(p.state)
-    if isinstance(drive, SimEpos4) and state is DriveState.REFRESH:
+    known = stage.robot.drives[drive.name].tables.states.values()
+    if state is DriveState.REFRESH and state not in known:
         state = DriveState.OPERATION_ENABLE  # which it enters without it
     return drive.failures.refuse_states(state)
 
@@ -259,8 +272,9 @@ def _be_another(stage: Stage, node: str | None, p: WrongNode) -> Undo:
         return _nobody(stage, node, p)
     drive = stage.drive(node)
     undos = [drive.failures.misreport(0x1018, 2, lambda product: product ^ 0x0100_0000)]
-    if not isinstance(drive, SimEpos4):  # it has its hardware version in the product code alone
-        undos.append(drive.failures.misreport(0x2003, 2, lambda version: version ^ 0x0100))
+    hardware = stage.robot.drives[drive.name].tables.hardware.object
+    if hardware != PRODUCT:  # others have their hardware version in the product code alone
+        undos.append(drive.failures.misreport(hardware.index, hardware.subindex, lambda version: version ^ 0x0100))
     return together(undos)
 
 

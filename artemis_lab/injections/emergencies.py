@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, create_model
 
 from artemis.config import Config
+from artemis.families.cia402 import ERRORS as ERRORS_402
 from artemis.sim.epos4 import SimEpos4
 from artemis.sim.epos4_errors import HOT, STO_OPEN
 from artemis_lab.injections.stage import Injection, Needs, Positive, Stage, Undo
@@ -109,9 +110,11 @@ CODES: dict[str, dict[str, tuple[int, ...]]] = {
     },
 }
 CODES["epos2"] = CODES["epos1"]  # it has some more, without rows of their own
+CODES["cia402"] = {id: tuple(code for code, row in ERRORS_402.items() if row == id) for id in ERRORS_402.values()}
 """EMCY error codes by family and row, each row's usual one first.
 
-Sources: firmware specification 2010 of the EPOS, 12.2; public tables that quote the EPOS4's of 2021 and later.
+Sources: firmware specification 2010 of the EPOS, 12.2; public tables that quote the EPOS4's of 2021 and later; CiA 301
+and 402.
 """
 CODES = {family: dict(sorted(rows.items())) for family, rows in CODES.items()}
 

@@ -27,7 +27,7 @@ from artemis_lab.injections.bad_plugins import (
     BadLocalizer,
     FollowerBehaviour,
 )
-from artemis_lab.injections.drives import OBJECTS
+from artemis_lab.injections.drives import has_object
 from artemis_lab.injections.emergencies import checked_code, known_codes
 from artemis_lab.injections.failing_disk import FailingDisk
 from artemis_lab.injections.fault_bus import FaultBus
@@ -99,9 +99,9 @@ def _check_family(fault: InjectedFault, injection: Injection, robot: RobotFile |
     elif "index" in injection.parameters.model_fields:
         with suppress(ValidationError):  # what is wrong with it is said of every drive
             wanted = injection.parameters.model_validate(fault.options)
-            place = getattr(wanted, "index"), getattr(wanted, "sub")  # noqa: B009 (fields of `ObjectOf`)
-            if place not in OBJECTS.get(family, {place}):
-                yield "index", f"a drive of family {family} has no object 0x{place[0]:04X} sub-index {place[1]}"
+            index, sub = getattr(wanted, "index"), getattr(wanted, "sub")  # noqa: B009 (fields of `ObjectOf`)
+            if not has_object(drive, index, sub):
+                yield "index", f"a drive of family {family} has no object 0x{index:04X} sub-index {sub}"
 
 
 def _check_scanner(fault: InjectedFault, injection: Injection, robot: RobotFile | None) -> Iterator[Problem]:

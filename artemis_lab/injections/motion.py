@@ -11,11 +11,14 @@ from pydantic import Field
 
 from artemis.config import Config
 from artemis.drive_states import DriveState
+from artemis.families import FAMILIES
 from artemis.sim.epos4 import SimEpos4
 from artemis.sim.wheels import PotentiometerFailure, SteeredWheel
 from artemis_lab.injections.fault_bus import RX_PDO_1, Direction, Rule
 from artemis_lab.injections.stage import Count, Injection, Lasting, Needs, Nothing, Positive, Stage, Undo, together
 
+WITH_MEMORY = [family.name for family in FAMILIES.values() if family.memory]
+"""Families whose drives keep numbers of the user's own."""
 PROFILE_VELOCITY = 3
 """Mode of operation (object 0x6060)."""
 RAMP_PERIOD = 0.05
@@ -273,12 +276,13 @@ def _carry(stage: Stage, node: str | None, p: Carried) -> None:
 def _keep_running(stage: Stage, node: str | None, p: Running) -> None:
     """As a host left it that died before the drive's watchdog was armed."""
     drive = stage.drive(node)
+    scale = stage.robot.drives[drive.name].tables.velocity_scale
 
     def run() -> None:
         if drive.nmt is None:
             return  # without power nothing turns
         drive.poke(0x6060, 0, PROFILE_VELOCITY)
-        drive.poke(0x60FF, 0, p.speed_rpm)
+        drive.poke(0x60FF, 0, round(p.speed_rpm * scale))
         drive.failures.force_state(DriveState.OPERATION_ENABLE)
 
     stage.once_booted(drive, run)
@@ -309,7 +313,7 @@ MOTION_INJECTIONS: dict[str, Injection] = {
     "STE-06": Injection("the motor turns without its wheel", _detach, Needs.STEERING, Lasting),
     "STE-07": Injection("potentiometers are frozen", _freeze, Needs.STEERING, Lasting),
     "CAL-01": Injection("steering is blocked, while it aligns", _block("steering"), Needs.STEERING, Lasting),
-    "CAL-02": Injection("drive keeps another calibration", _remember, Needs.STEERING, Kept),
+    "CAL-02": Injection("drive keeps another calibration", _remember, Needs.STEERING, Kept, families=WITH_MEMORY),
     "SYS-10": Injection("drive is found turning", _keep_running, Needs.TRACTION, Running),
     "PTH-06": Injection("somebody carries the robot away", _carry, parameters=Carried),
     "PTH-07": Injection("both driven wheels are blocked", _block("traction"), parameters=Lasting),

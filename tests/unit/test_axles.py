@@ -303,6 +303,7 @@ def test_a_drive_that_the_file_describes_shows_what_finds_the_angle(
     ("name", "missed"),
     [
         ("artemis", {"CAL-03"}),
+        ("artemis_cia402", {"CAL-02", "CAL-03"}),
         ("artemis_absolute", {"STE-03", "STE-04", "STE-07", "CAL-02"}),
         ("small_car_switch", {"STE-03", "STE-04", "STE-05", "STE-06", "STE-07", "CAL-02"}),
     ],

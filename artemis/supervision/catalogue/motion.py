@@ -262,7 +262,7 @@ MOTION: dict[str, Row] = {
         to_fault=True,
         within=5.0,
         reason="a mission whose first path comes before its first `calibrate` is refused",
-        needs=Requirement.POTENTIOMETERS,
+        needs=Requirement.KEPT_CALIBRATION,
     ),
     "CAL-03": Row(
         "angle of the steering not found",

@@ -95,6 +95,7 @@ class Requirement(Enum):
     STEERING_MOTORS = "a steering motor at each front wheel"
     TRACTION_MOTORS = "a traction motor at each driven wheel"
     POTENTIOMETERS = "potentiometers of the steering"
+    KEPT_CALIBRATION = "potentiometers of the steering, and drives that can keep their calibration"
     ANGLE_SENSORS = "potentiometers or absolute encoders of the steering"
     SEARCH = "a steering whose angle no potentiometers measure"
 
@@ -134,6 +135,9 @@ class Row(NamedTuple):
                 return robot.sides("traction") != OWN_SIDES
             case Requirement.POTENTIOMETERS:
                 return not robot.has_potentiometers
+            case Requirement.KEPT_CALIBRATION:
+                steering = [drive for drive in robot.drives.values() if drive.role == "steering"]
+                return not (robot.has_potentiometers and any(drive.tables.memory for drive in steering))
             case Requirement.ANGLE_SENSORS:
                 return not isinstance(robot.angle_source("left"), Potentiometers | AbsoluteEncoder)
             case Requirement.SEARCH:

@@ -99,7 +99,7 @@ class Evidence:
         """Every target speed that was sent to each side's driven wheel: time [s] and m/s, forward positive."""
         found: dict[str, list[tuple[float, float]]] = {}
         for side in SIDES:
-            scale, sent = self.metres_per_rpm(side), found.setdefault(side, [])
+            scale, sent = self.metres_per_unit(side), found.setdefault(side, [])
             for event in self.wire.nodes[self.node("traction", side)].events:
                 if isinstance(event, SetPoint):
                     sent.append((event.time, event.target * scale))
@@ -107,10 +107,12 @@ class Evidence:
                     sent.append((event.time, (event.value - (event.value >> 31 << 32)) * scale))
         return found
 
-    def metres_per_rpm(self, side: str) -> float:
-        """Rolling speed of a driven wheel [m/s] per rpm of its motor, signed."""
+    def metres_per_unit(self, side: str) -> float:
+        """Rolling speed of a driven wheel [m/s] per unit of velocity of its drive, signed."""
         _, drive = self.robot.drive_at("traction", side)
         scale = self.robot.metres_per_count(side) * drive.sensor.counts_per_turn / 60.0
+        if drive.cia402 is not None:
+            scale /= drive.cia402.velocity_units_per_rpm
         return -scale if drive.mirrored else scale
 
     def node(self, role: str, side: str) -> int:

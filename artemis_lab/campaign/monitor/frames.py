@@ -9,9 +9,9 @@ from math import inf
 from artemis_lab.campaign.monitor.evidence import Evidence, Violation
 from artemis_lab.campaign.monitor.wire import (
     HISTORY,
+    IDENTITY,
     LOST_HEARTBEAT,
     MODE_SHOWN,
-    VENDOR,
     VERSION,
     WATCHED_HOST,
     Boot,
@@ -31,8 +31,10 @@ SCRUB = 0.05
 """A wheel's target may rise by this much while the robot slows down: it no longer rolls about its kingpin [m/s]."""
 WATCH_MS = 200
 """A drive watches the host's heartbeat with this time-out."""
-MODES = {"traction": 3, "steering": -1}
-"""Modes of operation: profile velocity, position."""
+_OF_EPOS = {"traction": 3, "steering": -1}
+MODES = {"epos1": _OF_EPOS, "epos2": _OF_EPOS, "epos4": {"traction": 9, "steering": 8}}
+"""Modes of operation by family: profile velocity and position, or the cyclic synchronous ones. Other drives have theirs
+in the robot file."""
 SILENCE = 0.15
 """A pause of the host's heartbeat this long [s] is no jitter."""
 
@@ -117,7 +119,7 @@ def enabling(e: Evidence) -> Iterator[Violation]:
             if isinstance(event, Status):
                 if event.enabled and not last.enabled and not _forced(e, name, event.time):
                     off = abs(known.target - event.position) if known.target is not None else -1
-                    wrong = _unknown(known, drive.role, watch, off, drive.sensor.counts_per_turn * drive.gear_ratio)
+                    wrong = _unknown(e, name, known, watch, off)
                     if wrong:
                         yield Violation("I5", event.time, f"{name} was enabled without {', '.join(wrong)}")
                 if event.faulty and not last.faulty and not _proving(e, event.time):
@@ -129,8 +131,8 @@ def enabling(e: Evidence) -> Iterator[Violation]:
 
 def _learned(e: Evidence, known: _Known, event: Event) -> _Known:
     match event:
-        case Boot():
-            return _Known()
+        case Boot(reset=reset):
+            return _Known(proof=known.proof and reset)
         case SeenEmergency(code=code) if code == LOST_HEARTBEAT and _proving(e, event.time):
             known.proof = True
         case SeenEmergency(code=code) if code:
@@ -140,8 +142,8 @@ def _learned(e: Evidence, known: _Known, event: Event) -> _Known:
         case SetPoint(target=target):
             known.target = target
         case Transfer(object=index, sub=sub, value=value):
-            known.vendor = known.vendor or (index, sub) == (VENDOR, 1)
-            known.version = known.version or (index, sub) == (VERSION, 1)
+            known.vendor = known.vendor or (index, sub) == (IDENTITY, 1)
+            known.version = known.version or (index, sub) in ((VERSION, 1), (IDENTITY, 3))
             known.proof = known.proof or (index == HISTORY and sub > 0 and value & 0xFFFF == LOST_HEARTBEAT)
             if (index, sub) == (WATCHED_HOST, 1):
                 known.watch = value
@@ -150,14 +152,16 @@ def _learned(e: Evidence, known: _Known, event: Event) -> _Known:
     return known
 
 
-def _unknown(known: _Known, role: str, watch: int, off: int, counts_per_turn: float) -> list[str]:
+def _unknown(e: Evidence, name: str, known: _Known, watch: int, off: int) -> list[str]:
     """What had to be made sure of and was not; `off`: target less position [counts], negative if none was sent."""
-    near = off == 0 if role == "traction" else 0 <= off <= counts_per_turn * 3 / 360
-    zero = known.target == 0 if role == "traction" else near
+    drive = e.robot.drives[name]
+    counts_per_turn = drive.sensor.counts_per_turn * drive.gear_ratio
+    zero = known.target == 0 if drive.role == "traction" else 0 <= off <= counts_per_turn * 3 / 360
+    mode = MODES[drive.family][drive.role] if drive.cia402 is None else drive.cia402.operating_mode
     checks = {
         "its identity read": known.vendor and known.version,
         "watching our heartbeat": known.watch == watch,
-        "its mode of operation seen": known.mode == MODES[role],
+        "its mode of operation seen": known.mode == mode,
         "a harmless target": zero,
         "the proof that it watches": known.proof,
     }

@@ -8,7 +8,7 @@ from math import atan2, cos, degrees, hypot, pi, radians, sin
 from typing import NamedTuple
 
 from artemis_lab.campaign.monitor.evidence import Evidence, Violation
-from artemis_lab.campaign.monitor.frames import DRIVING, MODES, QUEUED
+from artemis_lab.campaign.monitor.frames import DRIVING, QUEUED
 from artemis_lab.campaign.monitor.wire import ENABLE, SetPoint, Status
 from artemis_lab.campaign.witness import SIDES
 
@@ -60,10 +60,10 @@ def _true_speed(e: Evidence) -> Iterator[Violation]:
 
 
 def _speed_targets(e: Evidence) -> Iterator[Violation]:
-    bounds, quantum = e.robot.limits, 2 * abs(e.metres_per_rpm("left"))
+    bounds, quantum = e.robot.limits, 2 * abs(e.metres_per_unit("left"))
     run: list[_Asked] = []
     left, right = (e.wire.nodes[e.node("traction", side)].all(SetPoint) for side in SIDES)
-    scales = [e.metres_per_rpm(side) for side in SIDES]
+    scales = [e.metres_per_unit(side) for side in SIDES]
     others = {round(point.time / QUEUED): point for point in right}
     for point in left:
         slot = round(point.time / QUEUED)
@@ -95,12 +95,12 @@ def _pairs(e: Evidence) -> Iterator[Violation]:
         return
     asked: dict[tuple[str, str], SetPoint] = {}
     angles: list[tuple[float, ...]] = []
-    talks = {(role, side): e.wire.nodes[e.node(role, side)] for role in MODES for side in SIDES}
+    talks = {(role, side): e.wire.nodes[e.node(role, side)] for role in ("traction", "steering") for side in SIDES}
     points = sorted(
         ((point.time, place, point) for place, talk in talks.items() for point in talk.all(SetPoint)),
         key=lambda entry: entry[0],
     )
-    scales = {side: e.metres_per_rpm(side) for side in SIDES}
+    scales = {side: e.metres_per_unit(side) for side in SIDES}
     for time, place, point in points:
         asked[place] = point
         if len(asked) < 4 or time - min(one.time for one in asked.values()) > QUEUED:

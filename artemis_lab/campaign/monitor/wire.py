@@ -1,7 +1,8 @@
-"""What the frames on the wire say: the monitor's own reading of CiA 301 and the EPOS, shared with nobody.
+"""What the frames on the wire say: the monitor's own reading of CiA 301, CiA 402 and the EPOS, shared with nobody.
 
-Sources: CiA 301 (7.2.4.3 SDO, 7.2.7 EMCY, 7.2.8 NMT and heartbeat, 7.3.3 identifiers); EPOS firmware specification,
-April 2010, 8.1.1 (statusword) and 14 (objects).
+Sources: CiA 301 (7.2.4.3 SDO, 7.2.7 EMCY, 7.2.8 NMT and heartbeat, 7.3.3 identifiers); CiA 402 (statusword); EPOS
+firmware specification, April 2010, 8.1.1 (statusword) and 14 (objects). A drive of a later family shows its mode in the
+seventh byte of TxPDO 1, one of the first generations in the last byte of TxPDO 2.
 """
 
 from __future__ import annotations
@@ -11,15 +12,16 @@ from typing import NamedTuple, TypeVar
 
 from artemis_lab.campaign.witness import Heard
 
-SYNC = 0x080
-OPERATION_ENABLE, QUICK_STOP_ACTIVE = 0x0137, 0x0117
-STATE_BITS = 0x417F
-"""Of a statusword (table 1 of the specification)."""
+NMT, SYNC = 0x000, 0x080
+RESET_COMMUNICATION = b"\x82"
+OPERATION_ENABLE, QUICK_STOP_ACTIVE = 0x0027, 0x0007
+STATE_BITS = 0x006F
+"""Of a statusword (CiA 402; the EPOS has more, without which these two are no other state)."""
 FAULT_BIT = 0x0008
 ENABLE, QUICK_STOP = 0x0F, 0x0B
 """Controlwords that ask for operation and for a quick stop."""
 TARGET_VELOCITY, POSITION_SETTING, CONTROLWORD = 0x60FF, 0x2062, 0x6040
-WATCHED_HOST, VENDOR, VERSION, MODE_SHOWN, HISTORY = 0x1016, 0x1018, 0x2003, 0x6061, 0x1003
+WATCHED_HOST, IDENTITY, VERSION, MODE_SHOWN, HISTORY = 0x1016, 0x1018, 0x2003, 0x6061, 0x1003
 LOST_HEARTBEAT = 0x8130
 """EMCY code."""
 
@@ -30,7 +32,7 @@ class SetPoint(NamedTuple):
     time: float
     controlword: int
     target: int
-    """rpm, or counts."""
+    """In the drive's unit of velocity, or counts."""
 
 
 class Status(NamedTuple):
@@ -71,7 +73,7 @@ class StopFrame(NamedTuple):
 
 
 class ModeShown(NamedTuple):
-    """Last byte of TxPDO 2."""
+    """In process data."""
 
     time: float
     mode: int
@@ -88,6 +90,8 @@ class Boot(NamedTuple):
     """Boot-up message."""
 
     time: float
+    reset: bool
+    """NMT Reset Communication of this node came before it."""
 
 
 class WriteRequest(NamedTuple):
@@ -108,6 +112,10 @@ class NodeTalk:
 
     def __init__(self) -> None:
         self.events: list[Event] = []
+        self.early_mode = False
+        """The mode is shown in TxPDO 1."""
+        self.reset = False
+        """Its communication is reset."""
 
     def all(self, kind: type[Kind]) -> list[Kind]:
         """The events of one kind."""
@@ -133,6 +141,8 @@ class Wire:
         if identifier in (self._host, SYNC):
             (self.beats if identifier == self._host else self.syncs).append(time)
             return
+        if identifier == NMT and data[:1] == RESET_COMMUNICATION and data[1] in self.nodes:
+            self.nodes[data[1]].reset = True
         talk = self.nodes.get(identifier & 0x7F)
         if talk is None:
             return
@@ -140,16 +150,20 @@ class Wire:
         say = talk.events.append
         if service == 0x200 and len(data) == 6:
             say(SetPoint(time, _unsigned(data[:2]), _signed(data[2:])))
-        elif service == 0x180 and len(data) == 6:
-            say(Status(time, _unsigned(data[:2]), _signed(data[2:])))
-        elif service == 0x280 and data:
+        elif service == 0x180 and len(data) in (6, 7):
+            say(Status(time, _unsigned(data[:2]), _signed(data[2:6])))
+            if data[6:]:
+                talk.early_mode = True
+                say(ModeShown(time, _signed(data[6:])))
+        elif service == 0x280 and data and not talk.early_mode:
             say(ModeShown(time, _signed(data[-1:])))
         elif service == 0x300 and len(data) == 2:
             say(StopFrame(time, _unsigned(data)))
         elif service == 0x080 and len(data) == 8:
             say(SeenEmergency(time, _unsigned(data[:2])))
         elif service == 0x700 and data[:1] == b"\0":
-            say(Boot(time))
+            say(Boot(time, talk.reset))
+            talk.reset = False
         elif service == 0x600 and len(data) == 8:
             self._pending[identifier & 0x7F] = data
             if data[0] & 0xE2 == 0x22:
