@@ -122,6 +122,8 @@ class Scene:
     """A simulated tracker tells where the robot is."""
     robot: str | None = None
     """Its file; None: ARTEMIS'."""
+    units: float = 1.0
+    """Units of velocity of the drives of its driven wheels per rpm."""
 
 
 def scenes(of: Mapping[str, Scene | Sequence[Scene]]) -> list[tuple[str, Scene]]:
@@ -268,21 +270,21 @@ def assert_follows(run: Run, scene: Scene, found: Notice) -> None:
     if found.before not in (Mode.FAULT, Mode.END):
         assert found.seen.mode is (Mode.FAULT if verdict.to_fault else Mode.QUICKSTOP)
     if severity is Severity.CONTROLLED_STOP:
-        assert_ramps_down(run, found)
+        assert_ramps_down(run, scene, found)
     else:
         assert_quick_stop(run, scene, found)
     assert run.status == 1 or verdict.recovers, "nobody is there: the run ends as failed"
     assert standing(run.world.truth)
 
 
-def targets(run: Run, found: Notice) -> list[tuple[float, float]]:
+def targets(run: Run, scene: Scene, found: Notice) -> list[tuple[float, float]]:
     """What is asked of driven wheels from that tick on: time, speed without sign [m/s]."""
     ticks = run.seen[run.seen.index(found.seen) :]
-    return [(seen.now, target) for seen in ticks for target in ramp(seen)]
+    return [(seen.now, target / scene.units) for seen in ticks for target in ramp(seen)]
 
 
 def ramp(seen: Seen) -> list[float]:
-    """What is asked of driven wheels in one tick, without sign [m/s]."""
+    """What is asked of driven wheels in one tick, without sign [m/s, of drives that count rpm]."""
     asked = [target_velocity(frame) for frame in seen.sent]
     return [abs(target) / RPM for target in asked if target is not None]
 
@@ -290,7 +292,7 @@ def ramp(seen: Seen) -> list[float]:
 def assert_quick_stop(run: Run, scene: Scene, found: Notice) -> None:
     """No target any more; wheels with power stop by the drives' ramp, those without by friction; then they stay."""
     now = found.seen.now
-    assert not [target for _, target in targets(run, found) if target]
+    assert not [target for _, target in targets(run, scene, found) if target]
     if scene.alone:
         now = time_of(scene) + WATCH
     truths = run.truth_from(now)
@@ -304,10 +306,10 @@ def assert_quick_stop(run: Run, scene: Scene, found: Notice) -> None:
             assert moving <= set(_POWERED), f"{name} coasts"
 
 
-def assert_ramps_down(run: Run, found: Notice) -> None:
+def assert_ramps_down(run: Run, scene: Scene, found: Notice) -> None:
     """Targets fall by the gate's ramp and never rise; drives stay on until the robot stands; then it stays."""
     now = found.seen.now
-    asked = targets(run, found)
+    asked = targets(run, scene, found)
     speed = max((target for _, target in asked[:2]), default=0.0)
     end = now + speed / DECELERATION + SETTLING
     assert max((target for _, target in asked), default=0.0) <= speed + TOLERANCE

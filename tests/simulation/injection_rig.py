@@ -27,11 +27,13 @@ from artemis_lab.injections.stage import Stage, Undo
 from artemis_lab.injections.table import inject
 
 ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
-ROBOT, ROBOT_4 = (
+ROBOT, ROBOT_4, ROBOT_402 = (
     RobotFile.model_validate(yaml.safe_load((ROBOTS / name).read_text()))
-    for name in ("artemis.yaml", "artemis_epos4.yaml")
+    for name in ("artemis.yaml", "artemis_epos4.yaml", "artemis_cia402.yaml")
 )
-"""The same machine with two generations of drives."""
+"""The same machine with drives of three families."""
+MAPPED = {"epos1": (0x207C, 0x60780010), "epos4": (0x3160, 0x60770010), "cia402": (0x2401, 0x60780010)}
+"""By family: index of the analog inputs, and an object of the motor current in two bytes."""
 STRAIGHT = PlantParameters(start_steering_left_deg=0.0, start_steering_right_deg=0.0)
 TICK = 0.02
 SYNC, HEARTBEAT, EMERGENCY, SDO_ANSWER, SDO_REQUEST = Frame(0x080), 0x700, 0x080, 0x580, 0x600
@@ -48,7 +50,7 @@ class Host:
         self.robot = robot
         self.first = robot is ROBOT
         """Its drives are of the first generation."""
-        self.boot = 0.1 if self.first else 0.3
+        self.boot = 0.3 if robot is ROBOT_4 else 0.1
         """After this they have booted [s]."""
         self.steering_mode = -1 if self.first else 8
         self.steered = 0x2062 if self.first else 0x607A
@@ -67,6 +69,10 @@ class Host:
         self.exchanges = True
         self.words = dict.fromkeys(self.robot.drives, 0x000F)
         self.targets = dict.fromkeys(self.robot.drives, 0)
+        tables = self.robot.drives[LEFT].tables
+        self.units = RPM_PER_M_S * tables.velocity_scale
+        """Units of velocity of a driven wheel's drive per m/s."""
+        self._ramps = RPM_PER_M_S * tables.acceleration_scale
         self._deadline = self.loop.time()
         self.bus.listen(lambda: None)
 
@@ -82,7 +88,7 @@ class Host:
     def forward(self, speed: float) -> None:
         """Both driven wheels at so many m/s from the next tick on."""
         for name in self.world.driven:
-            self.targets[name] = round((-1 if self.robot.drives[name].mirrored else 1) * speed * RPM_PER_M_S)
+            self.targets[name] = round((-1 if self.robot.drives[name].mirrored else 1) * speed * self.units)
 
     # ------------------------------------------------------------------------------------------ the run
 
@@ -100,7 +106,7 @@ class Host:
     def _configure(self, node: SimEpos) -> None:
         drive, id = self.robot.drives[node.name], node.node_id
         traction = drive.role == "traction"
-        analog, current = (0x207C, 0x60780010) if self.first else (0x3160, 0x60770010)
+        analog, current = MAPPED[drive.family]
         details = (0x606C0020,) if traction else (analog << 16 | 0x0110, analog << 16 | 0x0210)
         for index, objects in (
             (0x1A00, (0x60410010, 0x60640020)),
@@ -117,12 +123,15 @@ class Host:
         node.poke(0x1016, 1, self.robot.host_node_id << 16 | 200)
         node.poke(0x1017, 0, 100)
         node.poke(0x6060, 0, 3 if traction else self.steering_mode)
-        if not self.first:
+        if drive.family == "cia402":
+            for option in drive.tables.option_codes:
+                node.poke(option.setting.object.index, 0, option.setting.value)
+        if drive.tables.interpolates:
             node.poke(0x60C2, 1, round(1000 * TICK))
         node.poke(0x6065, 0, drive.following_error_counts or 2000)
         for index in (0x6083, 0x6084):
-            node.poke(index, 0, round(1.0 * RPM_PER_M_S))
-        node.poke(0x6085, 0, round(1.5 * RPM_PER_M_S))
+            node.poke(index, 0, round(1.0 * self._ramps))
+        node.poke(0x6085, 0, round(1.5 * self._ramps))
         node.change_nmt(Nmt.OPERATIONAL, self.loop.time())
 
     async def tick(self, seconds: float) -> None:

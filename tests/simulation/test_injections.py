@@ -11,10 +11,12 @@ import proofs_of_scanners as proofs_of_scanners
 import proofs_of_the_bus as proofs_of_the_bus
 import proofs_of_the_host as proofs_of_the_host
 import pytest
-from injection_rig import FAULT_STATES, LEFT, PROOFS, RIGHT, ROBOT, ROBOT_4, STEER, Host, on_stage
+from injection_rig import FAULT_STATES, LEFT, PROOFS, RIGHT, ROBOT, ROBOT_4, ROBOT_402, STEER, Host, on_stage
 
 from artemis.drive_states import DriveState
 from artemis.families import EPOS4, FAMILIES
+from artemis.families.cia402 import ERRORS as OF_THE_PROFILE
+from artemis.sim.cia402 import ERRORS_402
 from artemis.sim.epos4_errors import ERRORS_4
 from artemis.supervision.catalogue import ROWS
 from artemis_lab.injections.emergencies import CODES, TEXTS
@@ -89,6 +91,24 @@ def test_injection_happens_to_an_epos4(id: str) -> None:
     on_stage(PROOFS[id], ROBOT_4)
 
 
+@pytest.mark.parametrize("id", [each for each in OF_THE_MACHINE if each.values != ("CAL-02",)])
+def test_injection_happens_to_a_drive_of_the_profile(id: str) -> None:
+    on_stage(PROOFS[id], ROBOT_402)
+
+
+@pytest.mark.parametrize("id", CODES["cia402"])
+def test_a_drive_of_the_profile_reports_each_error(id: str) -> None:
+    async def main(host: Host) -> None:
+        for name, code in zip(host.robot.drives, CODES["cia402"][id], strict=False):
+            host.inject(id, name, code=code)
+            await host.tick(0.5)
+            assert host.emergencies(name) == [code]
+            assert host.drive(name).read(0x1003, 1) == code
+            assert host.state(name) is DriveState.FAULT
+
+    on_stage(main, ROBOT_402)
+
+
 @pytest.mark.parametrize("heard", [True, pytest.param(False, marks=pytest.mark.exhaustive)])
 @pytest.mark.parametrize("id", CODES["epos4"])
 def test_an_epos4_reports_each_error_of_its_own(id: str, heard: bool) -> None:
@@ -111,10 +131,11 @@ def test_an_epos4_reports_each_error_of_its_own(id: str, heard: bool) -> None:
 
 def test_codes_are_those_that_the_families_know() -> None:
     for family, rows in CODES.items():
-        known = FAMILIES[family].errors
+        known = OF_THE_PROFILE if family == "cia402" else FAMILIES[family].errors
         assert {(code, id) for id, codes in rows.items() for code in codes} <= set(known.items())
     assert set(CODES["epos4"]) == set(EPOS4.errors.values())
     assert {code for codes in CODES["epos4"].values() for code in codes} <= set(ERRORS_4)
+    assert OF_THE_PROFILE.keys() == ERRORS_402.keys()
 
 
 def test_open_safe_torque_off_inputs_are_an_error_until_they_close() -> None:
@@ -180,7 +201,12 @@ def test_an_error_of_another_family_is_refused() -> None:
     on_stage(main)
 
 
-@pytest.mark.parametrize("index", [0x0000, 0x5FFF])
+def test_calibration_that_no_drive_can_keep_is_refused() -> None:
+    assert INJECTIONS["CAL-02"].families is not None
+    assert "cia402" not in INJECTIONS["CAL-02"].families
+
+
+@pytest.mark.parametrize("index", [0x0000, 0x6FFF])
 @pytest.mark.parametrize("id", ["COM-07", "COM-10"])
 def test_object_that_no_drive_has_is_refused(id: str, index: int) -> None:
     with pytest.raises(ValueError, match=f"no object 0x{index:04X} sub-index 0"):
