@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from _pytest.mark import ParameterSet
 from bugs import BUGS, Bug, planted
-from staged import OF_EPOS4, RIGHT, SCENARIOS, fault, follow, run
+from staged import OF_CIA402, OF_EPOS4, RIGHT, SCENARIOS, fault, follow, run
 
 pytestmark = pytest.mark.slow
 
@@ -21,6 +22,15 @@ def test_sound_system_breaks_no_invariant(name: str) -> None:
 
 def test_drive_that_restarts_slowly_shows_as_silent_first() -> None:
     assert run(follow(fault("COM-26", 12.0, RIGHT)), OF_EPOS4).violations == ()
+
+
+@pytest.mark.parametrize("robot", [OF_CIA402, pytest.param(OF_EPOS4, marks=pytest.mark.exhaustive)])
+def test_monitor_sees_how_drives_of_other_families_are_enabled(robot: Path) -> None:
+    (bug,) = [bug for bug in BUGS if bug.name == "nobody asks who the drives are"]
+    assert run(SCENARIOS[bug.scenario], robot).violations == ()
+    with planted(bug):
+        result = run(SCENARIOS[bug.scenario], robot)
+    assert bug.broken in {violation.invariant for violation in result.violations}, result
 
 
 def planted_bugs() -> Iterator[ParameterSet]:

@@ -53,7 +53,7 @@ def cross_track(seen: Run) -> float:
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("name", ["epos4", *NAMES])
+@pytest.mark.parametrize("name", ["epos4", "cia402", *NAMES])
 def test_the_figure_eight_is_driven_within_three_millimetres(name: str, tmp_path: Path) -> None:
     shutil.copytree(MISSIONS, tmp_path / "m", ignore=shutil.ignore_patterns("runs"))
     seen = run(tmp_path / "m" / f"figure_eight_{name}.yaml", longest=300.0)

@@ -13,14 +13,14 @@ from artemis.drive_states import DriveState, Nmt
 from artemis.mission.loading import load_mission
 from artemis.values import Mode, Request
 
-EPOS4 = "artemis_epos4.yaml"
+EPOS4, CIA402 = "artemis_epos4.yaml", "artemis_cia402.yaml"
 AGAIN = {"operator": [{"at_s": 12.0, "do": "acknowledge"}, {"at_s": 22.0, "do": "arm"}]}
 
 
-def mixed(mission: Path) -> Path:
-    """The mission with traction drives of the first generation beside steering drives of the fourth."""
+def mixed(mission: Path, traction: str = "artemis.yaml") -> Path:
+    """The mission with traction drives of another robot beside its own steering drives."""
     robot = mission.with_name("artemis.yaml")
-    drives = yaml.safe_load((MISSIONS / "robots/artemis.yaml").read_text())["drives"]
+    drives = yaml.safe_load((MISSIONS / "robots" / traction).read_text())["drives"]
     described = yaml.safe_load(robot.read_text())
     described["drives"].update({name: drive for name, drive in drives.items() if drive["role"] == "traction"})
     robot.write_text(yaml.safe_dump(described, sort_keys=False))
@@ -148,3 +148,89 @@ def test_a_fault_of_the_second_generation_stops_the_robot(tmp_path: Path) -> Non
     assert seen.status == 1
     assert seen.fault_ids[0] == "DRV-11"
     assert ended_in_order(rig)
+
+
+# ---------------------------------------------------------------------------------------------- described by the file
+
+
+def described(mission: Path, traction: dict[str, object], steering: dict[str, object]) -> Path:
+    """The mission with drives that the robot file describes so; None: it says nothing of it."""
+    robot = mission.with_name("artemis.yaml")
+    read = yaml.safe_load(robot.read_text())
+    for drive in read["drives"].values():
+        words = {**drive["cia402"], **(traction if drive["role"] == "traction" else steering)}
+        drive["cia402"] = {key: value for key, value in words.items() if value is not None}
+    robot.write_text(yaml.safe_dump(read, sort_keys=False))
+    return mission
+
+
+def test_traction_of_the_profile_and_steering_of_the_fourth_generation_share_a_robot(tmp_path: Path) -> None:
+    rig = Rig(mixed(write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=EPOS4), CIA402))
+    seen = rig.run()
+    assert (seen.status, seen.fault_ids, seen.is_done) == (0, [], True)
+    assert rig.world is not None
+    assert [type(node).__name__ for node in rig.world.nodes] == ["SimCia402"] * 2 + ["SimEpos4"] * 2
+    assert seen.cross_track() < 0.005
+    assert ended_in_order(rig)
+    assert seen.recompute().difference is None
+
+
+FORGETFUL = {"settings": None, "reset_after_lost_heartbeat": True}
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(
+    ("traction", "steering"),
+    [
+        (
+            {"option_codes": {"abort_connection": 3, "quick_stop": 2}, "settings": None, "operating_mode": 9},
+            {"option_codes": {"abort_connection": 2, "quick_stop": 1}, **FORGETFUL},
+        ),
+        (
+            {"option_codes": None, "settings": None},
+            {"option_codes": None, "settings": None, "interpolation_period": False, "current": None},
+        ),
+        (
+            {"option_codes": {"abort_connection": 1, "quick_stop": 7}, "operating_mode": 9, **FORGETFUL},
+            {"option_codes": {"abort_connection": 1, "quick_stop": 0, "fault_reaction": 0}, "brake": True},
+        ),
+    ],
+    ids=["commands instead of faults", "no option codes", "brakes"],
+)
+def test_drives_with_other_option_codes_stop_and_go_on_when_armed(
+    tmp_path: Path, traction: dict[str, object], steering: dict[str, object]
+) -> None:
+    simulation = {"operator": [{"at_s": 16.0, "do": "arm"}]}
+    steps = [CALIBRATE, follow(0.4)]
+    rig = Rig(described(write_mission(tmp_path, steps, robot=CIA402, simulation=simulation), traction, steering))
+    rig.while_following(rig.request(Request.QUICKSTOP), name="stop")
+    seen = rig.run()
+    assert (seen.status, seen.fault_ids, seen.is_done) == (0, [], True)
+    stopped = [tick for tick in seen.in_mode(Mode.QUICKSTOP) if tick.standing]
+    assert stopped[0].now - seen.acts["stop"] < 0.4 / 1.5 + 0.15
+    assert ended_in_order(rig)
+
+
+@pytest.mark.parametrize(
+    ("traction", "told"),
+    [
+        ({"option_codes": {"quick_stop": -2}}, "does not take the option code 0x605A:0 = -2 (quick stop): SDO abort"),
+        ({"vendor_id": 0x11}, "node 1 is of vendor 0x12345678, not 0x11"),
+        (
+            {"option_codes": {"abort_connection": 3}},
+            "does not watch the computer's heartbeat (no fault without our heartbeat; state switch on disabled)",
+        ),
+    ],
+    ids=["option code", "identity", "a command that nothing shows"],
+)
+def test_what_a_described_drive_does_not_do_is_refused_with_its_reason(
+    tmp_path: Path, traction: dict[str, object], told: str
+) -> None:
+    """Whom a lost heartbeat is a command, and who goes on exchanging (0x1029 = 1), shows nothing of it while off."""
+    steps = [{"wait": {"seconds": 1.0}}]
+    present = load_mission(write_mission(tmp_path / "present", steps, robot=CIA402)).robot
+    mission = described(write_mission(tmp_path / "described", steps, robot=CIA402), traction, {})
+    world = WatchedWorld(present) if "vendor_id" in traction else None
+    seen = Rig(mission, world=world).run()
+    assert seen.status == 1
+    assert told in seen.faults[0].text

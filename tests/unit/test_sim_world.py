@@ -10,10 +10,8 @@ from pydantic import ValidationError
 
 from artemis.clock import run
 from artemis.devices.can_bus import Frame
-from artemis.errors import ConfigError
 from artemis.sim.axis import Axis, Regulation
 from artemis.sim.bus import SimBus
-from artemis.sim.drive_node import simulated_drive
 from artemis.sim.epos_settings import SimSettings
 from artemis.sim.world import PlantParameters, Supply, World
 from artemis.vehicle import RobotFile
@@ -329,9 +327,3 @@ def test_a_divider_shows_the_voltage_of_the_battery_at_an_analog_input(number: i
     world.advance(0.2)
     shown_now = int(world.drive("traction-left").read(0x207C, number))
     assert shown_now == pytest.approx(world.supply_voltage / 6 * 1000, abs=3)
-
-
-def test_a_family_that_cannot_be_simulated_is_refused_by_name(robot: RobotFile) -> None:
-    drive = robot.drives["steer-left"].model_copy(update={"family": "cia402"})
-    with pytest.raises(ConfigError, match="x is of family cia402, which cannot be simulated"):
-        simulated_drive(drive, Axis(drive), name="x")
