@@ -8,6 +8,7 @@ from pathlib import Path
 
 from artemis.errors import ConfigError
 from artemis.families import FAMILIES
+from artemis.families.cia402 import ERRORS
 from artemis.mission.loading import load_model
 from artemis.mission.problems import nearest
 from artemis.supervision.catalogue import ROWS
@@ -36,6 +37,8 @@ SECTIONS = {
     "OPR": "Operator",
 }
 _NOTHING = "-"
+_KNOWN = {**{name: family.errors for name, family in FAMILIES.items()}, "cia402": ERRORS}
+"""Rows by error code, by family."""
 
 
 def show_faults(ids: list[str], markdown: bool, robot_file: Path | None = None) -> None:
@@ -53,17 +56,22 @@ def show_faults(ids: list[str], markdown: bool, robot_file: Path | None = None) 
     if markdown:
         sys.stdout.write(page())
     elif wanted:
-        sys.stdout.write("\n".join(_described(id, ROWS[id]) + _missed(ROWS[id], robot, "  ") for id in wanted))
+        sys.stdout.write("\n".join(_described(id, ROWS[id]) + _missed(id, robot, "  ") for id in wanted))
     else:
         for id, row in ROWS.items():
-            sys.stdout.write(f"{id}  {_reaction(row):12}  {row.name}\n{_missed(row, robot, ' ' * 22)}")
+            sys.stdout.write(f"{id}  {_reaction(row):12}  {row.name}\n{_missed(id, robot, ' ' * 22)}")
 
 
-def _missed(row: Row, robot: RobotFile | None, indent: str) -> str:
+def _missed(id: str, robot: RobotFile | None, indent: str) -> str:
     """A line for a row that is never noticed on this robot."""
-    if robot is None or not row.is_missed_by(robot):
+    if robot is None:
         return ""
-    return f"{indent}never noticed on {robot.robot}: it needs {row.needs.value}\n"
+    never, row = f"{indent}never noticed on {robot.robot}", ROWS[id]
+    if row.is_missed_by(robot):
+        return f"{never}: it needs {row.needs.value}\n"
+    if _codes(id) and not any(id in drive.tables.errors.values() for drive in robot.drives.values()):
+        return f"{never}: none of its drives reports it\n"
+    return ""
 
 
 def page() -> str:
@@ -122,13 +130,13 @@ def _how(id: str, row: Row) -> str:
 def _codes(id: str) -> str:
     """Error codes that mean this row; where not every family has them, with those that do."""
     families: dict[int, list[str]] = {}
-    for family in FAMILIES.values():
-        for code, row in family.errors.items():
+    for name, errors in _KNOWN.items():
+        for code, row in errors.items():
             if row == id:
-                families.setdefault(code, []).append(family.name)
+                families.setdefault(code, []).append(name)
     told: dict[str, list[int]] = {}
     for code, names in families.items():
-        whose = "" if len(names) == len(FAMILIES) else f" ({', '.join(names)})"
+        whose = "" if len(names) == len(_KNOWN) else f" ({', '.join(names)})"
         told.setdefault(whose, []).append(code)
     return ", ".join(f"{_listed(codes)}{whose}" for whose, codes in told.items())
 

@@ -56,9 +56,7 @@ class CyclicMotion(Motion):
         self._top = math.inf
         """Highest speed of the motor [rpm]."""
         self._speed_limited = False
-        super().__init__(
-            dictionary, axis, clip_position=clip_position, gains=gains, nominal_gains=nominal_gains
-        )
+        super().__init__(dictionary, axis, clip_position=clip_position, gains=gains, nominal_gains=nominal_gains)
 
     # ------------------------------------------------------------------------------------------ what can be read
 

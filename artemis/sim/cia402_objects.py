@@ -121,7 +121,11 @@ def _device_control(words: Cia402) -> list[ObjectEntry]:
         row(0x6060, 0, I8, "rw R T", min(MODES), choices=MODES),
         row(0x6061, 0, I8, "ro T"),
         row(0x6502, 0, U32, "const", SUPPORTED_MODES),
-        *(row(index, 0, I16, "rw", default, choices=all_) for index, code, default, all_ in options if code is not None),
+        *(
+            row(index, 0, I16, "rw", default, choices=all_)
+            for index, code, default, all_ in options
+            if code is not None
+        ),
     ]
 
 

@@ -1,4 +1,4 @@
-"""The device state machine of a simulated EPOS4: the profile's, with a wait for standstill, and inputs that allow torque.
+"""The device state machine of a simulated EPOS4: CiA 402's, with a wait for standstill and inputs that allow torque.
 
 Sources: EPOS4 communication guide 2019; public tables that quote its firmware specification.
 """

@@ -48,7 +48,10 @@ MISSIONS = TESTS.parent / "missions"
 GOOD = TESTS / "broken" / "good"
 ROBOT = RobotFile.model_validate(load(MISSIONS / "robots" / "artemis.yaml").data)
 DRIVE = ROBOT.drives["steer-left"]
-DRIVE_4 = RobotFile.model_validate(load(MISSIONS / "robots" / "artemis_epos4.yaml").data).drives["steer-left"]
+DRIVE_4, DRIVE_402 = (
+    RobotFile.model_validate(load(MISSIONS / "robots" / f"artemis_{name}.yaml").data).drives["steer-left"]
+    for name in ("epos4", "cia402")
+)
 NODE = DRIVE.node_id
 MILLISECOND = 0.001
 
@@ -62,12 +65,15 @@ def targets(folder: Path) -> list[Target]:
         Target(name="sdo", attempt=transfer, seeds=_answers(), mutate=mutate_bytes, steps=100_000),
         Target(name="hid", attempt=describe, seeds=_descriptors(), mutate=mutate_bytes, steps=300_000),
         Target(name="sim_epos", attempt=obey, seeds=_orders(), mutate=mutate_bytes, steps=500_000),
-        Target(
-            name="sim_epos4",
-            attempt=partial(obey, drive=DRIVE_4),
-            seeds=_orders(),
-            mutate=mutate_bytes,
-            steps=1_000_000,
+        *(
+            Target(
+                name=name,
+                attempt=partial(obey, drive=drive),
+                seeds=_orders(),
+                mutate=mutate_bytes,
+                steps=1_000_000,
+            )
+            for name, drive in (("sim_epos4", DRIVE_4), ("sim_cia402", DRIVE_402))
         ),
         Target(
             name="recording",

@@ -21,6 +21,7 @@ INPUTS = {
     "hid": 300,
     "sim_epos": 40,
     "sim_epos4": 20,
+    "sim_cia402": 20,
     "recording": 100,
     "journal": 300,
     "mission": 120,

@@ -140,7 +140,7 @@ def stop_button_stops_at_once(folder: Path) -> None:
     done = play(folder, "INP-11", Scene())
     stop = first(done, lambda seen: seen.mode is Mode.QUICKSTOP)
     assert stop.time <= AT + 0.04
-    assert not any(target for _, target in targets(done, Notice(stop, None, Mode.TELEOP)))
+    assert not any(target for _, target in targets(done, Scene(), Notice(stop, None, Mode.TELEOP)))
     assert all(standing(truth) for truth in done.truth_from(stop.now + 0.4 / BRAKING + SETTLING))
     assert (done.status, done.fault_ids) == (1, [])
 

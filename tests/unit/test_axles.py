@@ -231,7 +231,15 @@ def test_rows_that_a_robot_can_never_notice_say_so(capsys: pytest.CaptureFixture
     assert "never noticed on rear-driven: it needs a steering motor at each front wheel" in told
     assert told.count("never noticed") == 1
     show_faults([], False, ROBOTS / "small_car.yaml")
-    assert capsys.readouterr().out.count("never noticed") == 8
+    assert capsys.readouterr().out.count("never noticed on small-car: it needs") == 8
+
+
+def test_rows_that_none_of_a_robot_s_drives_reports_say_so(capsys: pytest.CaptureFixture[str]) -> None:
+    never = "never noticed on ARTEMIS with CiA 402 drives: none of its drives reports it"
+    show_faults(["DRV-06", "DRV-31", "DRV-32"], False, ROBOTS / "artemis_cia402.yaml")
+    assert "never" not in capsys.readouterr().out
+    show_faults(["DRV-22", "DRV-34", "DRV-38"], False, ROBOTS / "artemis_cia402.yaml")
+    assert capsys.readouterr().out.count(never) == 3
 
 
 # --------------------------------------------------------------------------------------------- what shows the angle

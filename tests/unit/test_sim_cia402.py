@@ -1,6 +1,8 @@
-"""A simulated drive of the profile CiA 402: the robot file's objects, units and option codes, and the profile's states."""
+"""A simulated drive of the profile CiA 402: objects, units and option codes of the robot file, the profile's states."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import pytest
 from sim_epos_rig import STEERING, TRACTION, Rig
@@ -29,7 +31,7 @@ def described(drive: Drive = TRACTION, **words: object) -> Drive:
     return drive.model_copy(update={**changes, "cia402": Cia402.model_validate(given)})
 
 
-def codes(abort: int | None = None, quick: int | None = None, fault: int | None = None) -> dict[str, object]:
+def codes(abort: int | None = None, quick: int | None = None, fault: int | None = None) -> dict[str, Any]:
     return {"option_codes": {"abort_connection": abort, "quick_stop": quick, "fault_reaction": fault}}
 
 
@@ -302,9 +304,7 @@ def lost(rig: Rig) -> Rig:
         (None, DriveState.FAULT_REACTION_ENABLED, DriveState.FAULT),
     ],
 )
-def test_a_lost_heartbeat_is_what_its_option_code_says(
-    code: int | None, then: DriveState, at_last: DriveState
-) -> None:
+def test_a_lost_heartbeat_is_what_its_option_code_says(code: int | None, then: DriveState, at_last: DriveState) -> None:
     rig = lost(running(**codes(abort=code, quick=6)))
     assert rig.state() is then
     assert rig.node.nmt is Nmt.PRE_OPERATIONAL, "0x1029 is 0"
@@ -316,9 +316,7 @@ def test_a_lost_heartbeat_is_what_its_option_code_says(
     assert rig.emergencies() == ([] if at_last is DriveState.FAULT else [0x8130]), "each loss is told"
 
 
-@pytest.mark.parametrize(
-    ("value", "state"), [(0, Nmt.PRE_OPERATIONAL), (1, Nmt.OPERATIONAL), (2, Nmt.STOPPED)]
-)
+@pytest.mark.parametrize(("value", "state"), [(0, Nmt.PRE_OPERATIONAL), (1, Nmt.OPERATIONAL), (2, Nmt.STOPPED)])
 def test_what_a_lost_heartbeat_does_to_the_exchange_is_object_1029(value: int, state: Nmt) -> None:
     rig = Rig(described())
     rig.write(0x1029, 1, "B", value)

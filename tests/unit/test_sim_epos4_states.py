@@ -6,8 +6,8 @@ import pytest
 from sim_epos_rig import STEERING_4, TRACTION_4, Rig
 
 from artemis.drive_states import DriveState
-from artemis.sim.epos4_errors import ERRORS_4
 from artemis.sim.cia402_power import PATTERNS_402
+from artemis.sim.epos4_errors import ERRORS_4
 from artemis.sim.epos_errors import Reaction
 from artemis.sim.epos_settings import Epos4Settings, SimSettings
 

@@ -141,22 +141,23 @@ class Wire:
         if identifier in (self._host, SYNC):
             (self.beats if identifier == self._host else self.syncs).append(time)
             return
-        if identifier == NMT and data[:1] == RESET_COMMUNICATION and data[1] in self.nodes:
-            self.nodes[data[1]].reset = True
+        if identifier == NMT and data[:-1] == RESET_COMMUNICATION and data[-1] in self.nodes:
+            self.nodes[data[-1]].reset = True
         talk = self.nodes.get(identifier & 0x7F)
-        if talk is None:
-            return
+        if talk is not None:
+            self._hear(frame, talk)
+
+    def _hear(self, frame: Heard, talk: NodeTalk) -> None:
+        time, identifier, data = frame
         service = identifier & 0x780
         say = talk.events.append
         if service == 0x200 and len(data) == 6:
             say(SetPoint(time, _unsigned(data[:2]), _signed(data[2:])))
         elif service == 0x180 and len(data) in (6, 7):
-            say(Status(time, _unsigned(data[:2]), _signed(data[2:6])))
-            if data[6:]:
-                talk.early_mode = True
-                say(ModeShown(time, _signed(data[6:])))
-        elif service == 0x280 and data and not talk.early_mode:
-            say(ModeShown(time, _signed(data[-1:])))
+            talk.early_mode = len(data) == 7
+            talk.events += [Status(time, _unsigned(data[:2]), _signed(data[2:6])), *_shown(time, data[6:])]
+        elif service == 0x280 and not talk.early_mode:
+            talk.events += _shown(time, data[-1:])
         elif service == 0x300 and len(data) == 2:
             say(StopFrame(time, _unsigned(data)))
         elif service == 0x080 and len(data) == 8:
@@ -180,6 +181,11 @@ class Wire:
             talk.events.append(Transfer(time, True, index, sub, _value(request)))
         elif answer[0] & 0xE2 == 0x42 and request[0] == 0x40:
             talk.events.append(Transfer(time, False, index, sub, _value(answer)))
+
+
+def _shown(time: float, mode: bytes) -> list[ModeShown]:
+    """A byte of process data, or none."""
+    return [ModeShown(time, _signed(mode))] if mode else []
 
 
 def _value(carrier: bytes) -> int:
