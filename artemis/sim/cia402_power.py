@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from artemis.drive_states import DriveState
+from artemis.drive_states import POWERED, DriveState
 from artemis.sim.axis import STILL_RPM
 from artemis.sim.cia402_motion import HARDEST_RAMP, QUICK_RAMP, SLOW_RAMP, CyclicMotion
 from artemis.sim.dictionary import Dictionary, key_of
@@ -165,7 +165,7 @@ class ProfilePower(PowerStage):
     def _enter(self, state: DriveState, due: float = math.inf) -> None:
         super()._enter(state, due)
         self._target = None
-        self.brake_closed = state not in (*_BRAKED, DriveState.FAULT_REACTION_ENABLED)
+        self.brake_closed = state not in POWERED
         self._motion.axis.fail(clamped=self.brake_closed and self._has_brake())
 
     def _has_brake(self) -> bool:
