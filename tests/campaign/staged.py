@@ -194,6 +194,12 @@ SCENARIOS: dict[str, Scenario] = {
         acts=[(9.5, "arm"), (11.5, "arm"), (13.5, "arm"), (16.0, "end")],
         seconds=20.0,
     ),
+    "without power in a bend, acknowledged": drive(
+        fault("SYS-09", 10.5),
+        acts=[(13.6, "acknowledge"), (17.0, "end")],
+        rows="9,0,1,1\n9.5,0.6,1,1\n15,0,0,0\n",
+        seconds=8.0,
+    ),
     "stopped by a person": drive(acts=[(6.5, "quickstop"), (9.0, "arm")], rows="9.5,0,1,1\n10.5,0,0,0\n", seconds=5.0),
     "stopped, acknowledged only": drive(
         acts=[(6.5, "quickstop"), (8.0, "acknowledge"), (12.0, "end")], rows="9.5,0,1,1\n11,0,0,0\n", seconds=8.0
