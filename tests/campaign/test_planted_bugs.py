@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from _pytest.mark import ParameterSet
 from bugs import BUGS, Bug, planted
-from staged import LEFT, OF_EPOS4, RIGHT, SCENARIOS, STEER, fault, follow, run
+from staged import LEFT, OF_EPOS4, REAR_DRIVEN, RIGHT, SCENARIOS, STEER, drive, fault, follow, run
 
 pytestmark = pytest.mark.slow
 
@@ -25,6 +25,11 @@ def test_sound_system_breaks_no_invariant(name: str) -> None:
 )
 def test_what_an_epos4_tells_otherwise_breaks_no_invariant(given: dict[str, Any]) -> None:
     assert run(follow(given), OF_EPOS4).violations == ()
+
+
+def test_inner_wheel_of_a_rear_driven_robot_stops_with_the_robot() -> None:
+    given = drive(rows="9,0,1,1\n9.3,1,1,1\n12,1,1,0\n13,0,0,0\n", seconds=8.0, top=0.6)
+    assert run(given, REAR_DRIVEN).violations == ()
 
 
 def planted_bugs() -> Iterator[ParameterSet]:
