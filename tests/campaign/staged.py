@@ -243,6 +243,8 @@ SCENARIOS: dict[str, Scenario] = {
     "follower steers too far at the end of the path": follow(fault("RUN-12", 9.6, duration_s=2.0)),
     "error in bring-up": drive(fault("DRV-02", 0.42, LEFT)),
     "damaged EMCY while it is enabled": drive(fault("DRV-32", 2.904, STEER)),
+    "collision while it is enabled": drive(fault("DRV-21", 2.904, STEER)),
+    "stick lost while the step ends": drive(fault("INP-04", 6.55), top=0.7, seconds=2.4),
     "steering measured": measure(),
     "new potentiometers measured": measure(new=True, steering_zero_left_deg=25.0, steering_zero_right_deg=-30.0),
     "wheel blocked while it is measured": measure(fault("STE-02", 10.0, STEER)),

@@ -116,7 +116,7 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
         case When.ENABLED | When.WATCHED:
             return modes <= {"ready", *DRIVING}
         case When.BY_HAND:
-            return modes == {"teleop"}
+            return modes == {"teleop"} and e.journal.phase_before(end - 1e-6) != "stopping"  # at its end
         case When.FOLLOWING:
             phase = e.journal.phase_before(end - 1e-6)  # not asked any more at the end of the path
             return (phase, modes) in (("following", {"follow"}), ("approaching", {"act"}))

@@ -33,6 +33,8 @@ WATCH_MS = 200
 """A drive watches the host's heartbeat with this time-out."""
 MODES = {"traction": 3, "steering": -1}
 """Modes of operation: profile velocity, position."""
+COLLISION = 0x8150
+"""Of a COB-ID collision the EPOS firmware specification 2010 (12.2) names no reaction: the drive goes on."""
 SILENCE = 0.15
 """A pause of the host's heartbeat this long [s] is no jitter."""
 
@@ -134,7 +136,7 @@ def _learned(e: Evidence, known: _Known, event: Event) -> _Known:
             return _Known()
         case SeenEmergency(code=code) if code == LOST_HEARTBEAT and _proving(e, event.time):
             known.proof = True
-        case SeenEmergency(code=code) if code:
+        case SeenEmergency(code=code) if code not in (0, COLLISION):
             return _Known()
         case ModeShown(mode=mode):
             known.mode = mode
