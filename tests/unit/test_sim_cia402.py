@@ -35,7 +35,7 @@ def codes(abort: int | None = None, quick: int | None = None, fault: int | None 
     return {"option_codes": {"abort_connection": abort, "quick_stop": quick, "fault_reaction": fault}}
 
 
-def running(rpm: float = 1000.0, **words: object) -> Rig:
+def running(rpm: float = 1000.0, **words: Any) -> Rig:  # noqa: ANN401 (words of a description)
     """In profile velocity mode, at this speed, with ramps of 2000 rpm/s, in a quick stop of 8000 rpm/s."""
     rig = Rig(described(**words))
     for index, ramp in ((0x6083, 100_000.0), (0x6084, 2000.0), (0x6085, 8000.0)):
