@@ -241,7 +241,8 @@ def _result(outcome: Outcome, faults: Sequence[str], failure: str) -> str:
     if outcome.interrupted is not None:
         released = not any(fault.startswith("COM-34") for fault in faults)  # else the fault says which is not
         return f"ended by {signal.Signals(outcome.interrupted).name}" + "; drives stopped and released" * released
-    return f"FAILED: {failure or 'stopped before its last step'}" if outcome.failed else "done"
+    why = "; ".join(filter(None, (outcome.reason, failure))) or "stopped before its last step"
+    return f"FAILED: {why}" if outcome.failed else "done"
 
 
 def _numbers(found: Summary) -> list[tuple[str, str]]:
