@@ -102,6 +102,12 @@ class Route:
         first = next(number for number, distance in enumerate(away) if distance <= min(away) + MIN_STEP)
         return self.begins[first] + places[first]
 
+    def seen_from(self, pose: Pose) -> tuple[float, float]:
+        """How far a robot that is to begin it is to the left of it [m], and turned to the left against it [rad]."""
+        first = self.parts[0]
+        start = first.path.project(pose.x, pose.y, near=0.0)
+        return start.cross_track, wrap(pose.heading - start.heading - (math.pi if first.backward else 0.0))
+
     def begun_at(self, arc_length: float, done: float) -> Route:
         """What is left when the route is begun at an arc length [m], with `done` [m] of it behind.
 
