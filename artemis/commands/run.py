@@ -136,7 +136,7 @@ def run_in_sight(
     if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
         _print("warning", warning)
     for remark in loaded.remarks:
-        _print("path", remark)
+        _print("remark", remark)
     if not started_by:
         announce(page_of(loaded))
     keys_work, robot, title = "" if operator is started_by else hint, loaded.robot, _title(loaded, simulated)
