@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
-from artemis.motion.columns import is_in_degrees
+from artemis.motion.columns import DEGREES, is_in_degrees
 from artemis.motion.path import Path, check_drivable, path_from_points
 from artemis.motion.path_points import MIN_STEP, Points, cusps, read_points
 from artemis.motion.spline import Array
@@ -215,7 +215,7 @@ def _check_headings(points: Points, found: list[Stretch]) -> None:
     """Report headings across the path, and reversals too near to each other."""
     if points.heading is not None and is_in_degrees(points.x, points.y, points.heading):
         index = int(np.abs(points.heading).argmax())
-        problem = f"heading {points.heading[index]:g}: expected rad, these are degrees: call the column heading_deg"
+        problem = f"heading {points.heading[index]:g}: {DEGREES}"
         points.report(index, f"{problem}, and read the file by `artemis path import`", "heading")
     elif points.heading is not None:
         for index in across(points.x, points.y, points.heading, found):
