@@ -156,8 +156,7 @@ def survey(raw: bytes, source: str, *, messages: bool = False) -> tuple[Document
     root = listed if messages else nodes[0] if nodes else _Node((1, 1), None)
     positions: dict[KeyPath, Position] = {}
     data = _flatten(root, (), positions)
-    damaged = frozenset(composer.damaged)
-    return Document(source=source, raw=raw, data=data, positions=positions, damaged=damaged), composer.problems
+    return Document(source, raw, data, positions, frozenset(composer.damaged)), composer.problems
 
 
 def scalar(text: str) -> Scalar:
@@ -286,10 +285,8 @@ class _Composer:
             self._anchors[anchor] = None
         if isinstance(event, yaml.ScalarEvent):
             node = _Node(where, self._scalar(event, where, path))
-        elif isinstance(event, yaml.SequenceStartEvent):
-            node = self._sequence(where, path)
         else:
-            node = self._mapping(where, path)
+            node = (self._sequence if isinstance(event, yaml.SequenceStartEvent) else self._mapping)(where, path)
         if anchor is not None:
             self._anchors[anchor] = node
         return node
@@ -324,14 +321,16 @@ class _Composer:
         merged: _Node | None = None
         key, place, begin = "", where, 0
         while not isinstance(event := self._next(), yaml.MappingEndEvent):
-            if (torn := _TORN.match(self._text, begin)) and torn.end(1) == event.end_mark.index:
+            end = event.end_mark
+            if end and (torn := _TORN.match(self._text, begin)) and torn.end(1) == end.index:
                 self._complain(place, (*path, key), str(surprise(torn[1])))
                 self._next()
                 continue
             place = _position(event.start_mark)
             key = self._key(event, place, path)
             event = self._next()
-            begin, value = event.start_mark.index, self._compose(event, place, (*path, key))
+            begin = event.start_mark.index if event.start_mark else 0
+            value = self._compose(event, place, (*path, key))
             earlier = merged if key == "<<" else entries.get(key)
             if earlier is not None:
                 line, column = earlier.position
