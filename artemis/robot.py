@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from artemis.clock import until
 from artemis.devices.device import Actuators
+from artemis.drive_states import Goal
 from artemis.motion.limits import Gate
 from artemis.motion.obstacles import ObstacleStop
 from artemis.motion.pace import Pace
@@ -54,7 +55,7 @@ class Core:
         )
 
     def _limit(self, wish: Wish, snapshot: Snapshot) -> SetPoints:
-        """The gate, from its last set-points on; wheels whose drives are off are where they are."""
+        """The gate, from its last set-points on; wheels whose drives are off, or shall be, stay where they are."""
         verdict, sensed = snapshot.verdict, snapshot.sensed
         ceiling, stop = min(self._shared.top_speed, LIMITED_SPEED if verdict.limits else inf), verdict.stops
         last = self._perception.as_they_stand(sensed, self._points)
@@ -64,7 +65,7 @@ class Core:
         dt = self._pace.since_sent(snapshot)
         if verdict.faults and SAG in [fault.id for fault in verdict.faults]:
             ceiling = min(ceiling, abs(last.speed) + dt * self._gentle)
-        points = self._gate.limit(wish.command, last, dt, ceiling, stop)
+        points = self._gate.limit(wish.command, last, dt, ceiling, stop or wish.steering is Goal.DISABLED)
         points = self._perception.as_they_stand(sensed, points)
         return replace(points, clearance=free) if free else points
 

@@ -33,6 +33,8 @@ SPEED = 0.2
 ROOM = (-3.0, 9.0, -4.0, 3.0)
 """in a room from x to x, y to y [m], in which nothing stands."""
 BEAMS = 541
+LONGEST = 10 * LATE
+"""So long a call may take [s]: a busy computer makes longer what is late from `LATE` on."""
 
 
 class LocalizerContract(PluginContract):
@@ -64,13 +66,12 @@ class LocalizerContract(PluginContract):
     def found(self) -> list[tuple[float, PoseFix]]:
         """What a new one finds tick by tick, with the run times [s]; it is closed afterwards."""
         localizer: Localizer = self.make()
-        found = []
+        found, times = [], []
         try:
             for tick in range(round(self.duration / PERIOD)):
                 now, begun = tick * PERIOD, stopwatch()
                 answer = localizer.fixes(now)
-                took = stopwatch() - begun
-                assert took <= 10 * LATE, f"fixes({now:.2f}) takes {took * 1000:.0f} ms, {LATE * 1000:.0f} are allowed"
+                times.append((stopwatch() - begun, now))
                 fixes = plain_fixes(answer)
                 assert fixes is not None, f"fixes({now:.2f}) gave {answer!r}: not whole (PLG-06)"
                 for fix, told in zip(fixes, answer, strict=True):
@@ -82,6 +83,10 @@ class LocalizerContract(PluginContract):
         finally:
             localizer.close()
             localizer.close()
+        took, now = sorted(times)[-1 - len(times) // 100]  # one of 100 may be late: what else the computer does
+        assert took <= LONGEST, (
+            f"fixes({now:.2f}) takes {1000 * took:.0f} ms, {1000 * LONGEST:.0f} are allowed (PLG-03)"
+        )
         return found
 
     def test_fixes_are_whole_and_told_once(self) -> None:

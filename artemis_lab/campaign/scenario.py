@@ -395,6 +395,6 @@ def _operator(dice: random.Random, times: Sequence[float], length: float) -> lis
 
 
 def _answers(dice: random.Random, length: float) -> list[dict[str, Any]]:
-    """Somebody gives the same answer all the time, from the beginning: a run that is resumed may ask at once."""
-    number, answer = round(2.0 * (length + 5.0)), dice.choice(ANSWERS)
+    """Somebody gives the same answer all the time, also if a run is resumed at once, or takes twice as long."""
+    number, answer = round(4.0 * (length + 5.0)), dice.choice(ANSWERS)
     return [{"at_s": 0.5 * index, "do": "answer", "answer": answer} for index in range(1, number + 1)]

@@ -295,6 +295,15 @@ def _with_memory(original: Any) -> Any:
     return limit
 
 
+def _without_stop(original: Any) -> Any:
+    """A gate that steers towards what is wished, whether it is to hold the wheels or not."""
+
+    def limit(self: Any, command: Any, last: Any, dt: float, ceiling: float, _stop: bool) -> Any:
+        return original(self, command, last, dt, ceiling, False)
+
+    return limit
+
+
 def _fails_later(original: Any) -> Any:
     calls = itertools.count()
 
@@ -492,6 +501,7 @@ BUGS: tuple[Bug, ...] = (
         "I3",
         {"artemis.devices.bus_gateway.BusGateway.lose": becomes(lambda self, error: None)},
     ),
+    Bug("silent wheels are steered", "without power in a bend, acknowledged", "I3", {GATE: _without_stop}),
     Bug("late ticks are not noticed", "computer dozes", "I3", {HOST: without_rows("SYS-01", "SYS-03", "COM-31")}),
     Bug(
         "another product is accepted",

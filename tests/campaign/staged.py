@@ -15,6 +15,7 @@ from artemis_lab.campaign.scenario import Scenario
 
 ROBOTS = Path(__file__).parents[2] / "missions" / "robots"
 ROBOT, SEEING, OF_EPOS4 = (ROBOTS / f"artemis{which}.yaml" for which in ("", "_lms100", "_epos4"))
+REAR_DRIVEN = ROBOTS / "rear_driven.yaml"
 LONGEST = 60.0
 """A run that takes longer does not end [s]: a planted bug need not be watched for as long as a campaign's seed."""
 Faults = Sequence[dict[str, Any]]
@@ -194,6 +195,12 @@ SCENARIOS: dict[str, Scenario] = {
         acts=[(9.5, "arm"), (11.5, "arm"), (13.5, "arm"), (16.0, "end")],
         seconds=20.0,
     ),
+    "without power in a bend, acknowledged": drive(
+        fault("SYS-09", 10.5),
+        acts=[(13.6, "acknowledge"), (17.0, "end")],
+        rows="9,0,1,1\n9.5,0.6,1,1\n15,0,0,0\n",
+        seconds=8.0,
+    ),
     "stopped by a person": drive(acts=[(6.5, "quickstop"), (9.0, "arm")], rows="9.5,0,1,1\n10.5,0,0,0\n", seconds=5.0),
     "stopped, acknowledged only": drive(
         acts=[(6.5, "quickstop"), (8.0, "acknowledge"), (12.0, "end")], rows="9.5,0,1,1\n11,0,0,0\n", seconds=8.0
@@ -236,6 +243,9 @@ SCENARIOS: dict[str, Scenario] = {
     "follower steers too far at the end of the path": follow(fault("RUN-12", 9.6, duration_s=2.0)),
     "error in bring-up": drive(fault("DRV-02", 0.42, LEFT)),
     "damaged EMCY while it is enabled": drive(fault("DRV-32", 2.904, STEER)),
+    "another mode shown while it is enabled": drive(fault("COM-04", 2.892, STEER)),
+    "collision while it is enabled": drive(fault("DRV-21", 2.904, STEER)),
+    "stick lost while the step ends": drive(fault("INP-04", 6.55), top=0.7, seconds=2.4),
     "steering measured": measure(),
     "new potentiometers measured": measure(new=True, steering_zero_left_deg=25.0, steering_zero_right_deg=-30.0),
     "wheel blocked while it is measured": measure(fault("STE-02", 10.0, STEER)),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from _pytest.mark import ParameterSet
 from bugs import BUGS, Bug, planted
-from staged import OF_EPOS4, RIGHT, SCENARIOS, fault, follow, run
+from staged import LEFT, OF_EPOS4, REAR_DRIVEN, RIGHT, SCENARIOS, STEER, drive, fault, follow, run
 
 pytestmark = pytest.mark.slow
 
@@ -19,8 +20,16 @@ def test_sound_system_breaks_no_invariant(name: str) -> None:
     assert run(SCENARIOS[name], replayed=True).violations == ()
 
 
-def test_drive_that_restarts_slowly_shows_as_silent_first() -> None:
-    assert run(follow(fault("COM-26", 12.0, RIGHT)), OF_EPOS4).violations == ()
+@pytest.mark.parametrize(
+    "given", [fault("COM-26", 12.0, RIGHT), fault("COM-27", 16.0, STEER), fault("DRV-29", 11.5, LEFT)]
+)
+def test_what_an_epos4_tells_otherwise_breaks_no_invariant(given: dict[str, Any]) -> None:
+    assert run(follow(given), OF_EPOS4).violations == ()
+
+
+def test_inner_wheel_of_a_rear_driven_robot_stops_with_the_robot() -> None:
+    given = drive(rows="9,0,1,1\n9.3,1,1,1\n12,1,1,0\n13,0,0,0\n", seconds=8.0, top=0.6)
+    assert run(given, REAR_DRIVEN).violations == ()
 
 
 def planted_bugs() -> Iterator[ParameterSet]:

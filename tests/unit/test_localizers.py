@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -49,6 +50,24 @@ class TestSimulatedTracker(LocalizerContract):
 
     def given(self) -> PluginContext:
         return PluginContext(name="seen", robot=ROBOT, folder=Path(), true_pose=World().look)
+
+
+@pytest.mark.parametrize(("every", "late"), [(1000, False), (50, True)])
+def test_the_contract_wants_a_localizer_that_is_never_late_by_itself(
+    monkeypatch: pytest.MonkeyPatch, every: int, late: bool
+) -> None:
+    calls, now = iter(range(10_000)), [0.0]
+
+    class Held(SimulatedTracker):
+        def fixes(self, time: float) -> tuple[PoseFix, ...]:
+            now[0] += 0.2 if next(calls) % every == 0 else 0.0
+            return super().fixes(time)
+
+    contract = TestSimulatedTracker()
+    contract.plugin = Held
+    monkeypatch.setattr("artemis.testing.localizers.stopwatch", lambda: now[0])
+    with pytest.raises(AssertionError, match="200 ms, 150 are allowed") if late else nullcontext():
+        contract.test_fixes_are_of_the_past()
 
 
 # ---------------------------------------------------------------------------------------------- those of artemis

@@ -41,8 +41,10 @@ FINAL = (
     *("PLG-05", "PLG-07", "PWR-02", "SYS-04"),
 )
 """Rows that no acknowledgment clears."""
-UNSUPPLIED = ("COM-32", "COM-33")
-"""A drive has no supply."""
+UNSUPPLIED = ("COM-32", "COM-33", "SYS-09")
+"""A drive has no supply, or none has."""
+FORBIDDEN = "PLG-07"
+"""A frame that may not leave; no injection asks for one, and no plugin is given the bus."""
 FROZEN = (("STE-07", "STE-05"),)
 """The first keeps the second from being measured: a potentiometer that is frozen says nothing of the coupling."""
 
@@ -80,8 +82,10 @@ def _is_covered(e: Evidence, injected: Injected, deadline: float) -> bool:
     for other in e.injected:
         if other is injected:
             continue
-        during = other.node == injected.node and other.time <= injected.time <= other.until
-        if during and (other.id in UNSUPPLIED or (other.id, injected.id) in FROZEN):
+        during = other.time <= injected.time <= other.until
+        if during and other.id in UNSUPPLIED and other.node in ("", injected.node):
+            return True
+        if during and (other.id, injected.id) in FROZEN and other.node == injected.node:
             return True
         if injected.id.startswith("INP") and other.id.startswith("INP") and injected.time <= other.time < deadline:
             return True
@@ -112,7 +116,7 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
         case When.ENABLED | When.WATCHED:
             return modes <= {"ready", *DRIVING}
         case When.BY_HAND:
-            return modes == {"teleop"}
+            return modes == {"teleop"} and e.journal.phase_before(end - 1e-6) != "stopping"  # at its end
         case When.FOLLOWING:
             phase = e.journal.phase_before(end - 1e-6)  # not asked any more at the end of the path
             return (phase, modes) in (("following", {"follow"}), ("approaching", {"act"}))
@@ -123,10 +127,10 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
 
 
 def _opens_sto(e: Evidence, injected: Injected) -> bool:
-    """An emergency stop that opens safe torque off: of it drives tell nothing that are off, as before an alignment."""
+    """Safe torque off, of one drive or by an emergency stop: of it drives tell nothing that are off."""
     by_supply = injected.options.get("opens") == "supply"
     has_inputs = all(drive.family == "epos4" for drive in e.robot.drives.values())
-    return injected.id.startswith("EST") and has_inputs and not by_supply
+    return injected.id == "DRV-29" or (injected.id.startswith("EST") and has_inputs and not by_supply)
 
 
 def _commanded(e: Evidence, begin: float, end: float) -> bool:
@@ -202,7 +206,11 @@ def _from_start(e: Evidence) -> Iterator[Violation]:
 
 
 def _without_cause(e: Evidence) -> Iterator[Violation]:
-    """A fault that stops a sound robot."""
+    """A fault that stops a sound robot; a frame that nobody but artemis itself can have wanted to send, at any time."""
+    for line in e.journal.of("fault"):
+        if line.data["id"] == FORBIDDEN:
+            yield Violation("I3", line.time, line.text)
+            return
     causes = [i.time for i in e.injected if EXPECTED[i.id].when is not When.HARMLESS]
     first = min(causes, default=inf)
     for line in e.journal.of("fault"):

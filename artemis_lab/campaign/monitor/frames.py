@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import inf
+from math import cos, inf, radians
 
 from artemis_lab.campaign.monitor.evidence import Evidence, Violation
 from artemis_lab.campaign.monitor.wire import (
@@ -33,6 +33,8 @@ WATCH_MS = 200
 """A drive watches the host's heartbeat with this time-out."""
 MODES = {"traction": 3, "steering": -1}
 """Modes of operation: profile velocity, position."""
+COLLISION = 0x8150
+"""Of a COB-ID collision the EPOS firmware specification 2010 (12.2) names no reaction: the drive goes on."""
 SILENCE = 0.15
 """A pause of the host's heartbeat this long [s] is no jitter."""
 
@@ -76,17 +78,18 @@ def loss_of_input(e: Evidence) -> Iterator[Violation]:
     if any(i.id in ("INP-07", "INP-08", "INP-10", "INP-12") for i in e.injected):
         losses = []  # then the stick is not what moves the robot
     stall = [i for i in e.injected if "seconds" in i.options]
+    limits, rear = e.robot.limits, e.robot.geometry.driven_axle == "rear"
+    slowest = cos(radians(limits.steering_deg)) if rear else 1.0  # the faster driven wheel, where the virtual one has 1
     for since, why in losses:
         until = min([*(row.time for row in e.stick if row.held and row.time > since), inf])
         if e.journal.mode_at(since) not in {"teleop", "quickstop"} or any(abs(i.time - since) < 1.5 for i in stall):
             continue
+        sent = {side: [(time, abs(v)) for time, v in e.targets[side] if since <= time < until] for side in SIDES}
+        fastest = max((targets[0][1] for targets in sent.values() if targets), default=0.0)
+        zero_by = since + fastest / slowest / limits.deceleration_m_s2 + 0.1 + e.tick
         for side in SIDES:
-            targets = [(time, abs(v)) for time, v in e.targets[side] if since <= time < until]
-            if not targets:
-                continue
-            zero_by = since + targets[0][1] / e.robot.limits.deceleration_m_s2 + 0.1 + e.tick
             last = inf
-            for time, speed in targets:
+            for time, speed in sent[side]:
                 if speed > last + SCRUB or (speed > 0.0 and time > zero_by):
                     yield Violation("I2", time, f"{side} wheel is still sent {speed:.2f} m/s after {why}")
                     break
@@ -104,6 +107,9 @@ class _Known:
     version: bool = False
     watch: int = -1
     mode: int | None = None
+    mode_before: int | None = None
+    changed: float = -inf
+    """When the mode last changed [s]."""
     target: int | None = None
     proof: bool = False
 
@@ -117,6 +123,8 @@ def enabling(e: Evidence) -> Iterator[Violation]:
             if isinstance(event, Status):
                 if event.enabled and not last.enabled and not _forced(e, name, event.time):
                     off = abs(known.target - event.position) if known.target is not None else -1
+                    if event.time - known.changed > 1.5 * e.tick:  # else it was told to before that could be seen
+                        known.mode_before = known.mode
                     wrong = _unknown(known, drive.role, watch, off, drive.sensor.counts_per_turn * drive.gear_ratio)
                     if wrong:
                         yield Violation("I5", event.time, f"{name} was enabled without {', '.join(wrong)}")
@@ -133,10 +141,10 @@ def _learned(e: Evidence, known: _Known, event: Event) -> _Known:
             return _Known()
         case SeenEmergency(code=code) if code == LOST_HEARTBEAT and _proving(e, event.time):
             known.proof = True
-        case SeenEmergency(code=code) if code:
+        case SeenEmergency(code=code) if code not in (0, COLLISION):
             return _Known()
-        case ModeShown(mode=mode):
-            known.mode = mode
+        case ModeShown(mode=mode) if mode != known.mode:
+            known.mode, known.mode_before, known.changed = mode, known.mode, event.time
         case SetPoint(target=target):
             known.target = target
         case Transfer(object=index, sub=sub, value=value):
@@ -157,7 +165,7 @@ def _unknown(known: _Known, role: str, watch: int, off: int, counts_per_turn: fl
     checks = {
         "its identity read": known.vendor and known.version,
         "watching our heartbeat": known.watch == watch,
-        "its mode of operation seen": known.mode == MODES[role],
+        "its mode of operation seen": MODES[role] in (known.mode, known.mode_before),
         "a harmless target": zero,
         "the proof that it watches": known.proof,
     }
