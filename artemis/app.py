@@ -39,6 +39,7 @@ from artemis.plugins.guard import LOCALIZER, PluginGuard
 from artemis.plugins.process import AskedPlugin
 from artemis.plugins.stated import is_live
 from artemis.recording.disk import Disk
+from artemis.recording.ending import Ending
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.resume import DONE, last_place, where_it_stopped
 from artemis.recording.run_folder import RunFolder
@@ -58,6 +59,8 @@ class Outcome:
 
     failed: bool
     """Stopped before its last step was done."""
+    reason: str = ""
+    """The faults and requests that stopped it; empty: it did its last step, or its mission ended itself."""
     interrupted: int | None
     """The signal that ended it."""
     run: RunFolder
@@ -130,6 +133,7 @@ class _Run:
     watch: Watch
     resume_point: ResumePoint | None
     failed: bool = False
+    ending: Ending = field(default_factory=Ending)
     results: Results = field(default_factory=Results)
     asked: AskedPlugin = field(default_factory=AskedPlugin)
 
@@ -140,10 +144,12 @@ class _Run:
         with self.attendance.holding_signals():
             with self.record.observing(self.asked, patient), asyncio.Runner(loop_factory=loop) as runner:
                 runner.run(self._main())
-                self.record.outcome = "failed" if self.failed else DONE
+                reason = self.ending.reason if self.failed else ""
+                self.record.outcome = f"failed: {reason}".removesuffix(": ") if self.failed else DONE
             troubles = self.record.conclude(self.results)
         return Outcome(
             failed=self.failed,
+            reason=reason,
             interrupted=self.attendance.interrupted,
             run=self.record.folder,
             duration=self.record.time,
@@ -178,6 +184,8 @@ class _Run:
 
         def observe(tick: Tick) -> None:
             self.failed, now = tick.failed, loop.time()
+            if tick.cause is not None or tick.wish.failed:
+                self.ending.see(tick)
             traffic = equipment.traffic(now)
             record.see(tick, traffic, now)
             for fault in record.faults(tick.snapshot.sensed.attended):

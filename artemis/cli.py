@@ -254,7 +254,7 @@ def devices(
     """List CAN adapters, joysticks, gamepads and wheels; with a mission also the drives that answer."""
     from artemis.commands.devices import show_devices
 
-    show_devices(mission)
+    raise typer.Exit(0 if show_devices(mission) else FAILED)
 
 
 @app.command()

@@ -33,8 +33,9 @@ _OCTAL = re.compile(r"[-+]?0[0-9_]+|0o[0-7]+")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]")
-_WORDS: Mapping[str, Data] = {"": None, "~": None, "null": None, "true": True, "false": False}
+_WORDS: Mapping[str, Scalar] = {"": None, "~": None, "null": None, "true": True, "false": False}
 _STANDARD_TAG = "tag:yaml.org,2002:"
+_TORN = re.compile(r"([-+]?[0-9]+,[0-9]+)\s*[,}]")  # in `{a: 0,5}` YAML reads a 0, and a key 5 without a value
 _MAX_DIGITS, _MAX_SHOWN = 20, 60
 
 _SURPRISES: tuple[tuple[re.Pattern[str], str], ...] = (
@@ -44,7 +45,7 @@ _SURPRISES: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}(?:[Tt ].*)?"), "a date is text in artemis' YAML"),
     (re.compile(r"[-+]?[0-9]+(?::[0-5]?[0-9])+(?:\.[0-9]*)?"), "{0} is text in artemis' YAML, write plain seconds"),
     (re.compile(r"[-+]?[0-9][0-9_.]*_[0-9_.]*"), "digits with _ are text in artemis' YAML, leave the _ out"),
-    (re.compile(r"[-+]?[0-9]+,[0-9]+"), "write a point instead of the comma"),
+    (re.compile(r"[-+]?[0-9]+,[0-9]+"), "a number with a decimal comma: write {1}"),
     (re.compile(r"[-+]?[0-9.]+ *[a-zA-Z°%µ/²]+[0-9]?"), "write the number alone: its unit stands in the key"),
 )
 
@@ -56,8 +57,7 @@ _SYNTAX: tuple[tuple[str, str], ...] = (
     ("expected <block end>", "the indentation does not fit the lines above, or text follows a closed quote or bracket"),
     ("expected ',' or ']'", "a list [...] is not closed, or a comma is missing"),
     ("expected ',' or '}'", "a mapping {...} is not closed, or a comma is missing"),
-    ("found unexpected end of stream", "a quoted text is not closed"),
-    ("found unexpected document separator", "a quoted text is not closed"),
+    ("found unexpected", "a quoted text is not closed"),
     ("expected the node content", "a value is missing, or a bracket or comma too many"),
     ("expected '<document start>'", "the text goes on after its end: check the indentation"),
     ("found unknown escape character", "unknown escape in double quotes: use single quotes"),
@@ -104,7 +104,7 @@ def _short(key: str) -> str:
 
 def surprise(text: str) -> str | None:
     """Why a text is not the number or truth value that its writer may have meant, or None."""
-    return next((words.format(text) for pattern, words in _SURPRISES if pattern.fullmatch(text)), None)
+    return next((hint.format(text, text.replace(",", ".")) for seen, hint in _SURPRISES if seen.fullmatch(text)), None)
 
 
 def read(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
@@ -156,8 +156,7 @@ def survey(raw: bytes, source: str, *, messages: bool = False) -> tuple[Document
     root = listed if messages else nodes[0] if nodes else _Node((1, 1), None)
     positions: dict[KeyPath, Position] = {}
     data = _flatten(root, (), positions)
-    damaged = frozenset(composer.damaged)
-    return Document(source=source, raw=raw, data=data, positions=positions, damaged=damaged), composer.problems
+    return Document(source, raw, data, positions, frozenset(composer.damaged)), composer.problems
 
 
 def scalar(text: str) -> Scalar:
@@ -229,8 +228,7 @@ class _Composer:
         self._source = source
         self._text = text
         self._anchors: dict[str, _Node | None] = {}  # None while the anchored node is still open
-        self._aliases = 0
-        self._nodes = 0
+        self._aliases = self._nodes = 0
         try:
             self._parser = yaml.SafeLoader(text)
         except yaml.reader.ReaderError as error:
@@ -243,9 +241,9 @@ class _Composer:
         self._next()  # stream start
         while not isinstance(begin := self._next(), yaml.StreamEndEvent):
             if roots and not several:
-                raise self._fatal(_position(begin), "a second document begins: one file holds one")
+                raise self._fatal(_position(begin.start_mark), "a second document begins: one file holds one")
             event = self._next()
-            roots.append(self._compose(event, _position(event), ()))
+            roots.append(self._compose(event, _position(event.start_mark), ()))
             self._anchors.clear()
             self._next()  # document end
         return roots
@@ -263,11 +261,11 @@ class _Composer:
         except yaml.MarkedYAMLError as error:
             problem = error.problem or error.context or ""
             words = next((words for part, words in _SYNTAX if part in problem), problem)
-            begin = _after(error.context_mark)
+            begin = _position(error.context_mark)
             since = f" (it begins at {begin[0]}:{begin[1]})" if "not closed" in words else ""
-            raise self._fatal(_after(error.problem_mark), f"not YAML: {words}{since}") from None
+            raise self._fatal(_position(error.problem_mark), f"not YAML: {words}{since}") from None
         except (ValueError, OverflowError):  # the parser trusts numbers in escapes and directives
-            place = _after(self._parser.get_mark())
+            place = _position(self._parser.get_mark())
             raise self._fatal(place, "not YAML: a number that names no character or version") from None
         return event
 
@@ -287,10 +285,8 @@ class _Composer:
             self._anchors[anchor] = None
         if isinstance(event, yaml.ScalarEvent):
             node = _Node(where, self._scalar(event, where, path))
-        elif isinstance(event, yaml.SequenceStartEvent):
-            node = self._sequence(where, path)
         else:
-            node = self._mapping(where, path)
+            node = (self._sequence if isinstance(event, yaml.SequenceStartEvent) else self._mapping)(where, path)
         if anchor is not None:
             self._anchors[anchor] = node
         return node
@@ -317,16 +313,24 @@ class _Composer:
     def _sequence(self, where: Position, path: KeyPath) -> _Node:
         items: list[_Node] = []
         while not isinstance(event := self._next(), yaml.SequenceEndEvent):
-            items.append(self._compose(event, _position(event), (*path, len(items))))
+            items.append(self._compose(event, _position(event.start_mark), (*path, len(items))))
         return _node(where, items)
 
     def _mapping(self, where: Position, path: KeyPath) -> _Node:
         entries: dict[str, _Node] = {}
         merged: _Node | None = None
+        key, place, begin = "", where, 0
         while not isinstance(event := self._next(), yaml.MappingEndEvent):
-            place = _position(event)
+            end = event.end_mark
+            if end and (torn := _TORN.match(self._text, begin)) and torn.end(1) == end.index:
+                self._complain(place, (*path, key), str(surprise(torn[1])))
+                self._next()
+                continue
+            place = _position(event.start_mark)
             key = self._key(event, place, path)
-            value = self._compose(self._next(), place, (*path, key))
+            event = self._next()
+            begin = event.start_mark.index if event.start_mark else 0
+            value = self._compose(event, place, (*path, key))
             earlier = merged if key == "<<" else entries.get(key)
             if earlier is not None:
                 line, column = earlier.position
@@ -382,19 +386,14 @@ class _Composer:
         return value
 
 
-def _position(event: yaml.Event) -> Position:
-    return _after(event.start_mark)
-
-
-def _after(mark: yaml.error.Mark | yaml._yaml.Mark | None) -> Position:
+def _position(mark: yaml.error.Mark | yaml._yaml.Mark | None) -> Position:
     return (mark.line + 1, mark.column + 1) if mark else (1, 1)
 
 
 def _resolve(text: str) -> Scalar:
     """Value of a plain (unquoted) scalar."""
     if text in _WORDS:
-        word = _WORDS[text]
-        return word if isinstance(word, bool) else None
+        return _WORDS[text]
     if _INTEGER.fullmatch(text):
         return int(text, 16 if text.startswith("0x") else 10) if len(text) <= 4 * _MAX_DIGITS else 0
     return float(text) if _FLOAT.fullmatch(text) else text

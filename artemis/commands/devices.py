@@ -34,8 +34,8 @@ SCAN_TIME = 15.0
 """A scanner has so long to its first scan [s]."""
 
 
-def show_devices(mission: Path | None) -> None:
-    """Print CAN adapters, what somebody may drive with, and the drives on the bus of `mission`.
+def show_devices(mission: Path | None) -> bool:
+    """Print CAN adapters, what somebody may drive with, and the drives on the bus of `mission`; whether that opened.
 
     Raises:
         ConfigError: the mission is refused.
@@ -43,9 +43,11 @@ def show_devices(mission: Path | None) -> None:
     loaded = load_mission(mission) if mission is not None else None
     _show_adapters()
     show_inputs(InputPorts())
-    if loaded is not None:
-        _show_drives(loaded)
-        _show_scanners(loaded)
+    if loaded is None:
+        return True
+    opened = _show_drives(loaded)
+    _show_scanners(loaded)
+    return opened
 
 
 def _show_adapters() -> None:
@@ -117,19 +119,21 @@ def _fields(fields: tuple[Field, ...]) -> str:
 # ---------------------------------------------------------------------------------------------- the bus of a mission
 
 
-def _show_drives(loaded: LoadedMission) -> None:
+def _show_drives(loaded: LoadedMission) -> bool:
+    """Whether their bus can be opened."""
     simulated = is_simulated(loaded)
     _say(f"drives of {loaded.robot.robot}{' (simulated)' * simulated}")
     try:
         nodes, trouble = clock.run(_ask(loaded, simulated), simulated=simulated)
     except DeviceLost as error:
         _say(f"  {error}")
-        return
+        return False
     for node in nodes:
         told = _node(node, loaded.robot.bitrate)
         _say(f"  {node.name:{max(len(each.name) for each in nodes)}}  node {node.node_id:3}  {told}")
     if trouble:
         _say(f"  {trouble}")
+    return True
 
 
 async def _ask(loaded: LoadedMission, simulated: bool) -> tuple[list[NodeReport], str]:

@@ -11,7 +11,7 @@ import numpy as np
 from artemis.commands.path_files import comments, refuse_smoothing, refuse_taken, say, write_files
 from artemis.commands.path_formats import READERS, SUFFIXES, Given
 from artemis.errors import ConfigError, shown
-from artemis.motion.columns import is_in_degrees
+from artemis.motion.columns import DEGREES, is_in_degrees
 from artemis.motion.joining import Placement, bulge, join
 from artemis.motion.path_points import MAX_GAP, distinct
 from artemis.motion.route import Part, Route, Stretch, across, noise_words, stretches, turns_on_the_spot
@@ -138,7 +138,7 @@ def _checked(given: Given, source: str) -> Given:
         notes.append("every heading is 0: taken as not given")
         heading = None
     elif heading is not None and is_in_degrees(x, y, heading):
-        problems.append(f"{places[0]}: the headings are degrees, expected rad: call the column heading_deg")
+        problems.append(f"{places[0]}: heading {heading[0]:g}: {DEGREES}")
     elif heading is not None:
         problems += [
             f"{places[index]}: the heading points across the path; one in degrees is called heading_deg"

@@ -10,7 +10,7 @@ import numpy as np
 from artemis.commands.path_given import Given, from_places, heading_of, text_of
 from artemis.motion.columns import layout_of
 from artemis.motion.spline import Array
-from artemis.motion.table import Table
+from artemis.motion.table import Table, without_rows
 
 MAX_COLUMNS = 200
 """A message of ROS with two covariances has about ninety."""
@@ -114,7 +114,9 @@ def read_csv(raw: bytes, source: str) -> Given:
     columns = {name: np.array(values) for name, values in table.columns.items()}
     geographic = {"lat", "lon"} <= columns.keys() and not {"x", "y"} & columns.keys()
     missing = [name for name in (("lat", "lon") if geographic else ("x", "y")) if name not in columns]
-    if missing and (table.header or len(columns) < 3):
+    if table.is_empty:
+        table.report_file(without_rows(("x", "y")))
+    elif missing and (table.header or len(columns) < 3):
         table.report_file(f"expected the columns x, y (or lat, lon); no {', '.join(missing)}")
     if "heading" in columns and "heading_deg" in columns:
         table.report_file("a heading both in rad and in degrees; keep one of them, and name every column")

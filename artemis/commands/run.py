@@ -133,14 +133,12 @@ def run_in_sight(
     at_keys = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
     operator = started_by or at_keys
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
-    if (warning := low_disk(loaded.folder / loaded.mission.record, Disk())) and (operator or fast):
-        _print("warning", warning)
-    for remark in loaded.remarks:
-        _print("path", remark)
+    _forewarn(loaded, low_disk(loaded.folder / loaded.mission.record, Disk()) if operator or fast else None)
     if not started_by:
         announce(page_of(loaded))
-    keys_work, robot, title = "" if operator is started_by else hint, loaded.robot, _title(loaded, simulated)
-    view = LiveView(title, keys_work, terminate, robot.bitrate, robot.errors, partial(_where, loaded))
+    robot, title = loaded.robot, _title(loaded, simulated)
+    keys_heard = hint if at_keys and not started_by else ""
+    view = LiveView(title, keys_heard, terminate, robot.bitrate, robot.errors, partial(_where, loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")
         prepare()
@@ -157,6 +155,13 @@ def run_in_sight(
         then(outcome)
         _conclude(outcome)
     return outcome
+
+
+def _forewarn(loaded: LoadedMission, warning: str | None) -> None:
+    if warning:
+        _print("warning", warning)
+    for remark in loaded.remarks:
+        _print("remark", remark)
 
 
 def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simulate: bool) -> ResumePoint | None:
@@ -241,7 +246,8 @@ def _result(outcome: Outcome, faults: Sequence[str], failure: str) -> str:
     if outcome.interrupted is not None:
         released = not any(fault.startswith("COM-34") for fault in faults)  # else the fault says which is not
         return f"ended by {signal.Signals(outcome.interrupted).name}" + "; drives stopped and released" * released
-    return f"FAILED: {failure or 'stopped before its last step'}" if outcome.failed else "done"
+    why = "; ".join(filter(None, (outcome.reason, failure))) or "stopped before its last step"
+    return f"FAILED: {why}" if outcome.failed else "done"
 
 
 def _numbers(found: Summary) -> list[tuple[str, str]]:

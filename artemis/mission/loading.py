@@ -19,6 +19,7 @@ from artemis.mission.order import FOLLOWING
 from artemis.mission.problems import by_position, nearest, problems_from
 from artemis.mission.reading import Configs, Model
 from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
+from artemis.mission.starts import far_starts, start_pose
 from artemis.mission.surroundings import SurroundingsChecks
 from artemis.plugins.contracts import PluginContext, TakesInitialPose
 from artemis.plugins.stated import allowed, is_pure
@@ -156,6 +157,7 @@ class _Loading(SurroundingsChecks):
         tree = self._tree(mission, robot)
         if self._problems or mission is None or robot is None or true_robot is None or tree is None:
             raise ConfigError(sorted(dict.fromkeys(self._problems), key=by_position))
+        pose = start_pose(self._data, true_robot, simulated=self._simulated)
         return LoadedMission(
             mission=mission,
             robot=robot,
@@ -166,7 +168,7 @@ class _Loading(SurroundingsChecks):
             documents=self._documents,
             files=self._files,
             folder=self._folder,
-            remarks=tuple(self._remarks),
+            remarks=(*self._remarks, *far_starts(self._data["steps"], self._routes, pose)),
             routes=self._routes,
             destinations=self._destinations,
             tree=tree,

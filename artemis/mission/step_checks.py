@@ -153,7 +153,7 @@ class StepChecks(GotoChecks):
             return
         except ConfigError as error:
             places = (self._document.problem((*at, "path"), problem) for problem in error.problems)
-            self._problems += error.problems if raw else places
+            self._problems += error.problems if isinstance(follow.path, str) else places
             return
         if follow.laps > 1 and not route.closed:
             how = "open: it must end where it begins" if len(route.parts) == 1 else "not: it reverses"

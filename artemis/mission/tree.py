@@ -8,6 +8,7 @@ from typing import Any
 
 from artemis.errors import ConfigError
 from artemis.mission.behaviours import UNTIL, declarations
+from artemis.mission.lapsing import lapses
 from artemis.mission.order import TIME, Order
 from artemis.mission.problems import nearest
 from artemis.mission.schema import Mission
@@ -96,7 +97,7 @@ def mission_tree(mission: Mission, *, has_battery: bool = True, measured: bool =
         [frozenset(checks.ends[path].keys() - {FAULT, LOST}) for path, _ in building.numbered],
         building.asked,
         building.problems + checks.problems,
-        checks.remarks,
+        checks.remarks(building.lapsing),
     )
 
 
@@ -109,6 +110,8 @@ class _Building:
         self.passive: list[Passive | None] = []
         self.asked: list[Condition] = []
         self.problems: list[tuple[KeyPath, str]] = []
+        self.lapsing: list[KeyPath] = []
+        """Conditions that end a step, may some day never hold again, and have no other limit beside them."""
 
     def steps(self, steps: Sequence[Step], path: KeyPath, signals: Mapping[str, SignalKind]) -> Steps:
         """One list of steps."""
@@ -126,7 +129,7 @@ class _Building:
             case "repeat":
                 inner = {**signals, "round": _NUMBER}
                 steps = self.steps(body.steps, (*path, "steps"), inner)
-                until = self._condition(body.until, (*path, "until"), inner)
+                until = self._end((*path, "until"), body.until, body.times, inner)
                 return tree.Repeat(path=name, steps=steps, times=body.times, until=until)
             case "try":
                 steps = self.steps(body.steps, (*path, "steps"), signals)
@@ -168,9 +171,18 @@ class _Building:
 
     def _passive(self, step: Step, path: KeyPath, signals: Mapping[str, SignalKind]) -> Passive | None:
         if step.wait is not None:
-            condition = self._condition(step.wait.for_, (*path, "for"), signals)
+            condition = self._end((*path, "for"), step.wait.for_, step.wait.at_most_s, signals)
             return Passive(seconds=step.wait.seconds, condition=condition, at_most=step.wait.at_most_s)
         return Passive(answers=step.ask.answers, at_most=step.ask.at_most_s) if step.ask is not None else None
+
+    def _end(
+        self, path: KeyPath, text: str | None, limit: float | None, signals: Mapping[str, SignalKind]
+    ) -> Condition | None:
+        """The condition that ends a step, beside which a `limit` may end it, too."""
+        condition = self._condition(text, path, signals)
+        if condition is not None and limit is None and lapses(condition):
+            self.lapsing.append(path)
+        return condition
 
     def _watch(self, watch: Any, path: KeyPath, signals: Mapping[str, SignalKind]) -> tree.Watch | None:  # noqa: ANN401
         condition = self._condition(watch.if_, (*path, "if"), signals)
@@ -235,11 +247,15 @@ class _Checks:
                     self._check_during(path, body)
                 case "together":
                     self._check_beside(path, body["beside"])
-        self.remarks = [
-            f"{dotted(path)}: repeats for ever; only a person ends it"
-            for path in self._endless
-            if not any(path[: len(left)] == left for left in self._left)
-        ]
+                    self._left.append((*path, "beside"))
+
+    def remarks(self, lapsing: Sequence[KeyPath]) -> list[str]:
+        """What may never end; `lapsing`: conditions that may some day never hold again."""
+        told = [(path, "repeats for ever; only a person ends it") for path in self._endless]
+        grows = "does not hold any more once run_s or driven_m has grown, and then only a person ends the step: "
+        limits = {"for": "add at_most_s", "until": "add times"}
+        told += [(path, f"{grows}{limits[str(path[-1])]}") for path in lapsing]
+        return [f"{dotted(path)}: {text}" for path, text in told if not any(path[: len(at)] == at for at in self._left)]
 
     def _check_signals(self) -> None:
         """Two behaviours must not tell the same signal."""

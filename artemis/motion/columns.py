@@ -16,6 +16,8 @@ LEAST = 0.1
 TUM = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
 LEAST_TURN = 0.3
 """A heading that turns by less [rad] may be another column that hardly changes."""
+DEGREES = "expected rad, these are degrees: call the column heading_deg"
+"""Of headings that `is_in_degrees`."""
 _READINGS: tuple[tuple[str, ...], ...] = (
     ("x", "y"),
     ("x", "y", "z"),

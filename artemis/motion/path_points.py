@@ -11,7 +11,7 @@ import numpy as np
 from artemis.motion.columns import layout_of
 from artemis.motion.noise import apart, averaged
 from artemis.motion.spline import Array
-from artemis.motion.table import Table
+from artemis.motion.table import Table, without_rows
 
 MIN_STEP = 0.001
 """Points closer to the one before [m] are standstill or duplicates."""
@@ -93,7 +93,7 @@ def points_of(table: Table) -> Points:
     px, py, kept = distinct(x, y)
     if len(kept) < 2:
         table.raise_problems()
-        table.report_file(f"{len(kept)} distinct points; expected at least 2")
+        table.report_file(f"{len(kept)} distinct points; expected at least 2" if kept else without_rows(("x", "y")))
         table.raise_problems()
     heading, speed = (
         np.array(table.columns[name])[kept] if name in table.columns else None for name in ("heading", "speed")

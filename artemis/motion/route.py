@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from artemis.errors import ConfigError
 from artemis.motion.angles import wrap
-from artemis.motion.columns import is_in_degrees
+from artemis.motion.columns import DEGREES, is_in_degrees
 from artemis.motion.path import Path, check_drivable, path_from_points
 from artemis.motion.path_points import MIN_STEP, Points, cusps, read_points
 from artemis.motion.spline import Array
@@ -101,6 +101,12 @@ class Route:
         away = [math.hypot(point.x - x, point.y - y) for point in points]
         first = next(number for number, distance in enumerate(away) if distance <= min(away) + MIN_STEP)
         return self.begins[first] + places[first]
+
+    def seen_from(self, pose: Pose) -> tuple[float, float]:
+        """How far a robot that is to begin it is to the left of it [m], and turned to the left against it [rad]."""
+        first = self.parts[0]
+        start = first.path.project(pose.x, pose.y, near=0.0)
+        return start.cross_track, wrap(pose.heading - start.heading - (math.pi if first.backward else 0.0))
 
     def begun_at(self, arc_length: float, done: float) -> Route:
         """What is left when the route is begun at an arc length [m], with `done` [m] of it behind.
@@ -209,7 +215,7 @@ def _check_headings(points: Points, found: list[Stretch]) -> None:
     """Report headings across the path, and reversals too near to each other."""
     if points.heading is not None and is_in_degrees(points.x, points.y, points.heading):
         index = int(np.abs(points.heading).argmax())
-        problem = f"heading {points.heading[index]:g}: expected rad, these are degrees: call the column heading_deg"
+        problem = f"heading {points.heading[index]:g}: {DEGREES}"
         points.report(index, f"{problem}, and read the file by `artemis path import`", "heading")
     elif points.heading is not None:
         for index in across(points.x, points.y, points.heading, found):

@@ -33,6 +33,12 @@ def raise_first(problems: Sequence[str], source: str) -> None:
         raise ConfigError([*problems[:MAX_PROBLEMS], *more])
 
 
+def without_rows(columns: Sequence[str]) -> str:
+    """What is wrong with a table without rows, and an example of one with these columns."""
+    row = ",".join(f"{number / 2:g}" for number in range(len(columns)))
+    return f"no rows: expected a line with the columns, such as {','.join(columns)}, and rows below it, such as {row}"
+
+
 class Table:
     """The rows that could be read, column by column, and everything that was wrong.
 
@@ -96,6 +102,11 @@ class Table:
         """Note a problem of the file as a whole."""
         self._problems.append((1, 1, problem))
 
+    @property
+    def is_empty(self) -> bool:
+        """No row at all, not even one that cannot be read."""
+        return not (self.lines or self._unreadable)
+
     def is_torn(self, row: int) -> bool:
         """Whether something unreadable stands between a row and the one before."""
         first, last = self.lines[row - 1], self.lines[row]
@@ -141,7 +152,9 @@ class Table:
                 return
         missing = [name for name in required if name not in self.columns or not first]
         self.complete = not missing
-        if missing:
+        if missing and not first:
+            self._problems.append((number, 1, without_rows(required)))
+        elif missing:
             self._problems.append((number, 1, f"expected the columns {', '.join(required)}; no {', '.join(missing)}"))
 
     def _split(self, line: str) -> list[str]:

@@ -116,7 +116,8 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
 def _result(recording: Recording, run: Series) -> str:
     ends = [entry.text for entry in run.entries if entry.kind == "end"]  # a recording may end before the run does
     if outcome := recording.outcome or "".join(ends[-1:]):
-        return f"{outcome}: {run.mission.failure}" if run.mission.failure else outcome
+        why = "; " if ": " in outcome else ": "
+        return f"{outcome}{why}{run.mission.failure}" if run.mission.failure else outcome
     if run.finished:
         return "ended normally"
     mode = run.modes[-1].value if run.modes else "the beginning"

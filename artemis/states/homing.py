@@ -30,8 +30,9 @@ CREEP = radians(0.5)
 """It meets a switch once more at this rate [rad/s]: within a tick of 20 ms it turns by 0.01 degrees."""
 BACK = radians(SWITCH_MARGIN_DEG)
 """So far from the switch it begins to creep, and so far it creeps beyond where it saw the switch first [rad]."""
-HELD = radians(0.5)
-"""It is held when it stays so far behind its set-point [rad]; at that rate a free one is 0.2 degrees behind."""
+HELD, TURNED, MESSAGES = radians(0.5), radians(0.05), 3
+"""It is held when it is so far behind its set-point [rad] and still does not turn by so much [rad] from one of its
+messages to the next, so many in a row: one may be older than the set-point, and a late computer makes a large step."""
 ROUNDS = 2
 """The gate lets it turn from lock to lock, and the stops are farther apart: by less than as far again."""
 BEYOND = radians(20.0)
@@ -104,10 +105,7 @@ def _from_stop(shared: Shared, source: HardStop, snapshot: Snapshot) -> Routine:
     """Turn slowly towards the stop until the motor is held there: that is its angle."""
     (name,) = shared.plan.drives("steering")
     towards = copysign(1.0, source.stop_deg)
-
-    def is_held(now: Snapshot) -> bool:
-        return _is_held(now, name, towards)
-
+    is_held = _Held(name, towards)
     for _ in range(ROUNDS):
         found, snapshot = yield from _search(shared, towards, is_held, "looking for the hard stop", snapshot)
         if found:
@@ -126,9 +124,10 @@ def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Rout
     on_side = 1.0 if source.on_side == "left" else -1.0
     was_on = _is_on(_drive(snapshot, name))
     towards = -on_side if was_on else on_side
+    is_held = _Held(name, towards)
 
     def is_over(now: Snapshot) -> bool:
-        return _is_on(_drive(now, name)) is not was_on or _is_held(now, name, towards)
+        return is_held(now) or _is_on(_drive(now, name)) is not was_on
 
     found = False
     for _ in range(ROUNDS):
@@ -199,8 +198,22 @@ def _not_found(shared: Shared, name: str, what: str) -> Fault:
     return catalogue.fault("CAL-03", name, f"{what} within {ROUNDS * degrees(left - right):.0f} degrees")
 
 
-def _is_held(snapshot: Snapshot, name: str, towards: float) -> bool:
-    return towards * (snapshot.set_points.steering_left - _drive(snapshot, name).position) > HELD
+class _Held:
+    """Whether a motor that is told to turn `towards` a side (1: left) does not."""
+
+    def __init__(self, name: str, towards: float) -> None:
+        self._name, self._towards = name, towards
+        self._position, self._messages = 0.0, 0
+
+    def __call__(self, snapshot: Snapshot) -> bool:
+        """By the next snapshot."""
+        drive = _drive(snapshot, self._name)
+        if drive.frames:
+            turned = self._towards * (drive.position - self._position)
+            behind = self._towards * (snapshot.set_points.steering_left - drive.position)
+            self._messages = self._messages + 1 if behind > HELD and abs(turned) < TURNED else 0
+            self._position = drive.position
+        return self._messages >= MESSAGES
 
 
 def _is_on(drive: DriveFeedback) -> bool:

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import json
 import math
-import multiprocessing
 import signal
 import tempfile
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -32,6 +31,7 @@ from artemis.route_planning.planner import RouteRequest, plan_route
 from artemis.sim.world import World
 from artemis.testing.contracts import ROBOT
 from artemis.values import JobKind, JobResult, Pose, Tick
+from artemis_lab.workers import fresh_workers
 
 OUTLINE = Outline(front_m=0.68, rear_m=0.12, half_width_m=0.27)
 """Of ARTEMIS with its wheels turned out."""
@@ -265,16 +265,10 @@ def run_all(goals: int, seed: int, workers: int, finished: Callable[[Sequence[Go
     signal.signal(signal.SIGINT, signal.default_int_handler)
     chains = [(MAPS[number % len(MAPS)], seed + number // len(MAPS)) for number in range(math.ceil(goals / CHAIN))]
     run_chain(*chains[0])  # compiles, for all
-    fresh = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(chains)), mp_context=fresh, initializer=_leave_interrupts_alone) as pool:
+    with fresh_workers(min(workers, len(chains))) as pool:
         futures = [pool.submit(run_chain, *chain) for chain in chains]
         try:
             for future in as_completed(futures):
                 finished(future.result())
         except KeyboardInterrupt:
             pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _leave_interrupts_alone() -> None:
-    """Ctrl-C goes to all processes of a terminal: the first one ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import faulthandler
 import json
-import multiprocessing
 import os
-import signal
 import tempfile
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -28,6 +26,7 @@ from artemis.mission.loading import load_model
 from artemis.vehicle import RobotFile
 from artemis_lab.campaign.one_run import InterruptedRun, Result, run_scenario
 from artemis_lab.campaign.scenario import scenario, sees
+from artemis_lab.workers import fresh_workers
 
 REPLAYED = 20
 """Of one run in so many every command is recomputed."""
@@ -195,8 +194,7 @@ def _executor(words: CampaignWords) -> Iterator[tuple[Executor, int]]:
     """Who does the runs, and how many at once."""
     if words.cluster is None:
         workers = (os.cpu_count() or 1) if words.workers == "auto" else words.workers
-        fresh = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=fresh, initializer=_leave_interrupts_alone) as pool:
+        with fresh_workers(workers) as pool:
             yield pool, workers
         return
     try:
@@ -212,11 +210,6 @@ def _executor(words: CampaignWords) -> Iterator[tuple[Executor, int]]:
         if not workers:
             raise ConfigError(f"cluster: the scheduler at {words.cluster} has no workers")
         yield client.get_executor(pure=False), workers
-
-
-def _leave_interrupts_alone() -> None:
-    """Ctrl-C at a terminal reaches every process of the group; it is the campaign's, not the robot's."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 
 
 # ---------------------------------------------------------------------------------------------- the table

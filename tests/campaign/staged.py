@@ -243,6 +243,7 @@ SCENARIOS: dict[str, Scenario] = {
     "follower steers too far at the end of the path": follow(fault("RUN-12", 9.6, duration_s=2.0)),
     "error in bring-up": drive(fault("DRV-02", 0.42, LEFT)),
     "damaged EMCY while it is enabled": drive(fault("DRV-32", 2.904, STEER)),
+    "another mode shown while it is enabled": drive(fault("COM-04", 2.892, STEER)),
     "collision while it is enabled": drive(fault("DRV-21", 2.904, STEER)),
     "stick lost while the step ends": drive(fault("INP-04", 6.55), top=0.7, seconds=2.4),
     "steering measured": measure(),

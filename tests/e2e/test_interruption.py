@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ from command_line import (
     write_mission,
 )
 
+from artemis.__main__ import main
 from artemis.app import Parts, run_mission
 from artemis.clock import SimulatedLoop
 from artemis.commands import run
@@ -32,6 +34,7 @@ from artemis.recording.mcap_reader import Recording
 from artemis.report.page import write_report
 from artemis.values import OperatorInput, Tick
 
+INSTALLED = "from importlib.metadata import entry_points as all; all(group='console_scripts')['artemis'].load()()"
 REAL_TIME = "simulation: {pace: real_time}\n"
 
 
@@ -39,6 +42,26 @@ def assert_stopped_on_the_way(folder: Path) -> None:
     run = only_run(folder)
     assert modes_of(run)[-2:] == ["follow", "end"]
     assert_left_at_rest(run)
+
+
+@pytest.mark.parametrize("program", [ARTEMIS, [ARTEMIS[0], "-c", INSTALLED]])
+def test_ctrl_c_while_the_command_is_imported_ends_it_without_a_word(tmp_path: Path, program: list[str]) -> None:
+    (tmp_path / "typer.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\nprint('goes on')\n")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(program, capture_output=True, cwd=tmp_path, env=environment, timeout=PATIENCE)
+    assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"")
+
+
+@pytest.mark.parametrize("place", ["artemis.cli._prepare_output", "artemis.cli.app", "artemis.cli.leave_threads"])
+def test_ctrl_c_beside_a_command_is_its_status(monkeypatch: pytest.MonkeyPatch, place: str) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(place, interrupt)
+    monkeypatch.setattr("sys.argv", ["artemis", "--version"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 130
 
 
 @pytest.mark.slow

@@ -17,6 +17,12 @@ def test_devices_of_this_computer_and_drives_of_a_mission_are_listed(tmp_path: P
     assert done.stdout.count("vendor 000000FB") == 4
 
 
+def test_a_bus_that_cannot_be_opened_is_a_failure(tmp_path: Path) -> None:
+    done = artemis_here("devices", "--mission", write_mission(tmp_path, bus="{interface: socketcan, channel: no-can}"))
+    assert (done.returncode, done.stderr) == (1, "")
+    assert "CAN socketcan no-can: " in done.stdout.splitlines()[-1]
+
+
 def test_a_bad_mission_is_refused(tmp_path: Path) -> None:
     done = artemis_here("devices", "--mission", write_mission(tmp_path, bus="nonsense"))
     assert done.returncode == 2

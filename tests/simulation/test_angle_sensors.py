@@ -41,6 +41,7 @@ def mission(
     robot: dict[str, Any] | str,
     true: dict[str, float] | None = None,
     faults: list[dict[str, Any]] | None = None,
+    tick_hz: int = 50,
 ) -> Path:
     """Along a line of 0.8 m."""
     if isinstance(robot, str):
@@ -53,6 +54,7 @@ def mission(
         "mission": "straight",
         "robot": "robot.yaml",
         "bus": "simulation",
+        "tick_hz": tick_hz,
         "steps": steps,
         "simulation": simulation,
     }
@@ -93,6 +95,13 @@ def test_a_home_switch_is_found_by_an_epos4(tmp_path: Path) -> None:
     del robot["drives"]["steering"]["gains"]
     robot["calibration"]["steering"]["middle"] |= {"on_side": "right", "switch_deg": -3.0}
     follows_straight(run(mission(tmp_path, robot), longest=120.0))
+
+
+@pytest.mark.parametrize("robot", ["small_car", SWITCH])
+@pytest.mark.parametrize("at_s", [1.25, 1.2969, 1.33, 1.37])
+def test_a_computer_that_is_late_is_not_taken_for_a_motor_that_is_held(at_s: float, robot: str, tmp_path: Path) -> None:
+    late = {"at_s": at_s, "inject": "SYS-07", "seconds": 0.039}
+    follows_straight(run(mission(tmp_path, robot, faults=[late], tick_hz=25), longest=120.0))
 
 
 def test_a_coupling_that_slips_is_seen_by_the_absolute_encoder(tmp_path: Path) -> None:

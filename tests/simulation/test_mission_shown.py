@@ -111,6 +111,29 @@ def test_the_result_says_which_outcome_ended_the_mission_and_how_to_catch_it(
     assert summary(Recording(folder)).result == f"failed: {why}"
 
 
+FAULT = {"inject": "DRV-25", "node": "steer-left", "at_s": 8.0}
+
+
+@pytest.mark.parametrize(
+    ("faults", "asked", "why"),
+    [
+        ([FAULT], {}, "DRV-25 steer-left: cannot follow its set-point (EMCY 0x8611)"),
+        ([], {8.0: "quickstop", 9.0: "end"}, "quick stop requested, then end requested"),
+        ([FAULT], {11.0: "acknowledge", 13.0: "arm", 14.0: "end"}, "end requested"),
+    ],
+)
+def test_the_result_says_what_stopped_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], faults: list[Any], asked: dict[float, str], why: str
+) -> None:
+    simulation = {"faults": faults, "operator": [{"at_s": at, "do": what} for at, what in asked.items()]}
+    mission = write_mission(tmp_path, [CALIBRATE, follow(0.1)], simulation=simulation)
+    assert run_and_report(mission, simulate=False) == 1
+    assert f"result        FAILED: {why}\n" in capsys.readouterr().out
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert summary(Recording(folder)).result == f"failed: {why}"
+    assert f'<p class="result bad">failed: {why}' in (folder / "report.html").read_text()
+
+
 def test_a_fault_that_no_try_catches_any_more_is_the_result(tmp_path: Path) -> None:
     fault = {"inject": "DRV-25", "node": "steer-left", "at_s": 10.0}
     by_hand = [{"at_s": 14.0, "do": "acknowledge"}, {"at_s": 16.0, "do": "arm"}]

@@ -110,7 +110,7 @@ class Machine:
         for name in self.robot.drives:
             steers = name in self.angles
             values = {"position": self.position(name), "angle_sensor": self.shows(self.angles[name])} if steers else {}
-            said.append(drive(name, state=states[name], potentiometers=(0.0, 0.0), **values))
+            said.append(drive(name, state=states[name], potentiometers=(0.0, 0.0), frames=1, **values))
         more: dict[str, Any] = {"requests": self.requests, "attended": self.attended}
         return snapshot(time, set_points=points, drives=tuple(said), results=results, **more)
 

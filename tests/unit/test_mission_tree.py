@@ -112,6 +112,35 @@ def test_a_repeat_that_only_a_person_ends_is_a_remark() -> None:
     assert built({"repeat": {"steps": [ASK]}}).remarks == []
 
 
+@pytest.mark.parametrize(
+    ("condition", "ends"),
+    [
+        ("run_s < 1", False),
+        ("run_s == 1", False),
+        ("driven_m <= 1 and stick.done", False),
+        ("not run_s > 1", False),
+        ("not (run_s > 1 or stick.done)", False),
+        ("run_s < 1 or driven_m < 1", False),
+        ("run_s < 1 or stick.done", True),
+        ("run_s > 1", True),
+        ("run_s >= 1 and driven_m != 0", True),
+        ("not run_s < 1", True),
+        ("not stick.done", True),
+        ("battery_v < 1", True),
+    ],
+)
+def test_a_condition_that_lapses_as_time_goes_on_is_a_remark(condition: str, ends: bool) -> None:
+    wait = {"for": condition}
+    words = "does not hold any more once run_s or driven_m has grown, and then only a person ends the step: add"
+    remarks = [] if ends else [f"steps[0].wait.for: {words} at_most_s"]
+    assert built({"wait": wait}).remarks == remarks
+    assert built({"wait": {**wait, "at_most_s": 5}}).remarks == []
+    until = {"until": condition, "steps": [WAIT]}
+    assert built({"repeat": until}).remarks == ([] if ends else [f"steps[0].repeat.until: {words} times"])
+    assert built({"during": {"steps": [{"wait": wait}], "at_most_s": 5}}).remarks == []
+    assert built({"together": {"steps": [WAIT], "beside": [{"wait": wait}, ENDLESS]}}).remarks == []
+
+
 def test_the_numbers_of_steps_are_those_of_their_order_in_the_file_for_every_reader() -> None:
     inner: Any = {"try": {"retries": 1, "between": [ASK], "steps": [WAIT], "catch": {"any": [FOLLOW, SAY]}}}
     when = [{"if": "run_s > 1", "then": "x"}, {"if": "run_s > 2", "steps": [inner]}]

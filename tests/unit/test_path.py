@@ -80,9 +80,15 @@ def test_every_problem_is_reported_with_its_place() -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "p.csv:1:1: expected the columns x, y; no x, y"),
-        ("# nothing\n", "p.csv:1:1: expected the columns x, y; no x, y"),
-        ("x,y\n", "0 distinct points"),
+        ("", "p.csv:1:1: no rows: expected a line with the columns, such as x,y, and rows below it, such as 0,0.5"),
+        (
+            "# nothing\n",
+            "p.csv:1:1: no rows: expected a line with the columns, such as x,y, and rows below it, such as 0,0.5",
+        ),
+        (
+            "x,y\n",
+            "p.csv:1:1: no rows: expected a line with the columns, such as x,y, and rows below it, such as 0,0.5",
+        ),
         ("1,2\n", "1 distinct points"),
         ("1,2\n1,2\n1,2.0001\n", "1 distinct points"),
         ("1\n2\n", "no y"),

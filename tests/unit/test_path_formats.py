@@ -48,7 +48,7 @@ def test_tables_are_read_with_any_separator_and_usual_names(text: str, heading: 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "f:1:1: expected the columns x, y"),
+        ("", "f:1:1: no rows: expected a line with the columns, such as x,y, and rows below it, such as 0,0.5"),
         ("x,y,colour\n0,0,1\n", "f:1:5: unknown column 'colour'"),
         ("x,y\n0,0\n1,zwei\n", "f:3:3: y: expected a finite number, found 'zwei'"),
         ("x,y\n0,0\n1,inf\n", "f:3:3: y: expected a finite number"),
@@ -285,10 +285,10 @@ def test_headings_that_are_all_0_are_none(tmp_path: Path, capsys: pytest.Capture
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("x,y\n", "in.csv:1:1: 0 distinct points"),
+        ("x,y\n", "in.csv:1:1: no rows"),
         ("x,y\n1,1\n1,1\n", "in.csv:1:1: 1 distinct points"),
         ("x,y,yaw\n0,0,0.1\n1,0,3\n2,0,0\n", "in.csv:3:1: the heading points across the path"),
-        ("x,y,yaw\n0,0,90\n0,1,90\n0,2,90\n", "in.csv:2:1: the headings are degrees, expected rad"),
+        ("x,y,yaw\n0,0,90\n0,1,90\n0,2,90\n", "in.csv:2:1: heading 90: expected rad, these are degrees"),
         ("x,y\n0,0\n1,0\n2,0\n1.43,0.82\n", "in.csv:4:1: the robot would turn by 55 deg on the spot"),
         ("x,y,v\n0,0,0.1\n1,0,-0.3\n2,0,0.1\n", "in.csv:3:1: speed: expected more than 0 m/s, found -0.3"),
         ("x,y\n0,0\n50000,0\n", "in.csv: path of 50000 m"),

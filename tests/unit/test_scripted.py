@@ -176,7 +176,7 @@ def test_every_problem_is_reported_with_its_place(robot: RobotFile) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "expected the columns time_s, x, y"),
+        ("", "no rows: expected a line with the columns, such as time_s,x,y,"),
         ("time_s,x,y\n", "no rows"),
         ("time_s,x,y,enabel\n0,0,0,0\n", "s.csv:1:12: unknown column 'enabel'; nearest is 'enable'"),
         ("time_s,x\n0,0\n", "no y"),

@@ -78,7 +78,7 @@ def test_a_table_may_know_no_heading() -> None:
         ("time_s,x_m,y_m\n0,0\n", "f:2:3: expected 3 columns"),
         ("time_s,x_m,y_m,heading_deg,heading_rad\n0,0,0,0,0\n", "both in rad and in degrees"),
         ("time_s,x_m,y_m\n", "f:1:1: no poses"),
-        ("", "expected the columns time, x, y"),
+        ("", "no rows: expected a line with the columns, such as time,x,y, and rows below it, such as 0,0.5,1"),
         ("0 1 2 0 0 0 0 2\n", "f:1:9: expected a quaternion of length 1, found 2"),
         ("0 1 2 0 0 0 0 0\n", "f:1:9: expected a quaternion of length 1, found 0"),
         ("0 1 2 0 0.7071 0 0 0.7071\n", "f:1:9: tilted by 90 degrees; expected a turn about z"),

@@ -94,7 +94,7 @@ def test_ambiguous_and_boundless_scalars_are_refused(text: str) -> None:
         ("2015-08-31", "a date is text in artemis' YAML"),
         ("1:30", "1:30 is text in artemis' YAML, write plain seconds"),
         ("1_000.5", "digits with _ are text in artemis' YAML, leave the _ out"),
-        ("0,4", "write a point instead of the comma"),
+        ("0,4", "a number with a decimal comma: write 0.4"),
         ("0.4 m/s", "write the number alone: its unit stands in the key"),
         ("1.5 m/s2", "write the number alone: its unit stands in the key"),
         ("33°", "write the number alone: its unit stands in the key"),
@@ -105,6 +105,27 @@ def test_ambiguous_and_boundless_scalars_are_refused(text: str) -> None:
 )
 def test_texts_that_look_like_something_else_are_explained(text: str, hint: str | None) -> None:
     assert surprise(text) == hint
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "hint"),
+    [
+        ("{a: 1, speed: 0,5}", 8, "0.5"),
+        ("{speed: -0,25 , b: 2}", 2, "-0.25"),
+        ("{speed: 0,5,\n b: 2}", 2, "0.5"),
+        ("{a: 3, speed: 1,5, b: [1,5], c: 2}", 8, "1.5"),
+    ],
+)
+def test_a_decimal_comma_in_braces_is_one_problem_of_its_number(text: str, column: int, hint: str) -> None:
+    document, problems = survey(text.encode(), "x.yaml")
+    assert problems == [f"x.yaml:1:{column}: speed: a number with a decimal comma: write {hint}"]
+    assert document.damaged == {("speed",)}
+
+
+@pytest.mark.parametrize("text", ["{a: 0,5: 1}", "{a: x,5}", "{a: 0, 5}", "{a: '0',5}", "{a: 1,5,5}"])
+def test_another_number_after_a_comma_is_a_key(text: str) -> None:
+    _, problems = survey(text.encode(), "x.yaml")
+    assert problems[-1].endswith(": 5: a key must be text: put it in quotes if it is meant so")
 
 
 NESTED = """\
