@@ -32,7 +32,7 @@ _FLOOR = np.diag([1e-4, 1e-4, 9e-6])
 """Covariance that is added to a match [m², m², rad²]: 1 cm and 0.17 degrees that no beam tells of."""
 _STRETCH = 40
 """Key scans over which the odometry is wrong by one share."""
-_SHARE, _SHARE_CHANGE = 0.1, 0.01
+_SHARE, _SHARE_CHANGE = 0.05, 0.01
 """Standard deviations of the first share, and of the change from one stretch to the next."""
 _ALL_TOLD = np.zeros(2)
 

@@ -40,7 +40,9 @@ class WideLoops:
         self._rough: LikelihoodGrid | None = None
 
     def find(self, distance: float, turn: float, drifts: Drifts) -> Link | None:
-        """The newest key scan, linked to where it fits; None: nowhere, or in several places.
+        """One of the last key scans, linked to where it fits; None: nowhere, or in several places.
+
+        The place is looked for by all of them. The link is of the last one that tells all directions by itself.
 
         Args:
             distance: from where it is believed to be, along x and y [m].

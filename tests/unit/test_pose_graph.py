@@ -71,7 +71,7 @@ def test_the_share_of_the_wheels_is_found_with_the_poses_as_in_the_dense_solutio
 
     def residuals(free: Array) -> Array:
         shares, poses = free[:3], np.concatenate([true[:1], free[3:].reshape(-1, 3)])
-        rows = [shares[:1] / 0.1, np.diff(shares) / 0.01]
+        rows = [shares[:1] / 0.05, np.diff(shares) / 0.01]
         for number, link in graph.links.items():
             off = between(poses[link.first], poses[link.second]) - link.motion
             off[:2] -= shares[link.first // 40] * link.untold
