@@ -117,7 +117,7 @@ class LoopFinder:
         return [link, *agreeing]
 
     def _agree(self, one: Link, other: Link, wide: bool) -> bool:
-        """Whether the circle over both loops closes; if `wide`, as far as the drift on both ways between them allows."""
+        """Whether the circle over both loops closes; if `wide`, as far as the drift between them allows."""
         poses, settings = self._keys.poses, self._settings
         driven = between(poses[one.second], poses[other.second])
         seen = between(compose(poses[one.first], one.motion), compose(poses[other.first], other.motion))
