@@ -83,6 +83,17 @@ def bench_slam(
     measure(log, relations, drive)
 
 
+@bench.command("buildings")
+def bench_buildings(
+    drives: Annotated[int, typer.Option(min=1, help="So many, with other wheels each.")] = 20,
+    first: Annotated[int, typer.Option(min=0, metavar="SEED", help="Of the first drive.")] = 1,
+) -> None:
+    """Map a large building in simulation, where all corridors look alike and the wheels are wrong, beside the truth."""
+    from artemis_lab.commands.bench_buildings import measure
+
+    raise typer.Exit(measure(drives, first))
+
+
 @bench.command("localisation")
 def bench_localisation(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="CARMEN log (.clf, .log, also .gz).")],

@@ -40,7 +40,7 @@ class LoopCloser:
             self.keys.append(key.points, key.motion)
             return
         self.keys.append(key.points, compose(self.keys.poses[before], key.motion))
-        self.graph.add(Link(before, number, key.motion, key.information, before < number - 1))
+        self.graph.add(Link(before, number, key.motion, key.information, before < number - 1, key.untold))
         self.loops.drift.share = key.share
         found, much = self.loops.find()
         for loop in found:

@@ -50,17 +50,21 @@ class Drift:
 
     def seen_from_newest(self, count: int) -> Drifts:
         """Of the first `count` key scans."""
+        return self.seen_from(len(self._keys) - 1, count)
+
+    def seen_from(self, key: int, count: int) -> Drifts:
+        """Of the first `count` key scans, seen from another one than the newest."""
         settings, poses = self._settings, self._keys.poses
-        key = len(poses) - 1
-        way, towards = self._graph.ways_from(key, key + 1)
+        number = np.arange(len(poses))
+        way, towards = self._graph.ways_from(key, len(poses))
         there = towards >= 0
-        towards = np.where(there, towards, np.arange(key + 1))
-        edge = np.subtract(way, way[towards], where=there, out=np.zeros(key + 1))
+        towards = np.where(there, towards, number)
+        edge = np.subtract(way, way[towards], where=there, out=np.zeros(len(poses)))
         x, y = (poses[:, :2] - poses[key, :2]).T
         by_turn = edge[:, None] * np.stack([y * y, -x * y, x * x], 1)
         parts = np.concatenate([by_turn, self._untold_edges(towards)], 1)
         while (towards != key).any() and (towards[towards] != towards).any():
-            parts = parts + np.where((towards != np.arange(key + 1))[:, None], parts[towards], 0.0)
+            parts = parts + np.where((towards != number)[:, None], parts[towards], 0.0)
             towards = towards[towards]
         parts, way = parts[:count], way[:count]
         xx, xy, yy = (settings.drift_turn**2 * parts[:, :3] + _squared(self.share * parts[:, 3:])).T

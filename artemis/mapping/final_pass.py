@@ -35,7 +35,7 @@ def matched_again(settings: MapSettings, keys: KeyScans, graph: PoseGraph, grid:
             pairs.setdefault(min(key, other), set()).add(max(key, other))
     new = PoseGraph()
     for link in graph.links.values():
-        new.add(Link(link.first, link.second, link.motion, _OLD_LINKS * link.information, link.loop))
+        new.add(Link(link.first, link.second, link.motion, _OLD_LINKS * link.information, link.loop, link.untold))
     for key, others in pairs.items():
         pose = keys.poses[key]
         grid.build([keys.points[key]], [pose])

@@ -34,6 +34,8 @@ class SavedLink(msgspec.Struct, frozen=True, array_like=True):
     loop: bool
     motion: bytes
     information: bytes
+    untold: bytes = bytes(16)
+    """Files of earlier versions have none."""
 
 
 class SavedGraph(msgspec.Struct, frozen=True, kw_only=True):
@@ -74,7 +76,13 @@ class MapGraph:
     def packed(self) -> bytes:
         """As the file holds it."""
         links = tuple(
-            SavedLink(n, each.first, each.second, each.loop, each.motion.tobytes(), each.information.tobytes())
+            SavedLink(
+                n,
+                each.first,
+                each.second,
+                each.loop,
+                *(part.astype("<f8").tobytes() for part in (each.motion, each.information, each.untold)),
+            )
             for n, each in self.graph.links.items()
         )
         saved = SavedGraph(
@@ -123,10 +131,9 @@ def read_graph(path: Path) -> MapGraph:
         for link in saved.links:
             if not 0 <= link.first < len(keys) or not 0 <= link.second < len(keys):
                 raise ValueError(f"link {link.number} leads to no scan")
-            motion, information = np.frombuffer(link.motion, "<f8"), np.frombuffer(link.information, "<f8")
-            graph.restore(
-                link.number, Link(link.first, link.second, motion.reshape(3), information.reshape(3, 3), link.loop)
-            )
+            parts = (link.motion, 3), (link.information, (3, 3)), (link.untold, 2)
+            motion, information, untold = (np.frombuffer(part, "<f8").reshape(shape) for part, shape in parts)
+            graph.restore(link.number, Link(link.first, link.second, motion, information, link.loop, untold))
         return MapGraph(keys, graph, np.frombuffer(saved.trajectory, "<f8").reshape(-1, 4).copy())
     except (msgspec.DecodeError, ValueError) as error:
         raise ConfigError(f"{path}: is no pose graph of artemis: {error}") from None

@@ -10,10 +10,10 @@ from artemis.mapping.likelihood import LikelihoodGrid
 from artemis.mapping.pose_graph import Link, PoseGraph, match_information
 from artemis.mapping.se2 import Array, between, compose, within
 from artemis.mapping.settings import MapSettings
-from artemis.mapping.wide_loops import SURE, WideLoops
+from artemis.mapping.wide_loops import SURE, WideLoops, likely
 
-_KNOWN_FOR = 30
-"""Key scans for which a loop waits for a second one that agrees."""
+_KNOWN_FOR, _KNOWN_WIDE = 30, 80
+"""Key scans for which a loop waits for a second one that agrees; and if that was found by a wide search."""
 _APART = 10
 """Key scans between two places that are searched for one key scan."""
 _EVERY, _STRETCH = 3, 3
@@ -45,7 +45,7 @@ class LoopFinder:
         if away.min() > settings.loop_radius + settings.wide_window:
             return [], False
         drifts = self.drift.seen_from_newest(len(away))
-        self._waiting = [link for link in self._waiting if key - link.second < _KNOWN_FOR]
+        self._waiting = [link for link in self._waiting if key - link.second < _KNOWN_WIDE]
         found: list[Link] = []
         reach = _LEAST + SURE * drifts.most
         narrow = reach <= settings.loop_window
@@ -76,7 +76,7 @@ class LoopFinder:
             return []
         self.searched += 1
         link = self._wide.find(float(reach[place]), _turn(drifts, place), drifts)
-        return [] if link is None else self._confirmed(link, _STRETCH)
+        return [] if link is None else self._confirmed(link, wide=True)
 
     def _matched(self, place: int, key: int, distance: float, drifts: Drifts) -> Link | None:
         """The loop between an old place and the newest key scan; None: it is not seen there."""
@@ -101,26 +101,33 @@ class LoopFinder:
         information = match_information(found.information, origin[2], settings.beam)
         return Link(place, key, between(origin, found.pose), information, True)
 
-    def _confirmed(self, link: Link, apart: int = 1) -> list[Link]:
+    def _confirmed(self, link: Link, *, wide: bool = False) -> list[Link]:
         """The link and those that waited for it; nothing if it has to wait itself."""
         settings, poses = self._settings, self._keys.poses
         correction = between(between(poses[link.first], poses[link.second]), link.motion)
         if within(correction, settings.sure_loop, settings.sure_loop_turn):
             return [link]
-        before = [other for other in self._waiting if other.second <= link.second - apart]
-        agreeing = [other for other in before if self._agree(other, link)]
+        apart, known = (_STRETCH, _KNOWN_WIDE) if wide else (1, _KNOWN_FOR)
+        before = [other for other in self._waiting if apart <= link.second - other.second < known]
+        agreeing = [other for other in before if self._agree(other, link, wide)]
         if not agreeing:
             self._waiting.append(link)
             return []
         self._waiting = [other for other in self._waiting if not any(other is each for each in agreeing)]
         return [link, *agreeing]
 
-    def _agree(self, one: Link, other: Link) -> bool:
-        """Whether the circle over both loops closes."""
-        poses = self._keys.poses
+    def _agree(self, one: Link, other: Link, wide: bool) -> bool:
+        """Whether the circle over both loops closes; if `wide`, as far as the drift between them allows."""
+        poses, settings = self._keys.poses, self._settings
         driven = between(poses[one.second], poses[other.second])
         seen = between(compose(poses[one.first], one.motion), compose(poses[other.first], other.motion))
-        return within(between(driven, seen), self._settings.agree, self._settings.agree_turn)
+        off = between(driven, seen)
+        if not wide:
+            return within(off, settings.agree, settings.agree_turn)
+        ways = (one.first, other.first), (one.second, other.second)
+        covariances = [self.drift.seen_from(end, begin + 1).covariance[begin] for begin, end in ways]
+        on_map = compose([0.0, 0.0, poses[other.second, 2]], off)
+        return abs(off[2]) < settings.agree_turn and likely(on_map, covariances[0] + covariances[1])
 
 
 def _turn(drifts: Drifts, place: int) -> float:

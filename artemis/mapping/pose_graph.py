@@ -2,6 +2,9 @@
 
 Levenberg-Marquardt on sparse normal equations: G. Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent
 Transportation Systems Magazine 2(4), 2010. Cauchy's loss: a motion off by d standard deviations weighs 1/(1 + d²/s²).
+
+Where only the odometry tells how far the robot drove, its error is not drawn anew for each link: wheels that count too
+much do so all along. The share by which they are wrong is therefore an unknown of the graph, which changes slowly.
 """
 
 from __future__ import annotations
@@ -9,7 +12,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sparse
@@ -27,6 +30,11 @@ _UNTOLD = np.diag([1.0, 1.0, 10.0])
 """Information that is added to a match: what no beam tells of stays finite."""
 _FLOOR = np.diag([1e-4, 1e-4, 9e-6])
 """Covariance that is added to a match [m², m², rad²]: 1 cm and 0.17 degrees that no beam tells of."""
+_STRETCH = 40
+"""Key scans over which the odometry is wrong by one share."""
+_SHARE, _SHARE_CHANGE = 0.05, 0.01
+"""Standard deviations of the first share, and of the change from one stretch to the next."""
+_ALL_TOLD = np.zeros(2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +49,8 @@ class Link:
     """Inverse covariance of x, y, heading of the motion, shape (3, 3)."""
     loop: bool
     """Between two visits of a place; else from one key scan to the next."""
+    untold: Array = field(default_factory=lambda: _ALL_TOLD)
+    """Part of the motion that no scan tells of, only the odometry: x, y [m] seen from the first pose, shape (2,)."""
 
 
 def match_information(information: Array, heading: float, beam: float) -> Array:
@@ -100,7 +110,7 @@ class PoseGraph:
         if not self.links:
             return {}
         system = _System(self.links.values(), 1.0, 1.0)
-        return dict(zip(self.links, np.sqrt(system.errors(poses)[1]).tolist(), strict=True))
+        return dict(zip(self.links, np.sqrt(system.errors(poses, system.shares(poses))[1]).tolist(), strict=True))
 
     def solve(self, poses: Array, rounds: int, cauchy_loop: float, cauchy_step: float) -> Array:
         """The poses that fit the links best; the first stays where it is.
@@ -114,17 +124,20 @@ class PoseGraph:
         if len(poses) < 2 or not self.links:
             return poses
         system, damping = _System(self.links.values(), cauchy_loop, cauchy_step), 0.0
-        errors, weights, cost = system.weighted(poses)
+        shares = system.shares(poses)
+        errors, weights, cost = system.weighted(poses, shares)
         for _ in range(rounds):
             moved = poses.copy()
-            moved[1:] -= system.step(poses, errors, weights, damping)
+            too_far, too_much = system.step(poses, shares, errors, weights, damping)
+            moved[1:] -= too_far
             moved[:, 2] = wrapped(moved[:, 2])
-            new_errors, new_weights, new_cost = system.weighted(moved)
+            new_shares = shares - too_much
+            new_errors, new_weights, new_cost = system.weighted(moved, new_shares)
             if new_cost > cost * (1 + _LEAST_CHANGE):
                 damping = max(1e-4, 10 * damping)
                 continue
             done = cost - new_cost < _LEAST_CHANGE * cost
-            poses, errors, weights, cost = moved, new_errors, new_weights, new_cost
+            poses, shares, errors, weights, cost = moved, new_shares, new_errors, new_weights, new_cost
             damping = damping / 10 if damping > 1e-6 else 0.0
             if done:
                 break
@@ -153,43 +166,62 @@ class _System:
         self.motion = np.array([link.motion for link in rows])
         self.information = np.array([link.information for link in rows])
         self.scale = np.where([link.loop for link in rows], cauchy_loop, cauchy_step) ** 2
+        self.untold = np.array([[*link.untold, 0.0] for link in rows])
+        self.stretch = self.first // _STRETCH
+        count = int(self.stretch.max()) + 1
+        changes = sparse.eye(count, format="csr") - sparse.eye(count, k=-1, format="csr")
+        sure = np.full(count, _SHARE_CHANGE**-2)
+        sure[0] = _SHARE**-2
+        self.slow = sparse.csr_matrix(changes.T @ sparse.diags(sure) @ changes)
+        """Information of the shares that is known beforehand."""
 
-    def errors(self, poses: Array) -> tuple[Array, Array]:
-        """Measured minus at these poses, shape (m, 3), and its square in standard deviations, shape (m,)."""
-        off = between(poses[self.first], poses[self.second]) - self.motion
+    def shares(self, poses: Array) -> Array:
+        """Of each stretch: by which share the odometry is wrong, as far as these poses tell."""
+        count = self.slow.shape[0]
+        off, _ = self.errors(poses, np.zeros(count))
+        told = np.einsum("ma,mab->mb", self.untold, self.information)
+        information = np.bincount(self.stretch, (told * self.untold).sum(1), count)
+        right = np.bincount(self.stretch, (told * off).sum(1), count)
+        return np.asarray(splu((self.slow + sparse.diags(information)).tocsc()).solve(right))
+
+    def errors(self, poses: Array, shares: Array) -> tuple[Array, Array]:
+        """What these poses have more than was measured, shape (m, 3), and its square in standard deviations, (m,)."""
+        off = between(poses[self.first], poses[self.second]) - self.motion - shares[self.stretch, None] * self.untold
         off[:, 2] = wrapped(off[:, 2])
         return off, np.einsum("ma,mab,mb->m", off, self.information, off)
 
-    def weighted(self, poses: Array) -> tuple[Array, Array, float]:
+    def weighted(self, poses: Array, shares: Array) -> tuple[Array, Array, float]:
         """Errors, Cauchy weights, and the cost of it all."""
-        off, square = self.errors(poses)
-        return off, 1 / (1 + square / self.scale), float((self.scale * np.log1p(square / self.scale)).sum())
+        off, square = self.errors(poses, shares)
+        cost = float((self.scale * np.log1p(square / self.scale)).sum() + shares @ (self.slow @ shares))
+        return off, 1 / (1 + square / self.scale), cost
 
-    def step(self, poses: Array, off: Array, weights: Array, damping: float) -> Array:
-        """By how much the poses but the first are too far, shape (n - 1, 3)."""
-        n, m = len(poses), len(self.first)
+    def step(self, poses: Array, shares: Array, off: Array, weights: Array, damping: float) -> tuple[Array, Array]:
+        """By how much the poses but the first are too far, shape (n - 1, 3), and the shares too large."""
+        n, m, count = len(poses), len(self.first), len(shares)
         c, s = np.cos(poses[self.first, 2]), np.sin(poses[self.first, 2])
         dx, dy = (poses[self.second, :2] - poses[self.first, :2]).T
         zero, one = np.zeros(m), np.ones(m)
         by_first = np.array([[-c, -s, c * dy - s * dx], [s, -c, -c * dx - s * dy], [zero, zero, -one]])
         by_second = np.array([[c, s, zero], [-s, c, zero], [zero, zero, one]])
-        by_first, by_second = by_first.transpose(2, 0, 1), by_second.transpose(2, 0, 1)
-        weighted = self.information * weights[:, None, None]
-        left_first, left_second = by_first.transpose(0, 2, 1) @ weighted, by_second.transpose(0, 2, 1) @ weighted
-        blocks = np.concatenate(
-            [left_first @ by_first, left_first @ by_second, left_second @ by_first, left_second @ by_second]
+        by_all = np.concatenate(
+            [by_first.transpose(2, 0, 1), by_second.transpose(2, 0, 1), -self.untold[:, :, None]], 2
         )
-        rows = np.concatenate([self.first, self.first, self.second, self.second])
-        columns = np.concatenate([self.first, self.second, self.first, self.second])
         inner = np.arange(3)
-        row = (3 * rows[:, None, None] + inner[:, None] + 0 * inner).reshape(-1) - 3
-        column = (3 * columns[:, None, None] + inner + 0 * inner[:, None]).reshape(-1) - 3
-        kept = (row >= 0) & (column >= 0)
-        shape = (3 * n - 3, 3 * n - 3)
-        normal = sparse.coo_matrix((blocks.reshape(-1)[kept], (row[kept], column[kept])), shape=shape).tocsc()
-        right = np.zeros((n, 3))
-        np.add.at(right, self.first, (left_first @ off[:, :, None])[:, :, 0])
-        np.add.at(right, self.second, (left_second @ off[:, :, None])[:, :, 0])
+        of_poses = np.c_[3 * self.first[:, None] + inner, 3 * self.second[:, None] + inner]
+        column = np.repeat(np.c_[of_poses, 3 * n + self.stretch], 3, axis=0)
+        begins = np.arange(0, column.size + 1, column.shape[1])
+        jacobian = sparse.csr_matrix((by_all.reshape(-1), column.reshape(-1), begins), shape=(3 * m, 3 * n + count))
+        jacobian.eliminate_zeros()
+        jacobian = jacobian[:, 3:]
+        information = sparse.bsr_matrix(
+            (self.information * weights[:, None, None], np.arange(m), np.arange(m + 1)), shape=(3 * m, 3 * m)
+        )
+        weighted = jacobian.T @ information
+        before = sparse.block_diag([sparse.csr_matrix((3 * n - 3, 3 * n - 3)), self.slow])
+        normal = (weighted @ jacobian + before).tocsc()
+        right = weighted @ off.reshape(-1) + before @ np.r_[np.zeros(3 * n - 3), shares]
         damped = (normal + sparse.diags(damping * normal.diagonal())).tocsc() if damping else normal
         factors = splu(damped, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        return np.asarray(factors.solve(right[1:].reshape(-1)).reshape(-1, 3))
+        found = np.asarray(factors.solve(right))
+        return found[: 3 * n - 3].reshape(-1, 3), found[3 * n - 3 :]

@@ -40,7 +40,9 @@ class WideLoops:
         self._rough: LikelihoodGrid | None = None
 
     def find(self, distance: float, turn: float, drifts: Drifts) -> Link | None:
-        """The newest key scan, linked to where it fits; None: nowhere, or in several places.
+        """One of the last key scans, linked to where it fits; None: nowhere, or in several places.
+
+        The place is looked for by all of them. The link is of the last one that tells all directions by itself.
 
         Args:
             distance: from where it is believed to be, along x and y [m].
@@ -58,10 +60,19 @@ class WideLoops:
         beside = np.append((found.pose - middle)[:2], _ROUGH * settings.unique)
         if rough.search(seen, middle, distance, turn, floor=found.score - margin, left_out=beside).score > 0:
             return None
-        away = between(found.pose, keys.poses[:last])
+        for each in range(key, max(settings.gap, key - _RECENT), -1):
+            link = self._linked(each, compose(found.pose, between(middle, keys.poses[each])), drifts)
+            if link is not None:
+                return link
+        return None
+
+    def _linked(self, key: int, pose: Array, drifts: Drifts) -> Link | None:
+        """One of the last key scans, linked to the place where it is nearest if it was taken at `pose`."""
+        settings, keys = self._settings, self._keys
+        away = between(pose, keys.poses[: key - settings.gap])
         place = int(np.hypot(away[:, 0], away[:, 1]).argmin())
-        matched = self._matched(place, key, found.pose)
-        if matched is None or not likely(matched.pose - middle, drifts.covariance[place]):
+        matched = self._matched(place, key, pose)
+        if matched is None or not likely(matched.pose - keys.poses[key], drifts.covariance[place]):
             return None
         origin = keys.poses[place]
         information = match_information(matched.information, origin[2], settings.beam)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from laser_worlds import ANGLES, OFFICE, seen
 from test_map_readings import mounted, scan_of, tick
 
 from artemis.calibration.scanner_drive import ScannerDrive, scanner_drive
@@ -16,6 +15,7 @@ from artemis.errors import CalibrationError, ConfigError
 from artemis.mapping.se2 import Array, between, compose
 from artemis.yaml_edit import edit
 from artemis.yaml_file import survey
+from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, seen
 
 ROBOT = Path(__file__).parents[2] / "missions" / "robots" / "artemis_lms100.yaml"
 LOOPS = [(2.0, 0.0), (5.0, 7.8), (2.0, 0.0), (5.0, -7.8)] * 2

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from laser_worlds import OFFICE, driven, odometry, seen, walls
 from map_command import call, refused
 
 from artemis.commands.path_record import MapTrajectory
@@ -15,6 +14,7 @@ from artemis.mapping.graph_file import read_graph
 from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import OCCUPIED
 from artemis.mapping.se2 import Array, between
+from artemis_lab.bench.laser_worlds import OFFICE, driven, odometry, seen, walls
 
 WAY = driven([(-2, -3), (0, -3), (0, 1), (0, -3), (-2, -3)], 0.25)
 

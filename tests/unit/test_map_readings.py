@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from core_builders import snapshot
-from laser_worlds import ANGLES, OFFICE, SETTINGS, seen
 
 from artemis.mapping.laser import Reading
 from artemis.mapping.readings import ScanReadings
@@ -13,6 +12,7 @@ from artemis.mapping.se2 import Array, compose
 from artemis.mounting import Mounting
 from artemis.scan import Scan
 from artemis.values import Mode, Odometry, Pose, SetPoints, Tick, Wish
+from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, SETTINGS, seen
 
 PERIOD = 0.02
 

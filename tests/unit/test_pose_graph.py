@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -56,6 +58,52 @@ def test_the_sparse_solution_is_the_dense_one() -> None:
     dense = least_squares(residuals, start[1:].reshape(-1), xtol=1e-12, ftol=1e-12).x.reshape(-1, 3)
     sparse = graph.solve(start, 50, 1e6, 1e6)
     assert np.abs(between(np.concatenate([true[:1], dense]), sparse)).max() < 1e-4
+
+
+def test_the_share_of_the_wheels_is_found_with_the_poses_as_in_the_dense_solution() -> None:
+    true, steps = circle(count=60, noise=0.02)
+    graph = PoseGraph()
+    for link in steps.links.values():
+        motion = link.motion * (1.0 if link.loop else np.array([0.9, 0.9, 1.0]))
+        graph.add(replace(link, motion=motion, untold=np.zeros(2) if link.loop else 0.5 * motion[:2]))
+    start = chained(graph, true)
+    roots = {number: np.linalg.cholesky(link.information) for number, link in graph.links.items()}
+
+    def residuals(free: Array) -> Array:
+        shares, poses = free[:3], np.concatenate([true[:1], free[3:].reshape(-1, 3)])
+        rows = [shares[:1] / 0.05, np.diff(shares) / 0.01]
+        for number, link in graph.links.items():
+            off = between(poses[link.first], poses[link.second]) - link.motion
+            off[:2] -= shares[link.first // 40] * link.untold
+            rows.append(roots[number].T @ np.array([off[0], off[1], float(wrapped(off[2]))]))
+        return np.concatenate(rows)
+
+    free = np.concatenate([np.zeros(3), start[1:].reshape(-1)])
+    dense = least_squares(residuals, free, xtol=1e-12, ftol=1e-12).x[3:].reshape(-1, 3)
+    sparse = graph.solve(start, 50, 1e6, 1e6)
+    assert np.abs(between(np.concatenate([true[:1], dense]), sparse)).max() < 1e-4
+
+
+def test_a_loop_metres_off_is_closed_evenly_where_wheels_are_wrong_all_along_a_corridor() -> None:
+    """40 m along a corridor, where the wheels count 10 % too much, and back along another, where scans tell all."""
+    turn = np.array([0.0, 0.0, np.pi / 2])
+    side = [np.array([0.5, 0.0, 0.0])] * 80
+    steps = [*side, turn, np.array([5.0, 0.0, 0.0]), turn, *side, turn, np.array([5.0, 0.0, 0.0]), turn]
+    sure, unsure = np.diag([1e4, 1e4, 1e5]), np.diag([400.0, 1e4, 1e5])  # 1 cm; 10 % of 0.5 m
+    graph, true, begin = PoseGraph(), [np.zeros(3)], [np.zeros(3)]
+    for number, step in enumerate(steps):
+        in_first = number < len(side)
+        motion = step * 1.1 if in_first else step
+        untold = motion[:2] if in_first else np.zeros(2)
+        graph.add(Link(number, number + 1, motion, unsure if in_first else sure, False, untold))
+        true.append(compose(true[-1], step))
+        begin.append(compose(begin[-1], motion))
+    graph.add(Link(0, len(steps), np.zeros(3), sure, True))
+    assert np.hypot(*begin[-1][:2]) == pytest.approx(4.0)
+    found = graph.solve(np.array(begin), 20, 1.5, 3.0)
+    off = found - np.array(true)
+    assert np.hypot(off[:, 0], off[:, 1]).max() < 0.1
+    assert max(graph.deviations(found).values()) < 2.0
 
 
 def test_a_wrong_loop_is_outvoted() -> None:
