@@ -28,8 +28,8 @@ I8, I16, I32, U8, U16, U32 = Type.I8, Type.I16, Type.I32, Type.U8, Type.U16, Typ
 RULES = AbortRules(too_long=AbortCode.TOO_LONG, cuts_bytes=False)
 MODES = frozenset({3, 8, 9})
 """Profile velocity, cyclic synchronous position and velocity: those that artemis drives with."""
-SUPPORTED_MODES = sum(1 << mode - 1 for mode in MODES)
-"""Object 0x6502: a bit for each of them."""
+SUPPORTED_MODES = 1 << 2 | 1 << 7 | 1 << 8
+"""Object 0x6502: a bit for each of them, from 1 on."""
 VOLATILE = frozenset({0x1003, 0x1010, 0x1011, 0x6040, 0x607A, 0x60B0, 0x60B1, 0x60FF})
 """Indices of writable objects that 0x1010 does not keep: commands, set-points and signatures."""
 FACTORY_RAMP, FACTORY_SPEED = 10000.0, 3000.0

@@ -171,7 +171,7 @@ HARD = ": write their names in a first line"
         ("a.csv", "x,y\n0,0,1,5\n1,0,2,5\n", "a.csv:2:5: expected 2 columns (x, y), found 4: a comma separates"),
         ("a.csv", "x [ft],y [ft]\n0,0\n1,1\n", "a.csv:1:1: expected the columns x, y"),
         ("a.csv", "lat,lon\n91,0\n0,0\n", "a.csv:2:1: lat: expected -90 to 90 degrees, found 91"),
-        ("a.csv", "lat,lon\n", "a.csv:1:1: no points"),
+        ("a.csv", "lat,lon\n", "a.csv:1:1: no rows: expected a line with the columns"),
         ("a.csv", "x,y,colour\n0,0,1\n", "a.csv:1:5: unknown column 'colour'"),
         ("a.kml", "<gpx/>", "a.kml:1:1: expected a KML file, which begins with <kml>; found <'gpx'>"),
         ("a.kml", '<!DOCTYPE kml [<!ENTITY a "a">]><kml>&a;</kml>', "a.kml:1:15: a document type (<!DOCTYPE) is"),

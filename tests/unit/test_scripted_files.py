@@ -96,7 +96,10 @@ def test_a_button_that_a_row_leaves_out_is_released() -> None:
         (ROWS + "- {time_s: 2, x: 0, y: 0, arm: 2}\n", ["s.yaml:3:27: [2].arm: expected 0 or 1, found 2"]),
         (
             ROWS + "- time_s: 2\n  x: '1'\n  y: 0,5\n",
-            ["found '1'; remove the quotes", "5:3: [2].y: expected a number, found '0,5'; write a point"],
+            [
+                "found '1'; remove the quotes",
+                "5:3: [2].y: expected a number, found '0,5'; a number with a decimal comma: write 0.5",
+            ],
         ),
         (ROWS + "- {time_s: 1, x: 0, y: 0}\n", ["[2].time_s: expected at least 0 and more than in the row before"]),
         (ROWS + "- {time_s: 2, x: 0, y: 010}\n", ["s.yaml:3:21: [2].y: 010 may mean octal or decimal"]),
