@@ -64,6 +64,7 @@ def held(rig: PageRig, press: Callable[[], None], let_go: Callable[[], None]) ->
             return rig.wait(lambda sample: sample.enabled, 3.0)
         except TimeoutError:
             let_go()
+            rig.wait(lambda sample: sample.neutral)  # as a hand does, which presses again later
     raise AssertionError("it never counted")
 
 
@@ -196,6 +197,26 @@ def test_the_arrow_keys_drive_while_they_are_held(chromium: Any, rig: PageRig) -
     page.keyboard.up("ArrowRight")
     page.keyboard.up("ArrowUp")
     rig.wait(lambda sample: not sample.enabled and sample.neutral)
+
+
+def test_a_hand_that_lets_go_is_told_of_at_once(chromium: Any, rig: PageRig) -> None:
+    page = in_control(chromium, rig)
+    page.evaluate(
+        """() => {
+            const send = WebSocket.prototype.send;
+            WebSocket.prototype.send = function (text) {
+                window.told?.push(JSON.parse(text).held);
+                send.call(this, text);
+            };
+            window.pressed = () => { // no timer can fire meanwhile
+                window.told = [];
+                for (const kind of ['keydown', 'keyup'])
+                    window.dispatchEvent(new KeyboardEvent(kind, {key: 'ArrowUp'}));
+                return String(window.told);
+            };
+        }"""
+    )
+    until(page, "pressed() === 'true,false'")  # not where the page was held up before
 
 
 def test_what_is_asked_for_needs_control_and_ending_needs_two_presses(chromium: Any, rig: PageRig) -> None:

@@ -1,6 +1,6 @@
 // The way of commands: who has control, what the hand does every 50 ms, and Stop by two ways at once.
 import {browserName} from './browser.js';
-import {release, hand} from './hand.js';
+import {hand, onHand, release} from './hand.js';
 
 const BEAT = 50, GAP = 300, NO_ANSWER = 1000, RETRY = 400;
 const scheme = location.protocol === 'https:' ? 'wss://' : 'ws://';
@@ -70,19 +70,22 @@ export function act(message) {
 
 // ------------------------------------------------------------------------------------------ the hand
 
-let last = 0;
+let last = 0, told = false; // when the hand was told of, and whether it held something
 export function hold() {
   if (!control.mine || !beatCame) return;
-  const now = performance.now();
-  if (last && now - last > GAP) release('this page was held up: press again'); // its own timers were
-  else if (now - beatCame > GAP) release('the link was held up: press again');
+  const now = performance.now(), since = last && now - last;
   last = now;
+  told = false;
+  if (since > GAP) release('this page was held up: press again'); // its own timers were
+  else if (now - beatCame > GAP) release('the link was held up: press again');
   const {held, x, y, jog = 0} = hand();
+  told = held;
   say({
     t: 'hold', seq: ++sequence, beat, waited: now - beatCame, held, neutral: !held && x === 0 && y === 0, x, y, jog, ask: asked,
   });
   asked = []; // what could not be sent now is not asked for later
 }
+onHand(() => { if (hand().held !== told) hold(); }); // who lets go does not wait for the timer
 setInterval(() => { if (control.mine) hold(); else last = 0; }, BEAT);
 setInterval(() => say({t: 'ping', at: performance.now()}), 1000);
 
