@@ -54,7 +54,7 @@ class GiveBack(Struct, frozen=True, tag_field="t", tag="release", forbid_unknown
 
 
 class Hold(Struct, frozen=True, tag_field="t", tag="hold", forbid_unknown_fields=True):
-    """What the hand does; sent every 50 ms by who has the seat."""
+    """What the hand does; sent every 50 ms by who has the seat, and when it takes hold or lets go."""
 
     seq: Count
     beat: Count
