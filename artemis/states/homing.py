@@ -30,9 +30,10 @@ CREEP = radians(0.5)
 """It meets a switch once more at this rate [rad/s]: within a tick of 20 ms it turns by 0.01 degrees."""
 BACK = radians(SWITCH_MARGIN_DEG)
 """So far from the switch it begins to creep, and so far it creeps beyond where it saw the switch first [rad]."""
-HELD, TURNED, MESSAGES = radians(0.5), radians(0.05), 3
-"""It is held when it is so far behind its set-point [rad] and still does not turn by so much [rad] from one of its
-messages to the next, so many in a row: one may be older than the set-point, and a late computer makes a large step."""
+HELD, TURNED, MESSAGES = radians(0.5), 0.25, 3
+"""It is held when it is so far behind its set-point [rad] and still turns by less than this part of what it is told to
+from one of its messages to the next, so many in a row: one may be older than the set-point, and a late computer makes a
+large step."""
 ROUNDS = 2
 """The gate lets it turn from lock to lock, and the stops are farther apart: by less than as far again."""
 BEYOND = radians(20.0)
@@ -211,7 +212,7 @@ class _Held:
         if drive.frames:
             turned = self._towards * (drive.position - self._position)
             behind = self._towards * (snapshot.set_points.steering_left - drive.position)
-            self._messages = self._messages + 1 if behind > HELD and abs(turned) < TURNED else 0
+            self._messages = self._messages + 1 if behind > HELD and abs(turned) < TURNED * SLOW * snapshot.dt else 0
             self._position = drive.position
         return self._messages >= MESSAGES
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import degrees, radians
+from math import degrees, inf, radians
 from pathlib import Path
 from typing import Any
 
 import pytest
 from core_builders import PERIOD, drive, snapshot
+from msgspec.structs import replace
 
 from artemis.drive_states import DriveState, Goal
 from artemis.families.family import HOME_INPUT
@@ -51,6 +52,10 @@ class Machine:
     shows: Callable[[float], int] = lambda angle: 0
     """What the sensor at the wheel shows, by the true angle [degrees]."""
     stops: tuple[float, float] = (-180.0, 180.0)
+    rate: float = inf
+    """So fast the motors turn at most [degrees/s]."""
+    period: float = PERIOD
+    """Of the ticks [s]."""
     requests: tuple[Request, ...] = ()
     attended: bool = True
     counted: dict[str, float] = field(default_factory=dict)
@@ -60,17 +65,17 @@ class Machine:
     def find(self, longest: float = 120.0) -> None:
         """Let the routine run to its end."""
         shared = Shared(Plan(robot=self.robot, steps=()))
-        gate, points, time, results = Gate(self.robot, PERIOD), SetPoints(), 0.0, tuple[JobResult, ...]()
+        gate, points, time, results = Gate(self.robot, self.period), SetPoints(), 0.0, tuple[JobResult, ...]()
         states = dict.fromkeys(self.robot.drives, DriveState.SWITCH_ON_DISABLED)
         routine = find_angles(shared, self.seen(time, states, points, results))
         wish: Wish = next(routine)
         while time < longest:
-            time += PERIOD
+            time += self.period
             self.phases.add(wish.phase)
             for name, described in self.robot.drives.items():
                 goal = wish.steering if described.role == "steering" else wish.traction
                 states[name] = DriveState.OPERATION_ENABLE if goal is Goal.ENABLED else DriveState.SWITCH_ON_DISABLED
-            points = gate.limit(wish.command, points, PERIOD)
+            points = gate.limit(wish.command, points, self.period)
             self.turn(points, states)
             results = tuple(
                 JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=True) for job in wish.jobs if self.learn(job)
@@ -89,7 +94,8 @@ class Machine:
             if states[name] is DriveState.OPERATION_ENABLE:
                 told = points.steering_right if name == RIGHT else points.steering_left
                 wanted = degrees(told - self.counted.get(name, 0.0))
-                self.angles[name] = min(max(wanted, self.stops[0]), self.stops[1]) if angle != wanted else angle
+                reached = angle + min(max(wanted - angle, -self.rate * self.period), self.rate * self.period)
+                self.angles[name] = min(max(reached, self.stops[0]), self.stops[1]) if angle != wanted else angle
 
     def learn(self, job: Any) -> bool:  # noqa: ANN401
         if job.kind is JobKind.REFERENCE:
@@ -112,7 +118,8 @@ class Machine:
             values = {"position": self.position(name), "angle_sensor": self.shows(self.angles[name])} if steers else {}
             said.append(drive(name, state=states[name], potentiometers=(0.0, 0.0), frames=1, **values))
         more: dict[str, Any] = {"requests": self.requests, "attended": self.attended}
-        return snapshot(time, set_points=points, drives=tuple(said), results=results, **more)
+        seen = snapshot(time, set_points=points, drives=tuple(said), results=results, **more)
+        return replace(seen, dt=self.period)
 
     @property
     def errors(self) -> list[float]:
@@ -229,6 +236,14 @@ def test_a_hard_stop_is_found_and_then_the_angle_is_known(stop: float, start: fl
     car = Machine(robot=described("small_car", stop_deg=stop), angles={"steering": start}, stops=(-47.0, 47.0))
     car.find()
     assert car.errors == pytest.approx([0.0], abs=degrees(SLOW) * PERIOD)
+
+
+@pytest.mark.parametrize("tick_hz", [25, 50, 200])
+def test_a_motor_that_turns_slower_than_it_is_told_to_is_not_held(tick_hz: int) -> None:
+    car = Machine(robot=described("small_car", stop_deg=47.0), angles={"steering": 7.0}, period=1.0 / tick_hz)
+    car.rate, car.stops = 0.5 * degrees(SLOW), (-47.0, 47.0)
+    car.find()
+    assert car.errors == pytest.approx([0.0], abs=degrees(SLOW) / tick_hz)
 
 
 def test_no_hard_stop_is_told() -> None:

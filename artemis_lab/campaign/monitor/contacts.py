@@ -69,7 +69,7 @@ def touches_nothing(e: Evidence) -> Iterator[Violation]:
     if not e.world or not e.looks:
         return
     moments = _moments(e)
-    helpless = min((i.time for i in e.injected if _helps_not(i, expectation(i, e.tick))), default=math.inf)
+    helpless = min((i.time for i in e.injected if _helps_not(i, expectation(i, e))), default=math.inf)
     slow, blind_back = e.rules.get("mode") == "slow", e.rules.get("unseen_reverse") == "allowed"
     for thing in _things(e.world, moments.time):
         touched = _within(e, thing, moments, 0.0)

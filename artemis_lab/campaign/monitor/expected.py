@@ -8,7 +8,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
-from artemis_lab.campaign.monitor.evidence import Injected
+from artemis_lab.campaign.monitor.evidence import Evidence, Injected
 
 
 class When(Enum):
@@ -66,6 +66,9 @@ OFTEN_DAMAGED = 0.5
 SO_LATE = 0.22
 """Scans that are at once so much later [s] leave a gap that has to be noticed."""
 
+OF_EPOS4 = {"COM-26": ("COM-11",), "COM-27": ("DRV-38",)}
+"""How else it shows on an EPOS4: it boots so long that it is missed before, and misses its set-points before."""
+
 EXPECTED: dict[str, Expected] = {
     **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",), coasts=True) for number in (*_CUT, *_CUT_4)},
     **{f"DRV-{number}": Expected(W, 0.02, (f"DRV-{number}",)) for number in (*_BRAKED, "38", "40")},
@@ -97,8 +100,8 @@ EXPECTED: dict[str, Expected] = {
     "COM-23": Expected(W, 0.1, LOST),
     "COM-24": Expected(W, 0.06, LOST),
     "COM-25": UNTOLD,
-    "COM-26": Expected(W, 0.1, ("COM-26", "COM-11"), coasts=True),  # an EPOS4 boots so long that it is missed before
-    "COM-27": Expected(W, 0.27, ("COM-27", "COM-11", "DRV-38")),  # an EPOS4 misses its set-points before
+    "COM-26": Expected(W, 0.1, ("COM-26",), coasts=True),
+    "COM-27": Expected(W, 0.27, ("COM-27", "COM-11")),
     "COM-28": Expected(W, 0.27, ("COM-28",)),
     "COM-29": Expected(W, 0.12, ("COM-29",)),
     "COM-30": Expected(START, shows=("COM-30",)),
@@ -170,9 +173,11 @@ EXPECTED: dict[str, Expected] = {
 }
 
 
-def expectation(injected: Injected, tick: float) -> Expected:
-    """What to expect of this one; `tick`: period of the host's ticks [s]."""
-    expected = EXPECTED[injected.id]
+def expectation(injected: Injected, e: Evidence) -> Expected:
+    """What to expect of this one."""
+    expected, tick = EXPECTED[injected.id], e.tick
+    if injected.id in OF_EPOS4 and any(drive.family == "epos4" for drive in e.robot.drives.values()):
+        return expected._replace(shows=(*expected.shows, *OF_EPOS4[injected.id]))
     if injected.options.get("heard") is False:
         return UNTOLD if injected.id == NO_REACTION else UNHEARD
     if injected.id == UNKEPT and injected.node.startswith("steer") and "index" not in injected.options:

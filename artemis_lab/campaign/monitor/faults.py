@@ -10,6 +10,7 @@ from artemis_lab.campaign.monitor.evidence import Evidence, Injected, Violation
 from artemis_lab.campaign.monitor.expected import EXPECTED, Expected, When, expectation
 from artemis_lab.campaign.monitor.frames import DRIVING, WATCH_MS
 from artemis_lab.campaign.monitor.journal_reader import STOPPING, JournalLine
+from artemis_lab.campaign.monitor.wire import ENABLE, SetPoint
 from artemis_lab.campaign.witness import SIDES
 
 WATCHED = {"ready", "calibrate", *DRIVING}
@@ -66,7 +67,7 @@ def judged(e: Evidence) -> Iterator[tuple[Injected, Expected, float]]:
     """Every injected fault that had to be noticed, with its deadline [s]; a program that is gone notices nothing."""
     gone = inf if e.status is not None else e.beat_before(inf) + e.tick
     for injected in e.injected:
-        expected = expectation(injected, e.tick)
+        expected = expectation(injected, e)
         deadline = injected.time + expected.within + e.tick + max(0.0, 2.5 * (e.tick - 0.02)) + ROUNDING
         if expected.when is When.BY_HAND:  # teleop stops at once, and is heard by the judge of the tick after
             deadline += e.tick
@@ -111,9 +112,9 @@ def _must_show(e: Evidence, injected: Injected, expected: Expected, deadline: fl
     end = min(deadline, first)
     modes = e.journal.modes_between(injected.time, end - 1e-6)
     match expected.when:
-        case When.WATCHED if not _opens_sto(e, injected):
-            return modes <= WATCHED
-        case When.ENABLED | When.WATCHED:
+        case When.WATCHED:
+            return modes <= WATCHED and (not _opens_sto(e, injected) or _is_kept_on(e, injected, end))
+        case When.ENABLED:
             return modes <= {"ready", *DRIVING}
         case When.BY_HAND:
             return modes == {"teleop"} and e.journal.phase_before(end - 1e-6) != "stopping"  # at its end
@@ -131,6 +132,22 @@ def _opens_sto(e: Evidence, injected: Injected) -> bool:
     by_supply = injected.options.get("opens") == "supply"
     has_inputs = all(drive.family == "epos4" for drive in e.robot.drives.values())
     return injected.id == "DRV-29" or (injected.id.startswith("EST") and has_inputs and not by_supply)
+
+
+def _is_kept_on(e: Evidence, injected: Injected, end: float) -> bool:
+    """One of the drives that it concerns is on, and told to stay on until then [s]."""
+    look, order = (
+        e.look_at(injected.time - ROUNDING),
+        [(role, side) for role in ("traction", "steering") for side in SIDES],
+    )
+    for on, (role, side) in zip(look.enabled if look else (), order, strict=False):
+        name, drive = e.robot.drive_at(role, side)
+        told = [
+            s.controlword for s in e.wire.nodes[drive.node_id].all(SetPoint) if injected.time - e.tick <= s.time <= end
+        ]
+        if on and injected.node in ("", name) and set(told) == {ENABLE}:
+            return True
+    return False
 
 
 def _commanded(e: Evidence, begin: float, end: float) -> bool:
@@ -197,7 +214,7 @@ def _from_start(e: Evidence) -> Iterator[Violation]:
     """What is wrong from the beginning shows before the robot is ready."""
     ready = e.journal.next_mode(0.0, "ready")
     for injected in e.injected:
-        expected = expectation(injected, e.tick)
+        expected = expectation(injected, e)
         lasts = injected.until == inf and injected.options.get("count") is None
         if expected.when is When.FROM_START and injected.time < LISTENING and lasts and ready is not None:
             shown = [line for line in e.journal.of("fault") if line.time <= ready]

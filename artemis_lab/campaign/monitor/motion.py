@@ -54,7 +54,7 @@ def stops(e: Evidence) -> Iterator[Violation]:
     a machine that cannot brake, have no budget.
     """
     for injected in e.injected:
-        expected = expectation(injected, e.tick)
+        expected = expectation(injected, e)
         begin = e.look_at(injected.time)
         if begin is None or abs(begin.speed) < WORTH or not expected.stop or not _fits(e, injected, expected):
             continue
@@ -107,7 +107,7 @@ def slows_down(e: Evidence) -> Iterator[Violation]:
         first = e.look_at(begin)
         if mode not in ("fault", "quickstop") or first is None or any(i.id in excused for i in e.injected):
             continue
-        causes = [expectation(i, e.tick) for i in e.injected if i.time < begin + 0.5]
+        causes = [expectation(i, e) for i in e.injected if i.time < begin + 0.5]
         coasts = any(cause.coasts or not cause.stop for cause in causes)
         braking, looks = COASTING if coasts else BRAKES["S2"], e.looks_between(begin, end)
         blocked = any(i.id == "RUN-04" for i in e.injected)  # then the drives brake the other wheel from its own speed

@@ -8,6 +8,7 @@ seventh byte of TxPDO 1, one of the first generations in the last byte of TxPDO 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import inf
 from typing import NamedTuple, TypeVar
 
 from artemis_lab.campaign.witness import Heard
@@ -24,6 +25,8 @@ TARGET_VELOCITY, POSITION_SETTING, CONTROLWORD = 0x60FF, 0x2062, 0x6040
 WATCHED_HOST, IDENTITY, VERSION, MODE_SHOWN, HISTORY = 0x1016, 0x1018, 0x2003, 0x6061, 0x1003
 LOST_HEARTBEAT = 0x8130
 """EMCY code."""
+BOOTS_WITHIN = 0.5
+"""A drive says that it has booted so soon after a reset of its communication [s]: later, its supply was gone."""
 
 
 class SetPoint(NamedTuple):
@@ -91,7 +94,7 @@ class Boot(NamedTuple):
 
     time: float
     reset: bool
-    """NMT Reset Communication of this node came before it."""
+    """NMT Reset Communication of this node, or of all, came just before it."""
 
 
 class WriteRequest(NamedTuple):
@@ -114,8 +117,8 @@ class NodeTalk:
         self.events: list[Event] = []
         self.early_mode = False
         """The mode is shown in TxPDO 1."""
-        self.reset = False
-        """Its communication is reset."""
+        self.reset = -inf
+        """When its communication was reset last [s]."""
 
     def all(self, kind: type[Kind]) -> list[Kind]:
         """The events of one kind."""
@@ -141,8 +144,9 @@ class Wire:
         if identifier in (self._host, SYNC):
             (self.beats if identifier == self._host else self.syncs).append(time)
             return
-        if identifier == NMT and data[:-1] == RESET_COMMUNICATION and data[-1] in self.nodes:
-            self.nodes[data[-1]].reset = True
+        if identifier == NMT and data[:-1] == RESET_COMMUNICATION:
+            for node, told in self.nodes.items():
+                told.reset = time if data[-1] in (0, node) else told.reset
         talk = self.nodes.get(identifier & 0x7F)
         if talk is not None:
             self._hear(frame, talk)
@@ -163,8 +167,8 @@ class Wire:
         elif service == 0x080 and len(data) == 8:
             say(SeenEmergency(time, _unsigned(data[:2])))
         elif service == 0x700 and data[:1] == b"\0":
-            say(Boot(time, talk.reset))
-            talk.reset = False
+            say(Boot(time, reset=time - talk.reset < BOOTS_WITHIN))
+            talk.reset = -inf
         elif service == 0x600 and len(data) == 8:
             self._pending[identifier & 0x7F] = data
             if data[0] & 0xE2 == 0x22:
