@@ -42,9 +42,9 @@ def in_control(chromium: Any, rig: PageRig, **options: Any) -> Any:
     return page
 
 
-def until(page: Any, wanted: str) -> None:
-    """Wait: the page's content policy keeps playwright's own way of waiting out."""
-    for _ in range(TAKES // 50):
+def until(page: Any, wanted: str, takes: int = TAKES) -> None:
+    """Wait for so long [ms]: the page's content policy keeps playwright's own way of waiting out."""
+    for _ in range(takes // 50):
         if page.evaluate(wanted):
             return
         page.wait_for_timeout(50)

@@ -141,7 +141,7 @@ def test_a_replay_on_a_phone(chromium: Any, rig: PageRig) -> None:
     before = seen(page)
     page.locator("#play").tap()
     try:
-        until(page, f"artemis.time > {before}")
+        until(page, f"artemis.time > {before}", 3000)
     except AssertionError:  # so soon after a drag Chromium may take a tap for the end of its fling
         page.locator("#play").tap()
         until(page, f"artemis.time > {before}")
