@@ -7,6 +7,7 @@ from setuptools import setup
 COMPILED = """
 artemis/devices/allow_list.py
 artemis/devices/bus_gateway.py
+artemis/devices/canopen.py
 artemis/devices/drive.py
 artemis/devices/epos.py
 artemis/devices/epos_state.py
@@ -20,6 +21,8 @@ artemis/motion/pose_filter.py
 artemis/motion/poses.py
 artemis/motion/potentiometers.py
 artemis/motion/samples.py
+artemis/plugins/answers.py
+artemis/plugins/followers/frenet.py
 artemis/plugins/followers/progress.py
 artemis/plugins/guard.py
 artemis/recording/event_log.py
@@ -42,6 +45,7 @@ artemis/sim/epos4_power.py
 artemis/sim/epos_error_control.py
 artemis/sim/epos_errors.py
 artemis/sim/epos_motion.py
+artemis/sim/epos_objects.py
 artemis/sim/epos_parameters.py
 artemis/sim/epos_pdo.py
 artemis/sim/epos_power.py
@@ -52,10 +56,12 @@ artemis/sim/vehicle.py
 artemis/sim/wheels.py
 artemis/sim/wire.py
 artemis/sim/world.py
+artemis/states/blocked.py
 artemis/states/follow.py
 artemis/states/modes.py
 artemis/states/parts.py
 artemis/supervision/measures.py
+artemis/supervision/poses.py
 artemis/supervision/steered.py
 artemis/supervision/supervisor.py
 artemis/supervision/wheels.py
