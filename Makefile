@@ -20,7 +20,7 @@ test: $(READY)
 	@$(BIN)/python -m pytest
 
 test-ci: $(READY)
-	@$(BIN)/python -m pytest -m "not exhaustive or programs"
+	@$(BIN)/python -m pytest -m "not exhaustive or programs" --left
 
 test-all: $(READY)
 	@$(BIN)/python -m pytest -m "" --hypothesis-profile=exhaustive

@@ -25,6 +25,11 @@ for _shared in ("simulation", "e2e"):  # what tests of other folders take from t
 
 PROGRAMS = ("browser", "e2e", "peers")
 """Folders of tests that drive other programs, or artemis as a program."""
+SKIPPED = "artemis/skipped"
+"""Where pytest's cache has the tests, or their files, that the last complete run skipped."""
+SKIPPED_IN_CI = ("/dev/u", "vcan0", "too busy for real time", "ARTEMIS_SLAM_DATA", "root reads", "built by scripts/")
+"""Parts of the reasons for which the continuous integration may skip a test: hardware, the machine's load, data that may not
+be copied, and programs whose sources are fetched from their authors."""
 
 settings.register_profile("short", settings.default, deadline=None, max_examples=40)
 settings.register_profile("exhaustive", settings.default, deadline=None, max_examples=200)
@@ -42,8 +47,13 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """After `make test` in an environment without the extras, `--left` is the rest with them."""
+    parser.addoption("--left", action="store_true", help="only what `make test` leaves out, and what it skipped")
+
+
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """What runs in real time comes first: one after the other on one worker, while the others do the rest.
 
     Then what takes so long that it has a time limit of its own: begun at the end, it would leave processors idle.
@@ -58,6 +68,39 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if counts[name] % sampled.args[0]:
                 item.add_marker(pytest.mark.exhaustive)
             counts[name] += 1
+    if config.getoption("left"):
+        cache = _cache(config)
+        skipped = set(cache.get(SKIPPED, [])) if cache else set()
+        items[:] = [
+            item
+            for item in items
+            if {item.nodeid, item.nodeid.partition("::")[0]} & skipped
+            or any(item.get_closest_marker(mark) for mark in ("slow", "exhaustive"))
+        ]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Remember what was skipped; in the continuous integration, nothing is skipped that could be installed."""
+    terminal = session.config.pluginmanager.get_plugin("terminalreporter")
+    if terminal is None or hasattr(session.config, "workerinput"):
+        return
+    skipped: list[pytest.TestReport] = terminal.stats.get("skipped", [])
+    if not session.config.getoption("left"):
+        if cache := _cache(session.config):
+            cache.set(SKIPPED, sorted({report.nodeid for report in skipped}))
+    elif os.environ.get("CI") == "true":
+        reasons = [str(report.longrepr) for report in skipped]
+        wrong = [reason for reason in reasons if not any(allowed in reason for allowed in SKIPPED_IN_CI)]
+        if wrong:
+            terminal.section("skipped, although the continuous integration has to run it", red=True)
+            terminal.line("\n".join(wrong))
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def _cache(config: pytest.Config) -> pytest.Cache | None:
+    """Pytest's cache; None where its plugin is not used."""
+    return getattr(config, "cache", None)
 
 
 def pytest_configure() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -33,36 +34,69 @@ def test_first(): ...
 """
 FIRST, SAMPLES = ["test_first", "test_longest"], [f"test_sampled[{number}]" for number in range(7)]
 SHORT = [*FIRST, *SAMPLES[::3], "test_short"]
-WITH_SLOW = [*FIRST, *SAMPLES[::3], "test_slow", "test_short"]
+PROGRAMS_LEFT = [SAMPLES[1], SAMPLES[2], SAMPLES[4], SAMPLES[5], "test_long", "test_slow"]
 ALL = [*FIRST, *SAMPLES, "test_long", "test_slow", "test_short"]
-TEST_CI = ["-m", "not exhaustive or programs"]
+TEST_CI = ["-m", "not exhaustive or programs", "--left"]
 COMMAND = "\n{}: $(READY)\n\t@$(BIN)/python -m pytest{}\n"
 
 
 @pytest.mark.parametrize(
     ("folder", "words", "expected"),
-    [("unit", [], SHORT), ("unit", TEST_CI, WITH_SLOW), ("e2e", TEST_CI, ALL), ("unit", ["-m", ""], ALL)],
+    [("unit", [], SHORT), ("unit", TEST_CI, ["test_slow"]), ("e2e", TEST_CI, PROGRAMS_LEFT), ("unit", ["-m", ""], ALL)],
 )
 def test_what_is_left_out_is_what_is_marked(tmp_path: Path, folder: str, words: list[str], expected: list[str]) -> None:
+    done = pytest_of(tmp_path, folder, TESTS, "--collect-only", *words)
+    assert [line.partition("::")[2] for line in done.stdout.splitlines() if "::" in line] == expected
+
+
+def pytest_of(
+    tmp_path: Path, folder: str, tests: str, *words: str, **environment: str
+) -> subprocess.CompletedProcess[str]:
     for name in ("conftest.py", "lateness.py"):
         shutil.copy(ROOT / "tests" / name, tmp_path)
-    (tmp_path / folder).mkdir()
-    (tmp_path / folder / "test_it.py").write_text(TESTS)
-    where = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(tmp_path), "-p", "no:cacheprovider", str(tmp_path)]
-    command = [sys.executable, "-m", "pytest", "-n", "0", "-q", "--collect-only", *words, *where]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert [line.partition("::")[2] for line in done.stdout.splitlines() if "::" in line] == expected
+    (tmp_path / folder).mkdir(exist_ok=True)
+    (tmp_path / folder / "test_it.py").write_text(tests)
+    where = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(tmp_path), str(tmp_path)]
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-q", *words, *where, "-o", f"cache_dir={tmp_path}/cache"]
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | environment)
+
+
+SKIPPING = """
+import pytest
+
+def test_passes(): ...
+
+@pytest.mark.skipif({lacks}, reason={reason!r})
+def test_needs_an_extra(): ...
+"""
+
+
+def test_the_continuous_integration_runs_with_the_extras_what_make_test_skipped(tmp_path: Path) -> None:
+    lacking = SKIPPING.format(lacks=True, reason="needs the extra ros2")
+    assert pytest_of(tmp_path, "unit", lacking, CI="true").returncode == 0
+    done = pytest_of(tmp_path, "unit", lacking, "--left", CI="true")
+    assert done.returncode == 1
+    assert "needs the extra ros2" in done.stdout.partition("the continuous integration has to run it")[2]
+    done = pytest_of(tmp_path, "unit", SKIPPING.format(lacks=False, reason=""), "--left", CI="true")
+    assert done.returncode == 0
+    assert "1 passed" in done.stdout
+
+
+def test_the_continuous_integration_skips_what_needs_hardware(tmp_path: Path) -> None:
+    lacking = SKIPPING.format(lacks=True, reason="/dev/uhid: is missing")
+    assert pytest_of(tmp_path, "unit", lacking, CI="true").returncode == 0
+    assert pytest_of(tmp_path, "unit", lacking, "--left", CI="true").returncode == 0
 
 
 def test_make_test_all_leaves_nothing_out_and_is_done_every_night() -> None:
     makefile, change, night = ((ROOT / name).read_text() for name in ("Makefile", ".ci/run", ".ci/nightly"))
     for name, words in (
         ("test", ""),
-        ("test-ci", f' -m "{TEST_CI[1]}"'),
+        ("test-ci", f' -m "{TEST_CI[1]}" --left'),
         ("test-all", ' -m "" --hypothesis-profile=exhaustive'),
     ):
         assert COMMAND.format(name, words) in makefile
     assert "\nfor target in test-all " in night
-    for target in ("test-ci", "core-coverage"):
+    for target in ("test", "test-ci", "core-coverage"):
         assert f"\nstep make --no-print-directory {target}\n" in change
     assert '"make --no-print-directory docs"\n' in change
