@@ -145,7 +145,9 @@ class Robot:
         readings = self._devices.sense(now)
         inputs, fixes = self._guard.read(now - self._start), self._guard.fixes(now - self._start)
         self._faults += [catalogue.fault(*problem) for problem in self._guard.take_problems()]
-        self._requests += [request for sample in inputs for request in sample.requests]
+        for sample in inputs:
+            self._requests += sample.requests
+            self._answers += sample.answers
         self._index += 1
         sensed = Sensed(
             index=self._index - 1,
@@ -162,9 +164,11 @@ class Robot:
             faults=tuple(self._faults),
             fixes=fixes,
             scans=readings.scans,
-            answers=(*self._answers, *(answer for sample in inputs for answer in sample.answers)),
-            battery_v=readings.battery_v,
+            answers=tuple(self._answers),
         )
+        if readings.battery_v is not None:
+            # one keyword more above would take four times as long
+            sensed = replace(sensed, battery_v=readings.battery_v)
         for taken in (self._requests, self._answers, self._results, self._faults):
             taken.clear()
         return sensed

@@ -124,7 +124,7 @@ class JobResult(Struct, frozen=True, kw_only=True, gc=False):
     values: tuple[int, ...] = ()
 
 
-class BusHealth(Struct, frozen=True, kw_only=True, gc=False):
+class BusHealth(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """What the host's end of the bus went through since the last tick."""
 
     foreign: tuple[int, ...] = ()  # identifiers that only we may send, heard from somebody else
@@ -132,6 +132,9 @@ class BusHealth(Struct, frozen=True, kw_only=True, gc=False):
     error_frames: int = 0
     blocked: tuple[str, ...] = ()
     """Frames of ours that the allow-list held back, each with its reason and where it came from."""
+
+
+ALL_WELL = BusHealth()
 
 
 class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
@@ -144,7 +147,7 @@ class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     urgent: bool = False  # an extra tick, off the schedule: writes stop frames only
     attended: bool = False  # somebody can acknowledge and arm; otherwise a fault or a quick stop ends the run
     drives: tuple[DriveFeedback, ...] = ()
-    bus: BusHealth = BusHealth()
+    bus: BusHealth = ALL_WELL
     inputs: tuple[OperatorInput, ...] = ()
     requests: tuple[Request, ...] = ()
     results: tuple[JobResult, ...] = ()
@@ -271,7 +274,7 @@ class Fault(Struct, frozen=True, kw_only=True, gc=False):
     final: bool = False  # no acknowledgment helps in this run
 
 
-class Verdict(Struct, frozen=True, kw_only=True, gc=False):
+class Verdict(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """The supervisor's judgement of one tick: every active fault, worst first."""
 
     severity: Severity = Severity.NONE

@@ -28,8 +28,8 @@ PROGRAMS = ("browser", "e2e", "peers")
 SKIPPED = "artemis/skipped"
 """Where pytest's cache has the tests, or their files, that the last complete run skipped."""
 SKIPPED_IN_CI = ("/dev/u", "vcan0", "too busy for real time", "ARTEMIS_SLAM_DATA", "root reads", "built by scripts/")
-"""Parts of the reasons for which the continuous integration may skip a test: hardware, the machine's load, data that may not
-be copied, and programs whose sources are fetched from their authors."""
+"""Parts of the reasons for which the continuous integration may skip a test: hardware, the load, data that may
+not be copied, and programs whose sources are fetched from their authors."""
 
 settings.register_profile("short", settings.default, deadline=None, max_examples=40)
 settings.register_profile("exhaustive", settings.default, deadline=None, max_examples=200)

@@ -65,16 +65,17 @@ class AllowList:
             self._rules[SDO_REQUEST + node] = self._sdo(source.object if source and source.drive == name else None)
         self.ours = frozenset(self._rules)
         """Identifiers that nobody but us may send."""
-        self._counted = [identifier for identifier in self._rules if identifier & _FUNCTION not in (NMT, SDO_REQUEST)]
-        self._sent = dict.fromkeys(self._counted, 0)
+        counted = [identifier for identifier in self._rules if identifier & _FUNCTION not in (NMT, SDO_REQUEST)]
+        self._none_sent = dict.fromkeys(counted, 0)
+        self._sent = self._none_sent.copy()
 
     def begin(self, mode: Mode) -> None:
         """A tick in `mode` begins to write."""
-        self._sent = dict.fromkeys(self._counted, 0)
-        fastest = max(self._asked.values(), default=0.0)
+        self._sent = self._none_sent.copy()
         if mode in DRIVING:
             self._ceiling = self._top
         elif mode in FALLING:
+            fastest = max(self._asked.values(), default=0.0)
             self._ceiling = min(self._ceiling, fastest + MARGIN) if fastest else 0.0
         else:
             self._ceiling = 0.0

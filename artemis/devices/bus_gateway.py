@@ -15,11 +15,10 @@ from artemis.devices.sdo import SdoClient
 from artemis.devices.serial_line import SerialLine
 from artemis.devices.tally import Tally
 from artemis.errors import DeviceBusy, DeviceLost, ProtocolError
-from artemis.values import BusHealth, Mode
+from artemis.values import ALL_WELL, BusHealth, Mode
 from artemis.vehicle import RobotFile
 
 LOST = "COM-22"
-_WELL = BusHealth()
 
 
 def _unheard(id: str, device: str, seen: str) -> None:
@@ -75,19 +74,26 @@ class BusGateway:
     def take_in(self) -> bool:
         """Hand every waiting frame to its handler; whether one was an emergency (not "errors gone").
 
+        Frames that only we may send are noticed.
+
         Raises:
             DeviceLost: the adapter is gone.
         """
-        urgent = False
-        for frame in self.receive():
-            known = self.handlers.get(frame.id)
+        urgent, traffic, handlers, ours = False, self._traffic, self.handlers, self._allow.ours
+        for frame in self._bus.receive():
+            traffic.append((False, frame))
+            identifier = frame.id
+            if identifier in ours:
+                self._foreign.append(identifier)
+            known = handlers.get(identifier)
             if known is not None and not frame.rtr:
                 node, handler = known
                 try:
                     handler(frame)
                 except ProtocolError:
                     node.tally.malformed += 1
-                urgent = urgent or (EMERGENCY < frame.id < EMERGENCY + 0x80 and frame.data[:2] != b"\0\0")
+                if EMERGENCY < identifier < EMERGENCY + 0x80 and frame.data[:2] != b"\0\0":
+                    urgent = True
         return urgent
 
     def lose(self, error: DeviceLost) -> None:
@@ -123,19 +129,6 @@ class BusGateway:
         if isinstance(self._bus, SerialLine):
             await self._bus.sent()
 
-    def receive(self) -> list[Frame]:
-        """Every frame that waits, oldest first; those that only we may send are noticed.
-
-        Raises:
-            DeviceLost: the adapter is gone.
-        """
-        frames, traffic, ours = self._bus.receive(), self._traffic, self._allow.ours
-        for frame in frames:
-            traffic.append((False, frame))
-            if frame.id in ours:
-                self._foreign.append(frame.id)
-        return frames
-
     def close(self) -> None:
         """Give the bus back; harmless when repeated."""
         self._bus.close()
@@ -144,7 +137,7 @@ class BusGateway:
         """How the bus has been since the last call."""
         errors, self._error_frames = self._bus.error_frames - self._error_frames, self._bus.error_frames
         if not (errors or self._foreign or self._refused or self._blocked):
-            return _WELL
+            return ALL_WELL
         foreign, blocked, refused = tuple(self._foreign), tuple(self._blocked), self._refused
         self._foreign, self._blocked, self._refused = [], [], 0
         return BusHealth(foreign=foreign, refused=refused, error_frames=errors, blocked=blocked)

@@ -25,6 +25,8 @@ DRIVE_RAMP = 5.0
 """Ramp inside the traction drives [m/s²]. The gate shapes speeds; the drive only has to follow it."""
 STEERING_RAMP = 10000
 """Factory default of 0x6083 to 0x6085 [rpm/s]."""
+WRAP = 1 << 31
+"""Counters wrap from one less to minus this."""
 NOT_VALID = 0x80000000
 """Bit of a PDO's COB-ID: the PDO is switched off."""
 _NO_RTR = 0x40000000
@@ -46,11 +48,8 @@ class Units:
         """Motor rpm per m/s or rad/s of the wheel, signed; also rpm/s per m/s² or rad/s²."""
         self.velocity = self.rpm * drive.tables.velocity_scale
         """The drive's units of velocity per m/s or rad/s of the wheel, signed."""
-        self._fastest = 1.5 * drive.motor.max_speed_rpm / abs(self.rpm)
-
-    def farthest(self, elapsed: float) -> float:
-        """Distance [m] or angle [rad] that no motor can pass in `elapsed` [s], and the jitter of a bus besides."""
-        return self._fastest * (elapsed + JITTER)
+        self.fastest = 1.5 * drive.motor.max_speed_rpm / abs(self.rpm)
+        """No motor turns the wheel faster [m/s, rad/s]."""
 
 
 class PdoPlaces:
@@ -78,7 +77,7 @@ def _place(wanted: Object | None, mapped: tuple[Object, ...]) -> int:
 
 def wrapped(counts: int) -> int:
     """Object 0x6064 is a signed 32-bit counter that wraps."""
-    return ((counts + 0x80000000) & 0xFFFFFFFF) - 0x80000000
+    return ((counts + WRAP) & (2 * WRAP - 1)) - WRAP
 
 
 def quantities(robot: RobotFile, drive: Drive, period: float) -> dict[str, int]:

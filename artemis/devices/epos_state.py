@@ -55,6 +55,4 @@ def controlword(state: DriveState, goal: Goal, last: int = 0) -> int:
     repeat the edge.
     """
     command = COMMANDS[state][goal]
-    if command is Controlword.FAULT_RESET and last & Controlword.FAULT_RESET:
-        return Controlword.DISABLE_VOLTAGE
-    return command
+    return _OFF if command is _RESET and last & _RESET else command

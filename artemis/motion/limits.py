@@ -12,6 +12,9 @@ SHORTEST_STEP, LONGEST_STEP = 1e-6, 1.5
 """Below the first [s] no time has passed: differences of angles over it would be rounding errors. The second, in
 periods: what set-points catch up at once is braked hard, and feeds back more than the batteries may take."""
 
+SURELY = 0.999
+"""A wheel that has no more than this part of a step to turn reaches its target, whatever was rounded."""
+
 _RUN = Action.RUN
 
 
@@ -81,12 +84,14 @@ class Gate:
         car = self._ackermann
         left, right = last.steering_left, last.steering_right
         target = _clamp(target, -self._steering, self._steering)
+        target_left, target_right = car.wheel_angles(target)
+        if abs(target_left - left) < SURELY * step and abs(target_right - right) < SURELY * step:
+            return target, target_left, target_right, True  # within both bounds
         low = max(car.steering_from_left(left - step), car.steering_from_right(right - step))
         high = min(car.steering_from_left(left + step), car.steering_from_right(right + step))
         if low <= high:
             steering = _clamp(target, low, high)
             return steering, *car.wheel_angles(steering), True
-        target_left, target_right = car.wheel_angles(target)
         left, right = _clamp(target_left, left - step, left + step), _clamp(target_right, right - step, right + step)
         return car.steering_from_wheel_angles(left, right), left, right, False
 

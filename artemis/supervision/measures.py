@@ -102,7 +102,10 @@ class DriveMeasures:
                 readings.append(("RUN-10", name, float(drive.jumps), ""))
             if age < inf:
                 goal = last.traction if name in self._traction else last.steering
-                readings += self._state(drive, goal, explained)
+                if goal is not _ENABLED or drive.state is not _ON or drive.mode != self._modes[name]:
+                    readings += self._state(drive, goal, explained)
+                else:
+                    self._enabled.add(name)
         return readings
 
     def _state(self, drive: DriveFeedback, goal: Goal, explained: set[str]) -> list[Reading]:

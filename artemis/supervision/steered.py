@@ -63,13 +63,12 @@ class SteeredWheelMonitor:
             readings.append(("STE-04", self._name, 1.0, "{:.2f} V and {:.2f} V".format(*drive.potentiometers)))
             return readings
         if not self._blind:
-            readings += self._potentiometers(drive, self._calibration)
+            self._potentiometers(drive, self._calibration, readings)
         if self._changes:
-            readings += self._frozen(drive)
+            self._frozen(drive, readings)
         return readings
 
-    def _potentiometers(self, drive: DriveFeedback, calibration: Potentiometers) -> list[Reading]:
-        readings: list[Reading] = []
+    def _potentiometers(self, drive: DriveFeedback, calibration: Potentiometers, readings: list[Reading]) -> None:
         first, second = wheel_angles(drive.potentiometers, calibration)
         apart = degrees(abs(first - second)) / self._disagreement_deg
         if apart > 0.5:
@@ -78,19 +77,17 @@ class SteeredWheelMonitor:
         away = abs((first + second) / 2.0 - drive.position)
         if away > SLIPPED and self._changes:
             readings.append(self._slipped(away))
-        return readings
 
     def _slipped(self, away: float) -> Reading:
         """The angle measured at the wheel is `away` [rad] from the one that the motor's encoder counts."""
         return "STE-05", self._name, away, f"{degrees(away):.1f} degrees"
 
-    def _frozen(self, drive: DriveFeedback) -> list[Reading]:
-        readings: list[Reading] = []
+    def _frozen(self, drive: DriveFeedback, readings: list[Reading]) -> None:
+        position = drive.position
         for number, volt in enumerate(drive.potentiometers):
             seen, angle = self._changes[number]
             if volt != seen:
-                self._changes[number] = volt, drive.position
-            elif (turned := abs(drive.position - angle)) > 0.05:
+                self._changes[number] = volt, position
+            elif (turned := abs(position - angle)) > 0.05:
                 words = f"{volt:.2f} V over {degrees(turned):.0f} degrees"
                 readings.append(("STE-07", self._name, turned, words))
-        return readings

@@ -156,6 +156,8 @@ class Supervisor:
 
     def _explain(self, sensed: Sensed) -> set[str]:
         """Drives whose state of fault is no news: they said why, and are still there or will soon be."""
+        if not self._explained and not self._latched:
+            return self._explained
         told = self._explained.union([device for id, device in self._latched if id.startswith("DRV")])
         if told:
             soon = sensed.time - self._told <= STATE_TIME

@@ -70,6 +70,8 @@ class Wheels:
         """Times of the following [s]."""
         self._asked = list[float](), list[float]()
         """Speeds of the left and of the right wheel [m/s]."""
+        self._asked_most = list[float]()
+        """Speed of the faster one [m/s], without sign."""
         self._planned = 0.0
         self._ramp_from = 0.0
         self._braking = False
@@ -122,14 +124,16 @@ class Wheels:
         self._speeds = left, right = self._over(SPEED_TIME)
         self.speed = max(abs(left), abs(right))
         driven = last.command.action is _RUN and last.traction is _ENABLED
-        times, lefts, rights = self._asked_at, *self._asked
+        left, right = (points.speed_left, points.speed_right) if driven else (0.0, 0.0)
+        times, lefts, rights, most = self._asked_at, *self._asked, self._asked_most
         times.append(now)
-        lefts.append(points.speed_left if driven else 0.0)
-        rights.append(points.speed_right if driven else 0.0)
+        lefts.append(left)
+        rights.append(right)
+        most.append(max(abs(left), abs(right)))
         while times[0] < now - ANSWER_TIME:
-            del times[0], lefts[0], rights[0]
+            del times[0], lefts[0], rights[0], most[0]
         if driven:
-            self._planned = max(max(lefts), max(rights), -min(lefts), -min(rights))
+            self._planned = max(most)
         elif self._driven or (stops and not self._stops):  # it may roll though nobody drove it
             self._ramp_from, self._planned = now + RAMP_DELAY, max(self._planned, self.speed)
             self._braking = self._planned > MOVING
@@ -162,19 +166,25 @@ class Wheels:
                 words = f"{excess + self._planned:.2f} m/s, {self._planned:.2f} planned"
                 readings.append(("RUN-03", "", excess, words))
             return readings
-        recent = bisect_left(self._asked_at, self._asked_at[-1] - TRAIL_TIME)
-        for drive, speed, asked in zip((left, right), self._speeds, self._asked, strict=True):
-            trailing = asked[recent:]
-            low, high = min(trailing), max(trailing)
-            beyond = max(speed - max(high, 0.0), min(low, 0.0) - speed)
-            if beyond > max(MOVING, RELATIVE * max(-low, high)):
-                readings.append(("RUN-01", drive.name, beyond, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}"))
-            if abs(speed) < STILL and min(abs(min(asked)), abs(max(asked))) > FAST:
-                readings.append(("RUN-04", drive.name, 1.0, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}"))
+        for drive, speed, asked in ((left, self._speeds[0], self._asked[0]), (right, self._speeds[1], self._asked[1])):
+            newest = asked[-1]
+            if abs(speed - newest) > MOVING:  # else it is not beyond the range of what was asked recently, either
+                readings += self._beyond(drive, speed, asked)
+            if -STILL < speed < STILL and min(abs(min(asked)), abs(max(asked))) > FAST:
+                readings.append(("RUN-04", drive.name, 1.0, f"{speed:+.2f} m/s, commanded {newest:+.2f}"))
         left_on, right_on = left.state is _ON, right.state is _ON
         if left_on != right_on and self.speed > MOVING:
             readings.append(("RUN-06", left.name if left_on else right.name, 1.0, ""))
         return readings
+
+    def _beyond(self, drive: DriveFeedback, speed: float, asked: list[float]) -> list[Reading]:
+        """Faster than anything that was commanded in the last `TRAIL_TIME`."""
+        trailing = asked[bisect_left(self._asked_at, self._asked_at[-1] - TRAIL_TIME) :]
+        low, high = min(trailing), max(trailing)
+        beyond = max(speed - max(high, 0.0), min(low, 0.0) - speed)
+        if beyond > max(MOVING, RELATIVE * max(-low, high)):
+            return [("RUN-01", drive.name, beyond, f"{speed:+.2f} m/s, commanded {asked[-1]:+.2f}")]
+        return []
 
     def _braked_speed(self, drives: Drives) -> float:
         """Of the faster wheel that has a drive to brake it [m/s]; one without rolls until friction stops it."""

@@ -41,8 +41,8 @@ def test_the_tree_of_errors_shows_all_of_them() -> None:
         if not module.name.endswith("__main__"):
             try:
                 importlib.import_module(module.name)
-            except ModuleNotFoundError as missing:
-                if str(missing.name).partition(".")[0] not in PACKAGES:
+            except ModuleNotFoundError as error:
+                if str(error.name).partition(".")[0] not in PACKAGES:
                     raise
     named = {kind.__name__ for kind in kinds_of(errors.ArtemisError) if kind.__module__.startswith("artemis.")}
     assert named >= {"ConfigError", "SdoAbort"}
