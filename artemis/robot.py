@@ -145,9 +145,7 @@ class Robot:
         readings = self._devices.sense(now)
         inputs, fixes = self._guard.read(now - self._start), self._guard.fixes(now - self._start)
         self._faults += [catalogue.fault(*problem) for problem in self._guard.take_problems()]
-        for sample in inputs:
-            self._requests += sample.requests
-            self._answers += sample.answers
+        self._requests += [request for sample in inputs for request in sample.requests]
         self._index += 1
         sensed = Sensed(
             index=self._index - 1,
@@ -164,11 +162,9 @@ class Robot:
             faults=tuple(self._faults),
             fixes=fixes,
             scans=readings.scans,
-            answers=tuple(self._answers),
+            answers=(*self._answers, *[answer for sample in inputs for answer in sample.answers]),
+            battery_v=readings.battery_v,
         )
-        if readings.battery_v is not None:
-            # one keyword more above would take four times as long
-            sensed = replace(sensed, battery_v=readings.battery_v)
         for taken in (self._requests, self._answers, self._results, self._faults):
             taken.clear()
         return sensed

@@ -134,9 +134,6 @@ class BusHealth(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False)
     """Frames of ours that the allow-list held back, each with its reason and where it came from."""
 
 
-ALL_WELL = BusHealth()
-
-
 class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Everything the edge knows at a tick. Recording these is enough to replay a run."""
 
@@ -147,7 +144,7 @@ class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     urgent: bool = False  # an extra tick, off the schedule: writes stop frames only
     attended: bool = False  # somebody can acknowledge and arm; otherwise a fault or a quick stop ends the run
     drives: tuple[DriveFeedback, ...] = ()
-    bus: BusHealth = ALL_WELL
+    bus: BusHealth = BusHealth()
     inputs: tuple[OperatorInput, ...] = ()
     requests: tuple[Request, ...] = ()
     results: tuple[JobResult, ...] = ()

@@ -81,13 +81,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Remember what was skipped; in the continuous integration, nothing is skipped that could be installed."""
+    """Remember what a run of all tests skipped; in the continuous integration only some may be skipped."""
     terminal = session.config.pluginmanager.get_plugin("terminalreporter")
     if terminal is None or hasattr(session.config, "workerinput"):
         return
     skipped: list[pytest.TestReport] = terminal.stats.get("skipped", [])
     if not session.config.getoption("left"):
-        if cache := _cache(session.config):
+        whole = session.config.args_source is pytest.Config.ArgsSource.TESTPATHS and not session.config.option.keyword
+        if whole and (cache := _cache(session.config)):
             cache.set(SKIPPED, sorted({report.nodeid for report in skipped}))
     elif os.environ.get("CI") == "true":
         reasons = [str(report.longrepr) for report in skipped]

@@ -15,10 +15,12 @@ from artemis.devices.sdo import SdoClient
 from artemis.devices.serial_line import SerialLine
 from artemis.devices.tally import Tally
 from artemis.errors import DeviceBusy, DeviceLost, ProtocolError
-from artemis.values import ALL_WELL, BusHealth, Mode
+from artemis.values import BusHealth, Mode, Sensed
 from artemis.vehicle import RobotFile
 
 LOST = "COM-22"
+_WELL = Sensed(index=0, time=0.0).bus
+"""The default itself, which is left out of recordings."""
 
 
 def _unheard(id: str, device: str, seen: str) -> None:
@@ -137,7 +139,7 @@ class BusGateway:
         """How the bus has been since the last call."""
         errors, self._error_frames = self._bus.error_frames - self._error_frames, self._bus.error_frames
         if not (errors or self._foreign or self._refused or self._blocked):
-            return ALL_WELL
+            return _WELL
         foreign, blocked, refused = tuple(self._foreign), tuple(self._blocked), self._refused
         self._foreign, self._blocked, self._refused = [], [], 0
         return BusHealth(foreign=foreign, refused=refused, error_frames=errors, blocked=blocked)

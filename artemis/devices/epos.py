@@ -8,7 +8,7 @@ from operator import attrgetter
 from artemis.devices.bus_gateway import BusGateway
 from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import RXPDO, emergency_from_data, nmt_from_heartbeat
-from artemis.devices.epos_objects import JITTER, PERIOD, UNREADABLE, WRAP, PdoPlaces, Units, wrapped
+from artemis.devices.epos_objects import JITTER, PERIOD, UNREADABLE, PdoPlaces, Units, wrapped
 from artemis.devices.epos_state import Controlword
 from artemis.devices.tally import NOTHING, Tally
 from artemis.drive_states import DriveState, Nmt
@@ -28,12 +28,7 @@ class EposDrive:
         self.sdo = wire.objects(name, self.node_id)
         self.send = wire.send
         self.units, self.family = Units(robot, self.drive), self.drive.tables
-        self._pdos = pdos = PdoPlaces(robot, self.drive)
-        self._read_status, self._read_details, self._pack_set_point = (
-            pdos.status.unpack,
-            pdos.details.unpack,
-            pdos.set_point.pack,
-        )
+        self._pdos = PdoPlaces(robot, self.drive)
         self._counts: int | None = None
         self._position = self._velocity = self._current = 0.0
         self._statusword = self._mode = self._jumps = self._stray = self._frames = 0
@@ -49,7 +44,7 @@ class EposDrive:
 
     def on_status(self, frame: Frame) -> None:
         """TxPDO 1: statusword and position. What is older than the last one, or no motion could reach, is dropped."""
-        values = self._read_status(frame.data)
+        values = self._pdos.status.unpack(frame.data)
         statusword, counts = values[0], values[1]
         last = self._status_time
         elapsed = inf if last is None else frame.time - last
@@ -60,9 +55,7 @@ class EposDrive:
         self._mode = values[2] if self._pdos.early_mode else self._mode
         if statusword != self._statusword or last is None:
             self._statusword, self.state = statusword, self.family.state(statusword)
-        rolled = 0 if self._counts is None else counts - self._counts
-        if not -WRAP <= rolled < WRAP:
-            rolled = wrapped(rolled)
+        rolled = 0 if self._counts is None else wrapped(counts - self._counts)
         if last is None:
             rolled = min(rolled, counts, key=abs)  # not heard since it was configured: it counted on, or from zero
         moved = rolled / self.units.counts
@@ -79,7 +72,7 @@ class EposDrive:
         if self._details_time is not None and frame.time < self._details_time:
             self.tally.disordered += 1
             return
-        values, at = self._read_details(frame.data), self._pdos
+        values, at = self._pdos.details.unpack(frame.data), self._pdos
         if at.analog >= 0:
             self._volts = (values[at.analog] / at.per_volt, values[at.analog + 1] / at.per_volt)
         self._angle_sensor = values[at.angle_sensor] if at.angle_sensor >= 0 else 0
@@ -132,7 +125,7 @@ class EposDrive:
             raw = round(value * self.units.velocity)
         else:
             raw = wrapped((self._counts or 0) + round((value - self._position) * self.units.counts))
-        return Frame(RXPDO[0] + self.node_id, self._pack_set_point(controlword, raw))
+        return Frame(RXPDO[0] + self.node_id, self._pdos.set_point.pack(controlword, raw))
 
     def stop_frame(self, controlword: int = Controlword.QUICK_STOP) -> Frame:
         """RxPDO 2: controlword alone, acts at once."""

@@ -25,8 +25,6 @@ DRIVE_RAMP = 5.0
 """Ramp inside the traction drives [m/s²]. The gate shapes speeds; the drive only has to follow it."""
 STEERING_RAMP = 10000
 """Factory default of 0x6083 to 0x6085 [rpm/s]."""
-WRAP = 1 << 31
-"""Counters wrap from one less to minus this."""
 NOT_VALID = 0x80000000
 """Bit of a PDO's COB-ID: the PDO is switched off."""
 _NO_RTR = 0x40000000
@@ -77,7 +75,7 @@ def _place(wanted: Object | None, mapped: tuple[Object, ...]) -> int:
 
 def wrapped(counts: int) -> int:
     """Object 0x6064 is a signed 32-bit counter that wraps."""
-    return ((counts + WRAP) & (2 * WRAP - 1)) - WRAP
+    return ((counts + 0x80000000) & 0xFFFFFFFF) - 0x80000000
 
 
 def quantities(robot: RobotFile, drive: Drive, period: float) -> dict[str, int]:

@@ -12,9 +12,6 @@ SHORTEST_STEP, LONGEST_STEP = 1e-6, 1.5
 """Below the first [s] no time has passed: differences of angles over it would be rounding errors. The second, in
 periods: what set-points catch up at once is braked hard, and feeds back more than the batteries may take."""
 
-SURELY = 0.999
-"""A wheel that has no more than this part of a step to turn reaches its target, whatever was rounded."""
-
 _RUN = Action.RUN
 
 
@@ -28,8 +25,7 @@ class Gate:
     def __init__(self, robot: RobotFile, period: float) -> None:
         """Take the limits from the robot's file. `period`: between two steps [s]."""
         limits = robot.limits
-        self._ackermann = Ackermann(robot.geometry)
-        self._period = period
+        self._ackermann, self._period = Ackermann(robot.geometry), period
         self._speed = limits.speed_m_s
         self._wheel_speed = limits.wheel_speed_m_s
         self._acceleration = limits.acceleration_m_s2
@@ -81,12 +77,11 @@ class Gate:
         Each wheel's reach bounds the virtual wheel; within both bounds the wheels stay a pair. Where the bounds
         contradict each other (wheels as power-up found them) each wheel goes towards its own place.
         """
-        car = self._ackermann
-        left, right = last.steering_left, last.steering_right
+        car, left, right = self._ackermann, last.steering_left, last.steering_right
         target = _clamp(target, -self._steering, self._steering)
         target_left, target_right = car.wheel_angles(target)
-        if abs(target_left - left) < SURELY * step and abs(target_right - right) < SURELY * step:
-            return target, target_left, target_right, True  # within both bounds
+        if max(abs(target_left - left), abs(target_right - right)) < 0.999 * step:  # whatever was rounded
+            return target, target_left, target_right, True
         low = max(car.steering_from_left(left - step), car.steering_from_right(right - step))
         high = min(car.steering_from_left(left + step), car.steering_from_right(right + step))
         if low <= high:

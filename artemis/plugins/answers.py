@@ -13,7 +13,7 @@ from artemis.plugins.contracts import Following
 from artemis.plugins.fixes import FARTHEST, is_positive
 from artemis.values import Action, DriveCommand, LocatedPose, OperatorInput, Pose, Request, Tracking
 
-_PLAIN = {bool, float}
+_FLOATS = {float}
 NUMBER, FLAG = (int, float, np.integer, np.floating), (bool, np.bool_)
 
 
@@ -109,8 +109,8 @@ def plain_following(answer: object) -> Following | None:
     place = (tracking.arc_length, tracking.length, tracking.cross_track, tracking.heading_error)
     parts = [part for part in (tracking.planned_speed, tracking.feedforward) if part is not None]
     numbers = (*place, *parts, command.speed, command.steering)
-    plain = type(command) is DriveCommand and type(tracking) is Tracking
-    if plain and {type(answer.finished), *map(type, numbers)} == _PLAIN and all(map(isfinite, numbers)):
+    plain = type(command) is DriveCommand and type(tracking) is Tracking and type(answer.finished) is bool
+    if plain and set(map(type, numbers)) == _FLOATS and all(map(isfinite, numbers)):
         return answer
     if not _holds(numbers, NUMBER):
         return None

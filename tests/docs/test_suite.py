@@ -52,13 +52,14 @@ def test_what_is_left_out_is_what_is_marked(tmp_path: Path, folder: str, words: 
 def pytest_of(
     tmp_path: Path, folder: str, tests: str, *words: str, **environment: str
 ) -> subprocess.CompletedProcess[str]:
+    (tmp_path / "tests" / folder).mkdir(parents=True, exist_ok=True)
     for name in ("conftest.py", "lateness.py"):
-        shutil.copy(ROOT / "tests" / name, tmp_path)
-    (tmp_path / folder).mkdir(exist_ok=True)
-    (tmp_path / folder / "test_it.py").write_text(tests)
-    where = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(tmp_path), str(tmp_path)]
-    command = [sys.executable, "-m", "pytest", "-n", "0", "-q", *words, *where, "-o", f"cache_dir={tmp_path}/cache"]
-    return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | environment)
+        shutil.copy(ROOT / "tests" / name, tmp_path / "tests")
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    (tmp_path / "tests" / folder / "test_it.py").write_text(tests)
+    command = [sys.executable, "-m", "pytest", "-n", "0", "-q", *words]
+    environment = os.environ | environment
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment)
 
 
 SKIPPING = """
@@ -74,6 +75,8 @@ def test_needs_an_extra(): ...
 def test_the_continuous_integration_runs_with_the_extras_what_make_test_skipped(tmp_path: Path) -> None:
     lacking = SKIPPING.format(lacks=True, reason="needs the extra ros2")
     assert pytest_of(tmp_path, "unit", lacking, CI="true").returncode == 0
+    pytest_of(tmp_path, "unit", lacking, "-k", "passes")
+    pytest_of(tmp_path, "unit", lacking, "tests/unit/test_it.py::test_passes")
     done = pytest_of(tmp_path, "unit", lacking, "--left", CI="true")
     assert done.returncode == 1
     assert "needs the extra ros2" in done.stdout.partition("the continuous integration has to run it")[2]

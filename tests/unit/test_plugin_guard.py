@@ -552,6 +552,24 @@ def test_numbers_of_a_command_are_judged_by_the_gate_and_what_is_none_here(field
     assert (plain_following(answer) is not None) is whole
 
 
+@pytest.mark.parametrize("number", [True, 1, np.float64(1.0), np.int8(1)], ids=lambda number: type(number).__name__)
+@pytest.mark.parametrize("part", ["command", "tracking"])
+def test_one_number_that_is_no_float_becomes_one(part: str, number: Any) -> None:  # noqa: ANN401
+    values = getattr(following(), part)
+    for field in ("speed", "steering") if part == "command" else (*values.__struct_fields__,):
+        made = plain_following(replace(following(), **{part: replace(values, **{field: number})}))
+        assert type(getattr(getattr(made, part), field)) is float
+
+
+def test_values_with_more_in_them_are_not_passed_on() -> None:
+    class More(DriveCommand, frozen=True, kw_only=True):
+        why: str = "because"
+
+    made = plain_following(replace(following(), command=More(speed=0.5, steering=0.1)))
+    assert made is not None
+    assert type(made.command) is DriveCommand
+
+
 @pytest.mark.parametrize("part", ["command", "tracking", "finished"])
 @pytest.mark.parametrize("instead", [None, "yes", np.array([True, False])], ids=str)
 def test_answer_of_which_a_part_is_something_else_is_not_whole(part: str, instead: Any) -> None:  # noqa: ANN401
