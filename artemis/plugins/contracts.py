@@ -200,8 +200,8 @@ class Acting(Struct, frozen=True, kw_only=True):
 class Behaviour(Protocol):
     """A step of a mission, whose key is the plugin's name; its `Config` are the keys of the step.
 
-    Its class states `Declared`; its `Config` may state `LimitsFollower`, and have a key `until: str | None`: a condition over
-    the mission's signals, read by artemis; once it holds the robot comes to rest, and the step ends with `done`.
+    Its class states `Declared`; its `Config` may state `LimitsFollower`, and have a key `until: str | None`: a
+    condition over the mission's signals, read by artemis; once it holds the robot comes to rest: `done`.
     """
 
     Config: ClassVar[type[Config]]
