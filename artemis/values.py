@@ -30,8 +30,7 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     """Traction: m/s; steering: rad/s; as the drive measures it (coarse with hall sensors)."""
     current: float = 0.0  # motor current [A], signed
     mode: int = 0  # modes of operation display (object 0x6061)
-    potentiometers: tuple[float, float] = (0.0, 0.0)
-    """Both analog inputs [V]; zero for a traction drive."""
+    potentiometers: tuple[float, float] = (0.0, 0.0)  # both analog inputs [V]; zero for a traction drive
     angle_sensor: int = 0  # counts of an absolute encoder, or digital inputs by their functions, where these measure it
     age: float | None = None  # of the older of the feedback PDOs [s]
     nmt: Nmt | None = None
@@ -97,13 +96,14 @@ class JobKind(Enum):
     STORE = "store"  # all parameters of the drive, for ever (0x1010)
     DISARM = "disarm"  # switch the heartbeat consumer off, read it back, enter Pre-Operational
     PLAN = "plan"  # a route for step `value` of the mission, from here; its `values`: of `motion.planned_route`
+    FIT = "fit"  # a path through the recorded poses `values` for step `value`, likewise
 
 
 RESETS = {"": 0.0, "communication": 1.0, "node": 2.0}  # `value` of the job SECURE, by the NMT reset that goes before
 
 
 class Job(Struct, frozen=True, kw_only=True, gc=False):
-    """One order to one drive, or to the planner of routes; `id` is unique in a run."""
+    """One order to one drive, or to what plans routes and fits paths; `id` is unique in a run."""
 
     id: int
     kind: JobKind

@@ -16,7 +16,7 @@ from artemis.mapping.map_file import read_map
 from artemis.mapping.occupancy import FREE, OCCUPIED, OccupancyMap
 from artemis.mapping.se2 import between, wrapped
 from artemis.mission.loading import load_model
-from artemis.motion.planned_route import planned_route
+from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
 from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
 from artemis.route_planning.planner import RouteRequest, plan_route
@@ -102,7 +102,7 @@ def planned(content: OccupancyMap, zones: MapZones, begin: str, end: str, robot_
     found = plan_route(RouteRequest(floor=floor, robot=robot, start=poses[0], goal=poses[1], speed=speed))
     if not found.values:
         raise ConfigError(f"from {begin} to {end}: {found.detail}")
-    return planned_route(found.values, robot, speed)
+    return unpacked_route(found.values)
 
 
 def _pose(option: str, words: str, zones: MapZones) -> Pose:

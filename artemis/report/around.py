@@ -6,7 +6,7 @@ from math import inf
 
 import numpy as np
 
-from artemis.motion.planned_route import unpacked
+from artemis.motion.planned_route import route_poses
 from artemis.motion.spline import Array
 from artemis.route_planning.obstacle_layer import PlacedScan, placed_returns
 from artemis.scan import Scan
@@ -42,7 +42,7 @@ class DrivenAround:
                 self._scans[scan.source] = scan
         for done in sensed.results:
             if done.kind is JobKind.PLAN and done.values:
-                self.routes.append(unpacked(done.values)[:, :2])
+                self.routes.append(np.array([(pose.x, pose.y) for pose in route_poses(done.values)]))
         if not slowed or pose.lost or sensed.time - self._last < EVERY or len(self.seen) >= MOST:
             return
         self._last = sensed.time

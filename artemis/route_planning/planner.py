@@ -12,7 +12,7 @@ import numpy as np
 from artemis.errors import ConfigError
 from artemis.mapping.se2 import wrapped
 from artemis.motion.angles import wrap
-from artemis.motion.planned_route import packed, planned_route
+from artemis.motion.planned_route import packed_route, planned_route, unpacked_route
 from artemis.motion.route import Route
 from artemis.motion.spline import Array
 from artemis.motion.view import placed_points
@@ -104,7 +104,7 @@ class PlannedRoute:
     """What came of it."""
 
     values: tuple[int, ...] = ()
-    """As of `artemis.motion.planned_route.packed`; empty: there is no route, or none is needed."""
+    """As of `artemis.motion.planned_route.packed_route`; empty: there is no route, or none is needed."""
     arrived: bool = False
     """The robot is at the goal."""
     detail: str
@@ -289,9 +289,9 @@ class _Planning:
             points = np.concatenate([backwards, points[1:]])
         request = self._request
         on_map = placed_points(self._floor.origin, points[:, :2].T)
-        values = packed(np.column_stack([*on_map, self._speeds(points[:, :3]) * points[:, 3]]))
+        wanted = np.column_stack([*on_map, self._speeds(points[:, :3]) * points[:, 3]])
         try:
-            route = planned_route(values, request.robot, request.speed)
+            route = planned_route(wanted, request.robot, request.speed)
             problems = route.problems(request.robot, request.speed)
         except ConfigError as error:
             problems = list(error.problems)
@@ -302,7 +302,7 @@ class _Planning:
             return None
         reversals = len(route.parts) - 1
         words = f"{route.length:.1f} m, {reversals} reversal{'s' * (reversals != 1)}, radius {radius:.2f} m"
-        found, end = PlannedRoute(values=values, detail=words, expanded=self._expanded), _end(route)
+        found, end = PlannedRoute(values=packed_route(route), detail=words, expanded=self._expanded), _end(route)
         if self._off_goal(end)[1] <= EXACT_ANGLE:
             return found
         self._askew = self._askew or found
@@ -334,7 +334,7 @@ class _Planning:
     def _rest_is_free(self) -> bool:
         """Whether the present route is free from where the robot is: where it first comes by, if that is unclear."""
         request = self._request
-        driven, places = _places(planned_route(request.present, request.robot, request.speed))
+        driven, places = _places(unpacked_route(request.present))
         start, away = request.start, np.hypot(places[:, 0] - request.start.x, places[:, 1] - request.start.y)
         turned = np.abs(wrapped(places[:, 2] - start.heading))
         here = ((away < ON_ROUTE) & (turned < ALONG_ROUTE)).nonzero()[0][:1]

@@ -24,7 +24,7 @@ from artemis.devices.can_bus import Traffic
 from artemis.mapping.map_file import map_files, write_bytes
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import LoadedMission, load_mission
-from artemis.motion.planned_route import planned_route
+from artemis.motion.planned_route import unpacked_route
 from artemis.mounting import Outline
 from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
 from artemis.route_planning.planner import RouteRequest, plan_route
@@ -241,7 +241,7 @@ class _GoalWitness:
         if not result.values:
             return
         driven = 0.0
-        for part in planned_route(result.values, robot, to.speed).parts:
+        for part in unpacked_route(result.values).parts:
             count = max(2, math.ceil(part.path.length / _SPACING))
             for place in np.linspace(0.0, part.path.length, count).tolist():
                 point = part.path.at(place)

@@ -18,7 +18,7 @@ from artemis.mapping.map_file import map_files, write_bytes
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_mission
 from artemis.mission.walking import walk
-from artemis.motion.planned_route import unpacked
+from artemis.motion.planned_route import route_poses
 from artemis.planning import plan_for
 from artemis.values import JobKind
 from artemis_lab.bench.goals import drive
@@ -121,9 +121,9 @@ def test_a_goto_that_was_interrupted_is_planned_anew_from_where_it_stands(tmp_pa
     assert (first.outcome.exit_status, second.outcome.exit_status) == (1, 0)
     results = [each for tick in second.ticks for each in tick.snapshot.sensed.results if each.kind is JobKind.PLAN]
     assert len(results) == 1
-    x, y = unpacked(results[0].values)[0, :2]
-    assert 0.7 < x - 0.8 < 1.3
-    assert abs(y - 0.8) < 0.05
+    start = route_poses(results[0].values)[0]
+    assert 0.7 < start.x - 0.8 < 1.3
+    assert abs(start.y - 0.8) < 0.05
 
 
 @pytest.mark.exhaustive

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from core_builders import PERIOD, StubFollower, fault_of, shared, snapshot
+from core_builders import PERIOD, ROBOT, StubFollower, fault_of, shared, snapshot
 from msgspec.structs import replace
 
-from artemis.motion.planned_route import PLANNER, packed
+from artemis.motion.planned_route import PLANNER, packed_route, planned_route
 from artemis.progress import BLOCKED, NO_PATH
 from artemis.scan import Clearance, ObstacleRules
 from artemis.states.blocked import REPLAN_AFTER, held_up
@@ -18,8 +18,8 @@ from artemis.states.ready import ReadyMode
 from artemis.values import Event, JobKind, JobResult, LocatedPose, Mode, SetPoints, Wish
 
 X = np.linspace(0.0, 2.0, 41)
-VALUES = packed(np.column_stack([X, 0 * X, np.full(41, 0.4)]))
-OTHER = packed(np.column_stack([X, 0.1 * X * X, np.full(41, 0.4)]))
+VALUES = packed_route(planned_route(np.column_stack([X, 0 * X, np.full(41, 0.4)]), ROBOT, 0.4))
+OTHER = packed_route(planned_route(np.column_stack([X, 0.1 * X * X, np.full(41, 0.4)]), ROBOT, 0.4))
 
 
 def step(**options: Any) -> GotoStep:  # noqa: ANN401 (keys of the step)
@@ -144,3 +144,19 @@ def test_a_new_route_is_begun_and_the_same_one_gone_on_with() -> None:
         mode.enter(snapshot(0.0))
         mode.step(snapshot(0.0))
         assert follower.starts == starts
+
+
+def test_a_planner_that_died_is_a_fault_and_never_an_outcome() -> None:
+    for replanning in (False, True):
+        robot = Standing()
+        if replanning:
+            robot.planned(VALUES)
+            robot.shared.replan(0.5, 2.5)
+            robot.mode.enter(snapshot(robot.time))
+        (job,) = robot.tick().jobs
+        died = JobResult(id=job.id, kind=job.kind, drive=job.drive, ok=False, fault="PTH-10", detail="twice")
+        for wish in (robot.tick(died), robot.tick()):
+            assert fault_of(wish)[0] == "PTH-10"
+            assert (wish.outcome, wish.event, wish.over, wish.jobs) == ("", None, False, ())
+        robot.mode.enter(snapshot(robot.time))  # acknowledged
+        assert len(robot.tick().jobs) == 1

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
-from artemis.motion.planned_route import planned_route
+from artemis.motion.planned_route import unpacked_route
 from artemis.route_planning.curves import rolled, shortest
 from artemis.route_planning.floor import CELL, Floor, floor_from, goal_problem, resampled
 from artemis.route_planning.obstacle_layer import PlacedScan, standing
@@ -68,7 +68,7 @@ def test_a_route_is_free_drivable_and_ends_at_the_goal(
 ) -> None:
     on = floor(*boxes)
     found = planned(on, goal=goal)
-    route = planned_route(found.values, ROBOT, 0.5)
+    route = unpacked_route(found.values)
 
     poses = route.poses(0.02)
     assert min(room(on.occupied, pose) for pose in poses) >= 0.05
@@ -93,7 +93,7 @@ def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
     found = planned(on, start, goal)
     assert found.values, found.detail
     assert found.expanded < 10_000
-    poses = planned_route(found.values, ROBOT, 0.5).poses(0.02)
+    poses = unpacked_route(found.values).poses(0.02)
     assert min(room(on.occupied, pose) for pose in poses) >= 0.05
     assert math.hypot(poses[0].x - start.x, poses[0].y - start.y) <= 0.01
     assert math.hypot(poses[-1].x - goal.x, poses[-1].y - goal.y) <= 0.03
@@ -112,7 +112,7 @@ def test_a_route_leaves_the_robot_something_to_miss_its_end_by(seed: int, start:
     """A last piece shorter than the steering takes, and the fit turns the end by 2.4 degrees of the 3 allowed."""
     cells = np.where(drawn("rooms", seed), 100, 0).astype(np.int8)
     on = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
-    end = planned_route(planned(on, start, goal).values, ROBOT, 0.5).poses(0.02)[-1]
+    end = unpacked_route(planned(on, start, goal).values).poses(0.02)[-1]
     assert math.hypot(end.x - goal.x, end.y - goal.y) <= 0.03
     assert abs(math.remainder(end.heading - goal.heading, math.tau)) <= math.radians(1.5)
 
@@ -128,8 +128,8 @@ def test_a_keep_out_zone_is_driven_around_and_a_slow_one_slowly() -> None:
         floor(zones=(MapZone(kind="slow", speed_m_s=0.2, corners=((2.0, 0.0), (3.0, 0.0), (3.0, 3.0), (2.0, 3.0))),))
     )
 
-    assert max(pose.y for pose in planned_route(around.values, ROBOT, 0.5).poses(0.05)) > 1.7
-    path = planned_route(slow.values, ROBOT, 0.5).parts[0].path
+    assert max(pose.y for pose in unpacked_route(around.values).poses(0.05)) > 1.7
+    path = unpacked_route(slow.values).parts[0].path
     speeds, x = path.speeds(0.5), path.x
     assert speeds[(x > 2.1) & (x < 2.9)].max() <= 0.2 + 1e-6
     assert speeds[(x > 1.2) & (x < 1.5)].max() > 0.4
@@ -137,10 +137,7 @@ def test_a_keep_out_zone_is_driven_around_and_a_slow_one_slowly() -> None:
 
 def test_routes_like_a_zone_that_is_preferred() -> None:
     lane = MapZone(kind="prefer", corners=((0.5, 1.6), (4.5, 1.6), (4.5, 2.2), (0.5, 2.2)))
-    far = [
-        max(p.y for p in planned_route(planned(on).values, ROBOT, 0.5).poses(0.05))
-        for on in (floor(), floor(zones=(lane,)))
-    ]
+    far = [max(p.y for p in unpacked_route(planned(on).values).poses(0.05)) for on in (floor(), floor(zones=(lane,)))]
     assert far[0] < 1.3 < far[1]
 
 
@@ -165,7 +162,7 @@ def test_what_stands_on_the_floor_is_driven_around() -> None:
     assert standing(seen[:3], ROBOT.scanners, on).size == 0  # for a second only
     assert standing([*seen[:2], replace(seen[2], time=9.0)], ROBOT.scanners, on).size == 0  # with a gap
     free, beside = planned(on), planned(on, placed_scans=tuple(seen))
-    assert planned_route(beside.values, ROBOT, 0.5).length > planned_route(free.values, ROBOT, 0.5).length + 0.05
+    assert unpacked_route(beside.values).length > unpacked_route(free.values).length + 0.05
 
 
 def seen_at(metres: float, time: float, half: int = 20) -> PlacedScan:

@@ -199,4 +199,12 @@ SURROUNDINGS: dict[str, Row] = {
         "follower, speed",
     ),
     "PTH-09": Row("follower late", Found.EDGE, S2, K, "answered late", "it must return within 15 ms", within=0.08),
+    "PTH-10": Row(
+        "planning ended",
+        Found.MODE,
+        S2,
+        K,
+        "the process that plans routes and fits paths has ended",
+        "is this computer's memory full? the system ends what takes too much; acknowledge, and it is started again",
+    ),
 }
