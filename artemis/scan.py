@@ -68,6 +68,7 @@ class Clearance(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False)
     speed: float = inf  # of the virtual wheel, from which it still stops in time [m/s]
     distance: float = inf  # that it may drive [m]
     blocked: float = 0.0  # how long it has stood for an obstacle [s]; 0: it does not
+    unseen: bool = False  # it stands for ground of which nobody knows whether something is there
 
 
 def _numbers(packed: bytes) -> NDArray[np.uint16]:

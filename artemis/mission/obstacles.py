@@ -12,6 +12,8 @@ from artemis.mission.keys import Positive
 from artemis.scan import ObstacleRules
 from artemis.vehicle import RobotFile
 
+DRIVES_INTO = {"off": "drive into what it could see", "slow": "creep into what it sees"}
+"""Modes in which it may touch something."""
 Distance = Annotated[float, Field(ge=0.03, le=1.0)]
 
 
@@ -19,7 +21,8 @@ class Obstacles(Config):
     """What the robot does about what its laser scanners see. One word stands for its `mode`."""
 
     mode: Literal["stop", "slow", "off"] = "stop"
-    """stop: it drives so that it stands in time; slow: it creeps on instead of standing; off: it does not look."""
+    """stop: it drives so that it stands in time; slow: it creeps on instead of standing, and may touch what is in its
+    way; off: it does not look."""
     margin_m: Distance = 0.08
     """The outline counts as so much larger on every side."""
     clear_m: Distance = 0.05
@@ -30,7 +33,7 @@ class Obstacles(Config):
     unseen_reverse: Literal["refused", "allowed"] = "refused"
     """Backwards over ground that no scanner has seen, and that it did not drive over, within the last minute."""
     reason: Annotated[str, Field(min_length=3, max_length=200)] | None = None
-    """Why obstacles are ignored; needed for `off` on a real bus."""
+    """Why it may touch what is in its way; needed for `off` and `slow` on a real bus."""
 
     @model_validator(mode="before")
     @classmethod
@@ -58,5 +61,6 @@ def check_obstacles(obstacles: Obstacles, robot: RobotFile, *, simulated: bool) 
     """What is wrong with it for a robot."""
     if not robot.scanners and obstacles.mode != "off":
         yield "the robot has no scanner, so it cannot see obstacles: describe one in the robot file (`scanners`)"
-    elif obstacles.mode == "off" and robot.scanners and not simulated and obstacles.reason is None:
-        yield "mode: off lets the robot drive into what it could see; write why: {mode: off, reason: ...}"
+    elif obstacles.mode in DRIVES_INTO and robot.scanners and not simulated and obstacles.reason is None:
+        mode, what = obstacles.mode, DRIVES_INTO[obstacles.mode]
+        yield f"mode: {mode} lets the robot {what}; write why: {{mode: {mode}, reason: ...}}"

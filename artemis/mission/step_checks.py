@@ -33,6 +33,9 @@ NO_RECORD = "; no step before has `record:`"
 class StepChecks(GotoChecks):
     """Notes what is wrong in the steps."""
 
+    _stops_for_obstacles = False
+    """In one of them, at least."""
+
     def _tree(self, mission: Mission | None, robot: RobotFile | None) -> MissionTree | None:
         if mission is None or self._unknown:
             return None
@@ -67,12 +70,16 @@ class StepChecks(GotoChecks):
                 self._complain(path, f"calibrate first: {why} (CAL-02)")
             if word == "stop" and path != ("steps", len(given) - 1, "stop"):
                 self._complain(path, "ends the mission: it can only be the last step")
-        for number, (path, _, _) in enumerate(numbered(given)):
+        usual = self._part(Obstacles, "obstacles") if "obstacles" in self._data else Obstacles()
+        for number, (path, word, _) in enumerate(numbered(given)):
             step = self._part(Step, *path[:-1])
             if step is None:
                 continue
-            if isinstance(step.action, Follow | Goto | Teleop):
-                self._check_obstacles(path, step.action.obstacles, robot)
+            own = step.action.obstacles if isinstance(step.action, Follow | Goto | Teleop) else None
+            self._check_obstacles(path, own, robot)
+            rules = own or usual
+            if word in (*moving, "teleop") and rules is not None and rules.mode == "stop":
+                self._stops_for_obstacles = True
             if isinstance(step.action, Follow) and isinstance(step.action.path, Recorded) and path in before:
                 self._check_recorded(path, step.action.path.recorded, before[path], given)
             alone = len(list(steps_in(given))) == 1

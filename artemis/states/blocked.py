@@ -34,5 +34,8 @@ def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
             return replace(ended, acted=wish.acted, done=wish.done, outcome=BLOCKED)
         if clearance.blocked >= REPLAN_AFTER and shared.replan(done, clearance.blocked):
             return replace(ended, done=wish.done)
-    fault = wish.fault or catalogue.fault("LAS-08", "", f"{max(clearance.distance, 0.0):.2f} m are free")
+    seen = f"{max(clearance.distance, 0.0):.2f} m are free"
+    if clearance.unseen:
+        seen = f"the ground {'ahead' if wish.command.speed >= 0.0 else 'behind'} was not seen"
+    fault = wish.fault or catalogue.fault("LAS-08", "", seen)
     return replace(wish, fault=fault, phase="waiting for a free path")

@@ -127,6 +127,7 @@ def test_modes_that_drive_by_hand_stop_too_and_may_back_off(tmp_path: Path) -> N
         ({"obstacles": "halt"}, "stop"),
         ({"obstacles": {"margin_m": 0.01}}, "0.03"),
         ({"obstacles": "off", "bus": {"interface": "virtual"}}, "write why"),
+        ({"obstacles": "slow", "bus": {"interface": "virtual"}}, "creep into what it sees; write why"),
         ({"obstacles": {"modus": "stop"}}, "mode"),
     ],
 )
@@ -134,6 +135,29 @@ def test_wrong_rules_are_refused_with_their_place(tmp_path: Path, keys: dict[str
     with pytest.raises(ConfigError, match=words) as caught:
         load_mission(mission(tmp_path, [CALIBRATE, LONG], **keys))
     assert "obstacles" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("mounted", "where"),
+    [
+        (("heading_deg: 0", "heading_deg: 180"), "from -24 to +24 cm"),
+        (("least_range_m: 0.5", "least_range_m: 0.5\n    mask: [[-27, 27]]"), "from -23 to +23 cm"),
+        (("least_range_m: 0.5", "least_range_m: 0.5\n    mask: [[3, 9]]"), "from +4 to +7 cm"),
+    ],
+)
+def test_a_robot_whose_scanner_does_not_see_ahead_is_refused(
+    tmp_path: Path, mounted: tuple[str, str], where: str
+) -> None:
+    off = {"follow": {**LONG["follow"], "obstacles": {"mode": "off", "reason": "somebody walks ahead"}}}
+    path = mission(tmp_path, [CALIBRATE, off, LONG])
+    robot = tmp_path / "artemis.yaml"
+    robot.write_text(robot.read_text().replace(*mounted))
+    with pytest.raises(ConfigError, match="no scanner sees all of the ground ahead") as caught:
+        load_mission(path)
+    assert where in str(caught.value)
+    assert "artemis.yaml:" in str(caught.value)
+    load_mission(mission(tmp_path / "off", [CALIBRATE, off]))
+    load_mission(mission(tmp_path / "standing", [CALIBRATE, {"wait": {"seconds": 1}}]))
 
 
 def test_a_robot_without_a_scanner_cannot_stop_for_obstacles(tmp_path: Path) -> None:
