@@ -97,7 +97,7 @@ class RunRecord:
             errors=loaded.robot.errors,
             disk=disk,
         )
-        for entry in first_entries(mission, loaded.robot.robot, provenance, warning, loaded.remarks):
+        for entry in first_entries(mission, loaded.robot.robot, provenance, warning, loaded.remarks, loaded.ignored):
             self.recorder.note(entry)
 
         self._observers = [

@@ -131,11 +131,12 @@ def bench_goto(
     goals: Annotated[int, typer.Option(metavar="N", min=1, help="So many, in runs of five.")] = 30,
     seed: Annotated[int, typer.Option(help="Of the first run.")] = 1,
     workers: Annotated[int, typer.Option(metavar="N", min=1, help="Processes.")] = 2,
+    blind: Annotated[bool, typer.Option("--blind", help="Without scanner and obstacle stop.")] = False,
 ) -> None:
     """Drive to random goals on three kinds of map in simulation: are they reached, and is nothing touched?"""
     from artemis_lab.commands.bench_goto import measure
 
-    raise typer.Exit(int(not measure(goals, seed, workers)))
+    raise typer.Exit(int(not measure(goals, seed, workers, blind=blind)))
 
 
 @bench.command("operator")

@@ -57,8 +57,10 @@ class LoadedMission:
     """Content of every file that the mission names, by the name as written there."""
     folder: FilePath
     """Where relative names start."""
+    ignored: tuple[str, ...] = ()
+    """Where the robot may touch what its scanners could see, in words."""
     remarks: tuple[str, ...] = ()
-    """What was changed in a path so that the robot can drive it."""
+    """That, and what was changed in a path so that the robot can drive it."""
     routes: Mapping[int, Route]
     """What is followed by the steps that name a path file, by the step's number."""
     destinations: Mapping[int, Destination]
@@ -169,7 +171,8 @@ class _Loading(SurroundingsChecks):
             documents=self._documents,
             files=self._files,
             folder=self._folder,
-            remarks=(*self._remarks, *far_starts(self._data["steps"], self._routes, pose)),
+            ignored=tuple(self._ignored),
+            remarks=(*self._ignored, *self._remarks, *far_starts(self._data["steps"], self._routes, pose)),
             routes=self._routes,
             destinations=self._destinations,
             tree=tree,

@@ -52,6 +52,17 @@ class Obstacles(Config):
         )
 
 
+def ignored(obstacles: Obstacles | None, robot: RobotFile) -> str | None:
+    """What it means that a robot may touch what its scanners could see; None: it may not."""
+    if obstacles is None or obstacles.mode not in DRIVES_INTO or not robot.scanners:
+        return None
+    from artemis.motion.obstacles import SLOW_SPEED, UNSEEING_SPEED
+
+    speed = SLOW_SPEED if obstacles.mode == "slow" else UNSEEING_SPEED
+    why = "" if obstacles.reason is None else f" ({obstacles.reason})"
+    return f"{obstacles.mode}: the robot may {DRIVES_INTO[obstacles.mode]}, at up to {speed:g} m/s{why}"
+
+
 def rules_for(obstacles: Obstacles | None, robot: RobotFile, *, by_hand: bool = False) -> ObstacleRules | None:
     """What holds for a robot: one with a scanner stops for what it sees unless the mission says otherwise."""
     return (obstacles or Obstacles()).rules(by_hand=by_hand) if robot.scanners else None

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from artemis.axles import ByHand
@@ -12,7 +14,7 @@ from artemis.mission.behaviours import behaviour_class, declarations
 from artemis.mission.by_hand import Teleop
 from artemis.mission.goto import Goto
 from artemis.mission.goto_checks import GotoChecks
-from artemis.mission.obstacles import Obstacles, check_obstacles
+from artemis.mission.obstacles import Obstacles, check_obstacles, ignored
 from artemis.mission.order import CALIBRATED, FOLLOWING, TIME, Facts, Order, why_not
 from artemis.mission.problems import nearest
 from artemis.mission.reading import Configs
@@ -22,7 +24,7 @@ from artemis.plugins.contracts import declared
 from artemis.plugins.stated import STALE, follower_speed, input_speed, stale_limit
 from artemis.states.outline import numbered, steps_in
 from artemis.vehicle import RobotFile
-from artemis.yaml_file import KeyPath
+from artemis.yaml_file import KeyPath, dotted
 
 if TYPE_CHECKING:
     from artemis.mission.tree import MissionTree
@@ -33,8 +35,12 @@ NO_RECORD = "; no step before has `record:`"
 class StepChecks(GotoChecks):
     """Notes what is wrong in the steps."""
 
-    _stops_for_obstacles = False
-    """In one of them, at least."""
+    def __init__(self, path: Path, simulate: bool = False, page: Mapping[str, Any] | None = None) -> None:
+        super().__init__(path, simulate, page)
+        self._stops_for_obstacles = False
+        """In one of them, at least."""
+        self._ignored: list[str] = []
+        """Where the robot may touch obstacles."""
 
     def _tree(self, mission: Mission | None, robot: RobotFile | None) -> MissionTree | None:
         if mission is None or self._unknown:
@@ -57,6 +63,8 @@ class StepChecks(GotoChecks):
         if obstacles is not None and robot is not None:
             for problem in check_obstacles(obstacles, robot, simulated=self._simulated):
                 self._complain((*at, "obstacles"), problem)
+            if (words := ignored(obstacles, robot)) is not None:
+                self._ignored.append(f"{dotted((*at, 'obstacles'))}: {words}")
 
     def _check_steps(self, robot: RobotFile | None, inputs: Configs) -> None:
         steps = self._data.get("steps")

@@ -141,7 +141,7 @@ class RoutePlanner:
             speed=destination.speed,
             margin=destination.margin,
             placed_scans=tuple(self._placed_scans),
-            forward_first=destination.forward_first,
+            over_known=destination.over_known,
             driven=tuple(self._driven),
         )
 

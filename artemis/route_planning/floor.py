@@ -141,7 +141,7 @@ class Destination(Struct, frozen=True, kw_only=True):
     """Highest, of the virtual front wheel [m/s]."""
     margin: float
     """Around the outline [m]."""
-    forward_first: bool
+    over_known: bool
     """As of `RouteRequest`."""
 
 

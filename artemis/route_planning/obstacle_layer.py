@@ -10,12 +10,16 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from artemis.motion.angles import wrap
 from artemis.motion.beams import seeing
+from artemis.motion.ground import AROUND, STEP, TURN
 from artemis.motion.poses import placed
+from artemis.motion.view import placed_points
 from artemis.mounting import Mounting
-from artemis.route_planning.floor import CELL, Array, Floor, clearance
+from artemis.route_planning.floor import CELL, Array, Cells, Floor, clearance
 from artemis.scan import Scan
 from artemis.values import Pose
+from artemis.vehicle import RobotFile
 
 EVERY = 0.5
 """A scan is kept so often [s]."""
@@ -29,6 +33,11 @@ NEW = 0.10
 """What is seen nearer to what the map shows than this is that [m]."""
 THROUGH = 0.15
 """A beam that reaches so much farther than a cell has seen through it [m]."""
+KNOWN = 50.0
+"""What was seen or driven over is known for so long [s]: a little less than the obstacle stop has it, for the robot
+still has to get there."""
+FINE = 0.035
+"""Ground is looked at so often [m]: several times in a cell, however it is turned."""
 _BESIDE = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)]
 
 
@@ -66,6 +75,61 @@ def standing(placed_scans: Sequence[PlacedScan], scanners: Mapping[str, Mounting
     for last in {each.scan.source: each for each in placed_scans}.values():
         new &= ~_seen_through(row, column, last, scanners[last.scan.source], floor)
     return np.array([row[new], column[new]])
+
+
+def known_ground(placed_scans: Sequence[PlacedScan], robot: RobotFile, floor: Floor) -> Cells:
+    """The cells over which the robot may drive backwards where no scanner looks, as `artemis.motion.ground` knows them.
+
+    Those that it drove over, or saw to be free from nearby, in the last `KNOWN`.
+    """
+    outline, known = robot.outline, np.zeros(floor.occupied.shape, np.bool_)
+    assert outline is not None
+    x = np.arange(-outline.rear_m - AROUND, outline.front_m + AROUND, FINE)
+    y = np.arange(-outline.half_width_m - AROUND, outline.half_width_m + AROUND, FINE)
+    places = np.array(np.meshgrid(x, y)).reshape(2, -1)
+    under = (
+        (places[0] >= -outline.rear_m) & (places[0] <= outline.front_m) & (np.abs(places[1]) <= outline.half_width_m)
+    )
+    eyes = {name: _Directions(places, mounting) for name, mounting in robot.scanners.items()}
+    used: dict[str, PlacedScan] = {}
+    for each in reversed(placed_scans):
+        if placed_scans[-1].time - each.time > KNOWN:
+            break
+        later = used.get(each.scan.source)
+        if later is not None and _is_there(each.pose, later.pose):
+            continue
+        used[each.scan.source] = each
+        free = places[:, under | eyes[each.scan.source].seen_free(each.scan)]
+        row, column = floor.cells_of(placed_points(each.pose, free).T)
+        known[row, column] = True
+    return known
+
+
+def _is_there(pose: Pose, other: Pose) -> bool:
+    """Whether two poses are all but the same."""
+    return math.hypot(pose.x - other.x, pose.y - other.y) < STEP and abs(wrap(pose.heading - other.heading)) < TURN
+
+
+class _Directions:
+    """Places in the robot's frame as one scanner sees them."""
+
+    def __init__(self, places: Array, mounting: Mounting) -> None:
+        dx, dy = places[0] - mounting.x_m, places[1] - mounting.y_m
+        self._mask, self._bearing = mounting.mask, np.arctan2(dy, dx) - mounting.heading
+        self._distance, self._least = np.hypot(dx, dy), mounting.least_range_m
+
+    def seen_free(self, scan: Scan) -> NDArray[np.bool_]:
+        """Which of them the beam that passes them sees to be free."""
+        beams = np.rint(((self._bearing - scan.start_angle) % math.tau) / abs(scan.increment)).astype(np.int64)
+        if scan.increment < 0.0:
+            beams = np.rint(((scan.start_angle - self._bearing) % math.tau) / -scan.increment).astype(np.int64)
+        ranges = scan.millimetres / 1000.0
+        looked = seeing(np.degrees(scan.start_angle + scan.increment * np.arange(len(ranges))), self._mask)
+        within = beams < len(ranges)
+        beams = np.where(within, beams, 0)
+        return np.asarray(
+            within & looked[beams] & (self._distance > self._least) & (ranges[beams] > self._distance + CELL)
+        )
 
 
 def _seen_through(

@@ -29,7 +29,7 @@ from artemis.route_planning.floor import (
     covered,
     outline_box,
 )
-from artemis.route_planning.obstacle_layer import PlacedScan, standing
+from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, standing
 from artemis.route_planning.search import (
     FINEST,
     FIRST,
@@ -91,8 +91,8 @@ class RouteRequest:
     """Around the outline [m]."""
     placed_scans: tuple[PlacedScan, ...] = ()
     """What the scanners saw of late."""
-    forward_first: bool = False
-    """Rather not backwards in the first metre: nobody looks there."""
+    over_known: bool = False
+    """Backwards in the first metre rather only over ground that the scanners saw, or that the robot drove over."""
     driven: tuple[Pose, ...] = ()
     """What the robot has just driven, the oldest first: forwards, up to where it is."""
     present: tuple[int, ...] = ()
@@ -124,7 +124,8 @@ class _Try(NamedTuple):
     """The search begins at the goal."""
     greedy: float
     most: int
-    forward_first: bool = False
+    over_known: bool = False
+    """As of the request; else wherever nothing stands."""
 
 
 def plan_route(request: RouteRequest) -> PlannedRoute:
@@ -182,6 +183,13 @@ class _Planning:
             under = covered(self._floor.occupied, self._start, self._first_box)
             under |= covered(occupied, self._start, outline_box(request.robot, 0.0), reach=0.0)
             self._begun = clearance(occupied & ~under)
+        self._bare = outline_box(request.robot, 0.0)
+        self._anywhere = np.full_like(self._clear, np.inf)
+        self._known = self._anywhere
+        if request.over_known:
+            known = known_ground(request.placed_scans, request.robot, self._floor)
+            known |= covered(np.ones_like(known), self._start, self._bare)
+            self._known = clearance(~known)
         self._expanded = 0
         self._reasons: list[str] = []
         self._askew: PlannedRoute | None = None
@@ -221,8 +229,8 @@ class _Planning:
             self._reasons.append("no way leads there, however the robot turns")
             return None
         begun, first_box = (self._clear, self._box) if back else (self._begun, self._first_box)
-        forward_first, from_start = not back and self._request.forward_first, None
-        for each in self._tries(forward_first=forward_first):
+        over_known, from_start = not back and self._request.over_known, None
+        for each in self._tries(over_known=over_known):
             if not each.from_goal:
                 field, first = to_go, first_box
             elif begun is self._clear:
@@ -248,9 +256,11 @@ class _Planning:
         self, each: _Try, ends: tuple[Array, Array], begun: Field, cost: Field, field: Field, first: Array
     ) -> Array | None:
         """Places along a route as `search` gives it, from the start to the goal; None: there is none."""
+        known = self._known if each.over_known else self._anywhere
         points, why, expanded = search(
-            self._clear, begun, cost, field, *ends, each.box, first, each.radius, CELL, each.most,
-            each.forward_first and not each.from_goal, -1.0 if each.from_goal else 1.0, each.greedy,
+            self._clear, begun, cost, field, *ends, each.box, first, self._anywhere if each.from_goal else known,
+            self._bare, each.radius, CELL, each.most,
+            -1.0 if each.from_goal else 1.0, each.greedy,
         )  # fmt: skip
         self._expanded += expanded
         if why != FOUND:
@@ -260,8 +270,9 @@ class _Planning:
         if not each.from_goal:
             return np.asarray(points)
         points = _turned_round(points)
-        backwards_first = each.forward_first and bool((points[: round(FIRST / SPACING), 3] < 0.0).any())
-        return None if backwards_first else points
+        first_metre = points[: round(FIRST / SPACING)]
+        backwards = np.ascontiguousarray(first_metre[first_metre[:, 3] < 0.0, :3])
+        return points if are_free(backwards, known, CELL, self._bare).all() else None
 
     def _aims(self) -> Iterator[Array]:
         """Where a search is to end: at the goal; then so far beside it as the fitted route ended on the other side."""
@@ -270,15 +281,15 @@ class _Planning:
         if self._missed is not None:
             yield self._goal - self._missed
 
-    def _tries(self, *, forward_first: bool) -> Iterator[_Try]:
+    def _tries(self, *, over_known: bool) -> Iterator[_Try]:
         """First with much room around, then with as little as may be; on wide curves, then on narrow ones."""
         robot = self._request.robot
         least = robot.geometry.wheelbase_m / math.tan(math.radians(robot.limits.steering_deg))
         widest = least * RADII[0]
-        for first in (True, False) if forward_first else (False,):
+        for known in (True, False) if over_known else (False,):
             if _fits(self._goal, self._clear, self._wide):
-                yield from (_Try(widest, self._wide, *turn, first) for turn in BY_TURNS[:WIDE_TURNS])
-            yield from (_Try(widest, self._box, *turn, first) for turn in BY_TURNS)
+                yield from (_Try(widest, self._wide, *turn, known) for turn in BY_TURNS[:WIDE_TURNS])
+            yield from (_Try(widest, self._box, *turn, known) for turn in BY_TURNS)
         for share in RADII[1:] if self._askew is None else ():
             yield from (_Try(least * share, self._box, *turn) for turn in BY_TURNS)
 

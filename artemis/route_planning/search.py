@@ -218,7 +218,7 @@ def _left(to_go: Field, x: float, y: float, heading: float, ahead: float, resolu
 @compiled
 def search(
     clear: Field, begun: Field, cost: Field, to_go: Field, start: Array, goal: Array, box: Array, first_box: Array,
-    radius: float, resolution: float, most: int, forward_first: bool, sense: float, greedy: float,
+    known: Field, bare: Array, radius: float, resolution: float, most: int, sense: float, greedy: float,
 ) -> tuple[Array, int, int]:  # fmt: skip
     """A route of a car from pose to pose.
 
@@ -232,10 +232,12 @@ def search(
         goal: likewise.
         box: front, rear (negative behind the axle) and half width of the outline.
         first_box: in the first metre.
+        known: distance from each cell's middle to the nearest one that the robot may not drive over backwards in the
+            first metre.
+        bare: outline that counts there.
         radius: least one of the rear axle's path.
         resolution: side of a cell.
         most: poses that are expanded.
-        forward_first: nothing is driven backwards in the first metre.
         sense: -1: the route will be driven from its last pose to its first; what costs more is then forwards here.
         greedy: the heuristic counts so many times.
 
@@ -266,12 +268,12 @@ def search(
             c, s, dx, dy = math.cos(heading), math.sin(heading), goal[0] - x, goal[1] - y
             turn = wrapped(goal[2] - heading)
             shortest((c * dx + s * dy) / radius, (c * dy - s * dx) / radius, turn, direction[number], prices, word)
-            if _joins(poses[number], driven[number], clear, begun, goal, box, first_box, radius, resolution, word,
-                      stack, forward_first):  # fmt: skip
+            if _joins(poses[number], driven[number], (clear, begun, known), goal, box, first_box, bare, radius,
+                      resolution, word, stack):  # fmt: skip
                 last, shot = number, word
                 break
-        count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go), box, first_box, radius,
-                        resolution, stack, forward_first, sense, greedy)  # fmt: skip
+        count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go, known), box, first_box,
+                        bare, radius, resolution, stack, sense, greedy)  # fmt: skip
     if last < 0:
         return np.empty((0, 4)), (TOO_LONG if heap else NO_WAY), expanded
     return _route(poses, steered, direction, parent, last, shot, radius), FOUND, expanded
@@ -280,17 +282,15 @@ def search(
 @compiled
 def _expand(  # a call for each arc would cost a third of its time
     number: int, count: int, nodes: Nodes, table: Table, heap: list[tuple[float, int]],
-    fields: tuple[Field, Field, Field, Field], box: Array, first_box: Array, radius: float, resolution: float,
-    stack: Array, forward_first: bool, sense: float, greedy: float,
+    fields: tuple[Field, Field, Field, Field, Field], box: Array, first_box: Array, bare: Array, radius: float,
+    resolution: float, stack: Array, sense: float, greedy: float,
 ) -> int:  # fmt: skip
     """Add the ends of all free arcs from a pose that are better than what led there before; how many poses then."""
     poses, spent, driven, steered, direction, parent = nodes
-    (keys, best), (clear, begun, cost, to_go) = table, fields
+    (keys, best), (clear, begun, cost, to_go, known) = table, fields
     columns, ahead = clear.shape[1], box[1] + box[2]
     x, y, heading = poses[number, 0], poses[number, 1], poses[number, 2]
     for drive in (1, -1):
-        if drive < 0 and forward_first and driven[number] < FIRST:
-            continue
         for choice in range(CURVATURES):
             bend = (2.0 * choice / (CURVATURES - 1) - 1.0) / radius
             nx, ny, nh, free = x, y, heading, True
@@ -299,6 +299,9 @@ def _expand(  # a call for each arc would cost a third of its time
                 first = driven[number] + (piece + 1) * STEP / PIECES < FIRST
                 field, outline = (begun, first_box) if first else (clear, box)
                 if not is_free(nx, ny, nh, field, resolution, outline, stack):
+                    free = False
+                    break
+                if drive < 0 and first and not is_free(nx, ny, nh, known, resolution, bare, stack):
                     free = False
                     break
             left = _left(to_go, nx, ny, nh, ahead, resolution) if free else _FAR
@@ -323,23 +326,24 @@ def _expand(  # a call for each arc would cost a third of its time
 
 @compiled
 def _joins(
-    pose: Array, driven: float, clear: Field, begun: Field, goal: Array, box: Array, first_box: Array, radius: float,
-    resolution: float, word: Array, stack: Array, forward_first: bool,
+    pose: Array, driven: float, fields: tuple[Field, Field, Field], goal: Array, box: Array, first_box: Array,
+    bare: Array, radius: float, resolution: float, word: Array, stack: Array,
 ) -> bool:  # fmt: skip
     """Whether a word leads from a pose to the goal, the outline always free."""
+    clear, begun, known = fields
     x, y, heading = pose[0], pose[1], pose[2]
     for piece in range(3):
         length, bend = abs(word[piece]) * radius, word[3 + piece] / radius
         parts = int(length / SPACING) + 1
         step = (1.0 if word[piece] >= 0.0 else -1.0) * length / parts
         for _ in range(parts):
-            if step < -1e-9 and forward_first and driven < FIRST:
-                return False
             x, y, heading = rolled(x, y, heading, step, bend)
             driven += abs(step)
             first = driven < FIRST
             field, outline = (begun, first_box) if first else (clear, box)
             if not is_free(x, y, heading, field, resolution, outline, stack):
+                return False
+            if step < -1e-9 and first and not is_free(x, y, heading, known, resolution, bare, stack):
                 return False
     return math.hypot(x - goal[0], y - goal[1]) < AT_GOAL
 

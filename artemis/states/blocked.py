@@ -23,14 +23,17 @@ def is_blocked(snapshot: Snapshot) -> bool:
 def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
     """The wish of a mode whose robot is blocked, with the fault LAS-08; after too long the end of its step.
 
-    On a planned route another one is sought before.
+    On a planned route another one is sought before. Ground that was not seen will not be by waiting: at once.
     """
     clearance = snapshot.set_points.clearance
     assert clearance is not None
     if mode is not Mode.TELEOP and snapshot.standing:
         ended = stand(snapshot, event=Event.DONE, tracking=wish.tracking)
         done = wish.done or 0.0
-        if clearance.blocked + shared.waited(done) >= shared.rules.blocked_after:
+        waited = shared.waited(done)
+        if clearance.unseen and not waited and shared.replan(done, clearance.blocked):
+            return replace(ended, done=wish.done)
+        if clearance.unseen or clearance.blocked + waited >= shared.rules.blocked_after:
             return replace(ended, acted=wish.acted, done=wish.done, outcome=BLOCKED)
         if clearance.blocked >= REPLAN_AFTER and shared.replan(done, clearance.blocked):
             return replace(ended, done=wish.done)

@@ -7,11 +7,17 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rig import CALIBRATE, MISSIONS, Run, run, write_mission
 
+from artemis.commands.run import run_and_report
 from artemis.errors import ConfigError
 from artemis.mission.loading import load_mission
+from artemis.recording.mcap_reader import Recording
+from artemis.report.page import _rows
+from artemis.report.series import read_series
+from artemis.report.summary import summary
 from artemis.values import Mode, Pose
 
 pytestmark = pytest.mark.short_alignment
@@ -81,6 +87,35 @@ def test_each_step_may_have_its_own_rules(tmp_path: Path) -> None:
     assert min(post_to_robot(each.pose) for each in seen.seen) < 0.0
     assert max(abs(tick.set_points.speed) for tick in seen.ticks) == pytest.approx(0.3)
     assert seen.recompute().difference is None
+
+
+@pytest.mark.parametrize(
+    ("mode", "words"),
+    [
+        ("off", "the robot may drive into what it could see, at up to 0.3 m/s (the post is of foam)"),
+        ("slow", "the robot may creep into what it sees, at up to 0.1 m/s (the post is of foam)"),
+    ],
+)
+def test_that_obstacles_may_be_touched_is_said_before_in_and_after_the_run(
+    tmp_path: Path, mode: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short = {"path": {"waypoints": [[0, 0], [0.6, 0]]}, "follower": {"speed_m_s": 0.5}}
+    step = {"follow": {**short, "obstacles": {"mode": mode, "reason": "the post is of foam"}}}
+    told = f"steps[1].follow.obstacles: {mode}: {words}"
+    path = mission(tmp_path, [CALIBRATE, step])
+    assert load_mission(path).remarks == (told,)
+
+    assert run_and_report(path, simulate=True) == 0
+
+    assert told in " ".join(capsys.readouterr().out.split())
+    (folder,) = (tmp_path / "runs").iterdir()
+    recording = Recording(folder)
+    assert recording.journal is not None
+    assert [entry.text for entry in recording.journal.entries if entry.kind == "obstacles"] == [told]
+    series = read_series(recording)
+    assert dict(_rows(summary(recording, series)))["may have touched obstacles"] == told
+    if mode == "off":
+        assert not np.isfinite(series.slowed).any(), "it is no obstacle that slows it down"
 
 
 @pytest.mark.exhaustive

@@ -8,18 +8,29 @@ import numpy as np
 import pytest
 
 from artemis.values import Pose
-from artemis_lab.bench.goals import CELL, CLOSET, MAPS, SIZE, CellEdges, GoalDrive, drawn
+from artemis_lab.bench.floor_plans import CELL, CLOSET, LARGE, LARGE_MAPS, MAPS, SIZE, large_plan, small_plan
+from artemis_lab.bench.goals import CellEdges, GoalDrive
 from artemis_lab.commands.bench_goto import grid, problem, words
 
 
 @pytest.mark.parametrize("kind", MAPS)
 def test_a_map_has_walls_around_and_a_closet_without_a_door(kind: str) -> None:
-    occupied = drawn(kind, 3)
+    occupied = small_plan(kind, 3).occupied
     assert occupied.shape == (round(SIZE / CELL), round((SIZE + CLOSET) / CELL))
     assert occupied[:, round((SIZE - 0.1) / CELL)].all()
     assert occupied[[0, -1]].all()
     assert occupied[:, [0, -1]].all()
-    assert np.array_equal(occupied, drawn(kind, 3))
+    assert np.array_equal(occupied, small_plan(kind, 3).occupied)
+    assert small_plan(kind, 3).content.cells.max() == 100
+
+
+@pytest.mark.parametrize("kind", LARGE_MAPS)
+def test_a_large_map_has_walls_around_and_room_to_drive(kind: str) -> None:
+    occupied = large_plan(kind, 3).occupied
+    assert occupied.shape == (round(LARGE / CELL), round(LARGE / CELL))
+    assert occupied[[0, -1]].all()
+    assert occupied[:, [0, -1]].all()
+    assert occupied.mean() < 0.1
 
 
 def test_distances_are_those_of_the_rectangle() -> None:

@@ -22,7 +22,7 @@ from artemis.route_planning.zones import MapZone
 from artemis.scan import Scan
 from artemis.values import Pose
 from artemis.vehicle import RobotFile
-from artemis_lab.bench.goals import drawn
+from artemis_lab.bench.floor_plans import small_plan
 
 ROBOT = load_model(Path(__file__).parents[2] / "missions" / "robots" / "artemis_lms100.yaml", RobotFile)
 FRONT, REAR, HALF = 0.68, 0.12, 0.27
@@ -86,7 +86,7 @@ def test_a_goal_behind_a_wall_is_told_without_a_search() -> None:
 
 def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
     """From the start alone it is not found among 30,000 poses."""
-    cells = np.where(drawn("clutter", 113), 100, 0).astype(np.int8)
+    cells = small_plan("clutter", 113).content.cells
     on = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
     start = Pose(x=4.406474801287613, y=5.403271395871308, heading=1.3283234343261283)
     goal = Pose(x=7.771846070216147, y=7.349908002249883, heading=-1.8058398171609729)
@@ -110,7 +110,7 @@ def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
 )  # fmt: skip
 def test_a_route_leaves_the_robot_something_to_miss_its_end_by(seed: int, start: Pose, goal: Pose) -> None:
     """A last piece shorter than the steering takes, and the fit turns the end by 2.4 degrees of the 3 allowed."""
-    cells = np.where(drawn("rooms", seed), 100, 0).astype(np.int8)
+    cells = small_plan("rooms", seed).content.cells
     on = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
     end = unpacked_route(planned(on, start, goal).values).poses(0.02)[-1]
     assert math.hypot(end.x - goal.x, end.y - goal.y) <= 0.03
