@@ -8,7 +8,7 @@ import numpy as np
 
 from artemis.motion.planned_route import route_poses
 from artemis.motion.spline import Array
-from artemis.route_planning.obstacle_layer import PlacedScan, placed_returns
+from artemis.route_planning.obstacle_layer import placed_returns, placed_scan
 from artemis.scan import Scan
 from artemis.values import JobKind, Tick
 from artemis.vehicle import RobotFile
@@ -30,7 +30,7 @@ class DrivenAround:
     def __init__(self, robot: RobotFile) -> None:
         self.seen: list[Array] = []
         self.routes: list[Array] = []
-        self._scanners = robot.scanners
+        self._scanners, self._wheelbase = robot.scanners, robot.geometry.wheelbase_m
         self._scans: dict[str, Scan] = {}
         self._last = -inf
 
@@ -47,6 +47,6 @@ class DrivenAround:
             return
         self._last = sensed.time
         for name, scan in self._scans.items():
-            points = placed_returns(PlacedScan(sensed.time, pose.pose, scan), self._scanners[name])
+            points = placed_returns(placed_scan(tick.snapshot, scan, self._wheelbase), self._scanners[name])
             near = np.hypot(points[:, 0] - pose.pose.x, points[:, 1] - pose.pose.y) < NEAR
             self.seen.append(points[near])

@@ -15,10 +15,9 @@ from artemis.devices.worker import Worker, WorkerEnded
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.motion.planned_route import PLANNER, unpacked_poses
 from artemis.route_planning.floor import Destination, Floor
-from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan
+from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan, placed_scan
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
-from artemis.scan import Scan
-from artemis.values import Job, JobResult, Pose, Tick
+from artemis.values import Job, JobResult, Pose, Snapshot, Tick
 from artemis.vehicle import RobotFile
 
 MODELLED, MODELLED_PER_POSE = 0.05, 10e-6
@@ -76,14 +75,14 @@ class RoutePlanner:
             return
         self._pose = snapshot.pose.pose
         self._note(backward=snapshot.odometry.speed < 0.0)
-        self._look(snapshot.sensed.scans, snapshot.time)
+        self._look(snapshot)
 
-    def _look(self, scans: Sequence[Scan], now: float) -> None:
+    def _look(self, snapshot: Snapshot) -> None:
         """Keep a scan now and then."""
+        scans, now = snapshot.sensed.scans, snapshot.time
         if scans and (not self._placed_scans or now - self._placed_scans[-1].time >= EVERY):
-            self._placed_scans += [
-                PlacedScan(now, self._pose, scan) for scan in {scan.source: scan for scan in scans}.values()
-            ]
+            newest = {scan.source: scan for scan in scans}.values()
+            self._placed_scans += [placed_scan(snapshot, scan, self._robot.geometry.wheelbase_m) for scan in newest]
             while now - self._placed_scans[0].time > KEPT:
                 self._placed_scans.popleft()
 

@@ -29,16 +29,15 @@ from artemis.route_planning.floor import (
     covered,
     outline_box,
 )
+from artemis.route_planning.heuristic import UNREACHABLE, cost_to_go
 from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, standing
 from artemis.route_planning.search import (
     FINEST,
     FIRST,
     FOUND,
     NO_WAY,
-    SPACING,
-    UNREACHABLE,
     are_free,
-    cost_to_go,
+    is_known,
     search,
 )
 from artemis.values import Pose
@@ -92,7 +91,7 @@ class RouteRequest:
     placed_scans: tuple[PlacedScan, ...] = ()
     """What the scanners saw of late."""
     over_known: bool = False
-    """Backwards in the first metre rather only over ground that the scanners saw, or that the robot drove over."""
+    """Backwards rather only over ground that the scanners saw, or that the robot drove over."""
     driven: tuple[Pose, ...] = ()
     """What the robot has just driven, the oldest first: forwards, up to where it is."""
     present: tuple[int, ...] = ()
@@ -270,9 +269,7 @@ class _Planning:
         if not each.from_goal:
             return np.asarray(points)
         points = _turned_round(points)
-        first_metre = points[: round(FIRST / SPACING)]
-        backwards = np.ascontiguousarray(first_metre[first_metre[:, 3] < 0.0, :3])
-        return points if are_free(backwards, known, CELL, self._bare).all() else None
+        return points if is_known(points, known, CELL, self._bare) else None
 
     def _aims(self) -> Iterator[Array]:
         """Where a search is to end: at the goal; then so far beside it as the fitted route ended on the other side."""

@@ -13,13 +13,14 @@ from heapq import heappop, heappush
 import numpy as np
 from numpy.typing import NDArray
 
-from artemis.route_planning import kernels
 from artemis.route_planning.curves import TURN, Array, rolled, shortest, wrapped
 from artemis.route_planning.floor import Cells, Field
+from artemis.route_planning.heuristic import FAR, UNREACHABLE
 from artemis.route_planning.kernels import compiled
 
-Nodes = tuple[Array, Array, Array, Array, NDArray[np.int8], NDArray[np.int64]]
-"""Poses, what was spent to them, the distance driven, the curvature, the direction, and the pose before."""
+Nodes = tuple[Array, Array, Array, Array, NDArray[np.int8], NDArray[np.int64], Array, Array]
+"""Poses, what was spent to them, the distance driven, the curvature, the direction, the pose before; how far the robot
+comes there backwards in one piece, and how much of what it drove forwards is behind it still."""
 Table = tuple[NDArray[np.int64], NDArray[np.float32]]
 """Cells that were reached, and at what cost."""
 
@@ -44,9 +45,11 @@ FINEST = 0.01
 """Pieces of the outline are not divided below this radius [m]."""
 FIRST = 1.0
 """So much of the distance counts as its beginning [m]."""
+BEHIND, MOST_BACK = 2.0, 1.0
+"""Of what was driven forwards on the route, so much is known well enough to be driven back over [m], in pieces of so
+much [m]: they may bend otherwise."""
 FOUND, NO_WAY, TOO_LONG = 0, 1, 2
 MOST_POINTS = 20_000
-_FAR = 1e9
 
 
 @compiled
@@ -106,92 +109,6 @@ def are_free(poses: Array, clear: Field, resolution: float, box: Array) -> Cells
 
 
 @compiled
-def _cost_to_go(clear: Field, cost: Field, row: int, column: int, resolution: float, least: float) -> Field:
-    """See `cost_to_go`. Dijkstra's algorithm with buckets (Dial 1969, doi 10.1145/363269.363610).
-
-    A bucket is no wider than the shortest step: what is in the lowest one cannot become nearer any more.
-    """
-    rows, columns = clear.shape
-    across = columns + 2  # with a border that nobody can pass
-    price = np.full((rows + 2) * across, np.float32(np.inf), np.float32)
-    for j in range(rows):
-        for i in range(columns):
-            if clear[j, i] >= least:
-                price[(j + 1) * across + i + 1] = resolution * cost[j, i] / 2.0
-    goal = (row + 1) * across + column + 1
-    price[goal] = resolution * cost[row, column] / 2.0
-    buckets, each = 1, 1.0 / (resolution * float(cost.min()))
-    while buckets < 1.4142136 * resolution * float(cost.max()) * each + 3.0:
-        buckets *= 2
-    steps = np.array([1, -1, across, -across, across + 1, across - 1, 1 - across, -across - 1])
-    found = np.full(len(price), np.float32(_FAR), np.float32)
-    newest, mask = np.full(buckets, -1, np.int64), buckets - 1
-    cells, before = np.empty(2 * len(price), np.int32), np.empty(2 * len(price), np.int32)
-    found[goal], cells[0], before[0], newest[0] = 0.0, goal, -1, 0
-    made, waiting, number = 1, 1, 0
-    while waiting:
-        entry = newest[number & mask]
-        if entry < 0:
-            number += 1
-            continue
-        newest[number & mask] = before[entry]
-        waiting -= 1
-        cell = cells[entry]
-        here, out = float(found[cell]), float(price[cell])
-        if int(here * each) < number:
-            continue  # it was nearer, and has been looked at
-        for k in range(8):
-            there = cell + steps[k]
-            far = here + (out + price[there]) * (1.0 if k < 4 else 1.4142135)
-            if far < found[there] - 1e-4:
-                found[there] = far
-                if made == len(cells):
-                    cells, before = np.concatenate((cells, cells)), np.concatenate((before, before))
-                place = int(float(found[there]) * each) & mask
-                cells[made], before[made], newest[place] = there, newest[place], made
-                made, waiting = made + 1, waiting + 1
-    return found.reshape(rows + 2, across)[1:-1, 1:-1].copy()
-
-
-def _cost_to_go_plain(clear: Field, cost: Field, row: int, column: int, resolution: float, least: float) -> Field:
-    """See `cost_to_go`."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import dijkstra
-
-    passable, (rows, columns) = clear >= least, clear.shape
-    passable[row, column] = True
-    number, begins, ends, lengths = np.arange(rows * columns).reshape(rows, columns), [], [], []
-    for dj, di in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        one = slice(0, rows - dj), slice(max(-di, 0), columns - max(di, 0))
-        two = slice(dj, rows), slice(max(di, 0), columns + min(di, 0))
-        both = passable[one] & passable[two]
-        begins.append(number[one][both])
-        ends.append(number[two][both])
-        lengths.append(resolution * math.hypot(dj, di) * (cost[one] + cost[two])[both] / 2.0)
-    places = np.concatenate(begins), np.concatenate(ends)
-    graph = coo_array((np.concatenate(lengths), places), shape=(rows * columns, rows * columns)).tocsr()
-    found = dijkstra(graph, directed=False, indices=row * columns + column)
-    return np.asarray(np.minimum(found, _FAR), np.float32).reshape(rows, columns)
-
-
-def cost_to_go(clear: Field, cost: Field, row: int, column: int, resolution: float, least: float) -> Field:
-    """What the way of a round robot from each cell to one of them costs [m]; `UNREACHABLE` or more: there is none.
-
-    Args:
-        clear: distance from each cell's middle to the nearest obstacle [m].
-        cost: of a metre in each cell.
-        row: of the goal.
-        column: likewise.
-        resolution: side of a cell [m].
-        least: radius of the robot [m].
-    """
-    return (_cost_to_go if kernels.COMPILED else _cost_to_go_plain)(clear, cost, row, column, resolution, least)
-
-
-UNREACHABLE = 0.9 * _FAR
-
-
-@compiled
 def _slot(keys: NDArray[np.int64], key: int) -> int:
     """Where a key is in a table of hashes, or would be; empty places hold -1. Its size is a power of two."""
     mask = len(keys) - 1
@@ -226,14 +143,15 @@ def search(
         clear: distance from each cell's middle to the nearest obstacle.
         begun: the same in the first metre, where what the outline covers at the start does not count.
         cost: of a metre in each cell.
-        to_go: as `cost_to_go` gives it for the goal, of the point on the outline's middle line that is half a width
+        to_go: as of `heuristic.cost_to_go` for the goal, of the point on the outline's middle line that is half a width
             ahead of its rear.
         start: x, y, heading of the centre of the rear axle.
         goal: likewise.
         box: front, rear (negative behind the axle) and half width of the outline.
         first_box: in the first metre.
-        known: distance from each cell's middle to the nearest one that the robot may not drive over backwards in the
-            first metre.
+        known: distance from each cell's middle to the nearest of which nobody knows whether it is free. Over those the
+            robot drives backwards only as far as it came forwards, but for the length of its outline: where it begins
+            nobody has seen what is beside it.
         bare: outline that counts there.
         radius: least one of the rear axle's path.
         resolution: side of a cell.
@@ -252,10 +170,11 @@ def search(
     room = 6 * most + 16
     poses, spent, driven = np.empty((room, 3)), np.empty(room), np.empty(room)
     steered, direction, parent = np.empty(room), np.empty(room, np.int8), np.empty(room, np.int64)
+    backed, behind = np.zeros(room), np.full(room, bare[1] - bare[0])
     size = 2 ** int(math.log2(2 * room) + 1.0)
     keys, best, count, expanded, last = np.full(size, -1, np.int64), np.empty(size, np.float32), 1, 0, -1
     poses[0], spent[0], driven[0], steered[0], direction[0], parent[0] = start, 0.0, 0.0, 0.0, 0, -1
-    nodes, heap = (poses, spent, driven, steered, direction, parent), [(0.0, 0)]
+    nodes, heap = (poses, spent, driven, steered, direction, parent, backed, behind), [(0.0, 0)]
     while heap and expanded < most and count + 2 * CURVATURES < room:
         _, number = heappop(heap)
         x, y, heading = poses[number, 0], poses[number, 1], poses[number, 2]
@@ -268,8 +187,8 @@ def search(
             c, s, dx, dy = math.cos(heading), math.sin(heading), goal[0] - x, goal[1] - y
             turn = wrapped(goal[2] - heading)
             shortest((c * dx + s * dy) / radius, (c * dy - s * dx) / radius, turn, direction[number], prices, word)
-            if _joins(poses[number], driven[number], (clear, begun, known), goal, box, first_box, bare, radius,
-                      resolution, word, stack):  # fmt: skip
+            if _joins(poses[number], driven[number], backed[number], behind[number], (clear, begun, known), goal, box,
+                      first_box, bare, radius, resolution, word, stack):  # fmt: skip
                 last, shot = number, word
                 break
         count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go, known), box, first_box,
@@ -280,17 +199,44 @@ def search(
 
 
 @compiled
+def _went(step: float, backed: float, behind: float) -> tuple[float, float]:
+    """How far the robot has come backwards in one piece, and what of its way forwards is behind it, after a step [m].
+
+    The latter is negative where it goes back over more than that.
+    """
+    if step >= 0.0:
+        return 0.0, min(behind + step, BEHIND)
+    return backed - step, behind + step
+
+
+@compiled
+def is_known(points: Array, known: Field, resolution: float, bare: Array) -> bool:
+    """Whether a route (points as `search` gives them) leads backwards over known ground only, as of `search`."""
+    backed, behind, stack = 0.0, bare[1] - bare[0], np.empty((64, 4))
+    for n in range(1, len(points)):
+        step = points[n, 3] * math.hypot(points[n, 0] - points[n - 1, 0], points[n, 1] - points[n - 1, 1])
+        backed, behind = _went(step, backed, behind)
+        if step < 0.0 and (backed > MOST_BACK + 1e-6 or behind < 0.0):
+            if not is_free(points[n, 0], points[n, 1], points[n, 2], known, resolution, bare, stack):
+                return False
+        behind = max(behind, bare[1] - bare[0])
+    return True
+
+
+@compiled
 def _expand(  # a call for each arc would cost a third of its time
     number: int, count: int, nodes: Nodes, table: Table, heap: list[tuple[float, int]],
     fields: tuple[Field, Field, Field, Field, Field], box: Array, first_box: Array, bare: Array, radius: float,
     resolution: float, stack: Array, sense: float, greedy: float,
 ) -> int:  # fmt: skip
     """Add the ends of all free arcs from a pose that are better than what led there before; how many poses then."""
-    poses, spent, driven, steered, direction, parent = nodes
+    poses, spent, driven, steered, direction, parent, backed, behind = nodes
     (keys, best), (clear, begun, cost, to_go, known) = table, fields
     columns, ahead = clear.shape[1], box[1] + box[2]
     x, y, heading = poses[number, 0], poses[number, 1], poses[number, 2]
     for drive in (1, -1):
+        back, left_behind = _went(drive * STEP, backed[number], behind[number])
+        has_to_be_known = drive < 0 and (back > MOST_BACK + 1e-6 or left_behind < 0.0)
         for choice in range(CURVATURES):
             bend = (2.0 * choice / (CURVATURES - 1) - 1.0) / radius
             nx, ny, nh, free = x, y, heading, True
@@ -301,10 +247,10 @@ def _expand(  # a call for each arc would cost a third of its time
                 if not is_free(nx, ny, nh, field, resolution, outline, stack):
                     free = False
                     break
-                if drive < 0 and first and not is_free(nx, ny, nh, known, resolution, bare, stack):
+                if has_to_be_known and not is_free(nx, ny, nh, known, resolution, bare, stack):
                     free = False
                     break
-            left = _left(to_go, nx, ny, nh, ahead, resolution) if free else _FAR
+            left = _left(to_go, nx, ny, nh, ahead, resolution) if free else FAR
             if left > UNREACHABLE:
                 continue
             step = STEP * (BACK if sense * drive < 0 else 1.0)
@@ -319,6 +265,7 @@ def _expand(  # a call for each arc would cost a third of its time
             poses[count, 0], poses[count, 1], poses[count, 2] = nx, ny, nh
             spent[count], driven[count], steered[count] = price, driven[number] + STEP, bend
             direction[count], parent[count] = drive, number
+            backed[count], behind[count] = back, max(left_behind, bare[1] - bare[0])
             heappush(heap, (price + greedy * left, count))
             count += 1
     return count
@@ -326,8 +273,8 @@ def _expand(  # a call for each arc would cost a third of its time
 
 @compiled
 def _joins(
-    pose: Array, driven: float, fields: tuple[Field, Field, Field], goal: Array, box: Array, first_box: Array,
-    bare: Array, radius: float, resolution: float, word: Array, stack: Array,
+    pose: Array, driven: float, backed: float, behind: float, fields: tuple[Field, Field, Field], goal: Array,
+    box: Array, first_box: Array, bare: Array, radius: float, resolution: float, word: Array, stack: Array,
 ) -> bool:  # fmt: skip
     """Whether a word leads from a pose to the goal, the outline always free."""
     clear, begun, known = fields
@@ -343,8 +290,11 @@ def _joins(
             field, outline = (begun, first_box) if first else (clear, box)
             if not is_free(x, y, heading, field, resolution, outline, stack):
                 return False
-            if step < -1e-9 and first and not is_free(x, y, heading, known, resolution, bare, stack):
+            backed, behind = _went(step, backed, behind)
+            has_to_be_known = step < -1e-9 and (backed > MOST_BACK + 1e-6 or behind < 0.0)
+            if has_to_be_known and not is_free(x, y, heading, known, resolution, bare, stack):
                 return False
+            behind = max(behind, bare[1] - bare[0])
     return math.hypot(x - goal[0], y - goal[1]) < AT_GOAL
 
 

@@ -31,6 +31,19 @@ class FloorPlan:
         cells = np.where(self.occupied, 100, 0).astype(np.int8)
         return OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0))
 
+    @property
+    def edges(self) -> list[list[list[float]]]:
+        """Where occupied cells end: the ends of straight lines, x and y of each [m]."""
+        lines = []
+        for across, cells in ((False, self.occupied), (True, self.occupied.T)):
+            framed = np.pad(cells, 1)
+            change = np.pad(framed[1:] != framed[:-1], ((0, 0), (1, 1)))[:, 1:-1]
+            steps = np.diff(np.pad(change, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+            for (row, first), (_, last) in zip(np.argwhere(steps == 1), np.argwhere(steps == -1), strict=True):
+                ends = [[(first - 1) * CELL, row * CELL], [(last - 1) * CELL, row * CELL]]
+                lines.append([[round(float(x), 3) for x in (end[::-1] if across else end)] for end in ends])
+        return lines
+
 
 MAPS = ("clutter", "rooms", "lanes")
 SIZE, CLOSET = 9.0, 1.4

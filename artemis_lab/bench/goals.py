@@ -23,6 +23,7 @@ from artemis import app
 from artemis.clock import cpu_time
 from artemis.devices.can_bus import Traffic
 from artemis.mapping.map_file import map_files, write_bytes
+from artemis.mission.goto import BEYOND, NARROW
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.motion.planned_route import unpacked_route
 from artemis.mounting import Mounting, Outline
@@ -50,6 +51,8 @@ SPEED = 0.5
 """[m/s]."""
 LOOK = 2
 """The true pose is judged at every so many ticks."""
+AHEAD = 0.7
+"""Where a robot with a scanner starts, it has so much room ahead of it [m]: it has not seen what is behind it."""
 FIRST = 1.0
 """A route may begin nearer to an obstacle than it goes on: so far from its start it is judged by itself [m]."""
 _SPACING = 0.02
@@ -126,14 +129,19 @@ def drive(folder: Path, kind: str, seed: int, goals: int = CHAIN, *, blind: bool
     robot, floor = ROBOT.model_copy(update=body), floor_from(plan.content)
     (folder / "robot.yaml").write_text(robot.model_dump_json(exclude_none=True))
 
-    def place(left: float, right: float) -> Pose:
+    margin = MARGIN if blind else NARROW + BEYOND
+
+    def place(left: float, right: float, *, begins: bool = False) -> Pose:
         while True:
             heading = math.radians(round(math.degrees(dice.uniform(-3.1, 3.1)), 3))
             pose = Pose(x=dice.uniform(left, right), y=dice.uniform(0.5, SIZE - 0.5), heading=heading)
-            if goal_problem(floor, robot, pose, MARGIN) is None:
+            ahead = [Pose(x=pose.x + far * math.cos(heading), y=pose.y + far * math.sin(heading), heading=heading)
+                     for far in (AHEAD, 0.0)]  # fmt: skip
+            if all(goal_problem(floor, robot, each, margin) is None for each in ahead[0 if begins else 1 :]):
                 return pose
 
-    poses = [place(0.5, SIZE - 0.5) for _ in range(goals + 1)] + [place(SIZE + 0.2, SIZE + CLOSET - 0.2)]
+    poses = [place(0.5, SIZE - 0.5, begins=not blind), *[place(0.5, SIZE - 0.5) for _ in range(goals)]]
+    poses.append(place(SIZE + 0.2, SIZE + CLOSET - 0.2))
     places = [{"x_m": each.x, "y_m": each.y, "heading_deg": math.degrees(each.heading)} for each in poses]
     steps = [
         {"try": {"steps": [{"goto": {"map": "map.yaml", "to": each, "speed_m_s": SPEED}}],
@@ -147,7 +155,7 @@ def drive(folder: Path, kind: str, seed: int, goals: int = CHAIN, *, blind: bool
         "steps": [{"calibrate": {"steering": "from_potentiometers"}}, *steps],
         "simulation": {
             "seed": seed,
-            "world": {"map_file": "map.yaml"},
+            "world": {"walls": [{"points": line} for line in plan.edges]},
             "true_robot": places[0],
             "localizer": {"plugin": "simulated_tracker", "noise_m": 0.005, "noise_deg": 0.3, "seed": seed},
         },

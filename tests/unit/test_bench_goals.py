@@ -72,3 +72,18 @@ def test_the_table_has_a_column_for_each_map_and_bars() -> None:
     assert rows["plan, the slowest [ms CPU]"] == ["nan", "300", "nan", "300", "<= 200"]
     assert rows["off the goal, most [deg]"][1] == "2.9"
     assert rows["unreachable, told at once"] == ["0 of 0", "1 of 1", "0 of 0", "1 of 1", "all"]
+
+
+@pytest.mark.parametrize("kind", MAPS)
+def test_scanners_see_the_edges_of_the_cells_that_are_judged(kind: str) -> None:
+    plan = small_plan(kind, 3)
+    far = 0.0
+    for (x0, y0), (x1, y1) in plan.edges:
+        assert (x0 == x1) != (y0 == y1)
+        far += abs(x1 - x0) + abs(y1 - y0)
+        middle = round((x0 + x1) / 2 / CELL - 0.01), round((y0 + y1) / 2 / CELL - 0.01)
+        around = np.pad(plan.occupied, 1)[middle[1] : middle[1] + 2, middle[0] : middle[0] + 2]
+        assert around.any()
+        assert not around.all()
+    framed = np.pad(plan.occupied, 1).astype(int)
+    assert far == pytest.approx(CELL * sum(np.abs(np.diff(framed, axis=axis)).sum() for axis in (0, 1)))

@@ -16,7 +16,7 @@ from artemis.mission.loading import load_model
 from artemis.motion.planned_route import unpacked_route
 from artemis.route_planning.curves import rolled, shortest
 from artemis.route_planning.floor import CELL, Floor, floor_from, goal_problem, resampled
-from artemis.route_planning.obstacle_layer import PlacedScan, standing
+from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, placed_returns, standing
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.route_planning.zones import MapZone
 from artemis.scan import Scan
@@ -226,3 +226,79 @@ def test_curves_lead_where_they_should() -> None:
             pose = rolled(*pose, length, bend)
         assert math.hypot(pose[0] - x, pose[1] - y) < 1e-6
         assert abs(math.remainder(pose[2] - heading, math.tau)) < 1e-6
+
+
+def test_what_a_robot_sees_while_it_turns_is_where_it_is() -> None:
+    """A round wall, 3 m around a robot that turns with 1.5 rad/s: the scanner measures for 15 ms."""
+    turn, speed, beam_time, now = 1.5, 0.5, 0.015 / 541, 10.0
+    mounting, bearings = ROBOT.scanners["front"], np.radians(np.arange(-135.0, 135.5, 0.5))
+    times, ranges = now - 0.030 + beam_time * np.arange(541), []
+    for time, bearing in zip(times.tolist(), bearings.tolist(), strict=True):
+        x, y, heading = rolled(0.0, 0.0, 0.0, speed * (time - now), turn / speed)
+        px, py = x + mounting.x_m * math.cos(heading), y + mounting.x_m * math.sin(heading)
+        along = px * math.cos(heading + bearing) + py * math.sin(heading + bearing)
+        ranges.append(round(1000.0 * (math.sqrt(along * along - px * px - py * py + 9.0) - along)))
+    scan = Scan(
+        source="front",
+        time=times[0],
+        beam_time=beam_time,
+        start_angle=bearings[0],
+        increment=bearings[1] - bearings[0],
+        ranges=np.array(ranges, "<u2").tobytes(),
+    )
+    still, moving = PlacedScan(now, Pose(), scan), PlacedScan(now, Pose(), scan, speed, turn)
+    raw, deskewed = (np.hypot(*placed_returns(each, mounting).T) for each in (still, moving))
+    assert len(deskewed) == 541
+    assert np.abs(deskewed - 3.0).max() < 0.002
+    assert np.abs(raw - 3.0).max() > 0.01
+
+
+WALLS = np.full(541, 4000, "<u2")
+
+
+def scan_with(ranges: NDArray[np.uint16], time: float, mask: tuple[int, int] | None = None) -> Scan:
+    if mask is not None:
+        ranges = ranges.copy()
+        ranges[mask[0] : mask[1]] = 300
+    first, step = -math.radians(135), math.radians(0.5)
+    return Scan(source="front", time=time, start_angle=first, increment=step, ranges=ranges.tobytes())
+
+
+def test_ground_is_known_where_the_robot_drove_and_where_it_saw_nothing_from_nearby() -> None:
+    on = floor()
+    driven = [PlacedScan(0.5 * n, Pose(x=1.0 + 0.2 * n, y=1.5), scan_with(WALLS, 0.5 * n)) for n in range(11)]
+
+    def is_known(x: float, y: float, scans: list[PlacedScan]) -> bool:
+        row, column = on.cells_of(np.array([[x, y]]))
+        return bool(known_ground(scans, ROBOT, on)[row[0], column[0]])
+
+    assert is_known(1.0, 1.5, driven), "the outline was there"
+    assert is_known(3.0, 1.5, driven)
+    assert is_known(1.9, 2.3, driven), "seen beside the way"
+    assert not is_known(0.7, 1.5, driven), "behind the robot when it began"
+    assert not is_known(1.9, 2.7, driven), "too far away for thin things"
+    older = PlacedScan(60.0, Pose(x=3.2, y=1.5), scan_with(WALLS, 60.0))
+    assert not is_known(1.0, 1.5, [*driven, older]), "a minute ago"
+    near = WALLS.copy()
+    near[271:] = 400  # something stands on the left
+    beside = [PlacedScan(each.time, each.pose, scan_with(near, each.time)) for each in driven]
+    assert not is_known(1.9, 2.3, beside)
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_a_route_begins_backwards_over_known_ground_if_there_is_some(driven: bool) -> None:
+    """A robot that stands before a wall may go back along what it drove; one that woke up there has not seen it."""
+    on = floor((2.4, 0.0, 2.6, 2.2))
+    start, goal = Pose(x=1.6, y=0.8), Pose(x=0.8, y=2.0, heading=math.pi)
+    came = [PlacedScan(0.5 * n, Pose(x=0.6 + 0.1 * n, y=0.8), scan_with(WALLS, 0.5 * n)) for n in range(11)]
+    seen = tuple(came if driven else came[-1:])
+    known, found = known_ground(seen, ROBOT, on), planned(on, start, goal, placed_scans=seen, over_known=True)
+    (first, *_) = unpacked_route(found.values).parts
+    assert first.backward
+    row, column = on.cells_of(np.column_stack([first.path.x, first.path.y])[:40] - (REAR - 0.01, 0.0))
+    assert known[row, column].all() == driven
+
+
+def test_scans_that_show_nothing_on_the_map_are_no_obstacle() -> None:
+    nothing = [PlacedScan(0.5 * n, START, scan_with(np.zeros(541, "<u2"), 0.5 * n)) for n in range(6)]
+    assert standing(nothing, ROBOT.scanners, floor()).size == 0
