@@ -53,7 +53,9 @@ class Ground:
         self._under = _cells(box, CELL / 2)
         self._edge = _border(box.grown(-SHRUNK))
         self._eyes = [_Eye(view, self._beside) for view in views]
+        self._views = tuple(views)
         self._ends = {forward: _End(box, views, reach, forward=forward) for forward in (True, False)}
+        self._fit()
         self.forget()
 
     def forget(self) -> None:
@@ -65,6 +67,9 @@ class Ground:
 
     def mark(self, pose: Pose, time: float) -> None:
         """What the robot stands on at a run time [s], and what its scanners see to be free."""
+        for view, shape in zip(self._views, self._shapes, strict=True):
+            if view.shape != shape:
+                self._fit()
         last, self._at = self._pose, pose
         if last is not None:
             stands = abs(pose.x - last.x) + abs(pose.y - last.y) < STEP and abs(pose.heading - last.heading) <= TURN
@@ -77,20 +82,24 @@ class Ground:
         place, who = _numbers(placed_points(pose, np.concatenate([self._under, *free], axis=1)))
         self._when[place], self._who[place] = time, who
 
-    def is_faced(self, *, forward: bool) -> bool:
-        """Whether the scanners look where the robot drives to."""
-        return self._ends[forward].is_faced()
+    def _fit(self) -> None:
+        """Look again at what the scanners look at: one of them measures otherwise than before."""
+        self._shapes = [view.shape for view in self._views]
+        for end in self._ends.values():
+            end.fit()
+        self.faced = {forward: end.faced for forward, end in self._ends.items()}
+        """Whether scanners look where the robot drives to, forwards (True) and backwards, whatever is masked."""
 
-    def known(self, curvatures: Sequence[float], now: float, *, forward: bool) -> list[float]:
+    def known(self, curvatures: Sequence[float], now: float, *, forward: bool) -> list[float] | None:
         """How far the robot may roll on each arc over ground that was known in the last `MEMORY` [m].
 
-        Where the scanners look, only what their masks hide has to be known.
+        Where the scanners look, only what their masks hide has to be known. None: they look at all of it.
         """
         assert self._pose is not None
         end = self._ends[forward]
-        hidden = end.hidden() if end.is_faced() else None
-        if end.is_faced() and hidden is None:
-            return [inf] * len(curvatures)
+        hidden = end.hidden if end.faced else None
+        if end.faced and hidden is None:
+            return None
         distances, sign = _DISTANCES if hidden is None else end.distances, 1.0 if forward else -1.0
         at = self._at if hidden is None else Pose()
         rolled = [_rolled(at, curvature, sign * distance) for curvature in curvatures for distance in distances]
@@ -144,30 +153,18 @@ class _End:
         x = self._edge + self._sign * CELL * (np.arange(rows) + 0.5)
         y = CELL * (np.arange(-self._half, self._half) + 0.5)
         self._middles = np.array(np.meshgrid(x, y, indexing="ij"))
-        self._shapes: list[tuple[float, float, int] | None] = []
 
-    def _fit(self) -> None:
-        """Look again at what the scanners look at, if they measure otherwise than before."""
-        shapes = [view.shape for view in self._views]
-        if shapes == self._shapes:
-            return
-        self._shapes = shapes
+    def fit(self) -> None:
+        """Look again at what the scanners look at."""
         views = [view for view in self._views if view.shape is not None]
         around = self._heading + np.linspace(-ASIDE, ASIDE, 91)
-        faced, hidden = np.zeros(around.shape, np.bool_), np.ones(self._middles.shape[1:], np.bool_)
+        seen, hidden = np.zeros(around.shape, np.bool_), np.ones(self._middles.shape[1:], np.bool_)
         for view in views:
-            faced |= view.has_beams(around)
+            seen |= view.has_beams(around)
             hidden &= ~view.looks_at_all_of(self._middles, CELL)
-        self._faced, self._hidden = bool(faced.all()), hidden if hidden.any() else None
-
-    def is_faced(self) -> bool:
-        self._fit()
-        return self._faced
-
-    def hidden(self) -> NDArray[np.bool_] | None:
+        self.faced = bool(seen.all())
+        self.hidden = hidden if hidden.any() else None
         """The cells that no scanner looks at all of; None: there are none."""
-        self._fit()
-        return self._hidden
 
     def among(self, hidden: NDArray[np.bool_], points: Array) -> NDArray[np.bool_]:
         """Which points in the robot's frame lie in such cells."""

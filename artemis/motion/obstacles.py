@@ -151,10 +151,11 @@ class ObstacleStop:
         self._unseen = False
         if forward or not rules.unseen_reverse:
             known = self._ground.known(curvatures, now, forward=forward)
-            nearest = min([(way - rules.clear) / cos(angle) for way, angle in zip(known, angles, strict=True)])
-            self._unseen, distance = nearest < distance, min(nearest, distance)
+            if known is not None:
+                nearest = min([(way - rules.clear) / cos(angle) for way, angle in zip(known, angles, strict=True)])
+                self._unseen, distance = nearest < distance, min(nearest, distance)
         speed = stopping_speed(distance, reaction, self._deceleration)
-        if not self._ground.is_faced(forward=forward):
+        if not self._ground.faced[forward]:
             speed = min(speed, REVERSE_SPEED)
         if self._driven < UNKNOWN_DISTANCE:
             speed = min(speed, UNKNOWN_SPEED)

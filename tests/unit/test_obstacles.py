@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from artemis.motion.beams import LOST
+from artemis.motion.lane import unseen_ahead
 from artemis.motion.obstacles import BLOCKED_TIME, REVERSE_SPEED, UNKNOWN_SPEED, UNSEEING_SPEED, ObstacleStop
 from artemis.scan import Clearance, ObstacleRules, Scan
 from artemis.values import DriveCommand, LocatedPose, Odometry, Pose, Sensed, SetPoints, Snapshot, Verdict, Wish
@@ -322,6 +323,7 @@ def mounted(**changes: object) -> RobotFile:
 
 BACKWARDS = mounted(x_m=0.1, heading_deg=180.0)
 MASKED = mounted(mask=((-27.0, 27.0),))
+FIELDS = {"front": (-135.0, 135.0)}
 
 
 def driven_until_it_stands(watch: Watch, command: float = 0.5) -> tuple[float, Clearance]:
@@ -368,12 +370,26 @@ def test_what_a_mask_hides_behind_a_robot_that_looks_back_is_not_known() -> None
     assert (found.speed, found.unseen) == (0.0, True)
 
 
-@pytest.mark.parametrize("mask", [((30.0, 34.0), (-40.0, -36.0)), ((10.0, 16.0),), ((4.0, 9.0),), ((-90.0, -40.0),)])
+@pytest.mark.parametrize("mask", [((30.0, 34.0), (-40.0, -36.0)), ((20.0, 24.0),), ((-90.0, -40.0),)])
 def test_what_a_mask_beside_the_way_hides_was_seen_before(mask: tuple[tuple[float, float], ...]) -> None:
-    watch = Watch(robot=mounted(mask=mask))
+    robot = mounted(mask=mask)
+    assert unseen_ahead(robot, FIELDS) is None
+    watch = Watch(robot=robot)
     assert driven_until_it_stands(watch)[0] == inf
     found = watch.look(np.full(BEAMS, 9.0), command=0.7, speed=0.7)
     assert found is None or found.speed > 0.5
+
+
+@pytest.mark.parametrize("mask", [((10.0, 16.0),), ((4.0, 9.0),)])
+def test_what_a_mask_hides_at_the_start_and_the_least_range_afterwards_is_never_seen(
+    mask: tuple[tuple[float, float], ...],
+) -> None:
+    """At y = 12 cm the sector from 10 to 16 degrees begins 68 cm ahead of the scanner, and ends 42 cm ahead of it."""
+    robot = mounted(mask=mask)
+    assert unseen_ahead(robot, FIELDS) is not None
+    driven, found = driven_until_it_stands(Watch(robot=robot))
+    assert 0.3 < driven < 0.4
+    assert found.unseen
 
 
 def test_what_a_masked_beam_shows_makes_nothing_known() -> None:
