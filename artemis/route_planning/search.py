@@ -149,9 +149,7 @@ def search(
         goal: likewise.
         box: front, rear (negative behind the axle) and half width of the outline.
         first_box: in the first metre.
-        known: distance from each cell's middle to the nearest of which nobody knows whether it is free. Over those the
-            robot drives backwards only as far as it came forwards, but for the length of its outline: where it begins
-            nobody has seen what is beside it.
+        known: distance from each cell's middle to the nearest of which nobody knows whether it is free: see `_went`.
         bare: outline that counts there.
         radius: least one of the rear axle's path.
         resolution: side of a cell.
@@ -163,7 +161,7 @@ def search(
         Points about `SPACING` apart (x, y, heading, direction: 1 forwards, -1 backwards), shape (n, 4); `FOUND` or why
         not; how many poses were expanded.
     """
-    columns, ahead, stack, word, shot = clear.shape[1], box[1] + box[2], np.empty((64, 4)), np.zeros(6), np.zeros(6)
+    columns, ahead, stack, word = clear.shape[1], box[1] + box[2], np.empty((64, 4)), np.zeros(6)
     prices = np.array([BACK, CUSP / radius, SHORTEST / radius])
     if sense < 0.0:
         prices[0], prices[1] = 1.0 / BACK, prices[1] / BACK
@@ -172,7 +170,7 @@ def search(
     steered, direction, parent = np.empty(room), np.empty(room, np.int8), np.empty(room, np.int64)
     backed, behind = np.zeros(room), np.full(room, bare[1] - bare[0])
     size = 2 ** int(math.log2(2 * room) + 1.0)
-    keys, best, count, expanded, last = np.full(size, -1, np.int64), np.empty(size, np.float32), 1, 0, -1
+    keys, best, count, expanded = np.full(size, -1, np.int64), np.empty(size, np.float32), 1, 0
     poses[0], spent[0], driven[0], steered[0], direction[0], parent[0] = start, 0.0, 0.0, 0.0, 0, -1
     nodes, heap = (poses, spent, driven, steered, direction, parent, backed, behind), [(0.0, 0)]
     while heap and expanded < most and count + 2 * CURVATURES < room:
@@ -189,20 +187,18 @@ def search(
             shortest((c * dx + s * dy) / radius, (c * dy - s * dx) / radius, turn, direction[number], prices, word)
             if _joins(poses[number], driven[number], backed[number], behind[number], (clear, begun, known), goal, box,
                       first_box, bare, radius, resolution, word, stack):  # fmt: skip
-                last, shot = number, word
-                break
+                return _route(poses, steered, direction, parent, number, word, radius), FOUND, expanded
         count = _expand(number, count, nodes, (keys, best), heap, (clear, begun, cost, to_go, known), box, first_box,
                         bare, radius, resolution, stack, sense, greedy)  # fmt: skip
-    if last < 0:
-        return np.empty((0, 4)), (TOO_LONG if heap else NO_WAY), expanded
-    return _route(poses, steered, direction, parent, last, shot, radius), FOUND, expanded
+    return np.empty((0, 4)), (TOO_LONG if heap else NO_WAY), expanded
 
 
 @compiled
 def _went(step: float, backed: float, behind: float) -> tuple[float, float]:
     """How far the robot has come backwards in one piece, and what of its way forwards is behind it, after a step [m].
 
-    The latter is negative where it goes back over more than that.
+    Where the latter is negative, or the former long, it has to know the ground that it drives over. Where it begins it
+    has seen nothing of what is beside it: it begins with its length below 0.
     """
     if step >= 0.0:
         return 0.0, min(behind + step, BEHIND)
