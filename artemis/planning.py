@@ -13,7 +13,6 @@ from artemis.axles import ByHand
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
 from artemis.mission.actions import Ask, Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Wait
-from artemis.mission.behaviours import behaviour_class
 from artemis.mission.by_hand import Teleop
 from artemis.mission.gains import merged
 from artemis.mission.goto import MOST_OFF, Goto, goto_rules
@@ -23,6 +22,7 @@ from artemis.mission.policies import policies_from
 from artemis.mission.schema import SerialWords
 from artemis.plugins.contracts import PluginContext, TakesTimeOnce, declared
 from artemis.plugins.guard import PLUGIN_ERRORS, told
+from artemis.plugins.registry import behaviour_class
 from artemis.plugins.stated import follower_speed, input_speed, is_live, stale_limit
 from artemis.plugins.used import localizer_used
 from artemis.progress import Position

@@ -18,6 +18,13 @@ DONE = "done"
 """The outcome of a step that has done what it is for."""
 OWN_STEPS = ("calibrate", "follow", "goto", "wait", "teleop", "ask", *TIMELESS, *WORDS)
 """Artemis' own steps and words: no behaviour can have such a name."""
+OF_BATTERY = ("charge_percent", "range_m", "time_left_s")
+"""Signals that only a robot has whose file describes its battery."""
+MEASURED = ("run_s", "driven_m", "battery_v", *OF_BATTERY)
+"""Artemis' own signals that are numbers."""
+CONDITION_WORDS = ("and", "or", "not")
+TAKEN_SIGNALS = (*MEASURED, "round", "answer", *CONDITION_WORDS)
+"""No signal of a behaviour can have such a name."""
 
 
 class SignalValue(Struct, frozen=True, kw_only=True, gc=False):
@@ -47,8 +54,9 @@ class Position(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """What the behaviour that does it told last (JSON); empty: none does, or it has told nothing yet."""
     place: str = ""
     """In the words around it (`artemis.states.advance.Place`, JSON); empty: the mission is a list of steps."""
-    fault: str = ""
-    """The fault table's id of what stopped the step: the mission is told when the robot may go on."""
+    faults: tuple[str, ...] = ()
+    """The fault table's ids of what stopped the step, the most severe first, as far as a `try` of the mission names
+    them: it is told of them when the robot may go on."""
     answer: str = ""
     """The newest one to a question of the mission."""
     told: tuple[SignalValue, ...] = ()

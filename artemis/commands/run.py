@@ -47,7 +47,6 @@ from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.resume import unfinished_run
-from artemis.report.mission_boxes import name_of
 from artemis.report.page import write_report
 from artemis.report.series import read_series
 from artemis.report.summary import Summary, consumption, summary
@@ -192,12 +191,10 @@ def _command(source: Path, run: Path, simulate: bool) -> str:
 
 def _where(loaded: LoadedMission, position: Position) -> str:
     """The present step of a mission with words, with its rounds and attempts, in a few words."""
-    steps, tree = loaded.tree.steps, loaded.tree.tree
-    if tree.is_list or position.step >= len(steps):
+    names, tree = loaded.tree.names, loaded.tree.tree
+    if tree.is_list or position.step >= len(names):
         return ""
-    step = steps[position.step][1]
-    body = step.action if step.behaviour else step.action.model_dump(mode="json", by_alias=True)
-    return ", ".join([shorten(name_of(step.word, body), 30, placeholder="…"), *counts(tree, position)])
+    return ", ".join([shorten(names[position.step], 30, placeholder="…"), *counts(tree, position)])
 
 
 def _title(loaded: LoadedMission, simulated: bool) -> str:

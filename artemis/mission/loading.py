@@ -15,7 +15,6 @@ from artemis.errors import ConfigError
 from artemis.mission.actions import PluginUse
 from artemis.mission.injector import FaultInjector, installed_injector
 from artemis.mission.obstacles import Obstacles
-from artemis.mission.order import FOLLOWING
 from artemis.mission.problems import by_position, nearest, problems_from
 from artemis.mission.reading import Configs, Model
 from artemis.mission.schema import InjectedFault, Mission, RecoveryPolicy
@@ -24,6 +23,7 @@ from artemis.mission.surroundings import SurroundingsChecks
 from artemis.plugins.contracts import PluginContext, TakesInitialPose
 from artemis.plugins.stated import allowed, is_pure
 from artemis.progress import OWN_STEPS
+from artemis.states.outcomes import FOLLOWING
 from artemis.states.outline import steps_in
 from artemis.vehicle import RobotFile
 from artemis.yaml_file import Document, KeyPath, read, survey
@@ -154,7 +154,7 @@ class _Loading(SurroundingsChecks):
             self._check_inputs(robot)
         if mission is not None and tried:
             self._check_record(mission.record)
-        tree = self._tree(mission, robot)
+        tree = self._tree(mission)
         if self._problems or mission is None or robot is None or true_robot is None or tree is None:
             raise ConfigError(sorted(dict.fromkeys(self._problems), key=by_position))
         pose = start_pose(self._data, true_robot, simulated=self._simulated)

@@ -26,8 +26,8 @@ from artemis.recording.mcap_reader import Recording
 from artemis.recording.schemas import TickRecord
 from artemis.report.cross_track import routes_of
 from artemis.report.known_map import known_map, made_map
-from artemis.report.mission_boxes import name_of
 from artemis.states.outline import numbered
+from artemis.states.step_names import name_of
 from artemis.values import LocatedPose, Pose
 
 FORM = 1

@@ -127,7 +127,7 @@ class PageView:
         if not self._mission.get("steps"):
             return {"tree": None, "numbered": []}
         paths = [dotted(path) for path, _, _ in self._numbered_steps()]
-        return {"tree": _box(boxes_of(self._mission)), "numbered": paths}
+        return {"tree": _box(boxes_of(self._mission, self._robot)), "numbered": paths}
 
     def _acts(self) -> Part:
         """What an operator at the page may do in which step, by its number."""

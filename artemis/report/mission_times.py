@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from artemis.progress import DONE, MissionEvent
-from artemis.report.mission_boxes import name_of
 from artemis.states.modes import RUNNING
 from artemis.states.outline import numbered
+from artemis.states.step_names import name_of
 from artemis.values import Tick
 from artemis.yaml_file import dotted
 

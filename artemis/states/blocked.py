@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from artemis.progress import BLOCKED
 from artemis.states.mode import stand
-from artemis.states.plan import Shared
+from artemis.states.plan import GotoStep, Shared
 from artemis.supervision import catalogue
 from artemis.values import Event, Mode, Snapshot, Wish
 
@@ -27,12 +27,14 @@ def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
     """
     clearance = snapshot.set_points.clearance
     assert clearance is not None
+    step, route = shared.current, shared.route
     if mode is not Mode.TELEOP and snapshot.standing:
         ended = stand(snapshot, event=Event.DONE, tracking=wish.tracking)
         done = wish.done or 0.0
-        if clearance.blocked + shared.waited(done) >= shared.rules.blocked_after:
+        if clearance.blocked + route.waited(done) >= shared.rules.blocked_after:
             return replace(ended, acted=wish.acted, done=wish.done, outcome=BLOCKED)
-        if clearance.blocked >= REPLAN_AFTER and shared.replan(done, clearance.blocked):
-            return replace(ended, done=wish.done)
+        if clearance.blocked >= REPLAN_AFTER and isinstance(step, GotoStep):
+            if route.replan(step.replans, done, clearance.blocked):
+                return replace(ended, done=wish.done)
     fault = wish.fault or catalogue.fault("LAS-08", "", f"{max(clearance.distance, 0.0):.2f} m are free")
     return replace(wish, fault=fault, phase="waiting for a free path")

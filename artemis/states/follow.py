@@ -44,7 +44,7 @@ class FollowMode:
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
         self._begun: FollowStep | None = None
-        self._entry, self._planned = 0, shared.planned
+        self._entry, self._planned = 0, shared.route.planned
         self._drive: PartByPart | None = None
         self._fault: Fault | None = None
         self._last: float | None = None
@@ -63,7 +63,7 @@ class FollowMode:
         self._fault, self._last, self._armed, self._over, self._short = None, None, False, None, ""
         if not isinstance(step, FollowStep):
             return
-        begun = step is self._begun and self._entry == self.shared.entry and self._planned is self.shared.planned
+        begun = step is self._begun and self._entry == self.shared.entry and self._planned is self.shared.route.planned
         if begun and self._drive is not None:
             self._drive.go_on()
             return
@@ -78,7 +78,7 @@ class FollowMode:
             self._short = f"{needed:.0f} m to drive, the battery reaches {battery.range_m:.0f} m"
         self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.shared.plan.robot)
         self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
-        self._begun, self._entry, self._planned, self._spent = step, self.shared.entry, self.shared.planned, 0.0
+        self._begun, self._entry, self._planned, self._spent = step, self.shared.entry, self.shared.route.planned, 0.0
 
     def step(self, snapshot: Snapshot) -> Wish:
         """The follower's command; done when it has finished and the robot stands."""
@@ -102,7 +102,9 @@ class FollowMode:
 
     def _on_path(self, drive: PartByPart, following: Following, snapshot: Snapshot) -> Wish:
         """As the follower says, unless it is at the end, or something is wrong."""
-        if self.shared.rests or (isinstance(self.shared.current, GotoStep) and not self.shared.planned):  # another goal
+        if self.shared.rests or (
+            isinstance(self.shared.current, GotoStep) and not self.shared.route.planned
+        ):  # another goal
             return stand(snapshot, event=Event.DONE if snapshot.standing else None)
         if following.finished:  # whatever the follower still commands
             return replace(stand(snapshot, event=Event.DONE), over=True) if snapshot.standing else stand(snapshot)
@@ -124,7 +126,7 @@ class FollowMode:
         robot = self.shared.plan.robot
         if isinstance(step, GotoStep):
             return planned_route(
-                self.shared.planned, robot, robot.limits.speed_m_s if step.speed is None else step.speed
+                self.shared.route.planned, robot, robot.limits.speed_m_s if step.speed is None else step.speed
             )
         track = self.shared.results.tracks.get(step.route, Track())
         route = track.route(robot, step.speed, step.close_within, step.round_corners, step.allow_slowdown)

@@ -86,11 +86,11 @@ FAULT = {"inject": "DRV-25", "node": "steer-left", "at_s": 10.0}
 """While the path is followed."""
 
 
-@pytest.mark.parametrize("catches", [True, False])
+@pytest.mark.parametrize(("name", "catches"), [("fault:DRV-25", True), ("lost", False), ("any", False)])
 def test_a_fault_is_an_outcome_only_where_a_try_names_it_and_only_after_the_recovery(
-    tmp_path: Path, catches: bool
+    tmp_path: Path, name: str, catches: bool
 ) -> None:
-    catch = {"fault:DRV-25": [{"say": "caught"}]} if catches else {"lost": [WAIT]}
+    catch = {name: [{"say": "caught"}]}
     steps: list[Any] = [CALIBRATE, {"try": {"steps": [follow(0.1)], "catch": catch}}]
     done = run(write_mission(tmp_path, steps, simulation={"faults": [FAULT], "operator": BY_HAND}))
     assert done.outcome.exit_status == 0
@@ -102,6 +102,16 @@ def test_a_fault_is_an_outcome_only_where_a_try_names_it_and_only_after_the_reco
     assert after[0].snapshot.time > 16.0
     assert (Mode.FOLLOW in {tick.mode for tick in after}) is not catches
     assert ("said caught steps[1].try.catch.fault:DRV-25[0].say" in told(after)) is catches
+
+
+@pytest.mark.parametrize("name", ["fault:DRV-25", "fault:DRV-02"])
+def test_a_try_may_name_any_of_the_faults_of_a_stop(tmp_path: Path, name: str) -> None:
+    both = [FAULT, {**FAULT, "inject": "DRV-02", "node": "steer-right"}]
+    steps: list[Any] = [CALIBRATE, {"try": {"steps": [follow(0.1)], "catch": {name: [{"say": "caught"}]}}}]
+    done = run(write_mission(tmp_path, steps, simulation={"faults": both, "operator": BY_HAND}))
+    assert done.outcome.exit_status == 0
+    assert f"caught {name} steps[1].try" in told(done.ticks)
+    assert Mode.FOLLOW not in {tick.mode for tick in done.ticks if tick.snapshot.time > 16.0}
 
 
 def test_a_stop_is_never_an_outcome(tmp_path: Path) -> None:

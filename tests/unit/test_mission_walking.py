@@ -36,18 +36,23 @@ def loaded(mission: Path, steps: str) -> LoadedMission:
 def test_walk_tells_which_steps_ran_what_happened_and_how_it_ended() -> None:
     made = walk(MISSIONS / "retry_after_fault.yaml", "done", "fault:DRV-25", "done", "lost", "done", "fault:DRV-25")
     follow = "follow paths/loop_left.csv"
-    assert made.steps == ["calibrate", follow, "calibrate", follow, "calibrate", follow]
+    assert made.steps == ["calibrate steering", follow] * 3
     assert made.places[2] == "steps[1].try.between[1].calibrate"
     assert "retry 1 of 2 after fault:DRV-25" in made.events
     assert made.said == ["aligning the wheels again"] * 2 + ["three times is enough"]
     assert (made.ended, made.at) == ("failed", "")
 
 
+def test_any_is_not_for_a_fault_that_the_try_does_not_name() -> None:
+    made = walk(MISSIONS / "retry_after_fault.yaml", "done", "fault:COM-03")
+    assert (made.at, made.ended, made.said, made.events[1:]) == ("follow paths/loop_left.csv", "", [], [])
+
+
 def test_walk_that_is_not_over_tells_where_it_is() -> None:
     made = walk(MISSIONS / "patrol.yaml", "done", {"battery_v": 23.0}, "done")
     assert (made.at, made.ended) == ("wait for battery_v > 25.0", "")
     assert made.said == ["battery low, to the charger"]
-    assert walk(MISSIONS / "patrol.yaml").at == "calibrate"
+    assert walk(MISSIONS / "patrol.yaml").at == "calibrate steering"
 
 
 def test_signal_lasts_until_it_changes_and_a_press_for_one_tick() -> None:
@@ -71,7 +76,7 @@ def test_answers_timeouts_and_seconds(mission: Path) -> None:
 
 def test_mission_that_is_a_list_is_walked_too() -> None:
     made = walk(MISSIONS / "figure_eight.yaml", "done", "fault:DRV-25", "done")
-    assert (made.steps, made.ended) == (["calibrate", "follow paths/figure_eight.csv"], "done")
+    assert (made.steps, made.ended) == (["calibrate steering", "follow paths/figure_eight.csv"], "done")
 
 
 @pytest.mark.parametrize(
