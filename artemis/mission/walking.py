@@ -79,7 +79,10 @@ class MissionWalk:
     def tick(
         self, outcome: str = "", *, dt: float = DT, fault: str = "", answer: str = "", pressed: Sequence[str] = ()
     ) -> None:
-        """One tick in which the robot stands: what happened to the present step, and which signals are true in it."""
+        """One tick: what happened to the present step, and which signals are true in it.
+
+        The robot stands; a step that calibrates is finished before anything else is begun, as on the robot.
+        """
         self.signals["run_s"] = float(self.signals["run_s"]) + dt
         told = tuple(
             SignalValue(name=n, value=float(self.signals.pop(n))) for n in sorted(self._told & self.signals.keys())
@@ -89,6 +92,7 @@ class MissionWalk:
         facts = MissionFacts(
             signals={**self.signals, **dict.fromkeys(pressed, True)},
             dt=dt,
+            standing=bool(fault) or self.is_over or self.found.steps[position.step][1].calibrate is None,
             done=position.done + dt if waits else None,
             outcome=outcome,
             answers=(answer,) if answer else (),
@@ -174,7 +178,7 @@ def _impossible(made: MissionWalk, outcome: str) -> ConfigError:
     number = made.position.step
     passive = made.found.passive[number]
     kind, _, id = outcome.partition(":")
-    if kind == FAULT:
+    if kind == FAULT and id:
         return ConfigError(f"no fault {id!r} in the fault table; {similar(id, list(ROWS)).partition(',')[0]}")
     answers = passive.answers if passive is not None else ()
     names = [*answers, *sorted(made.found.outcomes[number] - ({DONE} if answers else set())), f"{FAULT}:ID"]

@@ -104,12 +104,11 @@ def _check(text: str, walks: int) -> None:
         assert trace(RandomWalk(found, seed), stored=True) == trace(RandomWalk(found, seed), stored=False)
 
 
-@pytest.mark.parametrize("walks", [20, pytest.param(300, marks=pytest.mark.exhaustive)])
 @pytest.mark.parametrize("mission", MISSIONS, ids=lambda path: path.name)
-def test_walk_of_a_mission_is_the_same_with_its_position_through_json(mission: Path, walks: int) -> None:
-    _check(mission.read_text(), walks)
+def test_walk_of_a_mission_is_the_same_with_its_position_through_json(mission: Path) -> None:
+    _check(mission.read_text(), 300)
 
 
-@pytest.mark.parametrize("walks", [60, pytest.param(1000, marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("walks", [60, pytest.param(1000, marks=pytest.mark.slow)])
 def test_walk_through_every_word_is_the_same_with_its_position_through_json(walks: int) -> None:
     _check(EVERY_WORD, walks)

@@ -74,6 +74,32 @@ def test_answers_timeouts_and_seconds(mission: Path) -> None:
     assert walk(found, "left", "left", "left", "done", "timeout").ended == "timeout"
 
 
+def test_a_moving_behaviour_may_be_lost(mission: Path) -> None:
+    approach = "approach: {until: driven_m > 1, at_most_m: 2}"
+    found = loaded(
+        mission,
+        f"  - calibrate: {{steering: from_potentiometers}}\n"
+        f"  - try: {{steps: [{{{approach}}}], catch: {{lost: [{{say: lost}}], too-far: [{{say: far}}]}}}}\n",
+    )
+    for happening in ("lost", "fault:LOC-01"):
+        made = walk(found, "done", happening)
+        assert (made.said, made.ended) == (["lost"], "done")
+    assert walk(found, "done", "too-far").said == ["far"]
+    assert walk(found, "done", "fault:DRV-25").at == "approach driven_m > 1"
+    assert walk(found, "done", {"driven_m": 1.5}).ended == "done"
+
+
+def test_a_step_that_calibrates_is_finished_before_the_steps_of_a_watcher(mission: Path) -> None:
+    steps = "[{calibrate: {steering: from_potentiometers}}, {wait: {seconds: 9}}]"
+    watch = "{if: driven_m > 1, steps: [{say: far}, {wait: {seconds: 1}}]}"
+    found = loaded(mission, f"  - during: {{steps: {steps}, when: [{watch}]}}\n")
+    made = walk(found, {"driven_m": 2.0}, 5.0)
+    assert (made.at, made.said) == ("calibrate steering", [])
+    made = walk(found, {"driven_m": 2.0}, "done", 0.1)
+    assert (made.steps, made.said) == (["calibrate steering", "wait 9 s", "wait 1 s"], ["far"])
+    assert walk(found, {"driven_m": 2.0}, "fault:DRV-25").at == "calibrate steering"
+
+
 def test_mission_that_is_a_list_is_walked_too() -> None:
     made = walk(MISSIONS / "figure_eight.yaml", "done", "fault:DRV-25", "done")
     assert (made.steps, made.ended) == (["calibrate steering", "follow paths/figure_eight.csv"], "done")
@@ -88,6 +114,8 @@ def test_mission_that_is_a_list_is_walked_too() -> None:
         ),
         ("done", "the step 'ask which?' does not end so"),
         ("lost", "does not end so"),
+        ("fault", "does not end so"),
+        ("blocked", "does not end so"),
         ("fault:DRV-2x", "no fault 'DRV-2x' in the fault table; nearest is 'DRV-"),
         ({"battery": 3.0}, "unknown signal 'battery'; nearest is 'battery_v'"),
         ({"battery_v": True}, "battery_v is a number"),
