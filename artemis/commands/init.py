@@ -161,7 +161,7 @@ FIRST = Path(__file__).with_name("first.yaml")
 
 def test_first_mission_aligns_the_wheels_and_follows_its_path() -> None:
     first = walk(FIRST, "done", "done")
-    assert first.steps == ["calibrate", "follow paths/first.csv"]
+    assert first.steps == ["calibrate steering", "follow paths/first.csv"]
     assert first.ended == "done"
 '''
 
