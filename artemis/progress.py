@@ -72,6 +72,23 @@ class Position(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
 class MissionEvent(Struct, frozen=True, kw_only=True, gc=False):
     """Something that happened in a mission, for people."""
 
-    kind: str  # said, ended, fired, expired, caught, retry, round, end
+    kind: str  # said, ended, fired, expired, caught, retry, round, end, goal, answer
     place: str  # key path in the mission
     text: str
+
+
+class TypedAnswer(Struct, frozen=True, kw_only=True, gc=False):
+    """An answer that was typed at the terminal."""
+
+    text: str
+    step: int  # the number of the step whose question it is for; -1: none was there
+    shown: float  # since when that was asked [s of the run]
+
+
+Answer = str | TypedAnswer
+"""To a question of the mission: the answer itself, or its number from 1."""
+
+
+def answer_text(answer: Answer) -> str:
+    """The answer, without its question."""
+    return answer if isinstance(answer, str) else answer.text

@@ -17,6 +17,7 @@ from artemis.motion.obstacles import ObstacleStop
 from artemis.motion.pace import Pace
 from artemis.motion.perception import Perception
 from artemis.plugins.guard import PluginGuard
+from artemis.progress import Answer
 from artemis.states.modes import Modes
 from artemis.states.plan import Plan, Shared
 from artemis.supervision import catalogue
@@ -84,8 +85,7 @@ class Robot:
     ) -> None:
         """`observe` sees every tick; `attended` tells whether somebody can acknowledge and arm at a run time [s]."""
         self._core, self._devices, self._guard, self._period, self._observe = core, devices, guard, period, observe
-        self._requests: list[Request] = []
-        self._answers: list[str] = []
+        self._requests, self._answers = list[Request](), list[Answer]()
         self._results: list[JobResult] = []
         self._faults: list[Fault] = []
         self._index, self._start, self._late, self._sent = 0, 0.0, 0.0, 0.0
@@ -132,12 +132,12 @@ class Robot:
         """Something was noticed beside the ticks."""
         self._faults.append(fault)
 
-    def request(self, request: Request | str) -> None:
+    def request(self, request: Request | Answer) -> None:
         """What an operator asks for, or answers. A quick stop acts at once, not at the next tick."""
-        if isinstance(request, str):
+        if isinstance(request, Request):
+            self._requests.append(request)
+        else:
             self._answers.append(request)
-            return
-        self._requests.append(request)
         if request is Request.QUICKSTOP:
             self.tick_now()
 

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from artemis.battery import BatteryState
 from artemis.drive_states import DriveState, Goal, Nmt
-from artemis.progress import Acted, MissionEvent, Position
+from artemis.progress import Acted, Answer, MissionEvent, Position
 from artemis.scan import Clearance, Scan
 
 
@@ -152,7 +152,7 @@ class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
     fixes: tuple[PoseFix, ...] = ()  # what a localizer found since the last tick
     scans: tuple[Scan, ...] = ()  # of laser scanners, those that are new since the last tick, oldest first
-    answers: tuple[str, ...] = ()  # to questions of the mission: the answer itself, or its number from 1
+    answers: tuple[Answer, ...] = ()
     battery_v: float | None = None  # supply voltage [V]; None: nobody measures it
 
 

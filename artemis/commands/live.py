@@ -16,7 +16,7 @@ from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
 from artemis.families.family import Errors
 from artemis.plugins.guard import Problem
-from artemis.progress import Position
+from artemis.progress import Position, answer_text
 from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.event_log import happened, values_of
 from artemis.recording.journal import Level
@@ -89,7 +89,7 @@ class LiveView:
             self._load.count(tick.snapshot.time, traffic)
         sensed = tick.snapshot.sensed
         for answer in sensed.answers:
-            self._say(sensed.time, "answer", answer)
+            self._say(sensed.time, "answer", answer_text(answer))
         self._point(tick)
         for request in sensed.requests:
             reason = ignored(request, tick)

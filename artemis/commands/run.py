@@ -15,6 +15,7 @@ from typing import Any
 
 from artemis.app import Outcome, Watch, resumption_from, run_mission
 from artemis.attendance import Operator
+from artemis.commands.answering import Answering
 from artemis.commands.live import LiveView
 from artemis.commands.page import announce, page_of
 from artemis.commands.started import page_that_started, report_unbroken, told_to
@@ -25,7 +26,6 @@ from artemis.commands.terminal import (
     DRIVING,
     HINT,
     KEYS,
-    listen_to_keys,
     somebody_is_there,
 )
 from artemis.devices.can_bus import place_of
@@ -129,7 +129,8 @@ def run_in_sight(
     simulated, fast = is_simulated(loaded, simulate), is_fast(loaded, simulate)
     check_drivable(loaded, source, simulated)
     keys, hint = _with_answers(loaded, keys, hint, simulated)
-    at_keys = partial(listen_to_keys, keys=keys) if somebody_is_there() and not fast else None
+    answering = Answering([number for number, (_, step) in enumerate(loaded.tree.steps) if step.ask is not None])
+    at_keys = partial(answering.listen, keys=keys) if somebody_is_there() and not fast else None
     operator = started_by or at_keys
     terminate = partial(signal.raise_signal, signal.SIGTERM)  # nobody sees what the robot does: an ordered end
     _forewarn(loaded, low_disk(loaded.folder / loaded.mission.record, Disk()) if operator or fast else None)
@@ -145,7 +146,7 @@ def run_in_sight(
         loaded,
         source,
         simulate=simulate,
-        watch=told_to(ServiceManager(), watch),
+        watch=told_to(ServiceManager(), answering.beside(watch)),
         observers={"live view": view},
         operator=operator,
         resume_point=resume_point,

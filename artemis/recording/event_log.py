@@ -10,7 +10,7 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT
 from artemis.families.family import Errors
 from artemis.motion.potentiometers import memory_words
-from artemis.progress import MissionEvent
+from artemis.progress import MissionEvent, answer_text
 from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.journal import Entry, Level
 from artemis.states.requests import ignored
@@ -130,7 +130,7 @@ class EventLog:
     def _asked(self, tick: Tick, previous: Tick | None) -> Iterator[Entry]:
         """Answers and requests."""
         for answer in tick.snapshot.sensed.answers:
-            yield Entry(time=tick.snapshot.time, kind="answer", text=answer)
+            yield Entry(time=tick.snapshot.time, kind="answer", text=answer_text(answer))
         yield from self._requests(tick, previous.mode if previous else tick.mode)
 
     def _requests(self, tick: Tick, mode: Mode) -> Iterator[Entry]:

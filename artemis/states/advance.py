@@ -12,6 +12,7 @@ from msgspec import Struct, json
 from msgspec.structs import replace
 
 from artemis.progress import DONE, Acted, MissionEvent, Position, SignalValue
+from artemis.states.answers import given_answer
 from artemis.states.condition import Condition, Signals, holds
 from artemis.states.tree import (
     FAULT,
@@ -230,7 +231,7 @@ class _Advance:
         if step is None:
             return ""
         for answer in self._facts.answers if step.answers else ():
-            if given := _answer(answer, step.answers):
+            if given := given_answer(answer, step.answers):
                 self._answer = self._signals["answer"] = given
                 return DONE
         if step.seconds is not None and done >= step.seconds:
@@ -389,10 +390,3 @@ def states_in(position: Position) -> Iterator[tuple[int, str]]:
         places += place.within
         if not place.within and len(place.numbers) == 3 and isinstance(state := place.numbers[2], str):
             yield int(place.numbers[1]), state
-
-
-def _answer(given: str, answers: Sequence[str]) -> str:
-    """What was meant by an answer, or by its number from 1; empty: none of these."""
-    if given.isdecimal() and 1 <= int(given) <= len(answers):
-        return answers[int(given) - 1]
-    return given if given in answers else ""

@@ -18,6 +18,7 @@ from artemis.plugins.contracts import Behaviour, Declared, Follower
 from artemis.progress import DONE, Acted, MissionEvent, Position
 from artemis.scan import ObstacleRules
 from artemis.states.advance import MissionFacts, Passive, advance, told_after
+from artemis.states.answers import answers_to
 from artemis.states.condition import Condition
 from artemis.states.route_progress import RouteProgress
 from artemis.states.tree import Tree, fault_names, list_of
@@ -341,6 +342,7 @@ class Shared:
         position, self.beside = self.position, {}
         if position.step >= self.tree.size:
             return ()
+        answers, over = answers_to(position.step, wish.done, snapshot.sensed) if snapshot.sensed.answers else ((), ())
         acted = {told.step: told for told in wish.acted}
         if isinstance(self.current, GotoStep) and self.route.state != position.state:
             acted[position.step] = Acted(step=position.step, state=self.route.state)
@@ -349,7 +351,7 @@ class Shared:
                 told = told_after(position, acted)
                 position = replace(position, state=acted[position.step].state, told=told)
             self.position = position if wish.done is None else replace(position, done=wish.done)
-            return ()
+            return over
         outcome = wish.outcome or (DONE if wish.over else "")
         facts = MissionFacts(
             signals=self._signals(snapshot),
@@ -357,7 +359,7 @@ class Shared:
             standing=standing,
             done=wish.done,
             outcome=outcome,
-            answers=snapshot.sensed.answers,
+            answers=answers,
             acted=acted,
         )
         advanced = advance(self.tree, self._passive, position, facts)
@@ -365,7 +367,7 @@ class Shared:
         self.entry += advanced.begun
         if advanced.begun:
             self.route = RouteProgress(self._goto_state)
-        return advanced.events
+        return (*over, *advanced.events)
 
     def _signals(self, snapshot: Snapshot) -> dict[str, float | str | bool]:
         sensed, position = snapshot.sensed, self.position
