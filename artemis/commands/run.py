@@ -10,7 +10,6 @@ from functools import partial
 from math import degrees
 from pathlib import Path
 from shlex import quote
-from textwrap import shorten
 from typing import Any
 
 from artemis.app import Outcome, Watch, resumption_from, run_mission
@@ -42,16 +41,15 @@ from artemis.planning import (
     preparations,
     straight_by_hand,
 )
-from artemis.progress import Position
 from artemis.recording.disk import Disk, low_disk
 from artemis.recording.mcap_reader import Recording
 from artemis.recording.provenance import ResumePoint
 from artemis.recording.resume import unfinished_run
+from artemis.report.mission_times import MissionTimes
 from artemis.report.page import write_report
 from artemis.report.series import read_series
 from artemis.report.summary import Summary, consumption, summary
 from artemis.run_record import content_hash
-from artemis.states.whereabouts import counts
 from artemis.values import Request
 
 
@@ -138,7 +136,7 @@ def run_in_sight(
         announce(page_of(loaded))
     robot, title = loaded.robot, _title(loaded, simulated)
     keys_heard = hint if at_keys and not started_by else ""
-    view = LiveView(title, keys_heard, terminate, robot.bitrate, robot.errors, partial(_where, loaded))
+    view = LiveView(title, keys_heard, terminate, robot.bitrate, robot.errors, _times(loaded))
     for prepare in () if fast else preparations(loaded, simulated):
         _print("prepares", "scan matching, before the robot is touched: compiled, half a minute the first time")
         prepare()
@@ -190,12 +188,10 @@ def _command(source: Path, run: Path, simulate: bool) -> str:
     return f"artemis run {quote(str(source))}{' --simulate' * simulate} --resume {quote(str(run))}"
 
 
-def _where(loaded: LoadedMission, position: Position) -> str:
-    """The present step of a mission with words, with its rounds and attempts, in a few words."""
-    names, tree = loaded.tree.names, loaded.tree.tree
-    if tree.is_list or position.step >= len(names):
-        return ""
-    return ", ".join([shorten(names[position.step], 30, placeholder="…"), *counts(tree, position)])
+def _times(loaded: LoadedMission) -> MissionTimes | None:
+    """What the live view knows of a mission with words; None: it has none."""
+    written = loaded.mission.model_dump(mode="json", by_alias=True)
+    return None if loaded.tree.tree.is_list else MissionTimes(written)
 
 
 def _title(loaded: LoadedMission, simulated: bool) -> str:

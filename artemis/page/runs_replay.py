@@ -87,6 +87,10 @@ def _put(file: Path, content: Any) -> None:  # noqa: ANN401 (JSON)
     part.replace(file)
 
 
+MOMENTS = ("fault", "mode", "mission")
+"""Kinds of entries whose ticks are shown in any case."""
+
+
 class _Writer:
     """Sees those ticks of a recording that are shown."""
 
@@ -108,7 +112,7 @@ class _Writer:
         self._steps: list[tuple[float, int]] = []
         self._way = _Way()
         self._entries = recording.events()
-        self._moments = sorted((entry.time for entry in self._entries if entry.kind in ("fault", "mode")), reverse=True)
+        self._moments = sorted((entry.time for entry in self._entries if entry.kind in MOMENTS), reverse=True)
         self._has_map = False
 
     def write(self) -> None:
@@ -151,7 +155,7 @@ class _Writer:
         return self._names[step] if 0 <= step < len(self._names) else ""
 
     def _is_shown(self, time: float, record: bytes) -> bool:
-        """Whether a tick is: when it is time for a state or a scan, where a fault or a mode came, or a job ended."""
+        """Whether a tick is: when it is time for a state or a scan, at one of the `MOMENTS`, or where a job ended."""
         while self._moments and time >= self._moments[-1] - 1e-6:
             self._moments.pop()
             self._next = -inf

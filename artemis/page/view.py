@@ -19,6 +19,7 @@ from artemis.recording.event_log import EventLog
 from artemis.recording.journal import Entry, Level
 from artemis.report.fault_words import DID, next_step
 from artemis.report.mission_boxes import Box, boxes_of
+from artemis.report.mission_times import MissionTimes
 from artemis.scan import Scan
 from artemis.states.outline import numbered
 from artemis.states.requests import by_hand
@@ -78,6 +79,7 @@ class PageView:
         self._presses = (-1, 0)
         """How often the path that is recorded was begun or ended, in which step."""
         self._frame = ""
+        self._times = MissionTimes(mission)
         self.log: list[Part] = []
         """New lines since the sender took them."""
         self.trail: list[tuple[float, float]] = []
@@ -165,7 +167,11 @@ class PageView:
 
     def show(self, tick: Tick) -> None:
         """The same but for the log."""
-        snapshot = tick.snapshot
+        snapshot, step = tick.snapshot, self._times.present
+        self._times.see(tick)
+        if tick.events or self._times.present is not step:
+            times = self._times
+            self._put("progress", {"marks": times.marks, "counts": times.counts, "before": times.before})
         if snapshot.verdict.faults != self._faults:
             self._faults = snapshot.verdict.faults
             self._put("faults", [_fault(fault) for fault in self._faults])
@@ -226,6 +232,7 @@ class PageView:
             "sample": self.sample(tick),
             "step": position.step,
             "done": round(position.done, 2),
+            "ran": None if (here := self._times.present) is None else [here.number, round(here.time, 1)],
             "track": None if tracking is None else [round(tracking.arc_length, 2), round(tracking.length, 2)],
             "clear": None if free is None else [_finite(free.speed), _finite(free.distance), free.blocked],
             "severity": int(snapshot.verdict.severity),

@@ -13,6 +13,7 @@ from artemis.motion.potentiometers import memory_words
 from artemis.progress import MissionEvent, answer_text
 from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.journal import Entry, Level
+from artemis.states.outline import is_beside
 from artemis.states.requests import ignored
 from artemis.supervision.catalogue import ROWS, emergency
 from artemis.supervision.catalogue.row import SHORT
@@ -276,7 +277,7 @@ def meaning(code: int, errors: Mapping[int, str]) -> str:
 
 def happened(event: MissionEvent, mode: Mode) -> str:
     """What happened in a mission, in words; `mode` of that tick."""
-    stands = mode is Mode.READY or ".together.beside[" in event.place  # the robot is not stopped for steps beside
+    stands = mode is Mode.READY or is_beside(event.place)  # the robot is not stopped for steps beside
     rests = "" if stands else ": coming to rest"
     match event.kind:
         case "ended":

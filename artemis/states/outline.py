@@ -47,6 +47,11 @@ def numbered(steps: Any) -> list[tuple[Path, str, Any]]:  # noqa: ANN401 (of a f
     return [found for found in steps_in(steps) if found[1] not in (*WORDS, *TIMELESS)]
 
 
+def is_beside(place: str) -> bool:
+    """Whether what stands at a key path runs beside other steps."""
+    return ".together.beside[" in place
+
+
 def behaviours_in(steps: Any) -> list[str]:  # noqa: ANN401 (of a file)
     """Names of the behaviours that do steps among these, each once; also of what is none."""
     return list(dict.fromkeys(word for _, word, _ in steps_in(steps) if word not in OWN_STEPS))

@@ -154,7 +154,10 @@ def test_what_the_robot_does_is_shown(chromium: Any, rig: PageRig) -> None:
     page.wait_for_selector("#mode-name[data-mode=follow]")
     assert "of the path" in page.inner_text("#phase")
     assert "m/s" in page.inner_text("#speed")
-    assert page.inner_text("#steps [aria-current=step]") == "follow paths/figure_eight.csv"
+    assert page.inner_text("#steps [aria-current=step] > .step") == "follow paths/figure_eight.csv"
+    until(page, "/^1x · [0-9]+ s$/.test(document.querySelector('#steps [aria-current=step] > .ran').textContent)")
+    assert page.inner_text("#steps li > .ran").endswith(" · done")
+    assert page.inner_text("#before") == "before: calibrate steering: done"
     page.click("#tab-drives")
     until(page, "document.querySelectorAll('#drives td.on').length === 4")
     page.click("#tab-charts")

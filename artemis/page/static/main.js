@@ -40,6 +40,7 @@ function hear(message) {
   if ('path' in message) map.showPath(message.path);
   if (message.about && map.hasPlace()) follow(false);
   if (message.faults) panels.showFaults(message.faults);
+  if (message.progress) panels.showProgress(message.progress);
   if (message.zones) acts.showZones(message.zones);
   if (message.log) {
     panels.showLog(message.log);

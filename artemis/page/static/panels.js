@@ -51,6 +51,7 @@ export function showState(state) {
   showDrives(drives, sample);
   showInputs(state.inputs);
   if (state.step !== lastStep) { lastStep = state.step; markStep(); }
+  showRan(state.ran);
 }
 
 function showDrives(drives, sample) {
@@ -95,15 +96,26 @@ export function showFaults(faults, past = false) {
 // ------------------------------------------------------------------------------------------ steps
 
 function showSteps(tree) {
-  $('steps').replaceChildren(tree ? branch(tree.steps ?? []) : element('p', {class: 'hint'}, 'The steps are not known.'));
+  const shown = tree ? branch(tree.steps ?? []) : element('p', {class: 'hint'}, 'The steps are not known.');
+  $('steps').replaceChildren(shown, element('p', {id: 'before', class: 'hint'}));
   markStep();
 }
 function branch(steps) {
   return element('ul', {class: 'tree'}, ...steps.map(step => element('li', {'data-path': step.path},
-    element('span', {class: 'step'}, element('b', {}, step.word), step.text ? ` ${step.text}` : ''),
+    element('span', {class: 'step'}, element('b', {}, step.word), step.text ? ` ${step.text}` : ''), ' ', element('small', {class: 'ran'}),
     step.steps ? branch(step.steps) : null,
     step.beside ? element('div', {class: 'arrow'}, element('em', {}, 'beside'), branch(step.beside)) : null,
     ...(step.arrows ?? []).map(arrow => element('div', {class: 'arrow'}, element('em', {}, arrow.label + (arrow.then ? ` → ${arrow.then}` : '')), arrow.steps.length ? branch(arrow.steps) : null)))));
+}
+let progress = {marks: {}, counts: [], before: ''};
+export function showProgress(told) {
+  progress = told;
+  for (const item of $('steps').querySelectorAll('li')) item.querySelector(':scope > .ran').textContent = told.marks[item.dataset.path] ?? '';
+  $('before').textContent = told.before ? `before: ${told.before}` : '';
+}
+function showRan(ran) {
+  const here = $('steps').querySelector('[aria-current] > .ran');
+  if (here && ran) here.textContent = [...progress.counts, `${ran[0]}x`, `${ran[1].toFixed(0)} s`].join(' · ');
 }
 function markStep() {
   const path = numbered[lastStep];

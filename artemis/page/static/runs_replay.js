@@ -112,6 +112,7 @@ function show() {
     if (name === 'path') map.showPath(part);
     else if (name === 'scan') map.showScan(part);
     else if (name === 'faults') panels.showFaults(part, true);
+    else if (name === 'progress') panels.showProgress(part);
   }
   map.showState(state);
   map.showTrail([...run.wayUntil(time), ...(state.lost ? [] : [state.pose])]);
