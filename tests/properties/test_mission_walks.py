@@ -92,7 +92,7 @@ def trace(walk: RandomWalk, *, stored: bool) -> list[object]:
         if stored:
             walk.position = msgspec.json.decode(msgspec.json.encode(walk.position), type=Position)
         walk.happen()
-        assert len(msgspec.json.encode(replace(walk.position, told=()))) <= 300
+        assert len(msgspec.json.encode(replace(walk.position, told=()))) <= 300, "without what behaviours tell"
         found.append(walk.position)
         past.append((walk.position, dict(walk.signals)))
     return [*found, *walk.told, *walk.places]

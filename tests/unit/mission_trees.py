@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from artemis.mission.schema import Mission
 from artemis.mission.tree import MissionTree, checks_of, mission_tree
 from artemis.mission.word_checks import WordChecks
-from artemis.progress import MissionEvent, Position
+from artemis.progress import Acted, MissionEvent, Position
 from artemis.states.advance import MissionFacts, advance
 from artemis.states.outcomes import StepFacts
 from artemis.yaml_file import dotted
@@ -53,6 +53,7 @@ class Walker:
         self._passive = made.passive
         self.position = Position()
         self.events: list[MissionEvent] = []
+        self.acted: Mapping[int, Acted] = {}
         self.rests = self.begun = False
         self.tick()
 
@@ -78,7 +79,13 @@ class Walker:
         position = replace(self.position, faults=faults) if faults else self.position
         known = {name.replace("__", "."): value for name, value in signals.items()}
         facts = MissionFacts(
-            signals=known, dt=dt, standing=standing, outcome=outcome, answers=tuple(answers), done=done
+            signals=known,
+            dt=dt,
+            standing=standing,
+            outcome=outcome,
+            answers=tuple(answers),
+            done=done,
+            acted=self.acted,
         )
         if position.step < self._tree.size:
             advanced = advance(self._tree, self._passive, position, facts)

@@ -7,8 +7,10 @@ from collections.abc import Mapping
 import pytest
 from mission_trees import Walker
 from msgspec import json
+from msgspec.structs import replace
 
-from artemis.progress import Position
+from artemis.plugins.acting import MAX_STATE_BYTES, state_text
+from artemis.progress import Acted, Position, SignalValue
 from artemis.states.advance import Place, states_in
 
 WAIT = {"wait": {"seconds": 1.0}}
@@ -385,14 +387,39 @@ def test_a_bad_outcome_beside_ends_all_once_the_robot_stands() -> None:
 # ---------------------------------------------------------------------------------------------- the position
 
 
-def test_a_position_is_small_however_deep() -> None:
+@pytest.mark.parametrize(("words", "largest"), [(6, 300), (9, 375)])
+def test_a_position_is_small_also_deep_in_words_and_in_a_run_that_resumes_another(words: int, largest: int) -> None:
     step: Mapping[str, object] = FOLLOW
-    for _ in range(3):
+    for _ in range(words // 3):
         caught = {"try": {"retries": 3, "steps": [step], "catch": {"any": [WAIT]}}}
         step = {"during": {"at_most_s": 1e6, "steps": [{"repeat": {"times": 1000, "steps": [caught]}}]}}
-    walk = Walker(step)
+    walk = Walker(ASK, step)
+    walk.tick(answers=["right"])
     walk.tick(done=12.345678901234567, dt=1 / 3)
-    assert len(walk.position.place) <= 300
+    whole = replace(walk.position, driven=1234.5678901234567, time=98765.43210987654)
+    assert len(json.encode(whole)) <= largest
+
+
+def test_a_position_without_what_plugins_tell_is_small_although_a_behaviour_keeps_much() -> None:
+    state = state_text(("x" * (MAX_STATE_BYTES - 4),))
+    assert state is not None
+    acting = {"approach": {"until": "run_s > 99", "at_most_m": 9.0}}
+    walk = Walker({"during": {"steps": [acting], "when": [{"if": "stick.done", "steps": [WAIT]}]}})
+    walk.acted = {0: Acted(step=0, state=state, signals=(SignalValue(name="approached_m", value=1 / 3),))}
+    walk.tick()
+    walk.tick(stick__done=True)
+    assert walk.present.endswith("when.0.steps.0.wait")
+    assert dict(states_in(walk.position)) == {0: state}
+    assert len(json.encode(walk.position)) > MAX_STATE_BYTES
+    assert len(json.encode(without_plugin_data(walk.position))) <= 300
+
+
+def without_plugin_data(position: Position) -> Position:
+    """The position without the states and signals of behaviours."""
+    place = position.place
+    for _, state in states_in(position):
+        place = place.replace(json.encode(state).decode(), "")
+    return replace(position, place=place, state="", told=())
 
 
 def test_the_states_of_behaviours_are_found_wherever_they_wait() -> None:
