@@ -559,13 +559,13 @@ BUGS: tuple[Bug, ...] = (
     ),
     Bug(
         "words begin anew in the resumed run",
-        "words, killed in the second round",
+        "words, resumed in the second round",
         "I13",
         {"artemis.app.where_it_stopped": _resumed_at(place="")},
     ),
     Bug(
         "resumed run does not know how far the mission came",
-        "words, killed after the break",
+        "words, resumed after the break",
         "I13",
         {"artemis.app.where_it_stopped": _resumed_at(driven=0.0)},
     ),
