@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from artemis.axles import ByHand
 from artemis.config import Config
 from artemis.errors import ConfigError, PluginError
-from artemis.mission.actions import Ask, Calibrate, Follow, MeasureSteering, PluginUse, Recorded, Wait
+from artemis.mission.actions import Calibrate, Follow, MeasureSteering, PluginUse, Recorded
 from artemis.mission.by_hand import Teleop
 from artemis.mission.gains import merged
 from artemis.mission.goto import MOST_OFF, Goto, goto_rules
@@ -29,10 +29,9 @@ from artemis.progress import Position
 from artemis.recording.provenance import ResumePoint
 from artemis.robot import Core
 from artemis.scan import ObstacleRules
-from artemis.states.advance import Passive, states_in
+from artemis.states.advance import states_in
 from artemis.states.gains import GainsStep, TurnStep
 from artemis.states.plan import (
-    AskStep,
     BehaviourStep,
     CalibrateStep,
     FollowStep,
@@ -40,7 +39,6 @@ from artemis.states.plan import (
     Plan,
     Step,
     TeleopStep,
-    WaitStep,
 )
 from artemis.states.steering import SteeringStep
 from artemis.vehicle import RobotFile
@@ -51,14 +49,11 @@ def plan_from(loaded: LoadedMission) -> Plan:
     """The mission's steps, with their paths read and their followers made."""
     steps: list[Step] = []
     for number, (_, step) in enumerate(loaded.tree.steps):
+        if (passive := loaded.tree.passive[number]) is not None:
+            steps.append(passive)
         match action := step.action:
             case Calibrate():
                 steps.append(_calibrate_step(loaded.robot, action))
-            case Wait():
-                ends = loaded.tree.passive[number] or Passive()
-                steps.append(WaitStep(seconds=ends.seconds, condition=ends.condition, at_most=ends.at_most))
-            case Ask():
-                steps.append(AskStep(question=action.question, answers=action.answers, at_most=action.at_most_s))
             case Teleop():
                 steps.append(_teleop_step(loaded, action))
             case Follow():

@@ -67,6 +67,7 @@ class StepChecks(GotoChecks):
                 self._complain(path, f"calibrate first: {why} (CAL-02)")
             if word == "stop" and path != ("steps", len(given) - 1, "stop"):
                 self._complain(path, "ends the mission: it can only be the last step")
+        alone = len(list(steps_in(given))) == 1
         for number, (path, _, _) in enumerate(numbered(given)):
             step = self._part(Step, *path[:-1])
             if step is None:
@@ -75,7 +76,6 @@ class StepChecks(GotoChecks):
                 self._check_obstacles(path, step.action.obstacles, robot)
             if isinstance(step.action, Follow) and isinstance(step.action.path, Recorded) and path in before:
                 self._check_recorded(path, step.action.path.recorded, before[path], given)
-            alone = len(list(steps_in(given))) == 1
             self._check_step(number, path, step, robot, inputs, alone=alone)
 
     def _check_step(

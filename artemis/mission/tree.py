@@ -13,10 +13,10 @@ from artemis.mission.words import Step
 from artemis.plugins.registry import declarations
 from artemis.progress import DONE
 from artemis.states import tree
-from artemis.states.advance import Passive
 from artemis.states.condition import Condition, SignalKind, comparisons
 from artemis.states.outcomes import StepFacts, step_facts
 from artemis.states.outline import behaviours_in, numbered
+from artemis.states.plan import AskStep, WaitStep
 from artemis.states.step_names import name_of
 from artemis.states.tree import FAULT, Leaf, Node, Steps, Tree
 from artemis.yaml_file import KeyPath, dotted
@@ -31,8 +31,8 @@ class MissionTree:
     """Those that take time, by number, with their key paths."""
     names: list[str]
     """Theirs, in a few words."""
-    passive: list[Passive | None]
-    """Of each, what ends it; None: the robot's modes tell that."""
+    passive: list[WaitStep | AskStep | None]
+    """Those that move nothing; None: the robot's modes tell what ends it."""
     outcomes: list[frozenset[str]]
     """Of each, what it may end with; faults only as `lost`."""
     asked: list[Condition]
@@ -78,7 +78,7 @@ class _Building:
     def __init__(self, checks: WordChecks) -> None:
         self._conditions, self._behaviours = checks.conditions, checks.facts.behaviours
         self.numbered: list[tuple[KeyPath, Step]] = []
-        self.passive: list[Passive | None] = []
+        self.passive: list[WaitStep | AskStep | None] = []
 
     def steps(self, steps: Sequence[Step], path: KeyPath) -> Steps:
         """One list of steps."""
@@ -126,12 +126,12 @@ class _Building:
             yield tree.Watch(text=watch.if_, condition=condition, steps=steps, then=watch.then)
 
     def _leaf(self, step: Step, path: KeyPath, signals: Sequence[str] = ()) -> Leaf:
-        wait, ask, passive = step.wait, step.ask, None
-        if wait is not None:
+        passive: WaitStep | AskStep | None = None
+        if (wait := step.wait) is not None:
             condition = self._conditions.get((*path, "for"))
-            passive = Passive(seconds=wait.seconds, condition=condition, at_most=wait.at_most_s)
-        elif ask is not None:
-            passive = Passive(answers=ask.answers, at_most=ask.at_most_s)
+            passive = WaitStep(seconds=wait.seconds, condition=condition, at_most=wait.at_most_s)
+        elif (ask := step.ask) is not None:
+            passive = AskStep(question=ask.question, answers=ask.answers, at_most=ask.at_most_s)
         self.numbered.append((path, step))
         self.passive.append(passive)
         return Leaf(len(self.numbered) - 1, dotted(path), tuple(signals))

@@ -19,7 +19,6 @@ from artemis.progress import DONE, Acted, MissionEvent, Position
 from artemis.scan import ObstacleRules
 from artemis.states.advance import MissionFacts, Passive, advance, told_after
 from artemis.states.answers import answers_to
-from artemis.states.condition import Condition
 from artemis.states.route_progress import RouteProgress
 from artemis.states.tree import Tree, fault_names, list_of
 from artemis.supervision.catalogue import ROWS
@@ -98,20 +97,14 @@ class TeleopStep(Struct, frozen=True, kw_only=True):
         return self.input, *self.lower
 
 
-class WaitStep(Struct, frozen=True, kw_only=True):
-    """Stand still: for `seconds`, or until a condition holds, then with `timeout` after `at_most` [s]."""
-
-    seconds: float | None = None
-    condition: Condition | None = None
-    at_most: float | None = None
+class WaitStep(Passive, frozen=True, kw_only=True):
+    """Stand still for a time, or until a condition holds."""
 
 
-class AskStep(Struct, frozen=True, kw_only=True):
-    """Stand still until somebody answers, or end with `timeout` after `at_most` [s]."""
+class AskStep(Passive, frozen=True, kw_only=True):
+    """Stand still until somebody answers."""
 
     question: str
-    answers: tuple[str, ...]
-    at_most: float | None = None
 
 
 class BehaviourStep(Struct, frozen=True, kw_only=True):
@@ -126,16 +119,6 @@ class BehaviourStep(Struct, frozen=True, kw_only=True):
 
 
 Step = CalibrateStep | FollowStep | TeleopStep | WaitStep | AskStep | BehaviourStep
-
-
-def _passive(step: Step) -> Passive | None:
-    """What ends a step that moves nothing."""
-    match step:
-        case WaitStep():
-            return Passive(seconds=step.seconds, condition=step.condition, at_most=step.at_most)
-        case AskStep():
-            return Passive(answers=step.answers, at_most=step.at_most)
-    return None
 
 
 def with_followers(steps: Iterable[Step], change: Callable[[Follower], Follower]) -> tuple[Step, ...]:
@@ -303,7 +286,7 @@ class Shared:
         self.route = RouteProgress(self._goto_state)  # of the present step, if it is a goto
         self.beside: Mapping[int, str] = {}
         """Steps that run beside the present one, each with the state of its behaviour (JSON; empty: it begins)."""
-        self._passive = [_passive(step) for step in plan.steps]
+        self._passive = [step if isinstance(step, Passive) else None for step in plan.steps]
 
     @property
     def current(self) -> Step | None:

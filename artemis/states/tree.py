@@ -113,30 +113,13 @@ class Together(Struct, frozen=True, kw_only=True):
 Node = Leaf | Say | End | Steps | Repeat | Try | During | Choose | Together
 
 
-def children(node: Node) -> tuple[Node, ...]:
-    """The parts of a word, as they stand in the mission."""
-    match node:
-        case Steps(of):
-            return of
-        case Repeat():
-            return (node.steps,)
-        case Try():
-            between = (node.between,) if node.between is not None else ()
-            return (node.steps, *between, *(steps for _, steps in node.catch))
-        case During():
-            return (node.steps, *(watch.steps for watch in node.when if watch.steps is not None))
-        case Choose():
-            return tuple(steps for _, steps in node.branches)
-        case Together():
-            return (node.steps, *node.beside)
-    return ()
-
-
-def inside(node: Node) -> Iterator[Node]:
-    """The node and all within, as they stand in the mission."""
-    yield node
-    for child in children(node):
-        yield from inside(child)
+def inside(part: object) -> Iterator[Node]:
+    """The nodes in a part of a tree, itself among them, as they stand in the mission."""
+    if isinstance(part, Node):
+        yield part
+    if isinstance(part, tuple | Node | Watch):
+        for inner in part if isinstance(part, tuple) else (getattr(part, name) for name in part.__struct_fields__):
+            yield from inside(inner)
 
 
 class Tree(Struct, frozen=True):
