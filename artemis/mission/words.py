@@ -28,7 +28,6 @@ from artemis.mission.problems import describe, nearest
 from artemis.plugins.registry import BEHAVIOURS, names
 from artemis.yaml_file import KeyPath
 
-Action = Calibrate | Follow | Goto | Wait | Teleop | Ask | Stop
 Steps = Annotated[tuple["Step", ...], *A_LIST]
 Outcome = Annotated[str, Field(min_length=1, max_length=64)]
 
