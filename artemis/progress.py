@@ -87,8 +87,3 @@ class TypedAnswer(Struct, frozen=True, kw_only=True, gc=False):
 
 Answer = str | TypedAnswer
 """To a question of the mission: the answer itself, or its number from 1."""
-
-
-def answer_text(answer: Answer) -> str:
-    """The answer, without its question."""
-    return answer if isinstance(answer, str) else answer.text

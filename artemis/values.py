@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from artemis.battery import BatteryState
 from artemis.drive_states import DriveState, Goal, Nmt
-from artemis.progress import Acted, Answer, MissionEvent, Position
+from artemis.progress import Acted, MissionEvent, Position, TypedAnswer
 from artemis.scan import Clearance, Scan
 
 
@@ -148,11 +148,11 @@ class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     inputs: tuple[OperatorInput, ...] = ()
     requests: tuple[Request, ...] = ()
     results: tuple[JobResult, ...] = ()
-    faults: tuple[Fault, ...] = ()
-    """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
+    faults: tuple[Fault, ...] = ()  # found by the edge itself: a lost bus, a plugin that raised, a late tick
     fixes: tuple[PoseFix, ...] = ()  # what a localizer found since the last tick
     scans: tuple[Scan, ...] = ()  # of laser scanners, those that are new since the last tick, oldest first
-    answers: tuple[Answer, ...] = ()
+    answers: tuple[str, ...] = ()  # to questions of the mission
+    typed: tuple[TypedAnswer, ...] = ()  # likewise, at the terminal
     battery_v: float | None = None  # supply voltage [V]; None: nobody measures it
 
 

@@ -46,7 +46,7 @@ class Answering:
         asks = tick.mode is Mode.READY and position.step in self._questions
         lasts = self._asked is not None and self._asked.step == position.step and position.done >= self._done
         if not (asks and lasts):
-            answered = tick.snapshot.sensed.answers
+            answered = tick.snapshot.sensed.answers or tick.snapshot.sensed.typed
             self._before = None if answered else self._asked
             self._asked = TypedAnswer(text="", step=position.step, shown=self._now) if asks else None
         self._done = position.done

@@ -16,7 +16,6 @@ from artemis.devices.can_bus import Traffic, most_bits
 from artemis.drive_states import DriveState
 from artemis.families.family import Errors
 from artemis.plugins.guard import Problem
-from artemis.progress import answer_text
 from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.event_log import happened, values_of
 from artemis.recording.journal import Level
@@ -91,8 +90,8 @@ class LiveView:
         if self._mission is not None:
             self._mission.see(tick)
         sensed = tick.snapshot.sensed
-        for answer in sensed.answers:
-            self._say(sensed.time, "answer", answer_text(answer))
+        for answer in (*sensed.answers, *(typed.text for typed in sensed.typed)):
+            self._say(sensed.time, "answer", answer)
         self._point(tick)
         for request in sensed.requests:
             reason = ignored(request, tick)

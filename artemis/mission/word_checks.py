@@ -43,9 +43,8 @@ class WordChecks:
         self.signals = declared_signals(steps, inputs, facts)
         complete = not self.order.unread
         self.conditions, self.problems = conditions_in(steps, self.signals, facts, complete=complete)
-        self.problems += [
-            (path, "is never reached: the step before never ends with done") for path in self.order.unreached
-        ]
+        never = "is never reached: the step before never ends with done"
+        self.problems += [(path, never) for path in self.order.unreached]
         self._remarks = [
             (path, "no step within ends with an outcome that is left for it; faults, only where a key names them")
             for path in self.order.unused

@@ -10,7 +10,7 @@ from artemis.devices.can_bus import Frame
 from artemis.devices.canopen import NMT
 from artemis.families.family import Errors
 from artemis.motion.potentiometers import memory_words
-from artemis.progress import MissionEvent, answer_text
+from artemis.progress import MissionEvent
 from artemis.recording.asked_poses import AskedPoses
 from artemis.recording.journal import Entry, Level
 from artemis.states.outline import is_beside
@@ -76,7 +76,7 @@ class EventLog:
         self._origin = self._origin if previous else now - sensed.time
         self._keep(sensed.time, frames)
         entries: list[Entry] = []
-        if sensed.answers or sensed.requests:
+        if sensed.answers or sensed.typed or sensed.requests:
             entries += self._asked(tick, previous)
         for sample in sensed.inputs:
             if sample.goal is not None or sample.initial_pose is not None:
@@ -130,8 +130,8 @@ class EventLog:
 
     def _asked(self, tick: Tick, previous: Tick | None) -> Iterator[Entry]:
         """Answers and requests."""
-        for answer in tick.snapshot.sensed.answers:
-            yield Entry(time=tick.snapshot.time, kind="answer", text=answer_text(answer))
+        for answer in (*tick.snapshot.sensed.answers, *(typed.text for typed in tick.snapshot.sensed.typed)):
+            yield Entry(time=tick.snapshot.time, kind="answer", text=answer)
         yield from self._requests(tick, previous.mode if previous else tick.mode)
 
     def _requests(self, tick: Tick, mode: Mode) -> Iterator[Entry]:

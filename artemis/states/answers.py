@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from artemis.progress import MissionEvent, TypedAnswer, answer_text
+from artemis.progress import MissionEvent
 from artemis.values import Sensed
 
 _APART = 0.01
@@ -14,11 +14,11 @@ _APART = 0.01
 def answers_to(step: int, asked: float | None, sensed: Sensed) -> tuple[tuple[str, ...], tuple[MissionEvent, ...]]:
     """Answers to the question of a step that was `asked` for so long [s]; and words on those to another question."""
     since = sensed.time - (asked or 0.0) - _APART
-    typed = [answer for answer in sensed.answers if isinstance(answer, TypedAnswer)]
-    late = [answer for answer in typed if answer.step != step or answer.shown < since]
-    texts = tuple(answer_text(answer) for answer in sensed.answers if answer not in late)
-    words = "is ignored: its question is over"
-    return texts, tuple(MissionEvent(kind="answer", place="", text=f"{it.text} {words}") for it in late)
+    late = [answer.text for answer in sensed.typed if answer.step != step or answer.shown < since]
+    typed = [answer.text for answer in sensed.typed if answer.step == step and answer.shown >= since]
+    text = "is ignored: its question is over"
+    events = tuple(MissionEvent(kind="answer", place="", text=f"{answer} {text}") for answer in late)
+    return (*sensed.answers, *typed), events
 
 
 def given_answer(given: str, answers: Sequence[str]) -> str:

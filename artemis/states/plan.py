@@ -325,7 +325,9 @@ class Shared:
         position, self.beside = self.position, {}
         if position.step >= self.tree.size:
             return ()
-        answers, over = answers_to(position.step, wish.done, snapshot.sensed) if snapshot.sensed.answers else ((), ())
+        sensed = snapshot.sensed
+        given = sensed.answers or sensed.typed
+        answers, over = answers_to(position.step, wish.done, sensed) if given else ((), ())
         acted = {told.step: told for told in wish.acted}
         if isinstance(self.current, GotoStep) and self.route.state != position.state:
             acted[position.step] = Acted(step=position.step, state=self.route.state)

@@ -31,7 +31,9 @@ class Typing:
         self.tick()
 
     def tick(self, *answers: TypedAnswer | str) -> Tick:
-        tick = self.live.tick(answers=answers, attended=True)
+        texts = tuple(answer for answer in answers if isinstance(answer, str))
+        typed = tuple(answer for answer in answers if not isinstance(answer, str))
+        tick = self.live.tick(answers=texts, typed=typed, attended=True)
         self.answering.see(tick)
         return tick
 
