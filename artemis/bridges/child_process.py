@@ -12,6 +12,8 @@ from tempfile import TemporaryFile
 
 from artemis.clock import stopwatch
 
+ENDED = "NET-13"
+"""Row of the fault table: that a process ended, and that it is back."""
 MOST_ERRORS = 1 << 16
 """Bytes on its standard error that are kept; of more the last."""
 _WORDS = 200

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import msgspec
 
 from artemis import config
-from artemis.bridges.child_process import ChildProcess, Restarts
+from artemis.bridges.child_process import ENDED, ChildProcess, Restarts
 from artemis.clock import stopwatch
 from artemis.devices.can_bus import Frame, Traffic
 from artemis.errors import ConfigError, PluginError
@@ -30,7 +30,6 @@ from artemis.values import Tick
 if TYPE_CHECKING:
     from artemis.mapping.occupancy import ShownMap
 
-ENDED = "NET-13"
 BEGIN = 20.0
 """A process has this long until its observer is made [s]."""
 HANG = 5.0

@@ -32,11 +32,7 @@ class NodeThread(LoopThread):
         Raises:
             ConfigError: this computer has no such address, or a variable is wrong.
         """
-        try:
-            self.names = config.names(default, environment)
-            master = config.master_uri(environment)
-        except ValueError as error:
-            raise ConfigError(f"{plugin}: {error}") from None
+        self.names, master = config.checked(plugin, default, environment)
         with ExitStack() as made:
             try:
                 tcp, rpc = (made.enter_context(bound(config.listen)) for _ in range(2))

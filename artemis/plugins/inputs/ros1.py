@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from functools import partial
 from typing import ClassVar
@@ -28,9 +29,11 @@ class Ros1Input(CommandedInput):
         """Take the robot.
 
         Raises:
-            ConfigError: the extra is not installed, or more speed than the robot has.
+            ConfigError: the extra is not installed, this computer has no such address, a variable of ROS is wrong, or
+                more speed than the robot has.
         """
         require_packages(context.name, "ros1", "rosbags")
+        config.checked(context.name, f"artemis_{context.name}", os.environ)
         super().__init__(config, context, types := Ros1Types())
         self._config, self._definitions = config, types
         self._thread: NodeThread | None = None
