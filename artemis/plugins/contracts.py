@@ -21,7 +21,7 @@ from artemis.errors import ConfigError
 from artemis.motion.path import Path
 from artemis.motion.route import Route
 from artemis.scan import Scan
-from artemis.values import DriveCommand, LocatedPose, OperatorInput, Pose, PoseFix, Snapshot, Tick, Tracking
+from artemis.values import DriveCommand, LocatedPose, OperatorInput, Pose, PoseFix, Request, Snapshot, Tick, Tracking
 from artemis.vehicle import RobotFile
 
 if TYPE_CHECKING:
@@ -69,6 +69,8 @@ class PluginContext:
     map: Callable[[], ShownMap | None] = lambda: None
     """The map of the run as it is at present, the same object until it changes, for an observer: that on which the
     localizer finds the robot, or the one that is made. None: there is none yet, or none at all."""
+    ignored: Callable[[Request, Tick], str | None] = lambda request, tick: None
+    """Why a request that an input gave in a tick leads to nothing; None: it counts."""
     dial: Dial | None = None
     """Connects to the simulated device that stands in for a scanner's; None: there is none, connect to the real one."""
 

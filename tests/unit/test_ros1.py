@@ -103,8 +103,8 @@ def test_environment_of_ros_is_followed() -> None:
     assert host("0.0.0.0", ROS_IP="10.0.0.1", ROS_HOSTNAME="robot") == "robot"
     assert (host("0.0.0.0"), host("10.0.0.2")) == ("here", "10.0.0.2")
     config = Ros1ObserverConfig()
-    assert config.checked("ros", "artemis", {})[1] == "http://localhost:11311"
-    names, master = config.checked("ros", "artemis", {"ROS_MASTER_URI": "http://robot:1", "ROS_NAMESPACE": "two"})
+    assert config.checked("ros", {})[1] == "http://localhost:11311"
+    names, master = config.checked("ros", {"ROS_MASTER_URI": "http://robot:1", "ROS_NAMESPACE": "two"})
     assert (names.node, master) == ("/two/artemis", "http://robot:1")
 
 
@@ -120,7 +120,7 @@ def test_what_cannot_be_is_refused_at_the_start(
     options: dict[str, str], environment: dict[str, str], words: str
 ) -> None:
     with pytest.raises(ConfigError, match=words):
-        NodeThread(Ros1ObserverConfig(**options), "ros", "artemis", environment)  # type: ignore[arg-type]
+        NodeThread(Ros1ObserverConfig(**options), "ros", environment)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("group", ["inputs", "observers"])
@@ -140,6 +140,26 @@ def test_what_cannot_be_is_refused_by_check(tmp_path: Path, group: str, monkeypa
     with pytest.raises(ConfigError, match=f"{group}.far.ROS_MASTER_URI: 'robot' is no URI of a master"):
         load_mission(mission)
     assert load_mission(mission, tried=False)  # as a replay does
+
+
+def test_two_nodes_of_one_name_at_one_master_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "robot.yaml").write_bytes((MISSIONS / "robots/artemis.yaml").read_bytes())
+    mission = tmp_path / "mission.yaml"
+
+    def write(keys: str) -> None:
+        mission.write_text(
+            "mission: far\nrobot: robot.yaml\nbus: simulation\ninputs:\n"
+            f"  remote: {{plugin: ros1, {keys}}}\nobservers:\n  ros: {{plugin: ros1}}\n"
+            "steps:\n  - wait: {seconds: 1}\n"
+        )
+
+    write("node: artemis")
+    why = r"7:3: observers.ros.node: the node /artemis of ROS 1 is that of inputs.remote, too"
+    with pytest.raises(ConfigError, match=why):
+        load_mission(mission)
+    for keys in ("allow: []", "node: artemis, namespace: left", "node: artemis, master: 'http://robot:11311'"):
+        write(keys)
+        assert load_mission(mission)
 
 
 def test_headers_survive_and_others_are_refused() -> None:

@@ -85,14 +85,26 @@ def program(domain: int, closing: ExitStack, *heard: tuple[str, str]) -> Program
     return made
 
 
-Make = Callable[..., Ros2Input]
+class Device(Ros2Input):
+    """One whose clock the test sets."""
+
+    def __init__(self, config: Ros2InputConfig, context: PluginContext) -> None:
+        self.time = 0.0
+        super().__init__(config, context, lambda: self.time)
+
+    def read_at(self, time: float) -> OperatorInput:
+        self.time = time
+        return self.read(time)
+
+
+Make = Callable[..., Device]
 
 
 @pytest.fixture
 def make(domain: int, closing: ExitStack) -> Make:
-    def made(wake: Callable[[], None] = lambda: None, **options: Any) -> Ros2Input:  # noqa: ANN401 (keys)
+    def made(wake: Callable[[], None] = lambda: None, **options: Any) -> Device:  # noqa: ANN401 (keys)
         context = PluginContext(name="remote", robot=ROBOT, folder=Path(), wake=wake)
-        device = Ros2Input(Ros2InputConfig(domain=domain, **options), context)
+        device = Device(Ros2InputConfig(domain=domain, **options), context)
         closing.callback(device.close)
         device.read(0.0)
         return device
@@ -334,10 +346,10 @@ def test_the_process_ends_with_the_run(domain: int, closing: ExitStack) -> None:
     assert seen.problems == []
 
 
-def sample(device: Ros2Input, now: float) -> OperatorInput:
+def sample(device: Device) -> OperatorInput:
     """The one after something has arrived."""
-    until(lambda: device._arrived or device._enables or device._asked)
-    return device.read(now)
+    until(lambda: not device._mailbox.is_empty)
+    return device.read_at(device.time)
 
 
 @pytest.mark.parametrize("reliable", [True, pytest.param(False, marks=pytest.mark.exhaustive)])
@@ -347,10 +359,10 @@ def test_a_command_drives_while_it_is_fresh(domain: int, closing: ExitStack, mak
     other.begin()
     until(lambda: other.meets("/cmd_vel") and device._heard()[0])
     other.say("/cmd_vel", linear={"x": 2.0})
-    first = sample(device, 2.0)
+    first = sample(device)
     assert (first.speed, first.enabled, first.neutral, first.age) == (0.4, True, False, 0.0)
-    assert device.read(2.3).age == pytest.approx(0.3)
-    gone = device.read(2.6)
+    assert device.read_at(0.3).age == pytest.approx(0.3)
+    gone = device.read_at(0.6)
     assert (gone.speed, gone.enabled, gone.neutral, gone.age) == (0.0, False, True, 0.0)
 
 
@@ -364,11 +376,11 @@ def test_a_stop_is_always_obeyed_and_the_rest_where_it_is_allowed(domain: int, c
     until(lambda: all(other.meets(topic) for topic, _ in topics[:3]))
     assert not other.meets("/acknowledge")
     other.say("/stop")
-    assert (sample(device, 1.0).requests, woken) == ((Request.QUICKSTOP,), [True])
+    assert (sample(device).requests, woken) == ((Request.QUICKSTOP,), [True])
     other.say("/arm")
-    assert sample(device, 1.1).requests == (Request.ARM,)
+    assert sample(device).requests == (Request.ARM,)
     other.say("/enable", data=True)
-    assert sample(device, 1.2).buttons == (True,)
+    assert sample(device).buttons == (True,)
 
 
 def test_a_goal_is_passed_on_once(domain: int, closing: ExitStack, make: Make) -> None:
@@ -378,11 +390,11 @@ def test_a_goal_is_passed_on_once(domain: int, closing: ExitStack, make: Make) -
     until(lambda: other.meets("/goal_pose"))
     pose = {"position": {"x": 1.5}, "orientation": {"w": 1.0}}
     other.say("/goal_pose", header={"frame_id": "map"}, pose=pose)
-    until(lambda: device._places["goal_pose"])
-    assert (device.read(1.0).goal, device.read(1.02).goal) == (Pose(x=1.5), None)
+    until(lambda: not device._mailbox.is_empty)
+    assert (device.read_at(0.0).goal, device.read_at(0.02).goal) == (Pose(x=1.5), None)
     other.say("/goal_pose", header={"frame_id": "base_link"}, pose=pose)
-    until(lambda: device._places["goal_pose"])
-    assert device.read(1.04).goal is None
+    until(lambda: not device._mailbox.is_empty)
+    assert device.read_at(0.04).goal is None
     assert device.take_problems() == [("NET-14", "goal_pose: it is in the frame 'base_link', and map is needed")]
 
 
@@ -407,7 +419,7 @@ def test_a_command_that_is_too_long_is_dropped_and_told(domain: int, closing: Ex
     until(lambda: words, lambda: words.extend(filter(None, [device.show(TICKS[0])])))
     assert words == ["a message of /cmd_vel is dropped: it has more than 16384 bytes"]
     other.say("/cmd_vel", twist={"linear": {"x": 0.2}})
-    assert sample(device, 1.0).raw == (0.2, 0.0)
+    assert sample(device).raw == (0.2, 0.0)
 
 
 def test_without_its_process_an_input_is_lost(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -416,11 +428,11 @@ def test_without_its_process_an_input_is_lost(make: Make, monkeypatch: pytest.Mo
     until(lambda: device._node.pid)
     os.kill(device._node.pid or 0, signal.SIGKILL)
     until(lambda: device._node.problem)
-    assert not device.read(1.0).enabled
+    assert not device.read_at(1.0).enabled
     with pytest.raises(DeviceLost, match="its process: killed by SIGKILL"):
-        device.read(5.0)
-    device._ask(Request.QUICKSTOP)
-    assert device.read(5.1).requests == (Request.QUICKSTOP,)
+        device.read_at(5.0)
+    device._mailbox.ask(Request.QUICKSTOP, device.time)
+    assert device.read_at(5.1).requests == (Request.QUICKSTOP,)
 
 
 def test_a_process_that_cannot_be_started_is_told(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -431,7 +443,7 @@ def test_a_process_that_cannot_be_started_is_told(make: Make, monkeypatch: pytes
     device = make()
     until(lambda: device._node.problem)
     with pytest.raises(DeviceLost, match="its process cannot be started: Resource temporarily unavailable"):
-        device.read(5.0)
+        device.read_at(5.0)
 
 
 def test_of_a_flood_the_newest_is_passed_on_now_and_then(domain: int, closing: ExitStack, make: Make) -> None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Mapping, Sequence
 from ipaddress import ip_address
-from typing import Annotated
+from typing import Annotated, ClassVar
 from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field
 
 from artemis.bridges.addresses import ListenAddress, check_listen
 from artemis.bridges.names import NameResolver, check_base_name, check_name, check_namespace
+from artemis.bridges.places import TakenPlace
 from artemis.config import Config
 from artemis.errors import ConfigError
 
@@ -47,26 +49,38 @@ class NodeConfig(Config):
     """The address of this computer at which other nodes reach artemis; 0.0.0.0: any. Others are told ROS_HOSTNAME or
     ROS_IP, if this is not the loopback address. Who reaches it hears everything, and drives where an input is."""
 
-    def checked(self, plugin: str, default: str, environment: Mapping[str, str]) -> tuple[NameResolver, str]:
+    default_node: ClassVar[str] = "artemis"
+    """The node's name, if the mission has none; {} is the plugin's."""
+
+    def checked(self, plugin: str, environment: Mapping[str, str] = os.environ) -> tuple[NameResolver, str]:
         """What resolves the node's names, and the URI of its master. Nothing is left open.
 
         Args:
-            plugin: its name in the mission, for messages.
-            default: the node's name, if the mission has none.
+            plugin: its name in the mission.
             environment: variables of ROS.
 
         Raises:
             ConfigError: a variable is wrong, or this computer has no such address.
         """
-        try:
-            names = NameResolver(
-                self.node or default, self.namespace or _variable("ROS_NAMESPACE", environment), self.remap
-            )
-            master = self.master or _variable("ROS_MASTER_URI", environment)
-        except ValueError as error:
-            raise ConfigError(f"{plugin}: {error}") from None
+        names, master = self._resolved(plugin, environment)
         check_listen(plugin, self.listen)
         return names, master
+
+    def places(self, plugin: str) -> Sequence[TakenPlace]:
+        """A master knows a node only once: the one that was there is told to leave."""
+        try:
+            names, master = self._resolved(plugin, os.environ)
+        except ConfigError:  # that is complained of elsewhere
+            return ()
+        return (TakenPlace("node", f"the node {names.node} of ROS 1", master),)
+
+    def _resolved(self, plugin: str, environment: Mapping[str, str]) -> tuple[NameResolver, str]:
+        node = self.node or self.default_node.format(plugin)
+        try:
+            namespace = self.namespace or _variable("ROS_NAMESPACE", environment)
+            return NameResolver(node, namespace, self.remap), self.master or _variable("ROS_MASTER_URI", environment)
+        except ValueError as error:
+            raise ConfigError(f"{plugin}: {error}") from None
 
     def host(self, environment: Mapping[str, str], this: str) -> str:
         """The name or address that others are told; `this` computer's name, if it listens at any address."""

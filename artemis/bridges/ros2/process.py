@@ -62,7 +62,7 @@ class NodeProcess(KeptProcess):
         self._hashed = distribution != "humble"
         self._writers: list[Endpoint] = []
         self._readers: list[Endpoint] = []
-        self._takers: list[Callable[[bytes, str], None]] = []
+        self._takers: list[Callable[[bytes, str], object]] = []
         self._latched: dict[int, bytes] = {}
         self.state = NodeState([], [], [], 0)
         self._dropped = 0
@@ -76,7 +76,7 @@ class NodeProcess(KeptProcess):
         return len(self._writers) - 1
 
     def subscribe(
-        self, topic: str, type: str, take: Callable[[bytes, str], None], *, reliable: bool = True, depth: int = 10
+        self, topic: str, type: str, take: Callable[[bytes, str], object], *, reliable: bool = True, depth: int = 10
     ) -> int:
         """Hear a topic: `take` is called in a thread, with each message and who sent it.
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from artemis.bridges.addresses import ListenAddress
+from artemis.bridges.addresses import ListenAddress, check_listen
+from artemis.bridges.places import TakenPlace, port_place
 from artemis.bridges.ros_types import Ros2Types
 from artemis.bridges.stamps import Stamps
 from artemis.bridges.topics import Topics
@@ -40,6 +42,10 @@ class FoxgloveObserverConfig(Config):
     queue: Annotated[int, Field(ge=1, le=10_000)] = QUEUE
     """Messages that wait for a slow viewer; then the oldest are dropped."""
 
+    def places(self, name: str) -> Sequence[TakenPlace]:
+        """Its port."""
+        return port_place(self.listen, self.port)
+
 
 class FoxgloveObserver:
     """A server that tells what it sees. In a run its port is taken when it is made. It takes no commands."""
@@ -59,6 +65,7 @@ class FoxgloveObserver:
         for package in ("foxglove", "rosbags"):
             if find_spec(package) is None:
                 raise ConfigError(f"{context.name}: plugin: foxglove needs the package {package}: {INSTALL}")
+        check_listen(context.name, config.listen)
         self._stamps, self._types = Stamps(), Ros2Types(TYPES)
         self._topics = Topics(context.robot, context.routes, every=config.every, map=context.map)
         self._channels: dict[str, Channel] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Annotated, ClassVar
 
 from pydantic import Field
@@ -20,9 +19,6 @@ from artemis.devices.can_bus import Traffic
 from artemis.motion.totals import total
 from artemis.plugins.contracts import PluginContext
 from artemis.values import Tick
-
-NODE = "artemis"
-"""The name of the node, if the mission has none."""
 
 
 class Ros1ObserverConfig(NodeConfig):
@@ -52,7 +48,7 @@ class Ros1Observer:
             ConfigError: the extra is not installed, this computer has no such address, or a variable of ROS is wrong.
         """
         require_packages(context.name, "ros1", "rosbags")
-        config.checked(context.name, NODE, os.environ)
+        config.checked(context.name)
         self._config, self._name = config, context.name
         self._topics = Topics(
             context.robot, context.routes, every=config.every, transforms=config.transforms, map=context.map
@@ -89,7 +85,7 @@ class Ros1Observer:
             self._thread.close()
 
     def _begun(self) -> NodeThread:
-        thread = NodeThread(self._config, self._name, NODE)
+        thread = NodeThread(self._config, self._name)
         for topic in self._topics.topics:
             self._resolved[topic.name] = resolved = thread.names.resolve(topic.name)
             text, md5 = self._types.definition(topic.type)
