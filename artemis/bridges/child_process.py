@@ -100,6 +100,8 @@ class Restarts:
         self._clock = clock
         self._begun, self._again = clock(), -inf
         self._works = False
+        self.fails = False
+        """The last one ended before it worked."""
         self._pause = 0.0
         self._ended: float | None = None
         self._words: list[tuple[float, str]] = []
@@ -120,7 +122,7 @@ class Restarts:
         now = self._clock()
         if self._ended is not None:
             self._words.append((self._ended + APART, f"it is back after {now - self._ended:.1f} s{missed}"))
-        self._works, self._pause, self._ended = True, 0.0, None
+        self._works, self.fails, self._pause, self._ended = True, False, 0.0, None
 
     def ended(self, why: str) -> None:
         """It has ended, or could not be begun."""
@@ -133,7 +135,7 @@ class Restarts:
         else:
             self._again = now + self._pause
             self._pause = min(max(2 * self._pause, SOONEST / 2), LONGEST_PAUSE)
-        self._works = False
+        self._works, self.fails = False, not self._works
 
     def take(self) -> list[str]:
         """What there is to say since the last call."""

@@ -18,7 +18,7 @@ from unittest.mock import patch
 
 from artemis import clock
 from artemis.app import run_mission
-from artemis.bridges.operator.link_process import _ENCODER, LinkProcess, LinkSettings, serve
+from artemis.bridges.operator.link_process import LinkProcess, LinkSettings, serve
 from artemis.bridges.operator.operator_end import OperatorEnd
 from artemis.bridges.operator.pairing import write_secret
 from artemis.clock import cpu_time, stopwatch, until
@@ -96,24 +96,30 @@ class LinkThread(LinkProcess):
     """The same link in a thread of the run's process: what it is compared with."""
 
     def __init__(self, listening: socket.socket, settings: LinkSettings) -> None:
-        self._ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        for each in (self._ours, theirs):
+        self._thread: threading.Thread | None = None
+        super().__init__(listening, settings)
+
+    def _begin(self) -> None:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        for each in (ours, theirs):
             each.setblocking(False)
-        self._loop = None
-        self._thread = threading.Thread(target=self._serve, args=(listening, theirs), daemon=True)
+        self._thread = threading.Thread(target=self._serve, args=(self._listening, theirs), daemon=True)
         self._thread.start()
-        self._ours.send(_ENCODER.encode(settings))
+        ours.send(self._first)
+        self._ours = ours
 
     def tell(self, status: bytes) -> None:
         """What the robot does, for the operator."""
-        with suppress(OSError):
-            self._ours.send(status)
+        if self._ours is not None:
+            with suppress(OSError):
+                self._ours.send(status)
 
     def close(self) -> None:
         """End it."""
-        self._forget()
-        self._ours.close()
-        self._thread.join(5.0)
+        if self._ours is not None:
+            self._forget(self._ours)
+        if self._thread is not None:
+            self._thread.join(5.0)
 
     @staticmethod
     def _serve(listening: socket.socket, port: socket.socket) -> None:
