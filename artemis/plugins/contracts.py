@@ -54,8 +54,7 @@ class PluginContext:
     """Asks for an extra tick now, off the schedule, in which every input is read: for a stop button that was pressed.
     May be called from any thread."""
     typed: Callable[[Callable[[bytes], None]], bool] = lambda listener: False
-    """Has `listener` called with whatever is typed at the terminal of the run, and with nothing once that is closed.
-    False: nobody is at a terminal."""
+    """Has `listener` called with what is typed at the run's terminal, with nothing once that is closed; False: none."""
     true_pose: Callable[[], tuple[float, Pose]] | None = None
     """Run time [s] and where a simulated robot truly is then, in the world's frame: for a localizer that simulates one.
     None: nobody knows."""

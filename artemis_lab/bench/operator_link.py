@@ -31,6 +31,7 @@ from artemis.plugins.inputs import network
 from artemis.plugins.inputs.network import NetworkConfig, NetworkInput
 from artemis.values import Mode, OperatorInput, Tick
 from artemis.vehicle import RobotFile
+from artemis_lab.bench.ports import free_port
 from artemis_lab.injections.damaged_link import DamagingProxy
 
 PERIOD = 0.02
@@ -225,11 +226,3 @@ async def _send(protocol: _RobotProtocol) -> None:
 def _link(*, thread: bool) -> Iterator[None]:
     with patch.object(network, "LinkProcess", LinkThread if thread else LinkProcess):
         yield
-
-
-def free_port() -> int:
-    """A TCP port of this computer that nobody uses now."""
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        port: int = found.getsockname()[1]
-        return port

@@ -17,7 +17,6 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 sys.path.append(str(Path(__file__).parents[1] / "unit"))
-from ports import free_port
 from programs import bridge_of, until
 
 from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types, ros1_name
@@ -30,6 +29,7 @@ from artemis.plugins.observers.ros1 import Ros1Observer, Ros1ObserverConfig
 from artemis.testing.observers import ObserverContract
 from artemis.values import OperatorInput, Pose
 from artemis.vehicle import RobotFile
+from artemis_lab.bench.ports import free_port
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 TF_ECHO = Path("/usr/lib/tf/tf_echo")

@@ -16,9 +16,10 @@ import pytest
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
 pytest.importorskip("roslibpy", reason="needs the package roslibpy")
 sys.path.append(str(Path(__file__).parents[1] / "unit"))
-from ports import free_port
 from programs import bridge_of, until
 from websockets.sync.client import connect
+
+from artemis_lab.bench.ports import free_port
 
 ROOT = Path(__file__).parents[2]
 LONG = 60.0

@@ -8,11 +8,10 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
-from ports import free_port
-
 from artemis.bridges.ros1.connections import Connections
 from artemis.bridges.ros1.tcpros import framed, pack_header, parse_header, read_block
 from artemis.bridges.ros1.xmlrpc import BROKEN, CallError, XmlRpcServer, call
+from artemis_lab.bench.ports import free_port
 
 Answer = TypeVar("Answer")
 

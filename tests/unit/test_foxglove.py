@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from ports import free_port
+
+from artemis_lab.bench.ports import free_port
 
 pytest.importorskip("foxglove", reason="needs the extra foxglove: pip install 'artemis-robot[foxglove]'")
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")

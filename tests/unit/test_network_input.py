@@ -18,7 +18,6 @@ import msgspec
 import pytest
 from link_rig import DRIVING, NEUTRAL, ROBOT, SECRET, Net, driving
 from msgspec.structs import replace
-from ports import free_port
 
 from artemis import clock
 from artemis.bridges import child_process
@@ -43,6 +42,7 @@ from artemis.plugins.stated import stale_limit
 from artemis.testing.contracts import InputContract
 from artemis.testing.observers import ObserverContract
 from artemis.values import OperatorInput, Request
+from artemis_lab.bench.ports import free_port
 
 TICKS = list(ObserverContract().ticks())
 MISSIONS = Path(__file__).parents[2] / "missions"

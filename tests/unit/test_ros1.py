@@ -12,8 +12,9 @@ from time import thread_time
 from typing import Any
 
 import pytest
-from ports import free_port
 from ros1_rig import Master, Peer
+
+from artemis_lab.bench.ports import free_port
 
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 

@@ -11,9 +11,10 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from ports import free_port
 from pydantic import ValidationError
 from ros1_rig import Master, Peer, Publisher
+
+from artemis_lab.bench.ports import free_port
 
 pytest.importorskip("rosbags", reason="needs the extra ros: pip install 'artemis-robot[ros]'")
 

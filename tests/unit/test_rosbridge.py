@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 import pytest
 from msgspec.structs import replace as replace_fields
-from ports import free_port
 from pydantic import ValidationError
+
+from artemis_lab.bench.ports import free_port
 
 pytest.importorskip("websockets", reason="needs the extra web: pip install 'artemis-robot[web]'")
 from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from typing import Annotated, ClassVar, Literal, Self
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, ClassVar, Literal, Protocol, Self
 
 from pydantic import Field, model_validator
 
@@ -93,6 +93,23 @@ class Ros1CommandKeys(CommandKeys):
     """What the commands are."""
     topic: GraphName | None = None
     """Of the commands; if left out: cmd_vel, or ackermann_cmd."""
+
+
+class NodeKeys(Protocol):
+    """Of an input that is commanded, and a node."""
+
+    @property
+    def commands(self) -> str:
+        """Its topic."""
+
+    @property
+    def node(self) -> str | None:
+        """Its name; None: that of the input."""
+
+
+def may_share(one: NodeKeys, other: NodeKeys, _files: Mapping[str, bytes]) -> bool:
+    """Whether both hear one topic, or are one node."""
+    return one.commands == other.commands or (one.node is not None and one.node == other.node)
 
 
 class CommandedInput(ABC):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -15,7 +15,7 @@ from artemis.bridges.ros_types import TRIGGER_MD5, Ros1Types, require_packages, 
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.inputs.commanded import CommandedInput, Ros1CommandKeys
+from artemis.plugins.inputs.commanded import CommandedInput, Ros1CommandKeys, may_share
 
 
 class Ros1InputConfig(Ros1CommandKeys, NodeConfig):
@@ -28,6 +28,7 @@ class Ros1Input(CommandedInput):
     """A node that is commanded."""
 
     Config: ClassVar[type[Config]] = Ros1InputConfig
+    may_share = staticmethod(may_share)
 
     def __init__(self, config: Ros1InputConfig, context: PluginContext, clock: Callable[[], float] = stopwatch) -> None:
         """Take the robot; `clock` of arrivals [s].
@@ -43,11 +44,6 @@ class Ros1Input(CommandedInput):
         self._receiver = Receiver(self._rules, self._definitions, self._mailbox, clock)
         self._thread: NodeThread | None = None
         self._topic = ""
-
-    @staticmethod
-    def may_share(one: Ros1InputConfig, other: Ros1InputConfig, _files: Mapping[str, bytes]) -> bool:
-        """Whether both hear one topic, or are one node."""
-        return one.commands == other.commands or (one.node is not None and one.node == other.node)
 
     def close(self) -> None:
         """Unregister."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar, Literal
 
 from artemis.bridges.child_process import ENDED
@@ -13,7 +13,7 @@ from artemis.bridges.ros_types import require_packages
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.plugins.contracts import PluginContext
-from artemis.plugins.inputs.commanded import CommandedInput, CommandKeys
+from artemis.plugins.inputs.commanded import CommandedInput, CommandKeys, may_share
 from artemis.values import Tick
 
 
@@ -35,6 +35,7 @@ class Ros2Input(CommandedInput):
     """A node that is commanded."""
 
     Config: ClassVar[type[Config]] = Ros2InputConfig
+    may_share = staticmethod(may_share)
 
     def __init__(self, config: Ros2InputConfig, context: PluginContext, clock: Callable[[], float] = stopwatch) -> None:
         """Take the robot; `clock` of arrivals [s].
@@ -56,11 +57,6 @@ class Ros2Input(CommandedInput):
                 number = node.subscribe(resolved, type, take, reliable=False, depth=1)
                 self._number = number if topic == config.commands else self._number
         self._told: set[str] = set()
-
-    @staticmethod
-    def may_share(one: Ros2InputConfig, other: Ros2InputConfig, _files: Mapping[str, bytes]) -> bool:
-        """Whether both hear one topic, or are one node."""
-        return one.commands == other.commands or (one.node is not None and one.node == other.node)
 
     def show(self, tick: Tick) -> str:
         """Nothing is answered in ROS 2; tells of publishers that are refused."""
