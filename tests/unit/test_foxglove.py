@@ -128,6 +128,28 @@ def test_a_viewer_hears_odometry_scan_transforms_and_what_was_told_before_it_cam
     assert observer.take_problems() == []
 
 
+def test_a_viewer_that_is_too_slow_is_told_once(observer: FoxgloveObserver) -> None:
+    problems: list[tuple[str, str, str]] = []
+    with ExitStack() as ends:
+        viewer = Viewer(observer.port)
+        ends.callback(viewer.close)
+        viewer.learn(len(observer._channels))
+        viewer.subscribe("/odom")
+        while not observer._channels["odom"].has_sinks():
+            pass
+        observer.see(TICKS[0], (), 0.0)
+        assert observer.take_problems() == []
+        while not problems:  # nobody reads
+            observer._channels["odom"].log(bytes(1 << 19))
+            problems += observer.take_problems()
+        for _ in range(100):
+            observer._channels["odom"].log(bytes(1 << 19))
+            problems += observer.take_problems()
+    assert problems == [("NET-12", "fox", "a viewer is too slow: messages for it are dropped")]
+    observer.close()
+    assert observer.take_problems() == []
+
+
 def test_a_port_in_use_is_refused_before_the_run_and_not_when_a_mission_is_checked(
     observer: FoxgloveObserver, tmp_path: Path
 ) -> None:
