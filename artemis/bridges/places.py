@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
-from artemis.yaml_file import KeyPath
+if TYPE_CHECKING:
+    from artemis.yaml_file import KeyPath
 
 
 class TakenPlace(NamedTuple):

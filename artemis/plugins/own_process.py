@@ -89,6 +89,11 @@ class ObserverProcess:
         """Of the process; None: there is none at present."""
         return None if self._child is None else self._child.pid
 
+    @property
+    def works(self) -> bool:
+        """There is one, and its observer is made."""
+        return (child := self._child) is not None and child.made
+
     def wait(self) -> None:
         """Wait until the observer is made, before the first tick.
 

@@ -66,8 +66,8 @@ class Ticks:
             self.speeds.append(tick.wish.command.speed)
             self.cpu.append(cpu_time())
 
-    def latencies(self) -> list[float]:
-        """From each report that came in no flood to the frames that carry it [s], but for what the tick was late."""
+    def latencies(self) -> list[tuple[float, float]]:
+        """From each report that came in no flood to the frames that carry it, and how late that tick began [s]."""
         found = []
         for time, speed in self.reports:
             if any(begun - 0.5 <= time <= ended + 0.5 for begun, ended in self.floods):
@@ -77,7 +77,7 @@ class Ticks:
                 continue  # the one before never came: this one changes nothing
             after = [n for n in range(place, min(place + 50, len(self.times))) if self.speeds[n] == speed]
             if after:
-                found.append(self.times[after[0]] - self.late[after[0]] - time)
+                found.append((self.times[after[0]] - time, self.late[after[0]]))
         return found
 
     def split(self, values: list[float]) -> tuple[list[float], list[float]]:
