@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from math import inf
 from tempfile import TemporaryFile
+from threading import Lock
 
 from artemis.clock import stopwatch
 
@@ -104,6 +105,8 @@ class Restarts:
         """The last one ended before it worked."""
         self._pause = 0.0
         self._ended: float | None = None
+        self._lock = Lock()
+        """What there is to say may be asked for in another thread."""
         self._words: list[tuple[float, str]] = []
 
     @property
@@ -121,7 +124,8 @@ class Restarts:
             return
         now = self._clock()
         if self._ended is not None:
-            self._words.append((self._ended + APART, f"it is back after {now - self._ended:.1f} s{missed}"))
+            with self._lock:
+                self._words.append((self._ended + APART, f"it is back after {now - self._ended:.1f} s{missed}"))
         self._works, self.fails, self._pause, self._ended = True, False, 0.0, None
 
     def ended(self, why: str) -> None:
@@ -129,7 +133,8 @@ class Restarts:
         now = self._clock()
         if self._ended is None:
             self._ended = now
-            self._words = [(now, f"{why}; it is started again")]
+            with self._lock:
+                self._words = [(now, f"{why}; it is started again")]
         if self._works:
             self._again = max(now, self._begun + SOONEST)
         else:
@@ -140,6 +145,7 @@ class Restarts:
     def take(self) -> list[str]:
         """What there is to say since the last call."""
         now = self._clock()
-        due = [words for at, words in self._words if now >= at]
-        self._words = [(at, words) for at, words in self._words if now < at]
+        with self._lock:
+            due = [words for at, words in self._words if now >= at]
+            self._words = [(at, words) for at, words in self._words if now < at]
         return due
