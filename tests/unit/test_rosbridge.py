@@ -334,6 +334,7 @@ def test_a_page_of_another_site_is_refused_and_one_that_is_named_is_not(run: Run
     assert run.client(device).ask("/stop")["result"]
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("through", [False, True])
 def test_a_client_drives_and_stops_and_asks_for_what_is_allowed(run: Run, through: bool) -> None:
     woken: list[bool] = []
@@ -363,6 +364,7 @@ def test_a_client_drives_and_stops_and_asks_for_what_is_allowed(run: Run, throug
     assert sum(Request.DONE in sample.requests for sample in device.samples) == 1
 
 
+@pytest.mark.realtime
 def test_a_goal_is_passed_on_and_its_sender_told_why_one_is_refused(run: Run) -> None:
     device = run.input(allow=["goal_pose", "arm"])
     client = run.settled(run.client(device))
@@ -379,6 +381,7 @@ def test_a_goal_is_passed_on_and_its_sender_told_why_one_is_refused(run: Run) ->
     assert client.hear()["msg"].startswith("/initialpose is not heard here")
 
 
+@pytest.mark.realtime
 def test_of_two_clients_the_first_that_drives_has_the_robot(run: Run) -> None:
     device = run.input(allow=["arm"])
     one, other = run.settled(run.client(device)), run.settled(run.client(device))
