@@ -198,15 +198,11 @@ class CommandedInput(ABC):
     def show(self, tick: Tick) -> str:
         """Answer who called a service, now that it is known what became of it."""
         asked, self._asked = self._asked, []
-        taken = {
-            request for each in tick.snapshot.sensed.inputs if each.source == self._name for request in each.requests
-        }
+        samples = [sample for sample in tick.snapshot.sensed.inputs if sample.source == self._name]
         for each in asked:
-            why = (
-                self._ignored(each.request, tick)
-                if each.request in taken
-                else "the input is lost, or was sent what cannot be used"
-            )
+            why: str | None = "the input is lost, or was sent what cannot be used"
+            if any(each.request in sample.requests for sample in samples):
+                why = self._ignored(each.request, tick)
             words = "requested" if why is None else f"ignored, {why}"
             self._answer(each.numbers, why is None, f"{_NAMES[each.request]}: {words}")
         return ""
