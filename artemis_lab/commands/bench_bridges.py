@@ -11,9 +11,12 @@ from statistics import median
 import typer
 
 from artemis_lab.bench.killed_bridges import kill_bridges
+from artemis_lab.bench.rosbridge_flood import flooded
 
 BACK = 2.0
 """A bridge is back after so long at the worst [s]."""
+LATER, CLIENTS, FLOODS = 0.001, 8, 15
+"""A tick begins later by a flood at p99 [s]; clients, and floods of 2 s."""
 NEEDS = {"ros1": "rosbags", "ros2": "cyclonedds", "rosbridge": "websockets", "foxglove": "foxglove"}
 """Packages of the bridges."""
 
@@ -33,13 +36,30 @@ def measure(robot: Path, kills: int, seed: int) -> bool:
     _tell("ticks begin late while one is started again", figures.restarting)
     for fault, time in figures.stops.items():
         typer.echo(f"the robot was stopped after {time:.1f} s: {fault}: EXCEEDED")
+    if "rosbridge" in bridges:
+        held.append(_tell_flood(robot))
     typer.echo(f"load after: {os.getloadavg()[0]:.1f}")
     return all(held) and not figures.stops
 
 
-def _tell(what: str, late: Sequence[float]) -> None:
+def _tell_flood(robot: Path) -> bool:
+    """What a flood of rosbridge's clients costs the ticks; whether it is as it has to be."""
+    ticks = flooded(robot, CLIENTS, FLOODS)
+    quiet, poured = ticks.split(ticks.late)
+    _tell("ticks begin late with the input rosbridge, quiet", quiet)
+    later = _tell(f"the same, flooded by {CLIENTS} clients", poured) - _tail(quiet)
+    held = later <= LATER
+    typer.echo(f"a tick begins later by that, p99: {later * 1e3:+.1f} ms (at most +1){'' if held else ': EXCEEDED'}")
+    return held
+
+
+def _tell(what: str, late: Sequence[float]) -> float:
+    """Print how late; returns the 99th percentile [s]."""
     ordered = sorted(late) or [float("nan")]
-    middle, tail, worst = (
-        ordered[min(int(share * len(ordered)), len(ordered) - 1)] * 1e3 for share in (0.5, 0.99, 1.0)
-    )
+    middle, tail, worst = ordered[len(ordered) // 2] * 1e3, _tail(late) * 1e3, ordered[-1] * 1e3
     typer.echo(f"{what} ({len(late)}): median {middle:.1f}, p99 {tail:.1f}, worst {worst:.1f} ms")
+    return _tail(late)
+
+
+def _tail(late: Sequence[float]) -> float:
+    return sorted(late)[int(0.99 * len(late))] if late else float("nan")
