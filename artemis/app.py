@@ -46,6 +46,7 @@ from artemis.recording.run_folder import RunFolder
 from artemis.robot import Core, Robot
 from artemis.run_record import RunRecord, files_of, provenance_of
 from artemis.states.plan import Plan, Results, with_behaviours, with_followers
+from artemis.states.requests import ignored
 from artemis.supervision import catalogue
 from artemis.values import Fault, Pose, Severity, Tick
 
@@ -232,9 +233,8 @@ class _Run:
         devices: dict[str, InputDevice] = {}
         with ExitStack() as made:  # where one cannot be made, those before are closed
             for name, use in inputs_used(self.loaded, self.simulated).items():
-                setup = replace(
-                    setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear, real_time=self.record.threaded
-                )
+                setup = replace(setup_for(self.loaded, name), wake=wake, typed=self.attendance.hear, ignored=ignored)
+                setup = replace(setup, real_time=self.record.threaded)
                 devices[name] = self._made(name, "artemis.inputs", use, setup)
                 made.callback(devices[name].close)
             made.pop_all()

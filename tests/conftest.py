@@ -27,7 +27,8 @@ PROGRAMS = ("browser", "e2e", "peers")
 """Folders of tests that drive other programs, or artemis as a program."""
 SKIPPED = "artemis/skipped"
 """Where pytest's cache has the tests, or their files, that the last complete run skipped."""
-SKIPPED_IN_CI = ("/dev/u", "vcan0", "too busy for real time", "ARTEMIS_SLAM_DATA", "root reads", "built by scripts/")
+FETCHED = ("built by scripts/serial_peers", "libLMS1xx: built by scripts/scanner_peers")
+SKIPPED_IN_CI = ("/dev/u", "vcan0", "too busy for real time", "ARTEMIS_SLAM_DATA", "root reads", *FETCHED)
 """Parts of the reasons for which the continuous integration may skip a test: hardware, the load, data that may
 not be copied, and programs whose sources are fetched from their authors."""
 

@@ -18,7 +18,6 @@ from typing import ClassVar
 
 import httpx
 import pytest
-from ports import free_port
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
@@ -35,6 +34,7 @@ from artemis.planning import localizer_of, setup_for
 from artemis.plugins.inputs.page import PageInput, PageInputConfig
 from artemis.run_record import known_map
 from artemis.values import OperatorInput, Tick
+from artemis_lab.bench.ports import free_port
 
 MISSIONS = Path(__file__).parents[1] / "missions"
 PERIOD = 0.02

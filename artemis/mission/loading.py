@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from artemis.bridges.places import clashing
 from artemis.bridges.poses import INITIAL_POSE
 from artemis.config import Config
 from artemis.errors import ConfigError
@@ -151,7 +152,7 @@ class _Loading(SurroundingsChecks):
         self._check_faults(robot, inputs)
         self._check_policies()
         if robot is not None and tried:
-            self._check_inputs(robot)
+            self._check_inputs(robot, mission)
         if mission is not None and tried:
             self._check_record(mission.record)
         tree = self._tree(mission)
@@ -218,12 +219,16 @@ class _Loading(SurroundingsChecks):
                 self._plugin("artemis.localizers", *at, "localizer")
         return inputs
 
-    def _check_inputs(self, robot: RobotFile) -> None:
-        """What is wrong in the files of inputs that open nothing, and in keys of which nobody has complained yet."""
+    def _check_inputs(self, robot: RobotFile, mission: Mission | None) -> None:
+        """What is wrong in the files of plugins that open nothing, and in keys of which nobody has complained yet."""
         from artemis.mission.trial import trial
 
+        for at, problem in clashing(self._plugins):
+            self._complain(at, problem)
+        words = b"" if mission is None else mission.model_dump_json(by_alias=True).encode()
+        base = PluginContext(name="", robot=robot, folder=self._folder, files=self._files, mission=words)
         for path, (plugin, config) in self._plugins.items():
-            context = PluginContext(name=str(path[-1]), robot=robot, folder=self._folder, files=self._files)
+            context = replace(base, name=str(path[-1]))
             for key, problem in trial(plugin, config, context) if is_pure(plugin) else ():
                 place = self._document.problem((*path, *key), "")
                 if not key:

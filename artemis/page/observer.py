@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+from collections.abc import Sequence
 from importlib.util import find_spec
 from ipaddress import ip_address
 from pathlib import Path
@@ -16,6 +17,7 @@ from artemis.bridges.addresses import ListenAddress, bound
 from artemis.bridges.complaints import Complaints
 from artemis.bridges.loop_thread import LoopThread
 from artemis.bridges.operator.server import tls_context
+from artemis.bridges.places import TakenPlace, port_place
 from artemis.clock import stopwatch
 from artemis.config import Config
 from artemis.devices.can_bus import Traffic
@@ -56,6 +58,10 @@ class PageObserverConfig(Config):
     """The name of the mission's input with `plugin: page` that is given what operators want."""
     started_by_page: bool = False
     """`artemis page` started the run; it holds the port, too, and answers there before and after."""
+
+    def places(self, name: str) -> Sequence[TakenPlace]:
+        """Its port."""
+        return port_place(self.listen, self.port)
 
     @model_validator(mode="after")
     def _encrypted(self) -> Self:
@@ -192,7 +198,7 @@ class _ServerThread(LoopThread):
 
     def put(self, update: dict[str, Any]) -> None:
         """Tell browsers. Never waits."""
-        self._soon(self._put, update)
+        self.hand_over(self._put, update)
 
     def _put(self, update: dict[str, Any]) -> None:
         if self._hub is not None:

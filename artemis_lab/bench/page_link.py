@@ -21,7 +21,7 @@ from artemis.errors import ArtemisError
 from artemis.mission.loading import load_mission
 from artemis.page.access import key_place, new_code, read_key
 from artemis.values import Tick
-from artemis_lab.bench.operator_link import free_port
+from artemis_lab.bench.ports import free_port
 
 DRIVEN = {"mission": "driven", "bus": "simulation", "steps": [{"wait": {"seconds": 60}}]}
 """The run whose report is made meanwhile."""

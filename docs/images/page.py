@@ -23,9 +23,9 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1] / "tests"))
 
 from page_rig import MISSIONS, PageRig, page_rig, recorded  # noqa: E402
-from ports import free_port  # noqa: E402
 
 from artemis.values import Mode, Tick  # noqa: E402
+from artemis_lab.bench.ports import free_port  # noqa: E402
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
 DESKTOP = {"viewport": {"width": 1280, "height": 800}}

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 from browser import chromium, own_key, run
 from command_line import MISSIONS, read_until, started
-from ports import free_port
+
+from artemis_lab.bench.ports import free_port
 
 pytestmark = [pytest.mark.realtime, pytest.mark.timeout(300)]
 TAKES = 90_000

@@ -85,10 +85,23 @@ def test_the_continuous_integration_runs_with_the_extras_what_make_test_skipped(
     assert "1 passed" in done.stdout
 
 
-def test_the_continuous_integration_skips_what_needs_hardware(tmp_path: Path) -> None:
-    lacking = SKIPPING.format(lacks=True, reason="/dev/uhid: is missing")
+@pytest.mark.parametrize(
+    ("reason", "status"),
+    [
+        ("/dev/uhid: is missing", 0),
+        ("library of Avalon: built by scripts/serial_peers", 0),
+        ("libLMS1xx: built by scripts/scanner_peers", 0),
+        ("rawlog-grabber of MRPT: installed by scripts/scanner_peers", 1),
+        ("Fast DDS: built by scripts/ros2_peers", 1),
+        ("installed by scripts/ros_peers", 1),
+    ],
+)
+def test_the_continuous_integration_skips_what_needs_hardware_or_is_fetched_from_its_authors(
+    tmp_path: Path, reason: str, status: int
+) -> None:
+    lacking = SKIPPING.format(lacks=True, reason=reason)
     assert pytest_of(tmp_path, "unit", lacking, CI="true").returncode == 0
-    assert pytest_of(tmp_path, "unit", lacking, "--left", CI="true").returncode == 0
+    assert pytest_of(tmp_path, "unit", lacking, "--left", CI="true").returncode == status
 
 
 def test_make_test_all_leaves_nothing_out_and_is_done_every_night() -> None:

@@ -18,10 +18,10 @@ from unittest.mock import patch
 
 import pytest
 from lateness import skip_if_late
-from ports import free_port
 
 from artemis import cli
 from artemis.recording.mcap_reader import Recording
+from artemis_lab.bench.ports import free_port
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 ROBOT = MISSIONS / "robots" / "artemis.yaml"

@@ -23,11 +23,11 @@ from command_line import (
     stream,
     write_mission,
 )
-from ports import free_port
 
 from artemis.mission.loading import load_model
 from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
+from artemis_lab.bench.ports import free_port
 
 pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
 

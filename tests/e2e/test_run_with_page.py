@@ -14,10 +14,11 @@ from typing import Any
 import httpx
 import pytest
 from command_line import MISSIONS, ROBOT, artemis_here, read_until, started
-from ports import free_port
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
+
+from artemis_lab.bench.ports import free_port
 
 MISSION = """
 mission: page-teleop

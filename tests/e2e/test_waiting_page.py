@@ -16,13 +16,13 @@ from typing import Any, Self
 import httpx
 import pytest
 from command_line import MISSIONS, artemis_here, assert_left_at_rest, only_run, read_until, started
-from ports import free_port
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from artemis.commands.run import run_and_report
 from artemis.errors import ConfigError
+from artemis_lab.bench.ports import free_port
 
 MISSION = """
 # Straight on.

@@ -14,6 +14,8 @@ from rig import CALIBRATE, TELEOP, TICK, Rig, Run, standing, write_mission
 
 from artemis.bridges.operator.session import FRESH
 from artemis.recording.mcap_reader import Recording
+from artemis.robot import LIMITED_SPEED
+from artemis.supervision import catalogue
 from artemis.values import Mode, OperatorInput, Request, Severity
 
 pytestmark = pytest.mark.short_alignment
@@ -99,6 +101,32 @@ def test_a_cut_link_stops_the_robot(tmp_path: Path, phase: float) -> None:
     assert run.status == 1, "nobody is there to go on"
     assert standing(run.world.truth)
     assert run.recompute().difference is None
+
+
+@pytest.mark.parametrize(
+    ("row", "damage"),
+    [("NET-03", "stall"), ("NET-05", {"loss": 0.3}), ("NET-15", {"delay_s": 0.18})],
+)
+def test_a_poor_link_drives_slowly(tmp_path: Path, row: str, damage: Any) -> None:  # noqa: ANN401
+    driven = Driven(tmp_path)
+    line = driven.alice.to_robot
+    if damage == "stall":
+        for number in range(30):  # waves: what waits for 0.12 s comes at once
+            driven.do(AT + 0.14 * number, lambda: setattr(line, "stall", True))
+            driven.do(AT + 0.14 * number + 0.12, lambda: setattr(line, "stall", False))
+    else:
+        for name, value in damage.items():
+            driven.do(AT, lambda name=name, value=value: setattr(line, name, value))  # type: ignore[misc]
+    run = driven.at(AT + 6.0, driven.alice, done()).rig.run()
+    assert (run.status, run.fault_ids) == (0, [row])
+    noticed = run.first(lambda seen: any(fault.id == row for fault in seen.tick.snapshot.verdict.faults))
+    assert noticed.tick.snapshot.verdict.severity is Severity.LIMIT
+    within = catalogue.ROWS[row].within
+    assert noticed.time - AT <= within
+    assert Mode.QUICKSTOP not in run.modes
+    limited = [abs(seen.tick.set_points.speed) for seen in run.seen if noticed.time + 0.3 < seen.time < AT + 3.0]
+    assert max(limited) == pytest.approx(LIMITED_SPEED)
+    assert max(seen.tick.set_points.speed for seen in run.seen if seen.time < AT) == pytest.approx(0.4)
 
 
 def test_latency_stops_the_robot(tmp_path: Path) -> None:
