@@ -27,8 +27,8 @@ _ON, _UNKNOWN, _ENABLED, _OPERATIONAL = (
 )
 
 FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED, DriveState.FAULT_REACTION_ENABLED)
-POWER_LOST = frozenset({0x3220, 0x8A88})
-"""EMCY codes of a power stage that has nothing to work with: under-voltage, and an EPOS4's open safe torque off."""
+POWER_LOST = "DRV-04", "DRV-29"
+"""Rows of a power stage that has nothing to work with: under-voltage, and open safe torque off."""
 TOGETHER = 0.04
 """Drives that lose their power within this time [s] lost it for one reason."""
 PRODUCER = 0x700
@@ -133,8 +133,13 @@ class DriveMeasures:
 class HostMeasures:
     """The bus, the schedule, the drives' messages and the inputs: watched at all times."""
 
-    def __init__(self, host_node_id: int) -> None:
-        self._heartbeat = PRODUCER + host_node_id
+    def __init__(self, robot: RobotFile) -> None:
+        self._heartbeat = PRODUCER + robot.host_node_id
+        self._power_lost = {
+            name: frozenset(code for code, row in errors.items() if row in POWER_LOST)
+            for name, errors in robot.errors.items()
+        }
+        """By drive: its EMCY codes that say so."""
         self._malformed, self._stray, self._emergencies = Rate(1.0), Rate(1.0), Rate(1.0)
         self._errors, self._jumps = Rate(0.1), Rate(0.5)
         self._supply_lost: dict[str, float] = {}
@@ -190,7 +195,7 @@ class HostMeasures:
                 readings.append(("COM-09", name, 1.0, ""))
         if number := self._emergencies.count(name, len(drive.emergencies), now):
             readings.append(("DRV-33", name, float(number), f"{number} in a second"))
-        if not POWER_LOST.isdisjoint(drive.emergencies):
+        if drive.emergencies and not self._power_lost[name].isdisjoint(drive.emergencies):
             self._supply_lost[name] = now
         return readings
 
