@@ -90,6 +90,7 @@ class JobKind(Enum):
     REFERENCE = "reference"  # the wheel stands at the angle `value` [rad]: count from here; the drive keeps its zero
     CLEAR_TARGET = "clear target"  # write target 0 (traction) or the actual position (steering) and read it back
     READ_HISTORY = "read history"  # read the drive's error history (0x1003)
+    READ_STO = "read STO inputs"  # `values` of a drive whose safe torque off is open: what its object for them shows
     READ_CALIBRATION = "read calibration"  # what the drive keeps of its potentiometers (0x200C)
     WRITE_CALIBRATION = "write calibration"  # `values`, read back; STORE keeps them when the power goes
     READ_GAINS = "read gains"  # regulator gains: current P, I; velocity P, I; position P, I, D

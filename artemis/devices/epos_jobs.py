@@ -110,6 +110,8 @@ class EposJobs:
                 return await self.check_target()
             case JobKind.READ_HISTORY:
                 return await self.read_history()
+            case JobKind.READ_STO:
+                return await self._read_sto()
             case JobKind.READ_CALIBRATION | JobKind.READ_GAINS:
                 return await self._read_all(self._numbers[job.kind])
             case JobKind.WRITE_CALIBRATION | JobKind.WRITE_GAINS:
@@ -254,6 +256,13 @@ class EposJobs:
         count = await self.read(ERROR_COUNT)
         codes = [await self.read(Object(0x1003, number, U32)) for number in range(1, min(count, 5) + 1)]
         return tuple(code & 0xFFFF for code in codes)
+
+    async def _read_sto(self) -> tuple[int, ...]:
+        """What its inputs for safe torque off show, where one is open."""
+        if (closed := self._family.sto) is None:
+            return ()
+        shown = await self.read(closed.object)
+        return () if shown & closed.value == closed.value else (shown,)
 
     async def store(self) -> None:
         """Keep all parameters for ever, but for the position limits: when the power comes the drive counts from zero.

@@ -106,6 +106,8 @@ class Family:
     """Digital inputs by their functions, the home switch at `HOME_INPUT`."""
     supply: Object | None = None
     """Its supply voltage, where it measures that."""
+    sto: Setting | None = None
+    """Its inputs for safe torque off, and the bits that are set while they have their voltage: else it stays off."""
     supply_scale: float = 10.0
     """Units of `supply` per volt."""
     velocity_scale: float = 1.0

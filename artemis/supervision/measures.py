@@ -12,6 +12,7 @@ from math import inf
 from artemis.drive_states import DriveState, Goal, Nmt
 from artemis.motion.perception import stale_age
 from artemis.motion.totals import total
+from artemis.supervision.catalogue import POWER_LOST
 from artemis.values import DriveFeedback, OperatorInput, Sensed, Wish
 from artemis.vehicle import RobotFile
 
@@ -27,8 +28,6 @@ _ON, _UNKNOWN, _ENABLED, _OPERATIONAL = (
 )
 
 FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_DISABLED, DriveState.FAULT_REACTION_ENABLED)
-POWER_LOST = "DRV-04", "DRV-29"
-"""Rows of a power stage that has nothing to work with: under-voltage, and open safe torque off."""
 TOGETHER = 0.04
 """Drives that lose their power within this time [s] lost it for one reason."""
 PRODUCER = 0x700

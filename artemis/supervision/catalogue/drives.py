@@ -147,8 +147,8 @@ DRIVES: dict[str, Row] = {
     ),
     "DRV-28": _row("overloaded", K, "controller overloaded", "send it less: lower tick_hz"),
     "DRV-29": _row(
-        "safe torque off", K, "safe torque off while it was enabled", "who opened the STO inputs? close them"
-    ),
+        "safe torque off", K, "safe torque off", "who opened the STO inputs, or pressed the emergency stop? close them"
+    )._replace(reason="its STO inputs are open when it does not enable"),
     "DRV-30": Row(
         "error reset",
         Found.DESIGN,
