@@ -70,6 +70,7 @@ class DriveMeasures:
         self._traction = {name for name, drive in robot.drives.items() if drive.role == "traction"}
         self._modes = {name: drive.operating_mode for name, drive in robot.drives.items()}
         self._enabled: set[str] = set()
+        self._late = 0.0
 
     def forget(self) -> None:
         """Nothing is expected: the drives are being brought up or released."""
@@ -77,7 +78,8 @@ class DriveMeasures:
 
     def read(self, sensed: Sensed, last: Wish, explained: set[str]) -> list[Reading]:
         """Readings of all drives; a fault of one that is `explained` is no news."""
-        drives, late = sensed.drives, sensed.late  # feedback answers our SYNC: where we are late, so is all of it
+        drives = sensed.drives
+        late = self._late = self._late if sensed.urgent else sensed.late  # feedback answers our SYNC: it is as late
         newest = min([drive.age for drive in drives if drive.age is not None], default=inf)
         if newest - late > self._stale:
             return [("COM-29", "", 1.0, _old(newest))]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from rig import CALIBRATE, MISSIONS, Rig, WatchedWorld, follow, write_mission
+from rig import CALIBRATE, EPOS2, MISSIONS, Rig, WatchedWorld, follow, write_mission
 
 from artemis.drive_states import DriveState, Nmt
 from artemis.mission.loading import load_mission
@@ -123,16 +123,8 @@ def test_drives_of_another_family_are_refused_before_they_are_configured(
     assert rig.drive("traction-left").read(0x1017) == 0, "nothing was written"
 
 
-def on_epos2(mission: Path) -> Path:
-    """The mission with drives of the second generation."""
-    robot = mission.with_name("artemis.yaml")
-    text = robot.read_text().replace("0x6210", "0x6220").replace("0x6010", "0x6220")
-    robot.write_text(text.replace("    node_id:", "    family: epos2\n    node_id:"))
-    return mission
-
-
 def test_the_second_generation_drives_the_robot(tmp_path: Path) -> None:
-    rig = Rig(on_epos2(write_mission(tmp_path, [CALIBRATE, follow(0.4)])))
+    rig = Rig(write_mission(tmp_path, [CALIBRATE, follow(0.4)], robot=EPOS2))
     seen = rig.run()
     assert (seen.status, seen.fault_ids, seen.is_done) == (0, [], True)
     assert rig.world is not None
@@ -143,7 +135,8 @@ def test_the_second_generation_drives_the_robot(tmp_path: Path) -> None:
 
 def test_a_fault_of_the_second_generation_stops_the_robot(tmp_path: Path) -> None:
     fault = {"at_s": 5.0, "inject": "DRV-11", "node": "traction-left"}
-    rig = Rig(on_epos2(write_mission(tmp_path, [CALIBRATE, follow(0.4)], simulation={"faults": [fault]})))
+    steps = [CALIBRATE, follow(0.4)]
+    rig = Rig(write_mission(tmp_path, steps, robot=EPOS2, simulation={"faults": [fault]}))
     seen = rig.run()
     assert seen.status == 1
     assert seen.fault_ids[0] == "DRV-11"
