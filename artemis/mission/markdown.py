@@ -9,7 +9,7 @@ from artemis.progress import BLOCKED, DONE, NO_PATH, SHORT
 from artemis.states.tree import LOST_FAULTS, TIMEOUT
 
 _ENDS = {
-    "follow": f"`{DONE}`, or `{SHORT}` before it begins, where the battery does not reach; "
+    "follow": f"`{DONE}`, or `{SHORT}` where the battery does not reach to its end; "
     f"where a `try` names it, `lost`: the faults {', '.join(LOST_FAULTS)}",
     "goto": f"`{DONE}`, `{BLOCKED}`, `{NO_PATH}` where no route leads, or `{SHORT}`; "
     "where a `try` names it, `lost`, as `follow`",
