@@ -38,9 +38,12 @@ NOTHING, END = Ahead(0.0, inf), Ahead(inf, 0.0)
 
 def way_ahead(tree: Tree, position: Position, length: Length) -> float:
     """Way that is certain after the present step [m]."""
-    place = _DECODER.decode(position.place) if position.place else Place()
     if tree.is_list:
         place = Place((position.step,), (Place((position.done,)),))
+    elif position.place:
+        place = _DECODER.decode(position.place)
+    else:
+        return 0.0  # no step has begun
     return min(_left(tree.root, place, length))
 
 
@@ -81,9 +84,7 @@ def _whole(node: Node, length: Length) -> Ahead:
 
 
 def _left(node: Node, place: Place, length: Length) -> Ahead:
-    """Of a part in which the present step is, without that step; an empty place: it has not begun."""
-    if not place.numbers:
-        return _whole(node, length)
+    """Of a part in which the present step is, without that step."""
     within = place.within
     match node:
         case Steps():
@@ -94,8 +95,7 @@ def _left(node: Node, place: Place, length: Length) -> Ahead:
         case Try():
             return _left_of_try(node, place, length)
         case During() if not _may_be_left(node):
-            branch = [_left_of_watch(node, place, length)] if len(within) > 1 else []
-            return _all([*branch, _left(node.steps, within[0], length)])
+            return _left_of_during(node, place, length)
         case Choose():
             return _left(node.branches[int(place.numbers[0])][1], within[0], length)
         case Together():
@@ -123,9 +123,14 @@ def _left_of_try(node: Try, place: Place, length: Length) -> Ahead:
     return _all([_left(node.between, inner, length), _whole(node.steps, length)])
 
 
-def _left_of_watch(node: During, place: Place, length: Length) -> Ahead:
-    steps = node.when[int(place.numbers[1])].steps
-    return _left(steps, place.within[1], length) if steps is not None else NOTHING
+def _left_of_during(node: During, place: Place, length: Length) -> Ahead:
+    body, *branch = place.within
+    if not branch:
+        return _left(node.steps, body, length)
+    watch = node.when[int(place.numbers[1])]
+    assert watch.steps is not None, "they run"
+    after = _whole(node.steps, length) if watch.then == RESTART else _left(node.steps, body, length)
+    return _all([_left(watch.steps, branch[0], length), after])
 
 
 def _may_be_left(node: During) -> bool:

@@ -50,6 +50,7 @@ def ahead(*steps: Mapping[str, Any], position: Position | None = None) -> float:
         ([LEFT, D], 1000.0),
         ([A, LEFT, D], 1000.0),
         ([{"together": {"steps": [A, B], "beside": [WAIT]}}, C], 110.0),
+        ([{"choose": [{"if": "run_s > 9", "steps": [D]}, {"steps": [A, B]}]}, C], 110.0),
         ([{"repeat": {"times": 3, "steps": [A, B]}}, C], 132.0),
         ([{"repeat": {"until": "run_s > 9", "steps": [A, B]}}, C], 110.0),
         ([{"repeat": {"steps": [A, B]}}], 10.0),
@@ -93,3 +94,17 @@ def test_steps_of_a_when_count_once_they_are_there() -> None:
     walker.tick(run_s=10.0)
     assert walker.present == "steps.0.during.when.0.steps.0.follow"
     assert ahead(DURING, D, position=walker.position) == 1010.0
+
+
+def test_steps_that_begin_anew_after_a_when_count_whole() -> None:
+    during = {"during": {"steps": [A, B], "when": [{"if": "run_s > 9", "steps": [C], "then": "restart"}]}}
+    walker = Walker(during, D)
+    walker.tick("done", run_s=1.0)
+    assert ahead(during, D, position=walker.position) == 1000.0
+    walker.tick(run_s=10.0)
+    assert walker.present == "steps.0.during.when.0.steps.0.follow"
+    assert ahead(during, D, position=walker.position) == 1011.0
+
+
+def test_before_the_first_step_nothing_counts() -> None:
+    assert ahead({"repeat": {"times": 2, "steps": [A]}}, position=Position()) == 0.0
