@@ -11,7 +11,7 @@ DOCS := build/docs-env
 # Where it is set, every worker and every `artemis` that the tests start would compile everything again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-ci test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign coverage core-coverage mutation fuzz picture page-pictures thesis docs wheel clean
+.PHONY: demo test test-ci test-all check fast fast-equals-plain bench bench-fast bench-followers host-death campaign campaigns coverage core-coverage mutation fuzz picture page-pictures thesis docs wheel clean
 
 demo: $(READY)
 	@$(BIN)/artemis run missions/figure_eight.yaml
@@ -51,6 +51,11 @@ host-death: $(READY)
 
 campaign: $(READY)
 	@$(BIN)/artemis campaign missions/campaigns/everything.yaml
+
+campaigns: $(READY)
+	@failed=0; for robot in absolute cia402 epos4 rear_driven small_car small_car_switch tricycle; do \
+		$(BIN)/artemis campaign missions/campaigns/$$robot.yaml || failed=1; \
+	done; exit $$failed
 
 coverage: $(READY)
 	@$(BIN)/coverage erase

@@ -277,7 +277,7 @@ def check_drivable(loaded: LoadedMission, source: FilePath, simulated: bool) -> 
     if isinstance(loaded.mission.bus, SerialWords) and not simulated:
         why = (
             "nothing is driven over a serial line: an EPOS cannot watch the computer over it, so a wheel would turn on "
-            "when that fails, and asking four drives takes longer than a tick"
+            "without end when that fails"
         )
         use = "over it `artemis devices`, `configure` and `calibrate` read and write drives; drive over CAN"
         raise ConfigError(loaded.documents[str(source)].problem(("bus",), f"{why}; {use}, or --simulate"))

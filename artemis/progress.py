@@ -11,7 +11,7 @@ TIMELESS = ("say", "end", "stop")
 BLOCKED = "blocked"
 """The outcome of a step that stood for an obstacle for too long."""
 SHORT = "battery-short"
-"""The outcome of a step whose path is longer than the battery reaches."""
+"""The outcome of a step whose path, or what is left of it, is longer than the battery reaches."""
 NO_PATH = "no-path"
 """The outcome of a `goto` to whose place no route leads."""
 DONE = "done"

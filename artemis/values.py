@@ -40,8 +40,7 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     boots: int = 0  # boot-up frames since the last tick
     frames: int = 0  # TxPDO 1 since the last tick: one per SYNC
     malformed: int = 0  # frames since the last tick that cannot be what they claim, and were dropped
-    disordered: int = 0
-    """Frames since the last tick that were older on the bus than one before them, and were dropped."""
+    disordered: int = 0  # frames since the last tick that were older on the bus than one before, and were dropped
     jumps: int = 0  # positions in a row that no motion explains; each was dropped
     stray: int = 0  # SDO answers since the last tick that nobody waited for, and were dropped
 
@@ -90,6 +89,7 @@ class JobKind(Enum):
     REFERENCE = "reference"  # the wheel stands at the angle `value` [rad]: count from here; the drive keeps its zero
     CLEAR_TARGET = "clear target"  # write target 0 (traction) or the actual position (steering) and read it back
     READ_HISTORY = "read history"  # read the drive's error history (0x1003)
+    READ_STO = "read STO inputs"  # `values` of a drive whose safe torque off is open: what its object for them shows
     READ_CALIBRATION = "read calibration"  # what the drive keeps of its potentiometers (0x200C)
     WRITE_CALIBRATION = "write calibration"  # `values`, read back; STORE keeps them when the power goes
     READ_GAINS = "read gains"  # regulator gains: current P, I; velocity P, I; position P, I, D

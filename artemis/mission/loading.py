@@ -257,8 +257,6 @@ class _Loading(SurroundingsChecks):
                 if words.get("protocol", "epos1") != spoken:
                     text = f"the line leads to {name}, an {first.family}: write protocol: {spoken}"
                     self._complain(("bus", "protocol") if "protocol" in words else ("bus",), text)
-            if not self._simulated:
-                self._remarks.append("bus: a serial line; `artemis run` drives over CAN, or with --simulate")
         elif isinstance(words.get("interface"), str):
             from artemis.devices.can_bus import check_bus_words
 

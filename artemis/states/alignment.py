@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from math import inf
 
 from msgspec.structs import replace
 
@@ -36,6 +37,8 @@ STEER_TIME = 12.0
 """Longest time for one of the turns [s]: from lock to straight takes 2.3 s at 33 degrees a second."""
 LOOK_TIME = 0.1
 """Between two looks at drives that exchange no process data [s]."""
+LATE = 0.5
+"""A drive that is still off after so long [s] is asked for the reason, before it is late (COM-03)."""
 OFF_TIME, OFF_LIMIT = 0.2, 1.0
 """Drives that stand are off within the first [s]; after the second [s] everything has been tried."""
 
@@ -61,7 +64,7 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.CLEAR_TARGET, shared.plan.drives()), snapshot)
     shared.bring_up.taken = shared.plan.blind
-    snapshot = yield from enable(shared.plan, STEERING_ON, snapshot)
+    snapshot = yield from enable(shared, STEERING_ON, snapshot)
     if shared.plan.blind:
         return snapshot
     errors: dict[str, list[float]] = {name: [] for name in names}
@@ -77,7 +80,7 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
     angles = [positions[name] + correction for name, correction in corrections.items()]
     snapshot = yield from do(STEERING_ON, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
     snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
-    return (yield from enable(shared.plan, ON, snapshot))
+    return (yield from enable(shared, ON, snapshot))
 
 
 def do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
@@ -91,13 +94,42 @@ def do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
     return snapshot
 
 
-def enable(plan: Plan, wish: Wish, snapshot: Snapshot) -> Routine:
-    """Enable the drives that `wish` wants enabled, wheels held; the supervisor judges one that takes too long."""
-    steering = frozenset(plan.drives("steering"))
+def enable(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
+    """Enable the drives that `wish` wants enabled, wheels held; the supervisor judges one that takes too long.
+
+    One that stays off, without a fault, is asked for the reason before.
+    """
+    steering, asked = frozenset(shared.plan.drives("steering")), snapshot.time + LATE
     goals = {drive.name: wish.steering if drive.name in steering else wish.traction for drive in snapshot.sensed.drives}
-    while any(goals[drive.name] is Goal.ENABLED and not _is_on(drive) for drive in snapshot.sensed.drives):
+    while waiting := [d for d in snapshot.sensed.drives if goals[d.name] is Goal.ENABLED and not _is_on(d)]:
         command = DriveCommand(steering=snapshot.set_points.steering)
-        snapshot = yield replace(wish, command=command, phase="enabling")
+        wanted = replace(wish, command=command, phase="enabling")
+        if snapshot.time >= asked and any(drive.state is DriveState.SWITCH_ON_DISABLED for drive in waiting):
+            asked = inf
+            snapshot = yield from _ask_why(shared, wanted, snapshot)
+        else:
+            snapshot = yield wanted
+    return snapshot
+
+
+def _ask_why(shared: Shared, wish: Wish, snapshot: Snapshot) -> Routine:
+    """Read the state of the inputs that keep a drive off, of all drives that show it.
+
+    Raises:
+        Failed: STO inputs are open: of all drives (EST-01), or of one (DRV-29).
+    """
+    drives = shared.plan.robot.drives
+    names = [name for name, drive in drives.items() if drive.tables.sto is not None]
+    if not names:
+        return (yield wish)
+    results, snapshot = yield from finish_jobs(wish, shared.bring_up.jobs(JobKind.READ_STO, names))
+    found = [result for result in results if result.values]
+    if len(found) == len(drives) > 1:
+        raise Failed(OFF, catalogue.fault("EST-01", "", "the STO inputs of all drives are open"))
+    if found:
+        others = f"; open at {', '.join(result.drive for result in found[1:])}, too" if found[1:] else ""
+        seen = f"its STO inputs are open: they read 0x{found[0].values[0]:02X}{others}"
+        raise Failed(OFF, catalogue.fault("DRV-29", found[0].drive, seen))
     return snapshot
 
 

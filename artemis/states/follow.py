@@ -7,6 +7,7 @@ from math import inf
 
 from msgspec.structs import replace
 
+from artemis.battery import BatteryState
 from artemis.drive_states import Goal
 from artemis.errors import ConfigError
 from artemis.motion.planned_route import planned_route
@@ -19,6 +20,7 @@ from artemis.states.gains import OscillationDetector
 from artemis.states.mode import stand
 from artemis.states.parts import PartByPart
 from artemis.states.plan import FollowStep, GotoStep, Shared
+from artemis.states.way_ahead import way_ahead
 from artemis.supervision import catalogue
 from artemis.values import Event, Fault, Pose, Severity, Snapshot, Tracking, Wish
 
@@ -32,6 +34,8 @@ SLACK, SLOWEST = 10.0, 0.05
 the first [s] (PTH-08)."""
 CONTRADICTED = 0.35
 """Fixes may contradict the pose for so long [s] (LOC-02)."""
+CERTAIN = 5.0
+"""A range that is shorter than what is left, by more than its standard deviation, for so long [s] ends a step."""
 AT_END, OVERRUN = 0.01, 0.2
 """So close to its end [m] a part is over; a follower must not drive on for more than the second [m] (PTH-08)."""
 
@@ -50,6 +54,7 @@ class FollowMode:
         self._last: float | None = None
         self._way = self._outside = 0.0
         self._armed, self._short = False, ""
+        self._after = self._lacking = 0.0
         self._over: float | None = None
         self._shaking: OscillationDetector | None = None
         self._spent, self._longest = 0.0, inf
@@ -61,6 +66,7 @@ class FollowMode:
             OscillationDetector(self.shared.plan, tried, snapshot) if (tried := self.shared.results.tried) else None
         )
         self._fault, self._last, self._armed, self._over, self._short = None, None, False, None, ""
+        self._lacking = 0.0
         if not isinstance(step, FollowStep):
             return
         begun = step is self._begun and self._entry == self.shared.entry and self._planned is self.shared.route.planned
@@ -73,9 +79,9 @@ class FollowMode:
             self._fault = catalogue.fault("PTH-01", "", "; ".join(error.problems), Severity.CONTROLLED_STOP)
             return
         rest = self._rest(route, step, snapshot.pose.pose)
-        needed = rest.length + self.shared.plan.length_after(self.shared.position.step)
-        if (battery := snapshot.battery) is not None and needed > battery.range_m:
-            self._short = f"{needed:.0f} m to drive, the battery reaches {battery.range_m:.0f} m"
+        self._after = way_ahead(self.shared.tree, self.shared.position, self.shared.plan.length_of)
+        if (battery := snapshot.battery) is not None and rest.length + self._after > battery.range_m:
+            self._short = _too_far(rest.length + self._after, battery)
         self._drive = PartByPart(step.follower, rest, route.length - rest.length, self.shared.plan.robot)
         self._longest = 2 * route.duration(step.speed or SLOWEST) + SLACK * len(route.parts)
         self._begun, self._entry, self._planned, self._spent = step, self.shared.entry, self.shared.route.planned, 0.0
@@ -96,6 +102,7 @@ class FollowMode:
         if isinstance(following, Fault):
             return stand(snapshot, fault=following)
         tracking = following.tracking
+        self._watch_battery(tracking, snapshot)
         if fault := self._off_path(tracking, snapshot.odometry.distance, step.max_cross_track):
             return stand(snapshot, fault=fault, tracking=tracking)
         return replace(self._on_path(drive, following, snapshot), tracking=tracking, done=max(tracking.arc_length, 0.0))
@@ -114,6 +121,14 @@ class FollowMode:
         if fault := self._overrun(following.tracking, drive.end, snapshot.odometry.distance):
             return stand(snapshot, fault=fault)
         return Wish(command=following.command, traction=_ENABLED, steering=_ENABLED, phase="following")
+
+    def _watch_battery(self, tracking: Tracking, snapshot: Snapshot) -> None:
+        """What is left to drive is certainly more than the battery reaches, for some time: the step is to end."""
+        battery, needed = snapshot.battery, tracking.length - tracking.arc_length + self._after
+        lacks = battery is not None and needed > battery.range_m + battery.range_std_m
+        self._lacking = self._lacking + snapshot.dt if lacks else 0.0
+        if battery is not None and self._lacking > CERTAIN:
+            self._short = _too_far(needed, battery)
 
     def _route(self, step: FollowStep) -> Route:
         """The step's route; one that was recorded in this run, or planned, is made now.
@@ -176,6 +191,10 @@ def place_fault(snapshot: Snapshot, *, localized: bool) -> Fault | None:
     if not localized:
         return catalogue.fault("RUN-08")
     return catalogue.fault("LOC-01", "", "no fix yet" if pose.age is None else f"the last fix is {pose.age:.1f} s old")
+
+
+def _too_far(needed: float, battery: BatteryState) -> str:
+    return f"{needed:.0f} m to drive, the battery reaches {battery.range_m:.0f} m"
 
 
 def _seen(tracking: Tracking) -> str:

@@ -27,7 +27,7 @@ _OF_MOVING = (BLOCKED, LOST)
 WHEN: Mapping[str, str] = {
     BLOCKED: "where a scanner saw an obstacle in the way for `blocked_after_s`",
     NO_PATH: "where no route leads to a goal that the mission states",
-    SHORT: "before it begins, where the battery does not reach",
+    SHORT: "where the battery does not reach to its end",
     TIMEOUT: "after `at_most_s`",
     LOST: f"where a `try` names it: the faults {', '.join(LOST_FAULTS)}",
 }

@@ -12,7 +12,6 @@ from msgspec.structs import replace
 
 from artemis.motion.route import Route
 from artemis.motion.steering_fit import SteeringFit, SteeringZero
-from artemis.motion.totals import total
 from artemis.motion.track import Track
 from artemis.plugins.contracts import Behaviour, Declared, Follower
 from artemis.progress import DONE, Acted, MissionEvent, Position
@@ -201,12 +200,10 @@ class Plan(Struct, frozen=True, kw_only=True):
         steps = [step for step in self.steps if isinstance(step, TeleopStep)]
         return frozenset(name for step in steps for name in step.lower) - {step.input for step in steps}
 
-    def length_after(self, step: int) -> float:
-        """Of the paths that a list of steps follows after one of them [m], as far as they are known."""
-        later = self.steps[step + 1 :] if self.tree is None or self.tree.is_list else ()
-        return total(
-            each.route.length for each in later if isinstance(each, FollowStep) and isinstance(each.route, Route)
-        )
+    def length_of(self, step: int) -> float:
+        """Of the path that a step follows [m]; 0: it has none, or it is made only when the step begins."""
+        found = self.steps[step]
+        return found.route.length if isinstance(found, FollowStep) and isinstance(found.route, Route) else 0.0
 
     def drives(self, role: str | None = None) -> list[str]:
         """Names of all drives, or of those with `role`."""

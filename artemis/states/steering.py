@@ -74,7 +74,7 @@ def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -
 
     Traction is off, and both wheels turn as a pair by set-points that pass the gate.
     """
-    snapshot = yield from _release(shared.plan, snapshot)
+    snapshot = yield from _release(shared, snapshot)
     straight: dict[str, tuple[float, float]] = {}
     for side in step.sides:
         if side in step.reference:
@@ -107,7 +107,7 @@ def calibrate_steering(shared: Shared, step: SteeringStep, snapshot: Snapshot) -
         robot = shared.plan.robot
         wanted = {robot.drive_at("steering", side)[0]: memory_numbers(fit.calibration) for side, fit in fits.items()}
         snapshot = yield from keep(shared, wanted, snapshot)
-        snapshot = yield from enable(shared.plan, STEERING_ON, snapshot)
+        snapshot = yield from enable(shared, STEERING_ON, snapshot)
     return snapshot
 
 
@@ -129,14 +129,14 @@ def _tell_zeros(shared: Shared, step: SteeringStep, straight: Mapping[str, float
     return snapshot
 
 
-def _release(plan: Plan, snapshot: Snapshot) -> Routine:
+def _release(shared: Shared, snapshot: Snapshot) -> Routine:
     """Have the driven wheels let go: they shall roll as the steering turns them."""
     latest = snapshot.time + RELEASE_TIME
-    while on := [name for name in plan.drives("traction") if _drive(snapshot, name).state in POWERED]:
+    while on := [name for name in shared.plan.drives("traction") if _drive(snapshot, name).state in POWERED]:
         if snapshot.time > latest:
             raise Failed(STEERING_ON, catalogue.fault("COM-03", on[0], "stays on"))
         snapshot = yield _hold(snapshot, "switching traction off")
-    return (yield from enable(plan, STEERING_ON, snapshot))
+    return (yield from enable(shared, STEERING_ON, snapshot))
 
 
 def _hold(snapshot: Snapshot, phase: str) -> Wish:
@@ -200,7 +200,7 @@ def _take_as_straight(shared: Shared, straight: Mapping[str, float], snapshot: S
     names = [shared.plan.robot.drive_at("steering", side)[0] for side in straight]
     angles = [_drive(snapshot, name).position - zero for name, zero in zip(names, straight.values(), strict=True)]
     snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
-    return (yield from enable(shared.plan, STEERING_ON, snapshot))
+    return (yield from enable(shared, STEERING_ON, snapshot))
 
 
 # ---------------------------------------------------------------------------------------------- measuring

@@ -259,7 +259,7 @@ def _misnamed(found: Fault, device: str, code: int, _: object) -> Fault:
 
 
 def _not_aligned(shared: Any, snapshot: Any) -> Any:
-    return (yield from enable(shared.plan, ON, snapshot))
+    return (yield from enable(shared, ON, snapshot))
 
 
 def _no_way_to_fault(original: Any) -> Any:

@@ -80,7 +80,7 @@ COVERED = {
     "OPR-03": "unit/test_mode_fault.py::test_run_ends_when_nobody_acknowledges_for_ten_minutes",
     **dict.fromkeys(
         sorted(CODES["epos4"].keys() - CODES["epos1"].keys()),  # in the same order in each process of the tests
-        "simulation/test_every_row_epos4.py::test_error_of_an_epos4_is_noticed_in_time_and_stops_the_robot",
+        "simulation/test_every_row_families.py::test_error_is_noticed_in_time_and_stops_the_robot",
     ),
 }
 """Rows that another test makes happen."""
