@@ -183,8 +183,8 @@ def _check_unit(table: Table, columns: dict[str, Array]) -> None:
     given = [written for written in table.header if _parted(written)[1] is not None or re.search(r"[./]", written)]
     if gap > FAR_APART and not {"x", "y"} <= {_meaning(written)[0] for written in given}:
         table.report_file(
-            f"neighbouring points are {gap:.4g} units apart, and no unit is given: name the columns x_mm,y_mm if that is "
-            "millimetres, or x_m,y_m if it is metres"
+            f"neighbouring points are {gap:.4g} units apart, and no unit is given: name the columns x_mm,y_mm if that "
+            "is millimetres, or x_m,y_m if it is metres"
         )
         table.raise_problems()
 

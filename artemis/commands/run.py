@@ -170,8 +170,11 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
         root, simulated = loaded.folder / loaded.mission.record, is_simulated(loaded, simulate)
         if left := unfinished_run(root, loaded.mission.mission, simulated=simulated):
             run, until = left
-            command = _command(source, run, simulate)
-            _print("last run", f"ended without shutdown at {until:.2f} s; to resume it: {command}")
+            if until is None:
+                _print("last run", f"{run} is still under way")
+            else:
+                command = _command(source, run, simulate)
+                _print("last run", f"ended without shutdown at {until:.2f} s; to resume it: {command}")
         return None
     found, notes = resumption_from(loaded, source, resume, simulate)
     at = found.position

@@ -16,7 +16,9 @@ from artemis.motion.table import Table, without_rows
 MIN_STEP = 0.001
 """Points closer to the one before [m] are standstill or duplicates."""
 MAX_GAP = 1.0
-WAYPOINTS = ": waypoints are joined by `artemis path import`, or by straight lines in the mission: path: {{waypoints: [{}]}}"
+WAYPOINTS = (
+    ": waypoints are joined by `artemis path import`, or by straight lines in the mission: path: {{waypoints: [{}]}}"
+)
 WAYPOINTS_SHOWN = 8
 """At most, in that message."""
 MAX_LENGTH = 20_000.0

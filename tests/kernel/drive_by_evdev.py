@@ -91,16 +91,23 @@ class Held:
     keys: tuple[int, ...]
     forces: tuple[int, ...]
     make: Callable[[Held], Device] = uinput
+    plugged: Device | None = None
 
     def plug(self) -> Device:
-        made = self.make(self)
+        self.plugged = self.make(self)
         deadline = time.monotonic() + 10.0
         while not any(os.path.exists(node.info.path) for node in self._nodes()):
             if time.monotonic() > deadline:
-                made.close()
+                self.unplug()
                 raise Impossible("the kernel made no event node of it")
             time.sleep(0.1)
-        return made
+        return self.plugged
+
+    def unplug(self) -> None:
+        """Harmless when repeated."""
+        device, self.plugged = self.plugged, None
+        if device is not None:
+            device.close()
 
     def _nodes(self) -> list[EventNode]:
         key = self.profile.parts[""]
@@ -158,6 +165,8 @@ def drive(held: Held, slow: float, environment: Mapping[str, str]) -> str:
             except (Wrong, queue.Empty) as error:
                 lines = [str(error) or "nothing more comes", *told.lines, *told.come()]
                 raise Wrong("\n    ".join(lines)) from None
+            finally:
+                held.unplug()
             if run.wait(PATIENCE) != 0:
                 raise Wrong("\n    ".join([f"exit status {run.returncode}", *told.lines, *told.come()]))
         (folder_of_run,) = (Path(folder) / "runs").iterdir()
@@ -187,7 +196,7 @@ def act(held: Held, device: Device, told: Told, slow: float) -> str:
     told.wait_for("hold the enable button")
     drive()
     first = feel(held, device, stopped=False)
-    device.close()
+    held.unplug()
     told.wait_for("INP-01")
     told.wait_for("quickstop")
     device = held.plug()
@@ -208,7 +217,6 @@ def act(held: Held, device: Device, told: Told, slow: float) -> str:
     told.wait_for("report  ")
     if any("INP-16" in line for line in told.lines):
         raise Wrong("the device did not take an effect")
-    device.close()
     return f"{first}; {felt}"
 
 
@@ -258,7 +266,7 @@ def flood(held: Held) -> str:
         finally:
             handle.close()
     finally:
-        device.close()
+        held.unplug()
     if len(reports) > FLOOD or (last["x"], last["button.tl"]) != (-1234, 0):
         raise Wrong(f"{len(reports)} reports, the last {last}")
     return f"of {FLOOD + 2} changes {len(reports)} were read, the last state is right"
