@@ -28,7 +28,7 @@ from artemis.commands.terminal import (
     listen_to_keys,
     somebody_is_there,
 )
-from artemis.devices.can_bus import place_of
+from artemis.devices.multicast import INTERFACE, free_group, place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
@@ -153,7 +153,7 @@ def run_in_sight(
     )
     with report_unbroken():
         then(outcome)
-        _conclude(outcome)
+        _conclude(outcome, "" if simulated else _another_bus(loaded, outcome))
     return outcome
 
 
@@ -209,7 +209,15 @@ def _title(loaded: LoadedMission, simulated: bool) -> str:
     return f"mission {loaded.mission.mission}: {loaded.robot.robot} on {place or 'simulated drives'}"
 
 
-def _conclude(outcome: Outcome) -> None:
+def _another_bus(loaded: LoadedMission, outcome: Outcome) -> str:
+    """Where a run that found another artemis on its bus can go instead."""
+    bus = loaded.mission.bus
+    if "COM-18" not in outcome.reason or not isinstance(bus, BusWords) or bus.words.get("interface") != INTERFACE:
+        return ""
+    return f"to run beside the other one, take a free group: bus: {{interface: {INTERFACE}, channel: {free_group()}}}"
+
+
+def _conclude(outcome: Outcome, advice: str) -> None:
     """Print the summary, then write the page: drawing its figures takes longer than many a run."""
     sys.stdout.write("\n")
     try:
@@ -221,6 +229,8 @@ def _conclude(outcome: Outcome) -> None:
         _print("recording", str(error))
         return
     _print("result", _result(outcome, found.faults, series.mission.failure))
+    if advice:
+        _print("", advice)
     if series.mission.remedy:
         _print("", series.mission.remedy)
     for label, text in _numbers(found):
