@@ -253,7 +253,7 @@ def event_inputs(nodes: Iterable[EventNode]) -> Iterator[Finding]:
             yield Finding(NOTE, f"{node.info}: is read by the extra evdev, which is missing", INSTALL)
         if not node.hidraw and not permitted:
             yield Finding(NOTE, f"{node.info}: this user may not open it", f"if it is to drive: {rule}")
-        elif node.forces and not permitted:
+        elif (node.forces or node.lamps) and not permitted:
             yield Finding(NOTE, f"{node.info}: this user may not drive its motors", f"for rumble or force: {rule}")
         else:
             yield Finding(OK, f"{node.info}: this user may open it")

@@ -53,6 +53,8 @@ steps:
   - calibrate: {{steering: from_potentiometers}}
   - teleop: {{input: hand, until: {{button: done}}}}
 """
+MISC = 8
+"""A lamp (LED_MISC)."""
 FLOOD = 400
 """Changes that nobody reads: more than the kernel keeps for a reader."""
 
@@ -62,6 +64,7 @@ class Device(Protocol):
 
     effects: list[bytes]
     played: list[tuple[int, int]]
+    lit: list[tuple[int, int]]
 
     def send(self, changes: Mapping[int, int]) -> None: ...
 
@@ -71,7 +74,7 @@ class Device(Protocol):
 def uinput(held: Held) -> Device:
     """One that has no driver."""
     key = held.profile.parts[""]
-    return UinputDevice(held.profile.name, key.vendor, key.product, held.axes, held.keys, held.forces)
+    return UinputDevice(held.profile.name, key.vendor, key.product, held.axes, held.keys, held.forces, held.lamps)
 
 
 def usb(held: Held) -> Device:
@@ -92,6 +95,7 @@ class Held:
     forces: tuple[int, ...]
     make: Callable[[Held], Device] = uinput
     plugged: Device | None = None
+    lamps: tuple[int, ...] = ()
 
     def plug(self) -> Device:
         self.plugged = self.make(self)
@@ -135,7 +139,7 @@ class Held:
 
 def pad(make: Callable[[Held], Device] = uinput) -> Held:
     profile = profile_from((SHIPPED / "xbox-360-usb.yaml").read_bytes(), "xbox-360-usb.yaml")
-    return Held(profile, PAD_AXES, PAD_KEYS, (RUMBLE,), make)
+    return Held(profile, PAD_AXES, PAD_KEYS, (RUMBLE,), make, lamps=(MISC,) if make is uinput else ())
 
 
 def wheel() -> Held:
@@ -229,9 +233,11 @@ def feel(held: Held, device: Device, *, stopped: bool) -> str:
     kinds = [struct.unpack_from("@H", effect)[0] for effect in device.effects]
     if held.profile.kind == "stick":
         uploads = [RUMBLE] * stopped if isinstance(device, UinputDevice) else []
-        if kinds != uploads or len(device.played) != stopped:
-            raise Wrong(f"effects {kinds}, played {device.played}")
-        return "it rumbled at the stop" if stopped else "nothing was felt while it drove"
+        lit = [(MISC, on) for on in (1, 0, 1)] * stopped if held.lamps else []  # it joined a robot that was stopped
+        if kinds != uploads or len(device.played) != stopped or device.lit != lit:
+            raise Wrong(f"effects {kinds}, played {device.played}, lamps {device.lit}")
+        seen = " and its lamp was on" if lit else ""
+        return f"it rumbled at the stop{seen}" if stopped else "nothing was felt while it drove"
     springs = [struct.unpack_from("@H", effect, 16)[0] / 0xFFFF for effect in device.effects if effect[0] == SPRING]
     pushes = [struct.unpack_from("@h", effect, 16)[0] / 0x7FFF for effect in device.effects if effect[0] == CONSTANT]
     if not springs or max(springs) > FORCE + 0.001 or max(springs) < 0.9 * FORCE:
