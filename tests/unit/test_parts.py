@@ -182,6 +182,15 @@ def test_the_end_is_that_of_the_present_part() -> None:
     assert driver.end == pytest.approx(5.0 + route.begins[2])
 
 
+def test_the_end_is_where_the_follower_says_that_its_path_ends() -> None:
+    taker = Taker()
+    driver = PartByPart(taker, straight(2.0), 5.0, ROBOT)
+    answered(driver, standing())
+    taker.paths[-1] = straight(1.5).parts[0].path
+    answered(driver, standing())
+    assert driver.end == pytest.approx(6.5, abs=0.01)
+
+
 def test_a_follower_that_fails_or_answers_what_it_must_not_is_a_fault() -> None:
     taker = Taker()
     driver = PartByPart(taker, straight(2.0), 0.0, ROBOT)
