@@ -67,8 +67,8 @@ class FollowMode:
         if not isinstance(step, FollowStep):
             return
         begun = step is self._begun and self._entry == self.shared.entry and self._planned is self.shared.planned
-        if begun and self._drive is not None:
-            self._drive.go_on()
+        if (drive := self._drive if begun else None) is not None:
+            drive.go_on()
             return
         try:
             route = self._route(step)

@@ -59,6 +59,7 @@ CORE: Mapping[str, tuple[str, ...]] = {
     "states/priority.py": _HANDS,
     "states/keeping.py": ("unit/test_keeping.py",),
     "states/alignment.py": ("unit/test_alignment.py", "unit/test_bring_up_details.py"),
+    "states/steering.py": ("unit/test_measuring_steering.py",),
     "states/parts.py": ("unit/test_parts.py", "properties/test_reversing_properties.py"),
     "states/requests.py": ("unit/test_requests.py",),
     "states/act.py": ("unit/test_mode_act.py", *_MISSION, "unit/test_mission_behaviours.py"),

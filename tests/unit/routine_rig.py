@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from core_builders import PERIOD, ObedientDrives, Player
+from core_builders import ObedientDrives, Player
 from msgspec.structs import replace
 
 from artemis.states.mode import OFF, Routine, RoutineMode
@@ -17,17 +17,21 @@ OVER = "over"
 
 
 class _OneRoutine(RoutineMode):
-    """Mode of a routine that a test makes."""
+    """Mode of a routine that a test makes, which returns the last snapshot that it saw."""
 
     def __init__(self, shared: Shared, make: Callable[[Shared, Snapshot], Routine]) -> None:
         super().__init__(shared)
         self._make = make
-        self.returned: Snapshot | None = None
 
     def routine(self, snapshot: Snapshot) -> Routine:
-        self.returned = yield from self._make(self.shared, snapshot)
+        returned = yield from self._make(self.shared, snapshot)
+        assert returned is self._seen
         while True:
             yield replace(OFF, phase=OVER)
+
+    def step(self, snapshot: Snapshot) -> Wish:
+        self._seen = snapshot
+        return super().step(snapshot)
 
 
 class RoutinePlayer(Player):
@@ -36,8 +40,8 @@ class RoutinePlayer(Player):
     def __init__(
         self, shared: Shared, make: Callable[[Shared, Snapshot], Routine], drives: ObedientDrives | None = None
     ) -> None:
-        self.drives, self._one = drives or ObedientDrives(), _OneRoutine(shared, make)
-        super().__init__(self._one, self.drives.react)
+        self.drives = drives or ObedientDrives()
+        super().__init__(_OneRoutine(shared, make), self.drives.react)
         self.told: dict[tuple[JobKind, str], tuple[int, ...]] = {}
         self.results: list[JobResult] = []
 
@@ -47,12 +51,8 @@ class RoutinePlayer(Player):
         return result
 
     def play(self, *, longest: float = 60.0, **once: Any) -> Fault | None:  # noqa: ANN401
-        """To the end of the routine, which returns the last snapshot that it saw, or to its fault; that fault."""
-        wish = self.until(lambda wish: wish.fault is not None or wish.phase == OVER, longest=longest)
-        if wish.fault is None:
-            assert isinstance(self._one.returned, Snapshot)
-            assert self._one.returned.time == self.time - PERIOD
-        return wish.fault
+        """To the end of the routine, or to its fault; that fault."""
+        return self.until(lambda wish: wish.fault is not None or wish.phase == OVER, longest=longest).fault
 
     @property
     def phases(self) -> list[str]:

@@ -22,6 +22,7 @@ from core_builders import (
 )
 from msgspec.structs import replace
 from test_mode_follow import PathTaker, along, driven, follow
+from test_mode_goto import VALUES
 
 from artemis.battery import BatteryState
 from artemis.drive_states import Goal
@@ -33,7 +34,7 @@ from artemis.plugins.contracts import Following
 from artemis.progress import SHORT
 from artemis.scan import Clearance
 from artemis.states.follow import FollowMode, place_fault
-from artemis.states.plan import FollowStep, WaitStep
+from artemis.states.plan import FollowStep, GotoStep, Shared, WaitStep
 from artemis.supervision import catalogue
 from artemis.values import (
     DriveCommand,
@@ -86,11 +87,11 @@ def test_time_that_an_obstacle_takes_does_not_count() -> None:
     mode.enter(snapshot())
     blocked = SetPoints(clearance=Clearance(distance=0.1, blocked=1.0))
     assert stepped(mode, 1.0, 1000.0, set_points=blocked).fault is None
-    assert fault_at(mode, 2.0, 29.0) is None
+    assert fault_at(mode, 2.0, 29.5) is None
     assert fault_at(mode, 3.0, 2.0) == "PTH-08"
 
 
-@pytest.mark.parametrize(("arc", "ends"), [(3.9905, True), (3.989, False)])
+@pytest.mark.parametrize(("arc", "ends"), [(3.9905, True), (3.9895, False)])
 def test_a_part_is_over_a_centimetre_before_its_end(arc: float, ends: bool) -> None:
     player, _, _ = follow()
     assert driven(player, (arc, 1.0), (arc, 1.3)) == [False, ends]
@@ -98,11 +99,19 @@ def test_a_part_is_over_a_centimetre_before_its_end(arc: float, ends: bool) -> N
 
 def test_beyond_the_end_is_told_with_how_far() -> None:
     player, _, _ = follow(lambda: following(arc_length=4.0))
-    assert player.tick(odometry=Odometry(distance=1.0)).fault is None
-    assert player.tick(odometry=Odometry(distance=1.2)).fault is None, "two decimetres"
-    wish = player.tick(odometry=Odometry(distance=1.25))
+    assert player.tick(odometry=Odometry(distance=0.0)).fault is None
+    assert player.tick(odometry=Odometry(distance=0.2)).fault is None, "two decimetres"
+    wish = player.tick(odometry=Odometry(distance=0.25))
+    assert fault_of(wish) == ("PTH-08", "")
     assert wish.fault is not None
     assert wish.fault.text.endswith("(0.25 m beyond the end)")
+
+
+def test_a_centimetre_before_the_end_counts_as_there() -> None:
+    answer = following(arc_length=0.0)
+    player, _, _ = follow(lambda: replace(answer, tracking=replace(answer.tracking, length=0.01)))
+    assert player.tick(odometry=Odometry(distance=0.0)).fault is None
+    assert fault_of(player.tick(odometry=Odometry(distance=0.3))) == ("PTH-08", "")
 
 
 @pytest.mark.parametrize(
@@ -148,6 +157,7 @@ def test_where_the_robot_is_has_to_be_known() -> None:
     known = LocatedPose()
     assert place_fault(snapshot(pose=known), localized=True) is None
     assert place_fault(snapshot(pose=replace(known, contradicted=0.35)), localized=True) is None
+    assert place_fault(snapshot(pose=replace(known, contradicted=0.36)), localized=True) is not None
     contradicted = place_fault(snapshot(pose=replace(known, contradicted=0.44)), localized=True)
     assert contradicted is not None
     assert contradicted.id == "LOC-02"
@@ -359,3 +369,34 @@ def test_on_a_closed_path_the_nearest_place_always_counts() -> None:
     Player(FollowMode(steps)).tick(odometry=Odometry(pose=Pose(x=0.0, y=2.0, heading=math.pi)))
     assert (follower.path.at(0.0).x, follower.path.at(0.0).y) == pytest.approx((0.0, 2.0), abs=0.1)
     assert follower.path.length == pytest.approx(circle.length - 1.0, abs=0.1)
+
+
+# ---------------------------------------------------------------------------------------------- to a place
+
+
+def going(speed: float | None) -> tuple[FollowMode, Shared, PathTaker]:
+    follower = PathTaker()
+    steps = shared(GotoStep(route="", place="gate", follower=follower, speed=speed))
+    steps.planned = VALUES
+    mode = FollowMode(steps)
+    mode.enter(snapshot())
+    return mode, steps, follower
+
+
+@pytest.mark.parametrize(("speed", "fastest"), [(None, 0.4), (0.5, 0.4), (0.25, math.inf)])
+def test_a_planned_route_has_its_speeds_where_they_are_lower_than_its_steps(
+    speed: float | None, fastest: float
+) -> None:
+    mode, _, follower = going(speed)
+    assert stepped(mode, 0.0).command.speed > 0.0
+    assert follower.path.length == pytest.approx(2.0, abs=0.01)
+    assert follower.path.speed_at(1.0) == pytest.approx(fastest, abs=0.01)
+
+
+def test_another_goal_is_waited_for_at_rest() -> None:
+    mode, steps, _ = going(0.4)
+    stepped(mode, 0.0)
+    steps.planned = ()
+    moving, still = (stepped(mode, 0.1, standing=standing) for standing in (False, True))
+    assert (moving.event, moving.command.speed) == (None, 0.0)
+    assert (still.event, still.over) == (Event.DONE, False)
