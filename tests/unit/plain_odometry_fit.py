@@ -113,13 +113,12 @@ def main(published: Path | None) -> None:
     found = {fitted: fit(real_runs(*fitted), BASE, ONE_WHEEL) for fitted in (*SPLITS, CIRCLES)}
     errors = []
     for fitted in SPLITS:
-        others = real_runs(*(name for name in CIRCLES if name not in fitted))
-        ours = mean_error(others, found[fitted].machine, found[fitted].sensor)
-        errors.append((ours, mean_error(others, plain_fit(real_runs(*fitted)))))
-        if ours > errors[-1][1]:
-            print(f"{' '.join(fitted)}: {100 * ours:.2f} cm, plain {100 * errors[-1][1]:.2f} cm", flush=True)
-    ours, plain = 100 * np.mean(errors, axis=0)
-    print(f"{len(SPLITS)} splits of the circles: {ours:.2f} cm, plain {plain:.2f} cm")
+        runs, others = real_runs(*fitted), real_runs(*(name for name in CIRCLES if name not in fitted))
+        plains = [mean_error(others, plain_fit(each)) for each in (runs, [corrected(run) for run in runs])]
+        errors.append([mean_error(others, found[fitted].machine, found[fitted].sensor), *plains])
+        if errors[-1][0] > plains[0]:
+            _tell(" ".join(fitted), *errors[-1])
+    _tell(f"{len(SPLITS)} splits of the circles", *np.mean(errors, axis=0))
     circles = real_runs(*CIRCLES)
     plain_fits = plain_fit(circles), plain_fit([corrected(run) for run in circles])
     _print("circles to two free runs", [corrected(run) for run in real_runs(*FREE)], found[CIRCLES], *plain_fits)
@@ -128,10 +127,14 @@ def main(published: Path | None) -> None:
         _print(f"circles to {len(files)} other runs", [_published(file) for file in files], found[CIRCLES], *plain_fits)
 
 
-def _print(what: str, runs: Sequence[Run], found: Fit, plain: Kinematics, plain_corrected: Kinematics) -> None:
-    machines = (found.machine, found.sensor), (plain, ON_AXLE), (plain_corrected, ON_AXLE)
-    ours, *plains = (100 * score([track(run, *each, RUN) for run in runs]).mean for each in machines)
-    print(f"{what}: {ours:.2f} cm, plain {plains[0]:.2f} cm, plain by the truth's clock {plains[1]:.2f} cm", flush=True)
+def _print(what: str, runs: Sequence[Run], found: Fit, *plains: Kinematics) -> None:
+    machines = (found.machine, found.sensor), *((plain, ON_AXLE) for plain in plains)
+    _tell(what, *(score([track(run, *each, RUN) for run in runs]).mean for each in machines))
+
+
+def _tell(what: str, ours: float, plain: float, by_clock: float) -> None:
+    words = f"{100 * ours:.2f} cm, plain {100 * plain:.2f} cm, plain by the truth's clock {100 * by_clock:.2f} cm"
+    print(f"{what}: {words}", flush=True)
 
 
 def _published(file: Path) -> Run:
