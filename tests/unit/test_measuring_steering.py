@@ -9,15 +9,28 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from core_builders import NAMES, ROBOT, STEERING, TRACTION, shared
+from core_builders import NAMES, ROBOT, STEERING, TRACTION, shared, snapshot
 from routine_rig import OVER
 from steering_bench import LEFT, RIGHT, Bench, Measuring, as_known, measuring, turned
 
+from artemis.axles import Potentiometers
 from artemis.drive_states import DriveState, Goal
 from artemis.mission.loading import load_model
 from artemis.motion.potentiometers import memory_numbers
-from artemis.motion.steering_fit import Line, Pass
-from artemis.states.steering import KEEP, START, TURN_IT, _judged, _wheel
+from artemis.motion.steering_fit import Line, Pass, SteeringFit
+from artemis.states.mode import PATIENCE, Failed
+from artemis.states.steering import (
+    KEEP,
+    RELEASE_TIME,
+    START,
+    TURN_IT,
+    _accepts,
+    _check_somebody,
+    _judged,
+    _release,
+    _told,
+    _wheel,
+)
 from artemis.values import Fault, JobKind, Request, Severity, Wish
 from artemis.vehicle import RobotFile
 
@@ -72,6 +85,9 @@ def test_each_wheel_is_read_straight_and_to_both_sides_and_told() -> None:
     assert found["right"].calibration.zero_v == (2.4928, 2.5172)
     assert not run.player.jobs
     assert not run.shared.results.kept
+    assert run.step.replaces == ()
+    assert not run.step.new
+    assert {wish.command.steering for wish in run.player.wishes if wish.phase == "aligning"} == {0.0}
     wishes = [wish for wish in run.player.wishes if wish.phase != OVER]
     assert {(wish.traction, wish.steering) for wish in wishes} == {(Goal.DISABLED, Goal.ENABLED)}
     assert {wish.command.speed for wish in wishes} == {0.0}
@@ -107,10 +123,11 @@ def test_what_is_true_is_found() -> None:
     assert left.calibration.zero_v[0] == pytest.approx(2.51 - 0.7 / 75.6, abs=1e-4), "0.7 degrees where it shows 0"
 
 
-def test_play_is_told() -> None:
+def test_play_is_told_and_moves_no_zero() -> None:
     truth = as_known("left")
     truth.lag_deg = 0.15
     run = ended(measuring(Bench(left=truth), reference={"left": 0.0}, sides=("left",)))
+    assert run.shared.results.steering["left"].calibration.zero_v == pytest.approx((2.51, 2.48), abs=1e-4)
     assert run.shared.results.steering["left"].backlash_deg == pytest.approx(0.3, abs=0.02)
     assert any("left: backlash 0.30 deg" in phase for phase in run.phases())
 
@@ -133,6 +150,14 @@ def test_a_driven_wheel_that_stays_on_for_a_second_is_a_fault(name: str) -> None
     assert "stays on" in fault.text
     assert run.player.time == pytest.approx(1.04, abs=0.03)
     assert run.player.wishes[-1].steering is Goal.ENABLED
+
+
+def test_it_may_switch_off_at_the_last_moment() -> None:
+    routine = _release(shared().plan, snapshot(0.0))
+    next(routine)
+    assert routine.send(snapshot(RELEASE_TIME)).phase == "switching traction off"
+    with pytest.raises(Failed):
+        routine.send(snapshot(RELEASE_TIME + 1e-9))
 
 
 def test_the_first_of_both_is_named() -> None:
@@ -166,6 +191,7 @@ def test_the_drives_keep_the_result_and_steer_again() -> None:
     wanted = {LEFT: memory_numbers(fits["left"].calibration), RIGHT: memory_numbers(fits["right"].calibration)}
     assert run.shared.results.kept == wanted
     assert [job.values for job in run.player.jobs if job.kind is JobKind.WRITE_CALIBRATION] == list(wanted.values())
+    assert run.step.replaces == ("left", "right")
     assert run.phases()[-2:] == ["enabling", OVER]
     assert run.player.wishes[-2].steering is Goal.ENABLED
     assert run.player.wishes[-2].traction is Goal.DISABLED
@@ -195,11 +221,23 @@ def test_a_key_that_bounces_accepts_nothing() -> None:
     ended(run)
 
 
+@pytest.mark.parametrize(("after", "accepts"), [(0.49, False), (0.5, True)])
+def test_what_could_be_read_for_half_a_second_is_accepted(after: float, accepts: bool) -> None:
+    assert _accepts(snapshot(2.0 + after, requests=(ACCEPT,)), 2.0) is accepts
+
+
+def test_an_operator_may_come_at_the_last_moment() -> None:
+    _check_somebody(snapshot(2.0 + PATIENCE), 2.0, "")
+    with pytest.raises(Failed):
+        _check_somebody(snapshot(2.0 + PATIENCE + 1e-9), 2.0, "")
+
+
 def test_other_keys_accept_nothing() -> None:
     run = measuring(reference=BOTH, save="ask")
     run.ask(KEEP)
     run.wait()
     assert KEEP in run.press(Request.LEFT_DEGREE, Request.ARM).phase
+    assert run.step.replaces == ("left", "right")
 
 
 @pytest.mark.parametrize("save", ["nothing", "drives"])
@@ -251,6 +289,13 @@ def test_a_person_turns_each_wheel_until_it_stands_straight() -> None:
     assert left.zero_v[0] == pytest.approx(2.51 - 0.8 / 72, abs=1e-4)
     stood = -0.8 * 0.9896 + 0.9
     assert (right.zero_v[0] - 2.49) * -72 == pytest.approx(stood, abs=0.02)
+
+
+def test_other_keys_turn_nothing() -> None:
+    run = measuring(sides=("left",))
+    run.ask(TURN_IT)
+    assert run.press(Request.ARM).command.steering == 0.0
+    assert run.player.tick().command.steering == 0.0
 
 
 def test_a_wheel_of_which_the_reference_is_known_is_not_asked_for() -> None:
@@ -317,12 +362,13 @@ def test_the_wheel_is_where_it_was_turned_to_before_it_counts() -> None:
     run.ask(START)
 
 
+@pytest.mark.parametrize("found", [None, {}])
 @pytest.mark.parametrize("key", [Request.LEFT_TENTH, Request.RIGHT_TENTH, None])
-def test_the_play_is_on_the_side_from_which_the_wheel_came(key: Request | None) -> None:
-    """The alignment leaves a wheel as if it came from the right."""
+def test_the_play_is_on_the_side_from_which_the_wheel_came(key: Request | None, found: dict[str, Any] | None) -> None:
+    """The alignment leaves a wheel as if it came from the right; before that, nothing is known."""
     truth = as_known("left")
     truth.lag_deg = 0.2
-    run = measuring(Bench(left=truth), sides=("left",))
+    run = measuring(Bench(left=truth), sides=("left",), new=found is not None, plan={"found": found})
     run.ask(TURN_IT)
     if key is not None:
         run.press(key)
@@ -330,7 +376,8 @@ def test_the_play_is_on_the_side_from_which_the_wheel_came(key: Request | None) 
     run.ask(START)
     run.accept()
     ended(run)
-    at, way = {Request.LEFT_TENTH: (0.1, 1.0), Request.RIGHT_TENTH: (-0.1, -1.0), None: (0.0, 1.0)}[key]
+    untouched = 0.0 if found is not None else 1.0
+    at, way = {Request.LEFT_TENTH: (0.1, 1.0), Request.RIGHT_TENTH: (-0.1, -1.0), None: (0.0, untouched)}[key]
     zero = run.shared.results.steering["left"].calibration.zero_v[0]
     assert (zero - 2.51) * 72 == pytest.approx(at - way * 0.2, abs=0.02)
 
@@ -439,11 +486,11 @@ def judged(
     [
         (line(flat=0.0), "potentiometer 1 does not follow the wheel: 0.000 V per radian"),
         (line(flat=-0.099), "potentiometer 1 does not follow the wheel: 0.099 V per radian"),
-        (line(80.0), "potentiometer 1: 80.0 degrees per volt, the robot file says 72.0; at most 10 % off"),
-        (line(64.0), "potentiometer 1: 64.0 degrees per volt, the robot file says 72.0; at most 10 % off"),
+        (line(79.5), "potentiometer 1: 79.5 degrees per volt, the robot file says 72.0; at most 10 % off"),
+        (line(64.5), "potentiometer 1: 64.5 degrees per volt, the robot file says 72.0; at most 10 % off"),
         (
-            line(-72.0),
-            "potentiometer 1: -72.0 degrees per volt, the robot file says 72.0; at most 10 % off; are two plugs",
+            line(-60.0),
+            "potentiometer 1: -60.0 degrees per volt, the robot file says 72.0; at most 10 % off; are two plugs",
         ),
         (line(misfit_deg=0.51), "potentiometer 1 is 0.51 degrees off its line: it drifts, or a coupling slips"),
     ],
@@ -456,7 +503,7 @@ def test_what_no_calibration_comes_of_is_refused(first: Line, words: str) -> Non
     assert fault.severity >= Severity.CONTROLLED_STOP
 
 
-@pytest.mark.parametrize("misfit", [0.21, 0.49])
+@pytest.mark.parametrize("misfit", [0.21, 0.49, 0.5])
 def test_what_is_a_little_off_its_line_is_a_warning(misfit: float) -> None:
     (fault,) = judged(line(), line(-72.0, misfit_deg=misfit))
     assert (fault.id, fault.device, fault.severity) == ("CAL-01", LEFT, Severity.WARN)
@@ -469,6 +516,7 @@ def test_what_is_a_little_off_its_line_is_a_warning(misfit: float) -> None:
         (line(79.0), line(-79.0)),
         (line(65.0), line(-65.5)),
         (line(misfit_deg=0.19), line(-72.0)),
+        (line(), line(-72.0, misfit_deg=0.2)),
         (line(72.0), line(-72.0)),
     ],
 )
@@ -478,6 +526,7 @@ def test_what_is_as_good_as_known_is_taken(first: Line, second: Line) -> None:
 
 def test_of_new_potentiometers_nothing_is_known() -> None:
     assert judged(line(-150.0), line(150.0), (0.5, 0.5), found={}) == []
+    assert judged(line(flat=0.1), line(flat=-0.105), found={}) == []
     (fault,) = judged(line(flat=0.05), found={})
     assert "does not follow" in fault.text
 
@@ -513,6 +562,10 @@ def test_a_potentiometer_that_does_not_follow_is_refused_and_nothing_is_found() 
     assert "potentiometer 1 does not follow the wheel" in fault.text
     assert run.shared.results.steering == {}
     assert run.player.wishes[-1].steering is Goal.ENABLED
+    asked = run.player.wishes[-1].command
+    run.wait()
+    assert run.player.wishes[-1].command == asked.__class__(), "it stands by"
+    assert run.player.wishes[-1].phase == ""
 
 
 def test_a_potentiometer_that_drifts_is_refused() -> None:
@@ -573,3 +626,18 @@ def test_they_keep_nothing_and_ask_nothing_else(save: str) -> None:
 @pytest.mark.parametrize(("side", "name"), [("middle", "steering"), ("left", "left wheel"), ("right", "right wheel")])
 def test_what_a_motor_turns(side: str, name: str) -> None:
     assert _wheel(side) == name
+
+
+def test_uncertainties_are_told_with_what_is_found() -> None:
+    fit = SteeringFit(
+        calibration=Potentiometers(zero_v=(2.5, 2.5), slope_deg_per_v=(-72.0, 72.0)),
+        zero_std_v=(0.001, 0.002),
+        slope_std_deg_per_v=(0.25, 0.5),
+        backlash_deg=0.25,
+        misfit_deg=0.125,
+    )
+    assert list(_told(shared().plan, {"right": fit})) == [
+        "right 1: zero 2.4900 -> 2.5000 V (-0.72 deg, +- 0.072), slope -72.000 -> -72.000 deg/V (+- 0.250)",
+        "right 2: zero 2.5200 -> 2.5000 V (-1.44 deg, +- 0.144), slope 72.000 -> 72.000 deg/V (+- 0.500)",
+        "right: backlash 0.25 deg, off the line by 0.125 deg at most",
+    ]
