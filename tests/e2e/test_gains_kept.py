@@ -29,7 +29,7 @@ from artemis.mission.loading import load_model
 from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.realtime
 
 GROUP = "239.74.163.2"
 NODE, POSITION_GAINS = 3, 0x60FB

@@ -486,8 +486,8 @@ def judged(
     [
         (line(flat=0.0), "potentiometer 1 does not follow the wheel: 0.000 V per radian"),
         (line(flat=-0.099), "potentiometer 1 does not follow the wheel: 0.099 V per radian"),
-        (line(79.5), "potentiometer 1: 79.5 degrees per volt, the robot file says 72.0; at most 10 % off"),
-        (line(64.5), "potentiometer 1: 64.5 degrees per volt, the robot file says 72.0; at most 10 % off"),
+        (line(79.5), "potentiometer 1: 79.5 degrees per volt, the robot file says 72.0; at most 10 % off)"),
+        (line(64.5), "potentiometer 1: 64.5 degrees per volt, the robot file says 72.0; at most 10 % off)"),
         (
             line(-60.0),
             "potentiometer 1: -60.0 degrees per volt, the robot file says 72.0; at most 10 % off; are two plugs",
