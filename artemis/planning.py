@@ -21,8 +21,8 @@ from artemis.mission.obstacles import rules_for
 from artemis.mission.policies import policies_from
 from artemis.mission.schema import SerialWords
 from artemis.plugins.contracts import PluginContext, TakesTimeOnce, declared
-from artemis.plugins.guard import PLUGIN_ERRORS, told
-from artemis.plugins.registry import behaviour_class
+from artemis.plugins.guard import FOLLOWER, LOCALIZER, PLUGIN_ERRORS, told
+from artemis.plugins.registry import BEHAVIOURS, FOLLOWERS, INPUTS, LOCALIZERS, OBSERVERS, behaviour_class, package_of
 from artemis.plugins.stated import enable_of, follower_speed, input_speed, is_live, stale_limit
 from artemis.plugins.used import localizer_used
 from artemis.progress import Position
@@ -214,6 +214,21 @@ def localizer_of(loaded: LoadedMission, simulated: bool) -> PluginUse | None:
     words = {"localizer": mission.localizer, "simulation": {"localizer": mission.simulation.localizer}}
     use: PluginUse | None = localizer_used(words, simulated=simulated)
     return use
+
+
+def origin_of(loaded: LoadedMission, simulated: bool, name: str) -> str:
+    """Which plugin, of which package, a run asks by a name of its mission, for people."""
+    asked = [(name, INPUTS, use.plugin) for name, use in inputs_used(loaded, simulated).items()]
+    asked += [(name, OBSERVERS, use.plugin) for name, use in loaded.mission.observers.items()]
+    if (use := localizer_of(loaded, simulated)) is not None:
+        asked.append((LOCALIZER, LOCALIZERS, use.plugin))
+    for _, step in loaded.tree.steps:
+        if step.behaviour:
+            asked.append((step.behaviour, BEHAVIOURS, step.behaviour))
+        elif isinstance(step.action, Follow | Goto):
+            asked.append((FOLLOWER, FOLLOWERS, step.action.follower.plugin))
+    found = {f"{plugin} of {package_of(group, plugin)}" for given, group, plugin in asked if given == name}
+    return " or ".join(sorted(found))
 
 
 def scanners_used(loaded: LoadedMission, simulated: bool) -> dict[str, PluginUse]:

@@ -27,7 +27,7 @@ from artemis.commands.terminal import (
     KEYS,
     somebody_is_there,
 )
-from artemis.devices.can_bus import place_of
+from artemis.devices.multicast import INTERFACE, free_group, place_of
 from artemis.errors import ConfigError, RecordingError
 from artemis.mission.loading import LoadedMission, load_mission
 from artemis.mission.schema import BusWords
@@ -151,7 +151,7 @@ def run_in_sight(
     )
     with report_unbroken():
         then(outcome)
-        _conclude(outcome)
+        _conclude(outcome, "" if simulated else _another_bus(loaded, outcome))
     return outcome
 
 
@@ -168,8 +168,11 @@ def _resumption(loaded: LoadedMission, source: Path, resume: Path | None, simula
         root, simulated = loaded.folder / loaded.mission.record, is_simulated(loaded, simulate)
         if left := unfinished_run(root, loaded.mission.mission, simulated=simulated):
             run, until = left
-            command = _command(source, run, simulate)
-            _print("last run", f"ended without shutdown at {until:.2f} s; to resume it: {command}")
+            if until is None:
+                _print("last run", f"{run} is still under way")
+            else:
+                command = _command(source, run, simulate)
+                _print("last run", f"ended without shutdown at {until:.2f} s; to resume it: {command}")
         return None
     found, notes = resumption_from(loaded, source, resume, simulate)
     at = found.position
@@ -200,7 +203,15 @@ def _title(loaded: LoadedMission, simulated: bool) -> str:
     return f"mission {loaded.mission.mission}: {loaded.robot.robot} on {place or 'simulated drives'}"
 
 
-def _conclude(outcome: Outcome) -> None:
+def _another_bus(loaded: LoadedMission, outcome: Outcome) -> str:
+    """Where a run that found another artemis on its bus can go instead."""
+    bus = loaded.mission.bus
+    if "COM-18" not in outcome.reason or not isinstance(bus, BusWords) or bus.words.get("interface") != INTERFACE:
+        return ""
+    return f"to run beside the other one, take a free group: bus: {{interface: {INTERFACE}, channel: {free_group()}}}"
+
+
+def _conclude(outcome: Outcome, advice: str) -> None:
     """Print the summary, then write the page: drawing its figures takes longer than many a run."""
     sys.stdout.write("\n")
     try:
@@ -212,6 +223,8 @@ def _conclude(outcome: Outcome) -> None:
         _print("recording", str(error))
         return
     _print("result", _result(outcome, found.faults, series.mission.failure))
+    if advice:
+        _print("", advice)
     if series.mission.remedy:
         _print("", series.mission.remedy)
     for label, text in _numbers(found):

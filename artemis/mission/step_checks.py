@@ -64,7 +64,7 @@ class StepChecks(GotoChecks):
         for path, word, _ in steps_in(given):
             if facts.follows(word) and CALIBRATED not in before.get(path, [CALIBRATED]):
                 why = why_not(given, CALIBRATED, path) or "no step before this one does"
-                self._complain(path, f"calibrate first: {why} (CAL-02)")
+                self._complain(path, f"calibrate first: {why}")
             if word == "stop" and path != ("steps", len(given) - 1, "stop"):
                 self._complain(path, "ends the mission: it can only be the last step")
         alone = len(list(steps_in(given))) == 1

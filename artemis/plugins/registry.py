@@ -112,6 +112,12 @@ def declarations(behaviours: Iterable[str]) -> dict[str, Declared]:
     return found
 
 
+def package_of(group: str, name: str) -> str:
+    """Name and version of the package that brings a plugin; empty if that is not known."""
+    found = [point.dist for point in _found(group) if point.name == name and point.dist is not None]
+    return f"{found[0].name} {found[0].version}" if found else ""
+
+
 def names(group: str) -> list[str]:
     """Names of the plugins of a group; nothing is imported."""
     return sorted({point.name for point in _found(group)})

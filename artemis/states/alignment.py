@@ -85,7 +85,8 @@ def align(shared: Shared, snapshot: Snapshot) -> Routine:
 
 def do(wish: Wish, jobs: tuple[Job, ...], snapshot: Snapshot) -> Routine:
     """Have jobs of one kind done; one that fails is a fault."""
-    results, snapshot = yield from finish_jobs(replace(wish, phase=jobs[0].kind.value), jobs)
+    first, *_ = jobs
+    results, snapshot = yield from finish_jobs(replace(wish, phase=first.kind.value), jobs)
     for result in results:
         if not result.ok:
             raise Failed(wish, catalogue.fault(result.fault, result.drive, result.detail))
@@ -202,17 +203,16 @@ def _seek_edges(plan: Plan, snapshot: Snapshot) -> Generator[Wish, Snapshot, tup
     Those whose family tells no step of its analog inputs are not among them, nor those of which no edge is seen.
     """
     edges: dict[str, StepEdges] = {}
-    step = 0.0
+    steps: list[float] = []
     for name in plan.drives("steering"):
         drive = plan.robot.drives[name]
         if drive.tables.analog_step is not None:
             calibration = plan.robot.potentiometers(drive.side)
             edges[name] = StepEdges(calibration, drive.tables.analog_step)
-            step = max(
-                step, *(math.radians(abs(slope)) * drive.tables.analog_step for slope in calibration.slope_deg_per_v)
-            )
+            steps += [math.radians(abs(slope)) * drive.tables.analog_step for slope in calibration.slope_deg_per_v]
     if not edges:
         return {}, snapshot
+    step = max(steps)
     for tick in range(round(6 * STEPS * STEP_TICKS)):  # ahead, to the left end, the right, the left, and back
         place = step * (abs((tick / STEP_TICKS - STEPS) % (4 * STEPS) - 2 * STEPS) - STEPS)
         snapshot = yield replace(STEERING_ON, command=DriveCommand(steering=place), phase="aligning")

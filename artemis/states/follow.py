@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from math import inf
 
 from msgspec.structs import replace
 
@@ -45,33 +44,38 @@ _ENABLED = Goal.ENABLED
 class FollowMode:
     """Asks the follower at each tick. A step that was interrupted goes on where it stopped."""
 
+    _entry: int  # this and the next belong to the step that has begun
+    _planned: tuple[int, ...]
+    _spent: float
+    _longest: float
+    _last: float | None  # and these to what was entered last
+    _way: float
+    _outside: float
+    _armed: bool
+    _short: str
+    _after: float
+    _lacking: float
+    _over: float | None
+    _shaking: OscillationDetector | None
+
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
         self._begun: FollowStep | None = None
-        self._entry, self._planned = 0, shared.route.planned
         self._drive: PartByPart | None = None
         self._fault: Fault | None = None
-        self._last: float | None = None
-        self._way = self._outside = 0.0
-        self._armed, self._short = False, ""
-        self._after = self._lacking = 0.0
-        self._over: float | None = None
-        self._shaking: OscillationDetector | None = None
-        self._spent, self._longest = 0.0, inf
 
     def enter(self, snapshot: Snapshot) -> None:
         """Begin what is left of the path, unless the follower is on its way already."""
         step = self.shared.current
-        self._shaking = (
-            OscillationDetector(self.shared.plan, tried, snapshot) if (tried := self.shared.results.tried) else None
-        )
+        tried = self.shared.results.tried
+        self._shaking = OscillationDetector(self.shared.plan, tried, snapshot) if tried else None
         self._fault, self._last, self._armed, self._over, self._short = None, None, False, None, ""
         self._lacking = 0.0
         if not isinstance(step, FollowStep):
             return
         begun = step is self._begun and self._entry == self.shared.entry and self._planned is self.shared.route.planned
-        if begun and self._drive is not None:
-            self._drive.go_on()
+        if (drive := self._drive if begun else None) is not None:
+            drive.go_on()
             return
         try:
             route = self._route(step)

@@ -92,7 +92,7 @@ def _shown(shared: Shared, snapshot: Snapshot) -> list[float]:
     for name in shared.plan.drives("steering"):
         side = robot.drives[name].side
         source = robot.angle_source(side)
-        assert isinstance(source, AbsoluteEncoder), "checked when the file was read: all sides have the same"
+        assert isinstance(source, AbsoluteEncoder)  # checked when the file was read: all sides have the same
         angle = encoder_angle(_drive(snapshot, name).angle_sensor, source)
         right, left = (each[side == "right"] for each in ends)
         if not right - BEYOND <= angle <= left + BEYOND:

@@ -120,7 +120,7 @@ def _tell_zeros(shared: Shared, step: SteeringStep, straight: Mapping[str, float
     snapshot = yield from steer(shared.plan, 0.0, snapshot, {})
     for side, angle in straight.items():
         source = robot.angle_source(side)
-        assert not isinstance(source, Potentiometers | ByHand), "checked when the mission was read"
+        assert not isinstance(source, Potentiometers | ByHand)  # checked when the mission was read
         found = shared.results.zeros[side] = moved(source, angle)
         told = f"{side}: {found.key} {found.before:.4f} -> {found.after:.4f} ({-degrees(angle):+.2f} deg)"
         snapshot = yield _hold(snapshot, told)
@@ -197,9 +197,9 @@ def _take_as_straight(shared: Shared, straight: Mapping[str, float], snapshot: S
 
     Wheels that are no pair by what they count are turned until they are one.
     """
-    names = [shared.plan.robot.drive_at("steering", side)[0] for side in straight]
-    angles = [_drive(snapshot, name).position - zero for name, zero in zip(names, straight.values(), strict=True)]
-    snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, names, angles), snapshot)
+    zeros = {shared.plan.robot.drive_at("steering", side)[0]: angle for side, angle in straight.items()}
+    angles = [_drive(snapshot, name).position - zero for name, zero in zeros.items()]
+    snapshot = yield from do(OFF, shared.bring_up.jobs(JobKind.REFERENCE, list(zeros), angles), snapshot)
     return (yield from enable(shared, STEERING_ON, snapshot))
 
 
@@ -278,10 +278,11 @@ def _judged(plan: Plan, side: str, lines: Lines, passes: list[Pass]) -> Iterator
     for number, (line, slope) in enumerate(zip(lines, known.slope_deg_per_v, strict=True), 1):
         who = f"potentiometer {number}"
         found = degrees(1.0) / line.per_radian if line.per_radian else inf
+        ratio = found / slope
         if abs(line.per_radian) < FLAT:
             yield _refused(name, f"{who} does not follow the wheel: {abs(line.per_radian):.3f} V per radian")
-        elif not plan.blind and abs(found / slope - 1.0) > SLOPE_RANGE:
-            swapped = "; are two plugs swapped?" if found * slope < 0.0 else ""
+        elif not plan.blind and abs(ratio - 1.0) > SLOPE_RANGE:
+            swapped = "; are two plugs swapped?" if ratio < 0.0 else ""
             yield _refused(
                 name, f"{who}: {found:.1f} degrees per volt, the robot file says {slope:.1f}; at most 10 % off{swapped}"
             )

@@ -14,7 +14,7 @@ from page_rig import PageRig
 from artemis.bridges.page.session import FRESH
 from artemis.values import OperatorInput, Request
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.realtime
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
 TAKES = 30_000
 """Milliseconds for anything on a busy computer."""

@@ -11,7 +11,7 @@ from browser import chromium, closed_after, own_key, run
 from page_rig import PageRig, Recorded, page_rig, recorded
 from test_page import PHONE, opened, until
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.realtime
 FAULT = "fault_recovery_by_hand.yaml"
 
 

@@ -29,7 +29,7 @@ from artemis.recording.mcap_reader import Recording
 from artemis.vehicle import RobotFile
 from artemis_lab.bench.ports import free_port
 
-pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.realtime
 
 GROUP = "239.74.163.2"
 NODE, POSITION_GAINS = 3, 0x60FB

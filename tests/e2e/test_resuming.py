@@ -134,6 +134,22 @@ def test_after_a_kill_the_next_run_tells_how_to_go_on(tmp_path: Path) -> None:
     assert "the recording is not whole: the file is cut off" in said
 
 
+def test_a_run_under_way_is_not_taken_for_one_that_broke_off(tmp_path: Path) -> None:
+    mission = endless_mission(tmp_path)
+    with started("run", mission) as process:
+        read_until(process, "follow     following")
+        live = only_run(tmp_path)
+        refused = artemis_here("run", mission, "--resume", live)
+        with started("run", mission) as second:
+            said = read_until(second, "listening")
+        process.kill()
+        process.wait()
+
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr == f"{live}: cannot be resumed: this run is still under way; end it first\n"
+    assert label(said, "last run") == f"{live} is still under way"
+
+
 @pytest.mark.exhaustive
 @pytest.mark.realtime
 def test_a_run_killed_in_real_time_is_gone_on_with_where_it_was(tmp_path: Path) -> None:

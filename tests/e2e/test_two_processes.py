@@ -137,6 +137,20 @@ def test_a_mission_is_done_against_simulated_drives_in_another_process(
     assert_left_at_rest(run)
 
 
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_a_second_run_on_a_group_names_a_free_one(tmp_path: Path, port: int) -> None:
+    mission = udp_mission(tmp_path, port)
+    with simulated_robot(port), started("run", mission) as first:
+        read_until(first, "calibrate")
+        second = artemis("run", mission)
+
+        assert second.returncode == 1
+        assert "FAILED: COM-18" in second.stdout
+        assert "take a free group: bus: {interface: udp_multicast, channel: 239.74.163." in second.stdout
+        assert f"channel: {GROUP}}}" not in second.stdout
+
+
 @pytest.mark.exhaustive
 def test_a_mission_that_is_refused_sends_no_frame(tmp_path: Path, port: int, robot: RobotFile) -> None:
     ids = {drive.node_id for drive in robot.drives.values()}

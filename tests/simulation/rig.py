@@ -45,9 +45,10 @@ from artemis.devices.can_bus import Frame, Traffic
 from artemis.devices.device import Device
 from artemis.errors import ConfigError
 from artemis.mission import reading
+from artemis.mission.actions import PluginUse
 from artemis.mission.loading import load_mission
 from artemis.plugins import registry
-from artemis.plugins.contracts import Follower, InputDevice, TellsProblems
+from artemis.plugins.contracts import Follower, InputDevice, PluginContext, TellsProblems
 from artemis.recording.replay import Replayed, replay
 from artemis.robot import Core, Robot
 from artemis.sim.bus import Disturb
@@ -280,6 +281,8 @@ class Rig:
         self._start, self._longest, self._simulate, self._sensors = start, longest, simulate, sensors
         self._acts: list[tuple[float, str, Callable[[], None]]] = []
         self._conditions: list[tuple[Callable[[Seen], bool], float, str, Callable[[], None]]] = []
+        self.plugins: Callable[[str, PluginUse, PluginContext], object] = planning.plugin_made
+        """Makes inputs and localizers."""
         self._seen: list[Seen] = []
         self._done: dict[str, float] = {}
         self._taken = 0
@@ -328,6 +331,7 @@ class Rig:
             inputs=inputs,
             robot=self._make_robot,
             loop=self._loop(),
+            plugins=self.plugins,
         )
         with patch.multiple(registry, **_PLUGINS):
             outcome = app.run_mission(

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from rig import CALIBRATE, TELEOP, TICK, Rig, Run, standing, write_mission
 
 from artemis.bridges.operator.session import FRESH
+from artemis.planning import plugin_made
 from artemis.recording.mcap_reader import Recording
 from artemis.robot import LIMITED_SPEED
 from artemis.supervision import catalogue
@@ -207,17 +208,14 @@ def test_a_lower_input_over_the_network_that_is_lost_is_a_warning(tmp_path: Path
     rig = Rig(mission, longest=30.0)
     linked = LinkedInput(net)
     rig.when(lambda seen: seen.mode is Mode.TELEOP, lambda: cut(alice), after=1.0)
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("artemis.app.plugin_made", _made_with(linked))
-        run = rig.run()
+    rig.plugins = _made_with(linked)
+    run = rig.run()
     assert run.status == 0
     assert [(fault.id, fault.severity) for fault in run.faults if fault.id == "NET-01"] == [("NET-01", Severity.WARN)]
     assert Mode.QUICKSTOP not in run.modes
 
 
 def _made_with(linked: LinkedInput) -> Callable[..., Any]:
-    from artemis.planning import plugin_made
-
     return lambda group, use, context: linked if use.plugin == "network" else plugin_made(group, use, context)
 
 

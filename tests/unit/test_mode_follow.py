@@ -28,7 +28,15 @@ from artemis.motion.path import Path
 from artemis.plugins.contracts import Following
 from artemis.states.follow import CERTAIN, CONTRADICTED, FollowMode
 from artemis.states.plan import FollowStep, Shared
-from artemis.values import DriveCommand, Event, LocatedPose, Odometry, SetPoints, Snapshot, Wish
+from artemis.values import (
+    DriveCommand,
+    Event,
+    LocatedPose,
+    Odometry,
+    SetPoints,
+    Snapshot,
+    Wish,
+)
 
 
 def follow(answer: Callable[[], Any] | None = None, **options: Any) -> tuple[Player, StubFollower, Shared]:
