@@ -172,8 +172,9 @@ class PageRig:
         loop = asyncio.get_running_loop()
         use = self.run.loaded
         context = replace(setup_for(use, f"page {self.port}"), real_time=True)
+        speed = min(0.7, use.robot.limits.speed_m_s)
         device = PageInput(
-            PageInputConfig(max_speed_m_s=0.7, required=False, allow=("goal_pose", "initialpose")), context
+            PageInputConfig(max_speed_m_s=speed, required=False, allow=("goal_pose", "initialpose")), context
         )
         try:
             while not self._over.is_set():

@@ -110,7 +110,9 @@ class PageView:
             "driven": geometry.driven_axle,
             "limits": [limits.speed_m_s, limits.steering_deg],
             "scanners": {name: [m.x_m, m.y_m, m.heading] for name, m in robot.scanners.items()},
-            "drives": [{"name": name, "node": drive.node_id} for name, drive in robot.drives.items()],
+            "drives": [
+                {"name": name, "node": drive.node_id, "role": drive.role} for name, drive in robot.drives.items()
+            ],
             "steps": self._steps(),
             "acts": self._acts(),
             "series": [*SERIES, *robot.drives],

@@ -64,8 +64,11 @@ def opened(browser: Any, rig: PageRig, options: Mapping[str, Any], scheme: str =
 
 def until(page: Any, wanted: str) -> None:  # noqa: ANN401
     """Wait: the page's content policy keeps playwright's own way of waiting out."""
-    while not page.evaluate(wanted):
+    for _ in range(120 * 20):
+        if page.evaluate(wanted):
+            return
         page.wait_for_timeout(50)
+    raise TimeoutError(wanted)
 
 
 def take_control(page: Any, *, hold: bool) -> None:  # noqa: ANN401
@@ -170,15 +173,16 @@ def take_past(browser: Any, home: Path) -> None:  # noqa: ANN401
         rig.show(100)
         page = opened(browser, rig, DESKTOP)
         page.goto(f"{rig.url}/runs/")
-        until(page, "document.querySelectorAll('.run dl').length === 4")
+        until(page, f"document.querySelectorAll('.run dl').length === {len(UNTIL) + 1}")
         picture(page, "runs")
         newest = [row.get_attribute("data-run") for row in page.locator(".run").all()]
         hall = next(name for name in newest if "patrol" in name)
         fault = next(name for name in newest if "fault" in name)
+        whole, part = [name for name in newest if "figure-eight" in name]
         page.goto(f"{rig.url}/runs/replay?run={hall}&at=36")
         until(page, REPLAYED)
         picture(page, "replay")
-        page.goto(f"{rig.url}/runs/replay?run={newest[0]}&with={newest[1]}&at=30")
+        page.goto(f"{rig.url}/runs/replay?run={whole}&with={part}&at=30")
         until(page, f"{REPLAYED} && Boolean(artemis.beside?.state)")
         picture(page, "replay_two")
         page = opened(browser, rig, PHONE)

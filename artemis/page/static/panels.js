@@ -1,15 +1,11 @@
 // Everything in words: mode, faults, drives, steps, log.
+import {element} from './browser.js';
+
 const $ = id => document.getElementById(id);
 const SEVERITY = ['', 'warning', 'speed limited', 'controlled stop', 'quick stop', 'drives off'];
 const MARK = ['', '⚠', '⚠', '✖', '✖', '✖']; // signs that plain fonts have
 let about = null, numbered = [], lastStep = -1, lastMode = '';
 
-export function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) if (value !== null && value !== false) made.setAttribute(key, value === true ? '' : value);
-  made.append(...children.filter(child => child !== null));
-  return made;
-}
 export const announce = words => { $('announce').textContent = words; };
 const degrees = angle => angle * 180 / Math.PI;
 const signed = (value, digits) => (value < 0 ? '−' : value > 0 ? '+' : '') + Math.abs(value).toFixed(digits);
@@ -63,8 +59,7 @@ function showDrives(drives, sample) {
     cells[1].classList.toggle('on', on);
     const current = sample[7 + index];
     cells[2].textContent = current === null ? '–' : `${signed(current, 2)} A`;
-    const steers = about.drives[index].name.includes('steer');
-    cells[3].textContent = steers ? `${signed(degrees(position), 1)}°` : `${position.toFixed(2)} m`;
+    cells[3].textContent = about.drives[index].role === 'steering' ? `${signed(degrees(position), 1)}°` : `${position.toFixed(2)} m`;
     cells[4].textContent = age === null ? 'never' : `${(age * 1000).toFixed(0)} ms`;
   });
 }
@@ -119,12 +114,13 @@ function markStep() {
 
 // ------------------------------------------------------------------------------------------ log
 
-const LEVEL = {3: 'warning', 4: 'error'};
+const LEVEL = {3: 'warning: ', 4: 'error: '};
+export const worded = ({level, text}) => (LEVEL[level] ?? '') + text;
 export function showLog(lines) {
   const list = $('log').querySelector('ol');
   for (const line of lines) {
     list.prepend(element('li', {'data-level': line.level},
-      element('time', {}, `${line.time.toFixed(2)} s`), element('b', {}, line.kind), element('span', {}, `${LEVEL[line.level] ? `${LEVEL[line.level]}: ` : ''}${line.text}`)));
+      element('time', {}, `${line.time.toFixed(2)} s`), element('b', {}, line.kind), element('span', {}, worded(line))));
   }
   while (list.children.length > 300) list.lastElementChild.remove();
 }
