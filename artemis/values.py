@@ -40,10 +40,10 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     boots: int = 0  # boot-up frames since the last tick
     frames: int = 0  # TxPDO 1 since the last tick: one per SYNC
     malformed: int = 0  # frames since the last tick that cannot be what they claim, and were dropped
-    disordered: int = 0
-    """Frames since the last tick that were older on the bus than one before them, and were dropped."""
+    disordered: int = 0  # frames since the last tick that were older than one before them, and were dropped
     jumps: int = 0  # positions in a row that no motion explains; each was dropped
     stray: int = 0  # SDO answers since the last tick that nobody waited for, and were dropped
+    temperature_c: float | None = None  # of its power stage [°C]; None: not known
 
 
 class Request(Enum):

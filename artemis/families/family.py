@@ -108,6 +108,10 @@ class Family:
     """Its supply voltage, where it measures that."""
     supply_scale: float = 10.0
     """Units of `supply` per volt."""
+    temperature: Object | None = None
+    """Of its power stage, where it measures that."""
+    temperature_scale: float = 10.0
+    """Units of `temperature` per degree Celsius."""
     velocity_scale: float = 1.0
     """Units of velocities per rpm of the motor shaft."""
     acceleration_scale: float = 1.0

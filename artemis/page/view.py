@@ -239,6 +239,7 @@ class PageView:
                 + ([[round(volts, 3) for volts in drive.potentiometers]] if drive.name in self._read else [])
                 for drive in drives
             ],
+            "temperatures": [drive.temperature_c for drive in drives],
             "hand": list(by_hand(tick)),
             "presses": self._presses[1] if self._presses[0] == position.step else 0,
             "inputs": [[sample.source, sample.enabled, _finite(sample.age)] for sample in snapshot.sensed.inputs],

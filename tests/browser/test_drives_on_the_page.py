@@ -28,6 +28,12 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     return recorded(str(folder / "figure_eight_tricycle.yaml"), 20.0, folder)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def warm(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """Drives that measure the temperature of their power stages; computed before the browser's driver is there."""
+    return recorded("figure_eight_epos4.yaml", 20.0, tmp_path_factory.mktemp("warm"))
+
+
 @pytest.fixture
 def rig(run: Recorded, tmp_path: Path) -> Iterator[PageRig]:
     with page_rig(run, tmp_path) as made:
@@ -48,5 +54,20 @@ def test_a_drive_has_the_unit_of_what_it_does_whatever_its_name(chromium: Any, r
     page.click("#tab-drives")
     until(page, "document.querySelectorAll('#drives td.on').length === 2")
     told = rows(page)
-    assert told["front"][2].endswith("°")
-    assert told["steered-wheel"][2].endswith(" m")
+    assert told["front"][3].endswith("°")
+    assert not page.locator("#drives th.temperature").is_visible(), "these drives do not measure theirs"
+    assert told["steered-wheel"][3].endswith(" m")
+
+
+def test_a_drive_shows_its_temperature_where_that_is_known(chromium: Any, warm: Recorded, tmp_path: Path) -> None:
+    with page_rig(warm, tmp_path) as shown:
+        shown.show(980)
+        page = opened(chromium, shown)
+        page.click("#tab-drives")
+        until(page, "document.querySelectorAll('#drives td.on').length === 4")
+        until(page, "document.querySelector('#drives th.temperature').checkVisibility()")
+        assert {cells[2] for cells in rows(page).values()} <= {"25 °C", "26 °C"}
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.locator("#drives th.temperature").is_visible()
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        assert page.troubles == []

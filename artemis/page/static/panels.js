@@ -19,7 +19,7 @@ export function showAbout(told) {
   const body = $('drives').querySelector('tbody');
   body.replaceChildren(...told.drives.map(drive => element('tr', {},
     element('th', {scope: 'row'}, drive.name, element('small', {}, ` node ${drive.node}`)), element('td', {class: 'state'}, '–'),
-    element('td', {class: 'number'}, '–'), element('td', {class: 'number'}, '–'), element('td', {class: 'number'}, '–'))));
+    ...['', 'temperature', '', 'heard'].map(name => element('td', {class: `number ${name}`}, '–')))));
   numbered = told.steps.numbered;
   lastStep = -1;
   showSteps(told.steps.tree);
@@ -44,13 +44,15 @@ export function showState(state) {
   const doubt = std ? ` ± ${(Math.sqrt(Math.max(std[0], std[2])) * 100).toFixed(0)} cm, ± ${degrees(Math.sqrt(std[3])).toFixed(1)}°` : '';
   $('pose').firstChild.textContent = state.lost ? 'position lost' : `x ${pose[0].toFixed(2)} m, y ${pose[1].toFixed(2)} m, ${degrees(pose[2]).toFixed(0)}°`;
   $('pose').lastChild.textContent = state.lost ? '' : `${doubt} (${state.source}), driven ${state.distance.toFixed(1)} m`;
-  showDrives(drives, sample);
+  showDrives(drives, sample, state.temperatures);
   showInputs(state.inputs);
   if (state.step !== lastStep) { lastStep = state.step; markStep(); }
 }
 
-function showDrives(drives, sample) {
+function showDrives(drives, sample, temperatures) {
   if ($('drives').hidden) return;
+  const warm = temperatures.some(value => value !== null);
+  for (const cell of $('drives').querySelectorAll('.temperature')) cell.hidden = !warm;
   const rows = $('drives').querySelectorAll('tbody tr');
   drives.forEach(([state, on, age, position], index) => {
     const cells = rows[index]?.children;
@@ -59,8 +61,9 @@ function showDrives(drives, sample) {
     cells[1].classList.toggle('on', on);
     const current = sample[7 + index];
     cells[2].textContent = current === null ? '–' : `${signed(current, 2)} A`;
-    cells[3].textContent = about.drives[index].role === 'steering' ? `${signed(degrees(position), 1)}°` : `${position.toFixed(2)} m`;
-    cells[4].textContent = age === null ? 'never' : `${(age * 1000).toFixed(0)} ms`;
+    cells[3].textContent = temperatures[index] === null ? '–' : `${temperatures[index].toFixed(0)} °C`;
+    cells[4].textContent = about.drives[index].role === 'steering' ? `${signed(degrees(position), 1)}°` : `${position.toFixed(2)} m`;
+    cells[5].textContent = age === null ? 'never' : `${(age * 1000).toFixed(0)} ms`;
   });
 }
 function showInputs(inputs) {
