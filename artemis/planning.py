@@ -23,7 +23,7 @@ from artemis.mission.policies import policies_from
 from artemis.mission.schema import SerialWords
 from artemis.plugins.contracts import PluginContext, TakesTimeOnce, declared
 from artemis.plugins.guard import PLUGIN_ERRORS, told
-from artemis.plugins.stated import follower_speed, input_speed, is_live, stale_limit
+from artemis.plugins.stated import enable_of, follower_speed, input_speed, is_live, stale_limit
 from artemis.plugins.used import localizer_used
 from artemis.progress import Position
 from artemis.recording.provenance import ResumePoint
@@ -101,7 +101,7 @@ def _calibrate_step(robot: RobotFile, action: Calibrate) -> CalibrateStep:
 def _teleop_step(loaded: LoadedMission, action: Teleop) -> TeleopStep:
     used = [plugin_from("artemis.inputs", loaded.mission.inputs[name]) for name in action.names]
     speeds = [input_speed(config) for _, config in used]
-    held = dict.fromkeys(getattr(plugin, "enabled_by", "the enable button") for plugin, _ in used)
+    held = dict.fromkeys(enable_of(plugin, config) for plugin, config in used)
     return TeleopStep(
         input=action.names[0],
         lower=action.names[1:],

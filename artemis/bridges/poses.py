@@ -59,11 +59,11 @@ def asked_initial_pose(message: Any, now: float, source: str) -> LocatedPose:  #
         ValueError: why it cannot be used.
     """
     pose, given = asked_pose(message, now), [float(each) for each in message.pose.covariance]
-    spread = tuple(given[place] for place in _OF_PLANE)
-    xx, xy, xh, yy, yh, hh = spread
-    if not all(map(isfinite, spread)) or any(spread) != (xx > 0 and yy > 0 and hh > 0):
+    covariance = tuple(given[place] for place in _OF_PLANE)
+    xx, xy, xh, yy, yh, hh = covariance
+    if not all(map(isfinite, covariance)) or any(covariance) != (xx > 0 and yy > 0 and hh > 0):
         raise ValueError("its covariance is none: the variances of x, y and yaw are above 0, or all is 0")
     whole = xx * (yy * hh - yh * yh) - xy * (xy * hh - yh * xh) + xh * (xy * yh - yy * xh)
-    if any(spread) and not (xx * yy > xy * xy and whole > 0):
+    if any(covariance) and not (xx * yy > xy * xy and whole > 0):
         raise ValueError("its covariance is none: it is not positive definite")
-    return LocatedPose(pose=pose, frame=FRAME, source=source, covariance=spread if any(spread) else ())
+    return LocatedPose(pose=pose, frame=FRAME, source=source, covariance=covariance if any(covariance) else ())

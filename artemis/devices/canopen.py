@@ -40,7 +40,6 @@ class NmtCommand(IntEnum):
     RESET_COMMUNICATION = 0x82
 
 
-_NMT_COMMANDS = frozenset(NmtCommand)
 _NMT_STATES = {state.value: state for state in Nmt}
 
 

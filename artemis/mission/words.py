@@ -27,7 +27,6 @@ from artemis.mission.keys import Positive, check_one_key
 from artemis.mission.problems import describe, nearest
 from artemis.yaml_file import KeyPath
 
-Action = Calibrate | Follow | Goto | Wait | Teleop | Ask | Stop
 Steps = Annotated[tuple["Step", ...], *A_LIST]
 Outcome = Annotated[str, Field(min_length=1, max_length=64)]
 

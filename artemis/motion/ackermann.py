@@ -78,7 +78,7 @@ class Ackermann:
         """Rates (left, right) [rad/s] that keep the wheels a pair while the virtual wheel turns at `rate` [rad/s].
 
         The derivative of `wheel_angles`, (sin(delta) / sin(alpha))^2, in a form that holds at zero; thesis eq. 3.17
-        takes the ratio of the whole changes instead, see `arrival_rates`.
+        takes the ratio of the whole changes instead.
         """
         if self._linkage is not None:
             rate /= self._linkage.slope(steering)
@@ -136,15 +136,3 @@ class Ackermann:
         square = left * left + right * right
         speed = (left * rolled_left + right * rolled_right) / square
         return speed, abs(right * rolled_left - left * rolled_right) / sqrt(2.0 * square)
-
-
-def arrival_rates(change_left: float, change_right: float, rate: float) -> tuple[float, float]:
-    """Constant rates (left, right) at which both sides complete their changes at the same moment.
-
-    The side with more to do goes at `rate` (>= 0), the other in proportion. For wheel speeds [m/s] the rates are
-    accelerations (thesis eq. 3.13, 3.14), for wheel angles [rad] steering speeds (thesis eq. 3.16, 3.17).
-    """
-    most = max(abs(change_left), abs(change_right))
-    if most == 0.0:
-        return 0.0, 0.0
-    return rate * (change_left / most), rate * (change_right / most)

@@ -103,8 +103,6 @@ class Proposal:
 
     gains: tuple[int, ...]
     """P, I of a velocity, or P, I, D of a position."""
-    time_constant: float
-    """[s]."""
     phase_margin: float
     """[degrees]; the smallest of all loads, at `LIGHTEST` of the inertia too."""
     gain_margin: float
@@ -347,7 +345,6 @@ def proposals(
         found.append(
             Proposal(
                 gains=gains,
-                time_constant=time_constant,
                 phase_margin=phase,
                 gain_margin=gain,
                 settled=max(time for time in times if time is not None),

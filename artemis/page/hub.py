@@ -22,8 +22,6 @@ from artemis.errors import ArtemisError
 from artemis.page.zones import ZoneFiles
 
 KEPT_LOG = 400
-LOOK_AGAIN = 0.05
-"""Without a connection to the run it is looked for so often [s]."""
 _ENCODE = msgspec.msgpack.Encoder().encode
 _JSON = msgspec.json.Encoder().encode
 

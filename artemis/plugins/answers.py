@@ -57,8 +57,10 @@ def is_in_range(sample: OperatorInput) -> bool:
         initial = sample.initial_pose
         if initial is None:
             return True
-        spread = initial.covariance
-        return _can_be(initial.pose) and (not spread or (len(spread) == 6 and is_positive(*map(float, spread))))
+        covariance = initial.covariance
+        return _can_be(initial.pose) and (
+            not covariance or (len(covariance) == 6 and is_positive(*map(float, covariance)))
+        )
     except OverflowError:  # a whole number too large for a float
         return False
 

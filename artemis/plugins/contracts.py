@@ -87,8 +87,8 @@ class PluginContext:
 class InputDevice(Protocol):
     """Turns a device's reports into wishes of an operator.
 
-    Its class may state more: `NeedsRealTime`, `OpensNothing`, `ShowsState`, `TellsProblems`, `LimitsAge`; its
-    `Config`: `LimitsInput`.
+    Its class may state more: `NeedsRealTime`, `OpensNothing`, `ShowsState`, `TellsProblems`, `LimitsAge`,
+    `NamesEnable`; its `Config`: `LimitsInput`, `NamesEnable`.
     """
 
     Config: ClassVar[type[Config]]
@@ -200,7 +200,8 @@ class Acting(Struct, frozen=True, kw_only=True):
 class Behaviour(Protocol):
     """A step of a mission, whose key is the plugin's name; its `Config` are the keys of the step.
 
-    Its class states `Declared`; its `Config` may state `LimitsFollower` and `EndsByCondition`.
+    Its class states `Declared`; its `Config` may state `LimitsFollower`, and have a key `until: str | None`: a
+    condition over the mission's signals, read by artemis; once it holds the robot comes to rest: `done`.
     """
 
     Config: ClassVar[type[Config]]
@@ -366,6 +367,14 @@ class LimitsInput(Protocol):
 
 
 @runtime_checkable
+class NamesEnable(Protocol):
+    """An input whose enable is no button: by its class, or by its keys where these choose it."""
+
+    enable: str
+    """What a person holds to drive, as the robot says it: "hold ... to drive"."""
+
+
+@runtime_checkable
 class AllowsRequests(Protocol):
     """Keys of an input over which others may ask for something."""
 
@@ -379,14 +388,6 @@ class LimitsFollower(Protocol):
 
     speed_m_s: float | None
     """Of the virtual front wheel [m/s]; None: as the robot file says."""
-
-
-@runtime_checkable
-class EndsByCondition(Protocol):
-    """Keys of a behaviour: artemis reads one as a condition over the mission's signals."""
-
-    until: str | None
-    """Once it holds the robot comes to rest, and the step ends with `done`; None: never."""
 
 
 @runtime_checkable

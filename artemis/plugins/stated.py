@@ -12,6 +12,7 @@ from artemis.plugins.contracts import (
     LimitsAge,
     LimitsFollower,
     LimitsInput,
+    NamesEnable,
     NeedsRealTime,
     OpensNothing,
 )
@@ -42,6 +43,14 @@ def stale_limit(plugin: object) -> float:
     if not isinstance(limit, int | float) or isinstance(limit, bool) or not 0.0 < limit <= OLDEST:
         raise ConfigError(f"{plugin!r}: stale_s is {limit!r}; expected more than 0, at most {OLDEST:g} s")
     return limit
+
+
+def enable_of(plugin: object, config: object) -> str:
+    """What is held to drive by an input with these keys."""
+    for stated in (config, plugin):
+        if isinstance(stated, NamesEnable):
+            return stated.enable
+    return "the enable button"
 
 
 def allowed(config: object) -> tuple[str, ...]:

@@ -158,8 +158,8 @@ class _MapView:
     def thinned(self, points: Array) -> Array:
         """Pixels of a line, without points that nobody could tell apart."""
         shown = self.placed(points)
-        way = np.append(0.0, np.cumsum(np.hypot(*np.diff(shown, axis=0).T)))
-        kept = np.unique(np.append(np.unique(way // APART, return_index=True)[1], len(shown) - 1))
+        distance = np.append(0.0, np.cumsum(np.hypot(*np.diff(shown, axis=0).T)))
+        kept = np.unique(np.append(np.unique(distance // APART, return_index=True)[1], len(shown) - 1))
         thin: Array = shown[kept]
         return thin
 

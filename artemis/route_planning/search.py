@@ -288,14 +288,14 @@ def _expand(  # a call for each arc would cost a third of its time
     (keys, best), (clear, begun, cost, to_go) = table, fields
     columns, ahead = clear.shape[1], box[1] + box[2]
     x, y, heading = poses[number, 0], poses[number, 1], poses[number, 2]
-    for way in (1, -1):
-        if way < 0 and forward_first and driven[number] < FIRST:
+    for drive in (1, -1):
+        if drive < 0 and forward_first and driven[number] < FIRST:
             continue
         for choice in range(CURVATURES):
             bend = (2.0 * choice / (CURVATURES - 1) - 1.0) / radius
             nx, ny, nh, free = x, y, heading, True
             for piece in range(PIECES):
-                nx, ny, nh = rolled(nx, ny, nh, way * STEP / PIECES, bend)
+                nx, ny, nh = rolled(nx, ny, nh, drive * STEP / PIECES, bend)
                 first = driven[number] + (piece + 1) * STEP / PIECES < FIRST
                 field, outline = (begun, first_box) if first else (clear, box)
                 if not is_free(nx, ny, nh, field, resolution, outline, stack):
@@ -304,10 +304,10 @@ def _expand(  # a call for each arc would cost a third of its time
             left = _left(to_go, nx, ny, nh, ahead, resolution) if free else _FAR
             if left > UNREACHABLE:
                 continue
-            step = STEP * (BACK if sense * way < 0 else 1.0)
+            step = STEP * (BACK if sense * drive < 0 else 1.0)
             price = spent[number] + step * cost[int(ny / resolution), int(nx / resolution)]
             price += TURNING * abs(bend - steered[number]) * radius
-            price += CUSP if direction[number] * way < 0 else 0.0
+            price += CUSP if direction[number] * drive < 0 else 0.0
             key = _key(nx, ny, nh, resolution, columns)
             place = _slot(keys, key)
             if keys[place] == key and price >= best[place] - 1e-4:
@@ -315,7 +315,7 @@ def _expand(  # a call for each arc would cost a third of its time
             keys[place], best[place] = key, price
             poses[count, 0], poses[count, 1], poses[count, 2] = nx, ny, nh
             spent[count], driven[count], steered[count] = price, driven[number] + STEP, bend
-            direction[count], parent[count] = way, number
+            direction[count], parent[count] = drive, number
             heappush(heap, (price + greedy * left, count))
             count += 1
     return count

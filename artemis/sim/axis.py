@@ -358,19 +358,19 @@ class Axis:
 
     def _advance_evenly(self, dt: float) -> None:
         """One step towards the target at the profile's velocity [rpm]."""
-        way = self.profile_velocity * dt * self.counts_per_rpm_s
+        step = self.profile_velocity * dt * self.counts_per_rpm_s
         remaining = self.target - self.demand_position
-        if -way < remaining < way:
-            self.demand_position, way = self.target, remaining
+        if -step < remaining < step:
+            self.demand_position, step = self.target, remaining
         else:
-            way = math.copysign(way, remaining)
-            self.demand_position += way
-        self.demand_velocity = way / (dt * self.counts_per_rpm_s)
+            step = math.copysign(step, remaining)
+            self.demand_position += step
+        self.demand_velocity = step / (dt * self.counts_per_rpm_s)
 
 
 @lru_cache(maxsize=8)
 def _blends_of(dt: float) -> tuple[float, float, float]:
-    """How much of the way a low pass goes in `dt`: speed loop, averaged velocity, averaged current."""
+    """How much of the step a low pass goes in `dt`: speed loop, averaged velocity, averaged current."""
     return (
         1.0 - math.exp(-dt / SPEED_LAG),
         1.0 - math.exp(-dt * math.tau * VELOCITY_FILTER_HZ),

@@ -1,4 +1,4 @@
-"""How many Python functions are called per tick, and by the words of a mission of 200 nodes.
+"""How many Python functions are called per tick, and by the words of a mission of 200 nodes; how many values are made.
 
 On virtual time that is the same in each run, on each machine.
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable
@@ -29,6 +30,7 @@ from artemis.values import Mode, Request, Tick
 from .composition import missions, recorder_in
 from .trees import ticked, tree
 
+ROOT = Path(__file__).parents[2]
 NUMBERS = Path(__file__).with_name("calls.json")
 PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 BEFORE, TICKS = 100, 200
@@ -42,15 +44,9 @@ def room_of(file: Path) -> str:
     return ROOMS.get(file.relative_to(OURS).parts[0], "tick") if file.is_relative_to(OURS) else "libraries"
 
 
-def calls(machine: str = "artemis") -> dict[str, float]:
-    """Calls per tick of a recorded figure eight at 50 Hz, by where the function that is called belongs."""
-    files: Counter[str] = Counter()
+def along_the_path(machine: str, begin: Callable[[], object], end: Callable[[], object]) -> None:
+    """A recorded figure eight at 50 Hz; `begin` and `end` are called with `TICKS` ticks along the path between them."""
     ticks = 0
-
-    def count(frame: FrameType, event: str, _argument: object) -> None:
-        if event == "call":
-            files[frame.f_code.co_filename] += 1
-
     with missions() as mission:
         mission.write_text(mission.read_text().replace("robots/artemis.yaml", f"robots/{machine}.yaml"))
         loaded = load_mission(mission)
@@ -64,11 +60,13 @@ def calls(machine: str = "artemis") -> dict[str, float]:
             def observe(tick: Tick) -> None:
                 nonlocal ticks
                 recorder.observe(tick, drives.wire.take_traffic(0.0))
-                ticks += tick.mode is Mode.FOLLOW
+                if tick.mode is not Mode.FOLLOW:
+                    return
+                ticks += 1
                 if ticks == BEFORE:
-                    sys.setprofile(count)
+                    begin()
                 elif ticks == BEFORE + TICKS:
-                    sys.setprofile(None)
+                    end()
                     robot.request(Request.END)
 
             robot = Robot(Core(plan_from(loaded), period), drives, PluginGuard({}, loop.time), period, observe)
@@ -76,15 +74,32 @@ def calls(machine: str = "artemis") -> dict[str, float]:
             recorder.close("done")
             bus.close()
 
-        try:
-            clock.run(main(), simulated=True)
-        finally:
-            sys.setprofile(None)
+        clock.run(main(), simulated=True)
+
+
+def calls(machine: str = "artemis") -> dict[str, float]:
+    """Calls per tick of a recorded figure eight, by where the function that is called belongs."""
+    files: Counter[str] = Counter()
+
+    def count(frame: FrameType, event: str, _argument: object) -> None:
+        if event == "call":
+            files[frame.f_code.co_filename] += 1
+
+    try:
+        along_the_path(machine, lambda: sys.setprofile(count), lambda: sys.setprofile(None))
+    finally:
+        sys.setprofile(None)
     rooms: Counter[str] = Counter()
     for file, number in files.items():
         rooms[room_of(Path(file))] += number
     found = {room: number / TICKS for room, number in sorted(rooms.items())}
     return {**found, "mission tree": float(calls_of(ticked(*tree())))}
+
+
+def values_made() -> float:
+    """Values (`msgspec.Struct`) made per tick of the same run, in a process where artemis is not imported yet."""
+    command = [sys.executable, "-m", "tests.bench.made"]
+    return float(subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout)
 
 
 def calls_of(action: Callable[[], object]) -> int:
@@ -110,7 +125,7 @@ def kept() -> dict[str, dict[str, float]]:
 
 
 def main() -> None:
-    found = calls()
+    found = {**calls(), "values": values_made()}
     NUMBERS.write_text(json.dumps({**kept(), PYTHON: found}, indent=2, sort_keys=True) + "\n")
     for room, number in found.items():
         print(f"{number:8.1f} {room}")

@@ -1,4 +1,4 @@
-"""Nothing becomes slow unseen: what a tick calls is counted, not timed."""
+"""Nothing becomes slow unseen: what a tick calls and makes is counted, not timed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 
 from artemis.build import kind_of_build
 
-from .calls import PYTHON, calls, kept
+from .calls import PYTHON, calls, kept, values_made
 
 MARGIN = 1.03
 OF_EPOS4 = 450.0
@@ -17,15 +17,15 @@ OF_EPOS4 = 450.0
 
 @pytest.mark.skipif(kind_of_build() == "compiled", reason="compiled functions are not counted")
 @pytest.mark.skipif(PYTHON not in kept(), reason="nobody has counted with this Python: python -m tests.bench.calls")
-def test_tick_calls_no_more_functions_than_it_did() -> None:
+def test_tick_calls_no_more_functions_and_makes_no_more_values_than_it_did() -> None:
     if sys.getprofile() is not None:
         pytest.skip("somebody else counts calls")
-    before, now = kept()[PYTHON], calls()
+    before, now = kept()[PYTHON], {**calls(), "values": values_made()}
     assert now.keys() == before.keys()
     more = {room: (before[room], number) for room, number in now.items() if number > MARGIN * before[room]}
     assert not more, (
-        f"calls per tick, before and now: {more}. If it is worth it, `python -m tests.bench.calls` writes the new "
-        "numbers down, to be committed with the change"
+        f"calls and values per tick, before and now: {more}. If it is worth it, `python -m tests.bench.calls` writes "
+        "the new numbers down, to be committed with the change"
     )
 
 

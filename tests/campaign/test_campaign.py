@@ -109,7 +109,7 @@ def test_wrong_campaign_is_refused(tmp_path: Path) -> None:
     assert "campaign.yaml:3" in done.stderr
 
 
-@pytest.mark.exhaustive
+@pytest.mark.slow
 def test_cluster_that_is_not_there_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 
@@ -119,7 +119,7 @@ def test_cluster_that_is_not_there_is_refused(tmp_path: Path) -> None:
     assert "no scheduler at tcp://127.0.0.1:1" in done.stderr
 
 
-@pytest.mark.exhaustive
+@pytest.mark.slow
 def test_cluster_that_loses_a_worker_finds_what_one_computer_finds(tmp_path: Path) -> None:
     """A scheduler and two workers of Dask, each a process; one keeps the seeds that it gets until it is killed."""
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")

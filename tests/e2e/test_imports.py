@@ -1,4 +1,4 @@
-"""What a run does not need is not imported on its distance: it would delay the start, and take memory, for nothing."""
+"""What a run does not need is not imported before the run: it would delay the start, and take memory, for nothing."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from artemis.axles import Geometry
-from artemis.motion.ackermann import Ackermann, arrival_rates
+from artemis.motion.ackermann import Ackermann
 from artemis.motion.angles import difference, wrap
 
 SETTINGS = settings(derandomize=True, deadline=None)
@@ -85,14 +85,6 @@ def test_wheel_rates_are_the_derivative_of_the_angles(car: Ackermann, steering: 
     before, after = car.wheel_angles(steering - step), car.wheel_angles(steering + step)
     numeric = tuple((b - a) / (2 * step) for a, b in zip(before, after, strict=True))
     assert car.wheel_rates(steering, 1.0) == pytest.approx(numeric, rel=1e-6)
-
-
-@SETTINGS
-@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(0.01, 3))
-def test_arrival_rates_keep_the_ratio_of_the_changes(left: float, right: float, rate: float) -> None:
-    rates_found = arrival_rates(left, right, rate)
-    assert max(map(abs, rates_found)) <= rate
-    assert rates_found[0] * right == pytest.approx(rates_found[1] * left, abs=1e-12)
 
 
 @SETTINGS

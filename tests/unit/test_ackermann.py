@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-from math import atan, cos, degrees, hypot, inf, pi, radians, sin, tan
+from math import atan, cos, degrees, hypot, pi, radians, sin, tan
 
 import pytest
 
 from artemis.axles import Geometry
-from artemis.motion.ackermann import Ackermann, arrival_rates
+from artemis.motion.ackermann import Ackermann
 
 FRONT = Geometry(wheelbase_m=0.560, track_m=0.436, scrub_radius_m=0.0625, driven_axle="front")
 REAR = Geometry(wheelbase_m=0.560, track_m=0.436, scrub_radius_m=0.0625, driven_axle="rear")
@@ -129,19 +129,3 @@ def test_speed_from_disagreeing_wheels_is_the_least_squares_one() -> None:
     speed, residual = ARTEMIS.twist_from_wheels(0.4, 0.5, 0.9)
     assert error(speed) < min(error(speed + 1e-4), error(speed - 1e-4))
     assert residual == pytest.approx(error(speed) / 2**0.5, abs=1e-15)
-
-
-@pytest.mark.parametrize(("left", "right"), [(0.8, 0.4), (-0.4, 0.9), (-0.9, 0.4), (0.0, -0.2), (-0.3, -0.3)])
-def test_both_sides_arrive_together_and_none_faster_than_allowed(left: float, right: float) -> None:
-    rates = arrival_rates(left, right, 0.5)
-    time = max(abs(left), abs(right)) / 0.5
-    assert (rates[0] * time, rates[1] * time) == pytest.approx((left, right), abs=1e-15)
-    assert max(map(abs, rates)) == 0.5
-
-
-def test_nothing_to_change_needs_no_rate() -> None:
-    assert arrival_rates(0.0, 0.0, 0.5) == (0.0, 0.0)
-
-
-def test_smallest_change_overflows_nothing() -> None:
-    assert max(arrival_rates(5e-324, 0.0, 0.5)) < inf

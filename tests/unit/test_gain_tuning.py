@@ -112,7 +112,7 @@ def test_poles_are_where_they_were_placed(is_position: bool, scale: GainScale) -
 
 def test_the_softest_is_tried_first_that_is_about_as_quick_as_any_and_none_that_is_slower_than_now() -> None:
     def proposal(settled: float) -> Proposal:
-        return Proposal(gains=(1, 1), time_constant=0.0, phase_margin=60.0, gain_margin=3.0, settled=settled)
+        return Proposal(gains=(1, 1), phase_margin=60.0, gain_margin=3.0, settled=settled)
 
     found = [proposal(settled) for settled in (0.44, 0.40, 0.41, 0.43, 0.5, 0.6, 0.9)]
     assert [each.settled for each in in_order(found, [0.8, 0.7])] == [0.43, 0.6, 0.40]

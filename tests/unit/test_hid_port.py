@@ -195,20 +195,3 @@ def test_an_identity_is_the_same_after_another_plug() -> None:
     assert identity == Identity.of(moved, STICK)
     assert identity.descriptor_hash == sha256(STICK).hexdigest()[:16]
     assert len(identity.descriptor_hash) == 16
-
-
-@pytest.mark.parametrize(
-    ("other", "kind", "device"),
-    [
-        (Identity("usb", 1, 2, "ab", "S1"), True, True),
-        (Identity("usb", 1, 2, "ab", "S2"), True, False),
-        (Identity("usb", 1, 2, "ab"), True, False),
-        (Identity("bluetooth", 1, 2, "ab", "S1"), False, False),
-        (Identity("usb", 9, 2, "ab", "S1"), False, False),
-        (Identity("usb", 1, 9, "ab", "S1"), False, False),
-        (Identity("usb", 1, 2, "cd", "S1"), False, False),
-    ],
-)
-def test_a_serial_number_means_one_device_and_none_any_of_the_kind(other: Identity, kind: bool, device: bool) -> None:
-    assert Identity("usb", 1, 2, "ab").matches(other) == kind
-    assert Identity("usb", 1, 2, "ab", "S1").matches(other) == device

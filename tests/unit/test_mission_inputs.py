@@ -44,6 +44,8 @@ def test_inputs_are_planned_in_their_order_and_no_faster_than_the_fastest(tmp_pa
 def test_what_is_held_is_named_once_for_each_kind(tmp_path: Path) -> None:
     assert load(tmp_path, {"inputs": ["a", "b"]}, a=G27, b=F310).enabled_by == "the enable button"
     assert load(tmp_path, {"inputs": ["a", "b"]}, a=G27, b=KEYS).enabled_by == "the enable button or an arrow key"
+    for enabled_by, held in (("topic", "the topic enable at true"), ("command", "a command to move")):
+        assert load(tmp_path, {"input": "a"}, a={"plugin": "ros1", "enabled_by": enabled_by}).enabled_by == held
 
 
 @pytest.mark.parametrize(

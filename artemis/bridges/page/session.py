@@ -69,9 +69,7 @@ class Hold(Struct, frozen=True, tag_field="t", tag="hold", forbid_unknown_fields
     """Forward."""
     jog: Share = 0.0
     """The wheel that is being calibrated, to the left: slowly up to a half, else faster."""
-    ask: Annotated[
-        tuple[Literal["acknowledge", "arm", "end", "done", "record", "accept"], ...], Meta(max_length=8)
-    ] = ()
+    ask: Annotated[tuple[Word, ...], Meta(max_length=8)] = ()
 
 
 class PosePress(Struct, frozen=True, tag_field="t", tag="pose", forbid_unknown_fields=True):

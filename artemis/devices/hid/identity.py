@@ -32,13 +32,3 @@ class Identity:
         """That of a device which is there; `descriptor` is raw."""
         digits = sha256(descriptor).hexdigest()[:_DIGITS]
         return cls(info.bus, info.vendor, info.product, digits, info.serial, info.source)
-
-    def matches(self, other: Identity) -> bool:
-        """Whether `other` is of this kind, and this very device if this one has a serial number."""
-        same_kind = (self.bus, self.vendor, self.product, self.descriptor_hash) == (
-            other.bus,
-            other.vendor,
-            other.product,
-            other.descriptor_hash,
-        )
-        return same_kind and self.serial in ("", other.serial)

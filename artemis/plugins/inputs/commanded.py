@@ -87,6 +87,11 @@ class CommandKeys(Config):
         return self.topic or ("cmd_vel" if "Twist" in self.type else "ackermann_cmd")
 
     @property
+    def enable(self) -> str:
+        """What is held to drive."""
+        return "the topic enable at true" if self.enabled_by == "topic" else "a command to move"
+
+    @property
     def requests(self) -> tuple[str, ...]:
         """What may be asked for that has no content."""
         return ("stop", *(name for name in self.allow if name in REQUESTS))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -40,13 +40,6 @@ _SEQUENCE = re.compile(
     re.DOTALL,
 )
 """Arrow keys and reports of the kitty keyboard protocol ("functional keys", "event types"), focus (xterm, 1004)."""
-
-
-class Typed(NamedTuple):
-    """What was done to a key."""
-
-    key: str
-    event: int
 
 
 class Keys:
@@ -118,7 +111,7 @@ class KeyboardInput:
     Config: ClassVar[type[Config]] = KeyboardConfig
     contract: ClassVar[int] = 1
     live: ClassVar[bool] = True
-    enabled_by: ClassVar[str] = "an arrow key"
+    enable: ClassVar[str] = "an arrow key"
 
     def __init__(self, config: KeyboardConfig, context: PluginContext) -> None:
         """Listen to the run's terminal.

@@ -63,7 +63,7 @@ class NetworkInput(LinkedInput):
 
     Config: ClassVar[type[Config]] = NetworkConfig
     live: bool = True
-    enabled_by: ClassVar[str] = "the operator's enable button"
+    enable: ClassVar[str] = "the operator's enable button"
 
     def __init__(
         self,

@@ -50,7 +50,7 @@ class PageInput(LinkedInput):
     Config: ClassVar[type[Config]] = PageInputConfig
     live: ClassVar[bool] = True
     stale_s: ClassVar[float] = FRESH
-    enabled_by: ClassVar[str] = "the page's stick, or an arrow key there,"
+    enable: ClassVar[str] = "the page's stick, or an arrow key there,"
 
     def __init__(
         self,
