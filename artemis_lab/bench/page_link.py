@@ -29,6 +29,9 @@ from artemis_lab.bench.page_losses import LASTS, OF_PAGE
 DRIVEN = {"mission": "driven", "bus": "simulation", "steps": [{"wait": {"seconds": 60}}]}
 """The run whose report is made meanwhile."""
 
+ATTENDED = {"operator": [{"at_s": 3600, "do": "end"}]}
+"""A run that is stopped before the hand is there waits for it."""
+
 Late = tuple[list[float], list[float]]
 """How late ticks began without and with something [s]."""
 
@@ -137,7 +140,8 @@ def _run_with(folder: Path, program: str, codes: int, words: Sequence[str]) -> t
     teleop = [{"teleop": {"input": "page", "until": {"button": "done"}}}]
     page = {"page": {"plugin": "page"}}
     keys = {"mission": "bench", "robot": "robot.yaml", "bus": "simulation", "inputs": page, "steps": teleop}
-    mission.write_text(json.dumps({**keys, "observers": {"page": {"plugin": "page", "port": port}}}))
+    keys |= {"observers": {"page": {"plugin": "page", "port": port}}, "simulation": ATTENDED}
+    mission.write_text(json.dumps(keys))
     given = [f"http://127.0.0.1:{port}", *(new_code(read_key(key_place())) for _ in range(codes)), str(out), *words]
     with (folder / "errors").open("w+b") as errors:
         command = [sys.executable, "-m", f"artemis_lab.bench.{program}", *given]
