@@ -30,8 +30,7 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     """Traction: m/s; steering: rad/s; as the drive measures it (coarse with hall sensors)."""
     current: float = 0.0  # motor current [A], signed
     mode: int = 0  # modes of operation display (object 0x6061)
-    potentiometers: tuple[float, float] = (0.0, 0.0)
-    """Both analog inputs [V]; zero for a traction drive."""
+    potentiometers: tuple[float, float] = (0.0, 0.0)  # both analog inputs [V]; zero for a traction drive
     angle_sensor: int = 0  # counts of an absolute encoder, or digital inputs by their functions, where these measure it
     age: float | None = None  # of the older of the feedback PDOs [s]
     nmt: Nmt | None = None
@@ -43,6 +42,7 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     disordered: int = 0  # frames since the last tick that were older on the bus than one before, and were dropped
     jumps: int = 0  # positions in a row that no motion explains; each was dropped
     stray: int = 0  # SDO answers since the last tick that nobody waited for, and were dropped
+    temperature_c: float | None = None  # of its power stage [°C]; None: not known
 
 
 class Request(Enum):

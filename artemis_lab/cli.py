@@ -170,11 +170,14 @@ def bench_page(
     robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="Robot file (YAML).")],
     presses: Annotated[int, typer.Option(metavar="N", min=1, help="Stop is pressed so often, twice.")] = 40,
     seconds: Annotated[float, typer.Option(help="The page is flooded so long.")] = 10.0,
+    losses: Annotated[
+        int, typer.Option(metavar="N", min=0, help="A hand that drives is lost in each way so often.")
+    ] = 10,
 ) -> None:
-    """Measure the page for operators on this computer: Stop to the wire, size, first paint, a flood; in real time."""
+    """Measure the page for operators on this computer: Stop, losses, size, first paint, a flood; in real time."""
     from artemis_lab.commands.bench_page import measure
 
-    raise typer.Exit(int(not measure(robot, presses, seconds)))
+    raise typer.Exit(int(not measure(robot, presses, seconds, losses)))
 
 
 @bench.command("transport")

@@ -32,6 +32,7 @@ from artemis.motion.gain_tuning import (
 from artemis.motion.step_response import SWING, StepResponse, compared, quickness, reversals, slope
 from artemis.planning import check_drivable, is_simulated
 from artemis.recording.mcap_reader import Recording
+from artemis.report.drawing import check_figures
 from artemis.report.responses import REST, Trace, read_traces
 from artemis.vehicle import RobotFile
 
@@ -52,6 +53,7 @@ def calibrate_auto(mission: Path, wanted: Wanted) -> int:
     """
     if wanted.gains or wanted.tried:
         raise ConfigError("calibrate gains: --auto finds the gains itself: no others, and no --try")
+    check_figures("calibrate gains")
     loaded = load_mission(mission)
     simulated = is_simulated(loaded, wanted.simulate)
     check_drivable(loaded, mission, simulated)

@@ -18,6 +18,7 @@ from artemis.motion.trajectory import Trajectory
 from artemis.motion.truth import as_tum, truth_from
 from artemis.recording.disk import write_whole
 from artemis.recording.mcap_reader import Recording
+from artemis.report.drawing import check_figures
 from artemis.report.page import write_report
 from artemis.report.series import Series, read_series
 from artemis.report.side_by_side import write_side_by_side
@@ -53,6 +54,8 @@ def report(
         raise ConfigError("--align, --sensor and --same-clock are about a truth: name it with --truth")
     if export not in (None, "tum"):
         raise ConfigError(f"--export {export}: expected tum")
+    if truth is not None:
+        check_figures("--truth")
     alignment = _alignment(align or ("none" if truth == SIMULATION else "best"))
     place = _sensor(sensor)
     given = None if truth in (None, SIMULATION) else _truth(Path(str(truth)))

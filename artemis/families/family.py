@@ -110,6 +110,10 @@ class Family:
     """Its inputs for safe torque off, and the bits that are set while they have their voltage: else it stays off."""
     supply_scale: float = 10.0
     """Units of `supply` per volt."""
+    temperature: Object | None = None
+    """Of its power stage, where it measures that."""
+    temperature_scale: float = 10.0
+    """Units of `temperature` per degree Celsius."""
     velocity_scale: float = 1.0
     """Units of velocities per rpm of the motor shaft."""
     acceleration_scale: float = 1.0

@@ -30,7 +30,7 @@ from artemis.states.outline import numbered
 from artemis.states.step_names import name_of
 from artemis.values import LocatedPose, Pose
 
-FORM = 1
+FORM = 2
 """Of these files; those of another number are made again."""
 EVERY, MOST_STATES = 0.1, 150_000
 """Between two states [s]; in a run with more of them they are further apart."""

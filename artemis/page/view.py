@@ -112,7 +112,9 @@ class PageView:
             "driven": geometry.driven_axle,
             "limits": [limits.speed_m_s, limits.steering_deg],
             "scanners": {name: [m.x_m, m.y_m, m.heading] for name, m in robot.scanners.items()},
-            "drives": [{"name": name, "node": drive.node_id} for name, drive in robot.drives.items()],
+            "drives": [
+                {"name": name, "node": drive.node_id, "role": drive.role} for name, drive in robot.drives.items()
+            ],
             "steps": self._steps(),
             "acts": self._acts(),
             "series": [*SERIES, *robot.drives],
@@ -244,6 +246,7 @@ class PageView:
                 + ([[round(volts, 3) for volts in drive.potentiometers]] if drive.name in self._read else [])
                 for drive in drives
             ],
+            "temperatures": [drive.temperature_c for drive in drives],
             "hand": list(by_hand(tick)),
             "presses": self._presses[1] if self._presses[0] == position.step else 0,
             "inputs": [[sample.source, sample.enabled, _finite(sample.age)] for sample in snapshot.sensed.inputs],

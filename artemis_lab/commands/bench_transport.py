@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from artemis.errors import ConfigError
-from artemis.report.figures import style
+from artemis.report.drawing import check_figures
 from artemis_lab.bench.serial_tick import serial_tick_grid, serial_ticks
 from artemis_lab.bench.transport import (
     Parameters,
@@ -16,7 +16,6 @@ from artemis_lab.bench.transport import (
     comparison_grid,
     over_serial,
 )
-from artemis_lab.bench.transport_figure import transport_figure
 
 
 def measure(baud: int, latency: float, answer: float, output: Path | None) -> None:
@@ -25,12 +24,17 @@ def measure(baud: int, latency: float, answer: float, output: Path | None) -> No
     Raises:
         ConfigError: the figure cannot be written.
     """
+    if output is not None:
+        check_figures("--output")
     parameters = Parameters(baud=baud, latency_s=latency, answer_s=answer)
     rows = compared(parameters)
     sys.stdout.write(comparison_grid(rows).text() + "\n")
     sys.stdout.write(answer_grid(answer_times(parameters)).text() + "\n")
     sys.stdout.write(serial_tick_grid(serial_ticks()).text())
     if output is not None:
+        from artemis.report.figures import style
+        from artemis_lab.bench.transport_figure import transport_figure
+
         with style():
             try:
                 transport_figure(over_serial(parameters), rows, parameters).savefig(output, facecolor="white", dpi=120)
