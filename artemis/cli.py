@@ -99,11 +99,13 @@ def check(
         raise typer.Exit(0 if tell_as_json(missions, page=with_page) else REFUSED)
     from artemis.mission.loading import load_mission
     from artemis.mission.random_walks import walked
+    from artemis.planning import check_drivable, is_simulated
 
     problems: list[str] = []
     for mission in missions:
         try:
             loaded = load_mission(mission)
+            check_drivable(loaded, mission, is_simulated(loaded))
             typer.echo("\n  ".join([f"{mission}: ok", *loaded.remarks, *walked(loaded, walk, seed)]))
         except ConfigError as error:
             problems += error.problems

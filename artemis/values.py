@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from artemis.battery import BatteryState
 from artemis.drive_states import DriveState, Goal, Nmt
-from artemis.progress import Acted, MissionEvent, Position
+from artemis.progress import Acted, MissionEvent, Position, TypedAnswer
 from artemis.scan import Clearance, Scan
 
 
@@ -39,10 +39,10 @@ class DriveFeedback(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=Fa
     boots: int = 0  # boot-up frames since the last tick
     frames: int = 0  # TxPDO 1 since the last tick: one per SYNC
     malformed: int = 0  # frames since the last tick that cannot be what they claim, and were dropped
-    disordered: int = 0
-    """Frames since the last tick that were older on the bus than one before them, and were dropped."""
+    disordered: int = 0  # frames since the last tick that were older on the bus than one before, and were dropped
     jumps: int = 0  # positions in a row that no motion explains; each was dropped
     stray: int = 0  # SDO answers since the last tick that nobody waited for, and were dropped
+    temperature_c: float | None = None  # of its power stage [°C]; None: not known
 
 
 class Request(Enum):
@@ -89,6 +89,7 @@ class JobKind(Enum):
     REFERENCE = "reference"  # the wheel stands at the angle `value` [rad]: count from here; the drive keeps its zero
     CLEAR_TARGET = "clear target"  # write target 0 (traction) or the actual position (steering) and read it back
     READ_HISTORY = "read history"  # read the drive's error history (0x1003)
+    READ_STO = "read STO inputs"  # `values` of a drive whose safe torque off is open: what its object for them shows
     READ_CALIBRATION = "read calibration"  # what the drive keeps of its potentiometers (0x200C)
     WRITE_CALIBRATION = "write calibration"  # `values`, read back; STORE keeps them when the power goes
     READ_GAINS = "read gains"  # regulator gains: current P, I; velocity P, I; position P, I, D
@@ -148,11 +149,11 @@ class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     inputs: tuple[OperatorInput, ...] = ()
     requests: tuple[Request, ...] = ()
     results: tuple[JobResult, ...] = ()
-    faults: tuple[Fault, ...] = ()
-    """Faults found by the edge itself: a lost bus, a plugin that raised, a late tick."""
+    faults: tuple[Fault, ...] = ()  # found by the edge itself: a lost bus, a plugin that raised, a late tick
     fixes: tuple[PoseFix, ...] = ()  # what a localizer found since the last tick
     scans: tuple[Scan, ...] = ()  # of laser scanners, those that are new since the last tick, oldest first
-    answers: tuple[str, ...] = ()  # to questions of the mission: the answer itself, or its number from 1
+    answers: tuple[str, ...] = ()  # to questions of the mission
+    typed: tuple[TypedAnswer, ...] = ()  # likewise, at the terminal
     battery_v: float | None = None  # supply voltage [V]; None: nobody measures it
 
 

@@ -18,6 +18,7 @@ from artemis.mapping.se2 import between, wrapped
 from artemis.mission.loading import load_model
 from artemis.motion.planned_route import unpacked_route
 from artemis.motion.route import Route
+from artemis.report.drawing import check_figures
 from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
 from artemis.route_planning.planner import RouteRequest, plan_route
 from artemis.route_planning.zones import MapZones
@@ -41,6 +42,8 @@ def show_map(file: Path, figure: Path | None, wanted: tuple[str, str, Path] | No
     """
     if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise ConfigError(f"{figure}: no figure can be drawn as that: name it .png, .svg or .pdf")
+    if figure is not None:
+        check_figures("--output")
     content = read_map(file)
     rows, columns = content.cells.shape
     size = f"{columns * content.resolution:.1f} x {rows * content.resolution:.1f} m"

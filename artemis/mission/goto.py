@@ -13,6 +13,7 @@ from artemis.mission.keys import Positive
 from artemis.mission.obstacles import Obstacles, rules_for
 from artemis.route_planning.zones import MapPose
 from artemis.scan import ObstacleRules
+from artemis.states.step_names import destination
 from artemis.vehicle import RobotFile
 
 NARROW = 0.03
@@ -65,11 +66,7 @@ class Goto(Config):
     @property
     def place(self) -> str:
         """Where it leads, for people."""
-        if isinstance(self.to, str):
-            return self.to
-        if isinstance(self.to, AskedGoal):
-            return f"a goal of {self.to.from_input}"
-        return f"x {self.to.x_m:g} m, y {self.to.y_m:g} m, {self.to.heading_deg:g} degrees"
+        return destination(self.to if isinstance(self.to, str) else self.to.model_dump())
 
     @property
     def asks(self) -> str:

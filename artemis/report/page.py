@@ -191,7 +191,7 @@ def _mission_section(recording: Recording, run: MissionTimes) -> str:
     )
     ran = table(("step", "in the mission", "ended with", "ran", "took [s]"), rows, numbers=2) if run.ran else ""
     more = f"<p>{len(run.ran) - MAX_STEPS} more ran.</p>" if len(run.ran) > MAX_STEPS else ""
-    box = boxes_of(recording.mission)
+    box = boxes_of(recording.mission, recording.robot)
     few = sum(1 for _ in box.inside()) <= MAX_BOXES
     picture = (
         f'<div class="chart">{chart(box, run.marks)}</div>'

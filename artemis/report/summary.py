@@ -77,13 +77,13 @@ def summary(recording: Recording, series: Series | None = None) -> Summary:
     """The summary of a run; `series` saves reading the recording again."""
     run = series or read_series(recording)
     duration = float(run.time[-1] - run.time[0]) if len(run.time) else 0.0
-    wall, journal = recording.wall_duration, recording.journal
+    wall = recording.wall_duration
     return Summary(
         mission=str(recording.mission.get("mission", "")),
         robot=recording.robot.robot,
         start=recording.start,
         result=_result(recording, run),
-        missing="; ".join(filter(None, (recording.missing, journal.missing if journal else None))) or None,
+        missing=recording.incomplete,
         ticks=run.ticks,
         duration=duration,
         wall_duration=wall,

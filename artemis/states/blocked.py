@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from artemis.progress import BLOCKED
 from artemis.states.mode import stand
-from artemis.states.plan import Shared
+from artemis.states.plan import GotoStep, Shared
 from artemis.supervision import catalogue
 from artemis.values import Event, Mode, Snapshot, Wish
 
@@ -27,15 +27,17 @@ def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
     """
     clearance = snapshot.set_points.clearance
     assert clearance is not None
+    step, route = shared.current, shared.route
     if mode is not Mode.TELEOP and snapshot.standing:
         ended = stand(snapshot, event=Event.DONE, tracking=wish.tracking)
         done = wish.done or 0.0
-        waited = shared.waited(done)
-        if clearance.unseen and not waited and shared.replan(done, clearance.blocked):
+        waited = route.waited(done)
+        most = step.replans if isinstance(step, GotoStep) else 0
+        if clearance.unseen and not waited and route.replan(most, done, clearance.blocked):
             return replace(ended, done=wish.done)
         if clearance.unseen or clearance.blocked + waited >= shared.rules.blocked_after:
             return replace(ended, acted=wish.acted, done=wish.done, outcome=BLOCKED)
-        if clearance.blocked >= REPLAN_AFTER and shared.replan(done, clearance.blocked):
+        if clearance.blocked >= REPLAN_AFTER and route.replan(most, done, clearance.blocked):
             return replace(ended, done=wish.done)
     seen = f"{max(clearance.distance, 0.0):.2f} m are free"
     if clearance.unseen:

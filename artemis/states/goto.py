@@ -17,14 +17,13 @@ from artemis.values import Event, Fault, Job, JobKind, JobResult, Pose, Snapshot
 
 def take_goal(shared: Shared, snapshot: Snapshot) -> tuple[MissionEvent, ...]:
     """Take the goal that the present step asks for, if it is another one; a route that leads elsewhere is forgotten."""
-    step, number = shared.current, shared.position.step
+    step, route = shared.current, shared.route
     if not isinstance(step, GotoStep) or not step.asks:
         return ()
     goals = [sample.goal for sample in snapshot.sensed.inputs if sample.source == step.asks and sample.goal is not None]
-    if not goals or goals[0] == shared.goals.get(number):
+    if not goals or goals[0] == route.goal:
         return ()
-    shared.goals[number] = goals[0]
-    shared.planned, shared.replans, shared.replanning, shared.stood = (), 0, False, (0.0, 0.0)
+    route.take(goals[0])
     return (MissionEvent(kind="goal", place="", text=f"{place_words(goals[0])} (by {step.asks})"),)
 
 
@@ -50,12 +49,11 @@ class RoutePlanning:
 
     def step(self, step: GotoStep, stand: Wish, snapshot: Snapshot) -> Wish:
         """Order a route, wait for it, and drive; without one the step ends, unless another route or goal is known."""
-        shared = self._shared
+        shared, route = self._shared, self._shared.route
         if shared.entry != self._entry:
             self._entry = shared.entry
             self.begin()
-            shared.planned, shared.replans, shared.replanning, shared.stood = (), 0, False, (0.0, 0.0)
-        goal = shared.goals.get(shared.position.step) if step.asks else None
+        goal = route.goal
         place = step.place if goal is None else place_words(goal)
         stand = replace(stand, phase=f"planning a route to {place}")
         if fault := self._fault or place_fault(snapshot, localized=shared.plan.localized):
@@ -66,32 +64,32 @@ class RoutePlanning:
             self._goal, self._job = goal, None
         if self._job is None:
             (job,) = shared.bring_up.jobs(JobKind.PLAN, [PLANNER], [shared.position.step])
-            present = shared.planned if shared.replanning else ()
+            present = route.planned if route.replanning else ()
             self._job = replace(job, values=present if goal is None else (*packed_poses([goal]), *present))
             return replace(stand, jobs=(self._job,))
         result = next((each for each in snapshot.sensed.results if each.id == self._job.id), None)
         return stand if result is None else self._take(result, step, stand, snapshot)
 
     def _take(self, result: JobResult, step: GotoStep, stand: Wish, snapshot: Snapshot) -> Wish:
-        """Go on as a plan says."""
-        shared, goal = self._shared, self._goal
+        """What follows from a plan: the drive, the end of the step, or the wait for another goal."""
+        route, goal = self._shared.route, self._goal
         if result.fault:
             self._fault = catalogue.fault(result.fault, "", result.detail)
             return replace(stand, fault=self._fault)
-        self._job, again, shared.replanning = None, shared.replanning, False
+        self._job, again, route.replanning = None, route.replanning, False
         if result.ok and not result.values:
             return replace(stand, over=True)
-        if again and result.values == shared.planned:  # it is free again
-            shared.replans -= 1
+        if again and result.values == route.planned:  # it is free again
+            route.replans -= 1
             return replace(stand, event=Event.FOLLOW)
         if result.ok:
-            shared.planned, shared.stood = result.values, (0.0, 0.0)
+            route.drive(result.values)
             return replace(stand, event=Event.FOLLOW, done=0.0)
         if again:
             return replace(stand, event=Event.FOLLOW)
         if goal is None:
             return replace(stand, outcome=NO_PATH)
-        del shared.goals[shared.position.step]
+        route.goal = None
         self._refused, self._waited = f"no route to {place_words(goal)}: {result.detail}; ", 0.0
         return self._wait(step, stand, snapshot)
 

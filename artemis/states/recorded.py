@@ -29,8 +29,7 @@ class TrackFitting:
         if shared.entry != self._entry:
             self._entry = shared.entry
             self.begin()
-            shared.planned = ()
-        if shared.planned:
+        if shared.route.planned:
             return replace(stand, event=Event.FOLLOW)
         assert isinstance(step.route, str)
         stand = replace(stand, phase=f"fitting a path to {step.route}", fault=self._fault)
@@ -47,5 +46,5 @@ class TrackFitting:
         if not result.ok:
             self._fault = catalogue.fault(result.fault, "", result.detail, Severity.CONTROLLED_STOP)
             return replace(stand, fault=self._fault)
-        shared.planned = result.values
+        shared.route.drive(result.values)
         return replace(stand, event=Event.FOLLOW)

@@ -143,9 +143,10 @@ def drive(folder: Path, kind: str, seed: int, goals: int = CHAIN, *, blind: bool
     poses = [place(0.5, SIZE - 0.5, begins=not blind), *[place(0.5, SIZE - 0.5) for _ in range(goals)]]
     poses.append(place(SIZE + 0.2, SIZE + CLOSET - 0.2))
     places = [{"x_m": each.x, "y_m": each.y, "heading_deg": math.degrees(each.heading)} for each in poses]
+    outcomes = ["no-path", *(["blocked"] if robot.scanners else [])]
     steps = [
         {"try": {"steps": [{"goto": {"map": "map.yaml", "to": each, "speed_m_s": SPEED}}],
-                 "catch": {"no-path": [{"say": "no-path"}], "blocked": [{"say": "blocked"}]}}}
+                 "catch": {name: [{"say": name}] for name in outcomes}}}
         for each in places[1:]
     ]  # fmt: skip
     mission = {

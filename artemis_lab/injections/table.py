@@ -41,7 +41,7 @@ NOT_INJECTED: dict[str, str] = {
     "INP-14": _DEVICE,
     "INP-15": _DEVICE,
     "INP-16": _DEVICE,
-    **{f"NET-{number:02}": _NETWORK for number in range(1, 11)},
+    **{f"NET-{number:02}": _NETWORK for number in (*range(1, 11), 15)},
     **{f"SER-{number:02}": _SERIAL for number in range(1, 6)},
     "NET-11": "needs an operator at a page whose link is held up",
     "NET-12": "needs programs of others: a master that goes, a subscriber that hangs",

@@ -98,8 +98,10 @@ def test_one_seed_runs_in_sight_and_keeps_its_folder(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 violations" in done.stdout
     assert "proving the watchdog" in done.stdout
-    (run,) = load_campaign(path).scenario_folder(4).glob("runs/*")
-    assert {"journal.jsonl", "recording.mcap"} <= {file.name for file in run.iterdir()}
+    first, cut, resumed = sorted(load_campaign(path).scenario_folder(4).glob("runs/*"))
+    assert cut.name == f"{first.name}-cut"
+    for run in (first, cut, resumed):
+        assert {"journal.jsonl", "recording.mcap"} <= {file.name for file in run.iterdir()}
 
 
 def test_wrong_campaign_is_refused(tmp_path: Path) -> None:

@@ -143,7 +143,7 @@ def test_the_place_of_a_wrong_key_is_said(tmp_path: Path) -> None:
 
 
 def test_one_that_moves_needs_aligned_wheels_and_one_that_does_not_does_not(tmp_path: Path) -> None:
-    assert refused(tmp_path, APPROACH) == ["steps[0].approach: calibrate first: no step before this one does (CAL-02)"]
+    assert refused(tmp_path, APPROACH) == ["steps[0].approach: calibrate first: no step before this one does"]
     load_mission(mission(tmp_path, {"watch-gas": {}}))
 
 

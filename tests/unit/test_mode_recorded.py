@@ -15,6 +15,7 @@ from artemis.motion.track import Track
 from artemis.states.follow import FollowMode
 from artemis.states.plan import FollowStep
 from artemis.states.ready import ReadyMode
+from artemis.states.route_progress import RouteProgress
 from artemis.values import Event, Job, JobKind, JobResult, Pose, Severity, Wish
 
 DRIVEN = [Pose(x=0.05 * number) for number in range(41)]
@@ -50,7 +51,7 @@ def test_a_path_is_ordered_once_and_followed_when_it_is_there() -> None:
     assert robot.tick().jobs == ()
     result = done(job)
     assert robot.tick(result).event is Event.FOLLOW
-    assert unpacked_route(robot.shared.planned).length == pytest.approx(2.0, abs=1e-3)
+    assert unpacked_route(robot.shared.route.planned).length == pytest.approx(2.0, abs=1e-3)
 
     follow = FollowMode(robot.shared)
     follow.enter(snapshot(robot.time))
@@ -71,9 +72,9 @@ def test_a_step_that_begins_anew_has_another_path_made() -> None:
     robot = Standing()
     (job,) = robot.tick().jobs
     robot.tick(done(job))
-    robot.shared.entry += 1
+    robot.shared.entry, robot.shared.route = robot.shared.entry + 1, RouteProgress("")
     assert len(robot.tick().jobs) == 1
-    assert robot.shared.planned == ()
+    assert robot.shared.route.planned == ()
 
 
 def test_an_interruption_while_it_is_fitted_orders_it_again() -> None:

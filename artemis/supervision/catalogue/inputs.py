@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from artemis.supervision.catalogue.row import ITSELF, MINUTE, S1, S2, WARN, Found, K, Row, Threshold, automatic
+from artemis.supervision.catalogue.row import ITSELF, LIMIT, MINUTE, S1, S2, WARN, Found, K, Row, Threshold, automatic
 
 _TEN = 10 * MINUTE
 _SEEN, _ABSENT, _DESIGN = Found.MEASURED, Found.ABSENT, Found.DESIGN
@@ -125,7 +125,7 @@ INPUTS: dict[str, Row] = {
     "NET-03": Row(
         "jitter",
         Found.EDGE,
-        WARN,
+        LIMIT,
         ITSELF,
         "commands of the operator come unevenly",
         "radio; other traffic",
@@ -143,7 +143,7 @@ INPUTS: dict[str, Row] = {
     "NET-05": Row(
         "loss",
         Found.EDGE,
-        WARN,
+        LIMIT,
         ITSELF,
         "commands of the operator are missing",
         "something between the computers drops them: TCP alone does not",
@@ -214,7 +214,7 @@ INPUTS: dict[str, Row] = {
         within=6.0,
     ),
     "NET-13": Row(
-        "process of an observer ended",
+        "process of a plugin ended",
         Found.EDGE,
         WARN,
         ITSELF,
@@ -230,5 +230,14 @@ INPUTS: dict[str, Row] = {
         "was given a goal or an initial pose that cannot be used",
         "see the reason: the frame is `map`, and the stamp of now",
         within=0.1,
+    ),
+    "NET-15": Row(
+        "slow link",
+        Found.EDGE,
+        LIMIT,
+        ITSELF,
+        "commands of the operator are late",
+        "the network is slow, or busy",
+        within=0.24,
     ),
 }

@@ -198,7 +198,16 @@ SURROUNDINGS: dict[str, Row] = {
         "drove on beyond the end of the path",
         "follower, speed",
     ),
-    "PTH-09": Row("follower late", Found.EDGE, S2, K, "answered late", "it must return within 15 ms", within=0.08),
+    "PTH-09": Row(
+        "follower late",
+        Found.EDGE,
+        S2,
+        K,
+        "answered late",
+        "it must return within 15 ms",
+        within=0.08,
+        shows_as=("DRV-38",),
+    ),
     "PTH-10": Row(
         "planning ended",
         Found.MODE,
