@@ -10,11 +10,13 @@ from dataclasses import replace
 from math import hypot
 from pathlib import Path
 
+import numpy as np
+
 from artemis.devices.device import Readings, Report, Work
 from artemis.devices.worker import Worker, WorkerEnded
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.motion.planned_route import PLANNER, unpacked_poses
-from artemis.route_planning.floor import Destination, Floor
+from artemis.route_planning.floor import CELL, Destination, Floor, floor_from
 from artemis.route_planning.obstacle_layer import EVERY, KEPT, PlacedScan, placed_scan
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
 from artemis.values import Job, JobResult, Pose, Snapshot, Tick
@@ -58,10 +60,8 @@ class RoutePlanner:
         return [] if self._virtual else [self._warm()]
 
     async def _warm(self) -> None:
-        first = next(iter(self._destinations.values()))
-        there = first.goal or first.floor.origin
-        with suppress(WorkerEnded):  # the first job says so
-            await self._worker.do(plan_route, self._request(first, there, there))
+        with suppress(WorkerEnded):  # the first job reports it
+            await self._worker.do(warm_up, self._robot)
 
     def sense(self, now: float) -> Readings:
         """Nothing: it measures nothing of its own."""
@@ -147,6 +147,17 @@ class RoutePlanner:
     def close(self) -> None:
         """End the process, and a plan under way."""
         self._worker.close()
+
+
+def warm_up(robot: RobotFile) -> PlannedRoute:
+    """Plan a route over empty ground: this loads, and compiles, all that other plans in this process need."""
+    outline = robot.outline
+    assert outline is not None
+    side = 8.0 * (outline.front_m + outline.rear_m + 2.0 * outline.half_width_m)
+    cells = np.zeros((round(side / CELL), round(side / CELL)), np.int8)
+    empty = floor_from(OccupancyMap(cells=cells, resolution=CELL, origin=(0.0, 0.0, 0.0)))
+    start, goal = (Pose(x=share * side, y=0.5 * side) for share in (0.4, 0.6))
+    return plan_route(RouteRequest(floor=empty, robot=robot, start=start, goal=goal, speed=0.1, over_known=True))
 
 
 def _content(file: Path) -> bytes:

@@ -243,6 +243,7 @@ class _GoalWitness:
 
 def run_chain(kind: str, seed: int, blind: bool) -> list[GoalDrive]:
     """One run in a folder of its own."""
+    device.warm_up(ROBOT.model_copy(update={"outline": OUTLINE}))
     with tempfile.TemporaryDirectory(prefix="artemis-bench-") as folder:
         return drive(Path(folder), kind, seed, blind=blind)
 
@@ -258,7 +259,7 @@ def run_all(
     chains = [
         (MAPS[number % len(MAPS)], seed + number // len(MAPS), blind) for number in range(math.ceil(goals / CHAIN))
     ]
-    run_chain(*chains[0])  # compiles, for all
+    device.warm_up(ROBOT.model_copy(update={"outline": OUTLINE}))  # compiles, for all
     with fresh_workers(min(workers, len(chains))) as pool:
         futures = [pool.submit(run_chain, *chain) for chain in chains]
         try:

@@ -14,7 +14,9 @@ from pydantic import ValidationError
 from artemis.mapping.occupancy import OccupancyMap
 from artemis.mission.loading import load_model
 from artemis.motion.planned_route import unpacked_route
+from artemis.mounting import Outline
 from artemis.route_planning.curves import rolled, shortest
+from artemis.route_planning.device import warm_up
 from artemis.route_planning.floor import CELL, Floor, floor_from, goal_problem, resampled
 from artemis.route_planning.obstacle_layer import PlacedScan, known_ground, placed_returns, standing
 from artemis.route_planning.planner import PlannedRoute, RouteRequest, plan_route
@@ -297,6 +299,15 @@ def test_a_route_begins_backwards_over_known_ground_if_there_is_some(driven: boo
     assert first.backward
     row, column = on.cells_of(np.column_stack([first.path.x, first.path.y])[:40] - (REAR - 0.01, 0.0))
     assert known[row, column].all() == driven
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 3.0])
+def test_warming_up_plans_fits_and_packs_a_route(size: float) -> None:
+    """Whatever the robot: one that returned before it searched would leave the compilation to the first plan."""
+    outline = Outline(front_m=size * FRONT, rear_m=size * REAR, half_width_m=size * HALF)
+    found = warm_up(ROBOT.model_copy(update={"outline": outline}))
+    assert found.values, found.detail
+    assert found.expanded > 0
 
 
 def test_scans_that_show_nothing_on_the_map_are_no_obstacle() -> None:
