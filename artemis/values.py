@@ -131,8 +131,7 @@ class BusHealth(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False)
     foreign: tuple[int, ...] = ()  # identifiers that only we may send, heard from somebody else
     refused: int = 0  # most frames in a row that the adapter did not take
     error_frames: int = 0
-    blocked: tuple[str, ...] = ()
-    """Frames of ours that the allow-list held back, each with its reason and where it came from."""
+    blocked: tuple[str, ...] = ()  # frames of ours that the allow-list held back: why, and from where each came
 
 
 class Sensed(Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):

@@ -22,7 +22,7 @@ ENDED = "PTH-10"
 
 
 class WorkerEnded(Exception):
-    """The process ended while it worked, and so did the one that was started in its place."""
+    """The process ended while it worked, and so did the one that replaced it."""
 
     def result(self, job: Job) -> JobResult:
         """Of the job that was to be done."""
@@ -52,7 +52,7 @@ class Worker:
         try:
             return await self._pool.do(work, *given)
         except BrokenProcessPool:
-            raise WorkerEnded("a second one did so, too") from None
+            raise WorkerEnded("so did the one that replaced it") from None
 
     def close(self) -> None:
         """End the process, whatever it is at."""
@@ -61,7 +61,7 @@ class Worker:
 
 
 class _Pool:
-    """One process. It is told that it is over by the end of a pipe, which holds whatever becomes of it."""
+    """One process, which ends as soon as the other end of its pipe is closed, by this process or by its end."""
 
     def __init__(self) -> None:
         fresh = multiprocessing.get_context("spawn")

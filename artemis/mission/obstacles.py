@@ -21,19 +21,19 @@ class Obstacles(Config):
     """What the robot does about what its laser scanners see. One word stands for its `mode`."""
 
     mode: Literal["stop", "slow", "off"] = "stop"
-    """stop: it drives so that it stands in time; slow: it creeps on instead of standing, and may touch what is in its
-    way; off: it does not look."""
+    """stop: the robot stops in time; slow: it creeps instead of stopping, and may touch what is in its way; off: it
+    ignores obstacles."""
     margin_m: Distance = 0.08
-    """The outline counts as so much larger on every side."""
+    """The outline is enlarged by this on every side."""
     clear_m: Distance = 0.05
-    """It stands so far before it would touch that."""
+    """The robot stops at this distance from contact with the enlarged outline."""
     blocked_after_s: Positive = 30.0
-    """A step that stands for an obstacle for longer ends with the outcome `blocked`; it drives on by itself once the
-    path has been free for a second."""
+    """A step in which the robot waits longer for a free path ends with the outcome `blocked`; the robot continues by
+    itself once the path has been free for a second."""
     unseen_reverse: Literal["refused", "allowed"] = "refused"
-    """Backwards over ground that no scanner has seen, and that it did not drive over, within the last minute."""
+    """Reversing over ground that no scanner has seen, and that the robot did not drive over, within the last minute."""
     reason: Annotated[str, Field(min_length=3, max_length=200)] | None = None
-    """Why it may touch what is in its way; needed for `off` and `slow` on a real bus."""
+    """Why the robot may touch what is in its way; required for `off` and `slow` on a real bus."""
 
     @model_validator(mode="before")
     @classmethod

@@ -55,7 +55,7 @@ class SurroundingsChecks(StepChecks):
 
         try:
             fields = {name: field_of(load(SCANNERS, mounting.plugin)) for name, mounting in robot.scanners.items()}
-        except ConfigError:  # it is told where the scanners are read
+        except ConfigError:  # reported where the scanners are read
             return
         if (unseen := unseen_ahead(robot, fields)) is not None:
             right, left = (100.0 * place for place in unseen)

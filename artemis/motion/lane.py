@@ -17,7 +17,7 @@ ACROSS, ALONG = 0.01, 0.02
 def unseen_ahead(robot: RobotFile, fields: Mapping[str, tuple[float, float]]) -> tuple[float, float] | None:
     """Where it drives straight over ground that no scanner has seen: from the right to the left [m]; None: nowhere.
 
-    Ground that comes nearer than a scanner sees has to be seen before; what is nearer as the robot starts nobody knows.
+    Ground has to be seen before it comes nearer than the least range; what is nearer at the start stays unknown.
 
     Args:
         robot: with an outline and scanners.

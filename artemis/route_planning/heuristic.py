@@ -20,7 +20,7 @@ def _cost_to_go(clear: Field, cost: Field, row: int, column: int, resolution: fl
     A bucket is no wider than the shortest step: what is in the lowest one cannot become nearer any more.
     """
     rows, columns = clear.shape
-    across = columns + 2  # with a border that nobody can pass
+    across = columns + 2  # with a border that cannot be passed
     price = np.full((rows + 2) * across, np.float32(np.inf), np.float32)
     for j in range(rows):
         for i in range(columns):

@@ -158,7 +158,7 @@ class _Directions:
 def _seen_through(
     row: NDArray[np.int64], column: NDArray[np.int64], last: PlacedScan, mounting: Mounting, floor: Floor
 ) -> NDArray[np.bool_]:
-    """Of each cell whether its beam goes on behind it; one that does not return tells nothing."""
+    """Of each cell whether its beam reaches beyond it; a beam without a return shows nothing."""
     scan = last.scan
     ranges = scan.millimetres / 1000.0
     scanner = placed(last.middle, Pose(x=mounting.x_m, y=mounting.y_m, heading=mounting.heading))

@@ -149,7 +149,7 @@ def search(
         goal: likewise.
         box: front, rear (negative behind the axle) and half width of the outline.
         first_box: in the first metre.
-        known: distance from each cell's middle to the nearest of which nobody knows whether it is free: see `_went`.
+        known: distance from each cell's middle to the nearest cell of unknown ground, see `_went`.
         bare: outline that counts there.
         radius: least one of the rear axle's path.
         resolution: side of a cell.
@@ -320,7 +320,7 @@ def _route(
 
 @compiled
 def _add(route: Array, made: int, length: float, bend: float) -> int:
-    """Go on by an arc; how many points there are then."""
+    """Continue by an arc; how many points there are then."""
     parts = int(abs(length) / SPACING + 0.5)
     if parts == 0 and abs(length) > 1e-6:
         parts = 1

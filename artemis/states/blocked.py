@@ -1,4 +1,4 @@
-"""What a mode does while an obstacle stops the robot: it says so, and does not wait for ever."""
+"""What a mode does while an obstacle stops the robot: it reports LAS-08, and ends its step after some time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ def is_blocked(snapshot: Snapshot) -> bool:
 def held_up(shared: Shared, mode: Mode, wish: Wish, snapshot: Snapshot) -> Wish:
     """The wish of a mode whose robot is blocked, with the fault LAS-08; after too long the end of its step.
 
-    On a planned route another one is sought before. Ground that was not seen will not be by waiting: at once.
+    On a planned route another one is sought first. Where the robot stands because ground was not seen, the step ends
+    at once: waiting does not make it known.
     """
     clearance = snapshot.set_points.clearance
     assert clearance is not None

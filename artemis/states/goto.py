@@ -94,7 +94,7 @@ class RoutePlanning:
         return self._wait(step, stand, snapshot)
 
     def _wait(self, step: GotoStep, stand: Wish, snapshot: Snapshot) -> Wish:
-        """Stand until somebody gives a goal."""
+        """Stand until the input gives a goal."""
         self._goal, self._job = None, None
         self._waited += snapshot.dt
         stand = replace(stand, phase=f"{self._refused}waiting for {step.place}")

@@ -12,7 +12,7 @@ from artemis.values import Event, Fault, Job, JobKind, Severity, Snapshot, Wish
 
 
 class TrackFitting:
-    """Orders one path for each time that the step begins; a step that was interrupted goes on along it."""
+    """Orders one path each time that the step begins; a step that was interrupted continues along it."""
 
     def __init__(self, shared: Shared) -> None:
         self._shared, self._entry = shared, -1

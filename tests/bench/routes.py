@@ -14,6 +14,7 @@ import numpy as np
 
 from artemis.mission.loading import load_model
 from artemis.route_planning import kernels
+from artemis.route_planning.device import warm_up
 from artemis.route_planning.floor import MARGIN, floor_from, goal_problem
 from artemis.route_planning.planner import RouteRequest, plan_route
 from artemis.values import Pose
@@ -31,10 +32,7 @@ def main(plans: int) -> None:
     if not kernels.COMPILED:
         print(kernels.NOTICE)
     begun = time.process_time()
-    there, here = Pose(x=3.0, y=3.0), Pose(x=9.0, y=9.0)
-    plan_route(
-        RouteRequest(floor=floor_from(large_plan("open", 0).content), robot=robot, start=there, goal=here, speed=0.5)
-    )
+    warm_up(robot)
     print(f"first plan, with loading or compiling: {time.process_time() - begun:.1f} s")
     for kind in LARGE_MAPS:
         times, failed, dice = [], list[str](), np.random.default_rng(5)

@@ -1,4 +1,4 @@
-"""Faults of what tells where the robot is and where it shall go: scanner, localisation, path."""
+"""Faults of scanners, localisation and paths."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SURROUNDINGS: dict[str, Row] = {
         Found.MEASURED,
         S2,
         automatic(5, _TEN),
-        "the scanner tells the same again and again",
+        "the scanner repeats the same scan",
         "switch it off and on",
         within=0.17,
         of="a scan that came before, or five that are equal",
@@ -125,8 +125,8 @@ SURROUNDINGS: dict[str, Row] = {
         Found.EDGE,
         S2,
         ITSELF,
-        "the localizer tells poses that cannot be true",
-        "see what it told; fix the plugin",
+        "the localizer reports poses that cannot be true",
+        "look at the poses it reported; fix the plugin",
         within=0.4,
     ),
     "LOC-05": Row(
@@ -134,7 +134,7 @@ SURROUNDINGS: dict[str, Row] = {
         Found.MEASURED,
         S2,
         ITSELF,
-        "the localizer tells poses of the future, or older than two seconds",
+        "the localizer reports poses from the future, or older than two seconds",
         "its clock, and what delays it",
         within=0.7,
         of="such ones of its last ten",
@@ -153,7 +153,7 @@ SURROUNDINGS: dict[str, Row] = {
         Found.EDGE,
         WARN,
         ITSELF,
-        "what the robot sees does not fit where somebody says that it is",
+        "what the robot sees does not fit the pose that an operator gave",
         "give the pose again, nearer, and with the heading that it has",
     ),
     "PTH-01": Row("path missing", _LOADING, within=0.0),
