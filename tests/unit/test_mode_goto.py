@@ -117,8 +117,8 @@ def test_a_step_that_begins_anew_forgets_the_route_and_what_was_tried() -> None:
     assert (robot.shared.route.planned, robot.shared.route.replans, robot.shared.route.replanning) == ((), 0, False)
 
 
-def blocked(steps: Shared, seconds: float, *, standing: bool = True) -> Wish:
-    clearance = Clearance(speed=0.0, distance=0.02, blocked=seconds)
+def blocked(steps: Shared, seconds: float, *, standing: bool = True, unseen: bool = False) -> Wish:
+    clearance = Clearance(speed=0.0, distance=0.02, blocked=seconds, unseen=unseen)
     seen = replace(snapshot(10.0, set_points=SetPoints(clearance=clearance)), standing=standing)
     return held_up(steps, Mode.FOLLOW, Wish(done=1.0), seen)
 
@@ -152,6 +152,18 @@ def test_what_was_tried_and_the_given_goal_are_in_the_position_also_of_a_step_th
     assert (resumed.route.goal, resumed.route.replans) == (goal.goal, 1)
     assert (resumed.route.planned, resumed.route.state) == ((), robot.shared.route.state)
     assert len(robot.shared.position.state) < 80
+
+
+def test_where_ground_was_not_seen_another_route_is_planned_once_and_nothing_waited_for() -> None:
+    steps = shared(step(replans=3, obstacles=ObstacleRules(mode="stop", blocked_after=30.0)))
+    steps.route.planned = VALUES
+
+    rolling = blocked(steps, 0.1, standing=False, unseen=True)
+    assert rolling.fault is not None
+    assert "the ground ahead was not seen" in rolling.fault.text
+    asked = blocked(steps, 0.1, unseen=True)
+    assert (asked.event, asked.outcome, steps.route.replanning) == (Event.DONE, "", True)
+    assert blocked(steps, 0.1, unseen=True).outcome == BLOCKED
 
 
 def test_a_new_route_is_begun_and_the_same_one_gone_on_with() -> None:
