@@ -225,7 +225,7 @@ def _errors(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
 def _option_codes(words: Cia402) -> Iterator[tuple[KeyPath, str]]:
     """Those with which a wheel would go on turning."""
     if words.option_codes.abort_connection == NO_REACTION.value:
-        text = "0 is no reaction: without our heartbeat the drive would go on with its last set-point"
+        text = "0 is no reaction: without a heartbeat the drive would keep its last set-point"
         yield ("cia402", "option_codes", "abort_connection"), text
     for key, code in zip(("quick_stop", "fault_reaction"), POWER_CUTS, strict=True):
         if getattr(words.option_codes, key) == code.value and not words.brake:

@@ -69,8 +69,8 @@ def scanner_drive(ticks: Iterable[Tick], name: str, mounting: Mounting) -> Scann
         drive = _followed([second for _, second in kept], mirrored=True)
     if drive.unmatched > UNMATCHED * len(kept):
         raise CalibrationError(
-            f"{name}: {drive.unmatched} of {len(kept)} scans do not fit the others: drive slowly, where walls stand "
-            "around and nobody walks"
+            f"{name}: {drive.unmatched} of {len(kept)} scans do not fit the others: drive slowly, with walls "
+            "around and no people"
         )
     return drive
 

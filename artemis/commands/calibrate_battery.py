@@ -42,7 +42,7 @@ def calibrate_battery(runs: Sequence[Path], hold: Sequence[str], robot_file: Pat
     held = list(hold) or [FORCE]
     if not set(held).intersection(SCALES):
         raise ConfigError(
-            f"--hold: one of {', '.join(SCALES)} has to be known: no voltage tells power and capacity apart"
+            f"--hold: one of {', '.join(SCALES)} has to be known: a voltage does not separate power from capacity"
         )
     battery, logs = _read(runs)
     if robot_file is not None and load_model(robot_file, RobotFile).battery != battery:

@@ -72,14 +72,14 @@ def run_and_report(
     """
     loaded = load_mission(source, simulate, page=page)
     if checked is not None and checked != content_hash(loaded, source):
-        raise ConfigError(f"{source}: it, or a file that it names, has changed since it was checked: look at it again")
+        raise ConfigError(f"{source}: it, or a file that it names, has changed since it was checked: check it again")
     resume_point = _resumption(loaded, source, resume, simulate)
     started_by = None if checked is None else page_that_started()
     outcome = run_in_sight(loaded, source, simulate, resume_point, started_by=started_by)
     if outcome.failed:
-        with suppress(ConfigError):  # then it cannot be gone on with; why is said to who tries
+        with suppress(ConfigError):  # then it cannot be resumed; `--resume` says why
             resumption_from(loaded, source, outcome.run.path, simulate)
-            _print("go on", _command(source, outcome.run.path, simulate))
+            _print("resume", _command(source, outcome.run.path, simulate))
     return outcome.exit_status
 
 

@@ -37,7 +37,7 @@ class GotoChecks(MissionReading):
         if localizer_used(self._data, simulated=self._simulated) is None:
             self._complain(
                 at,
-                "the step needs a localizer, which measures where the robot is on the map: add `localizer:`"
+                "the pose on the map has to come from a localizer: add `localizer:`"
                 " (in a simulation `simulation: {localizer: {plugin: simulated_tracker}}`)",
             )
         if robot is not None and robot.outline is None:

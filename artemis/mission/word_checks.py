@@ -80,7 +80,7 @@ class WordChecks:
         for behaviour, facts in self.facts.behaviours.items():
             for name in facts.signals:
                 if name in tells:
-                    both = f"{behaviour} and {tells[name]} both tell the signal {name}: use one of them"
+                    both = f"{behaviour} and {tells[name]} both publish the signal {name}: use one of them"
                     self.problems.append((("steps",), both))
                 tells[name] = behaviour
 

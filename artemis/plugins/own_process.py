@@ -166,7 +166,7 @@ class ObserverProcess:
         made = child.made
         child.hear(0.0)
         if child.made and not made:
-            self._restarts.works(f"; {self._missed} ticks were not told")
+            self._restarts.works(f"; {self._missed} ticks were not shown")
             self._missed = 0
         self._take(child)
 

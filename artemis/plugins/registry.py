@@ -181,5 +181,5 @@ def breaches(plugin: object, contract: type[Any]) -> list[str]:
         problems.append("has no Config that is a subclass of artemis.config.Config")
     elif contract is Behaviour and (until := config.model_fields.get("until")):
         if not until.is_required() and until.default is not None:
-            problems.append("has a default of until in its Config: a mission writes this condition, or nobody")
+            problems.append("has a default of until in its Config: only a mission may write this condition")
     return problems

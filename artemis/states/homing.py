@@ -155,7 +155,9 @@ def _from_switch(shared: Shared, source: HomeSwitch, snapshot: Snapshot) -> Rout
 
     found, snapshot = yield from _turn(shared, begin, end, CREEP, is_on, phase, snapshot)
     if not found:
-        raise Failed(STEERING_ON, catalogue.fault("CAL-03", name, "its home switch does not go on where it did before"))
+        raise Failed(
+            STEERING_ON, catalogue.fault("CAL-03", name, "its home switch closes at another place than before")
+        )
     edge = (positions[-2] + positions[-1]) / 2.0
     wish = replace(OFF, command=DriveCommand(steering=snapshot.set_points.steering))
     snapshot = yield from switch_off(shared, wish, snapshot)

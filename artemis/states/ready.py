@@ -70,7 +70,9 @@ class ReadyMode:
             stand = replace(stand, done=done, phase=phase)
             if step.at_most is None and (done > PATIENCE or not snapshot.sensed.attended):
                 alone = not snapshot.sensed.attended
-                return give_up(replace(stand, phase=f"nobody can answer: {phase}") if alone else stand, late=not alone)
+                return give_up(
+                    replace(stand, phase=f"no operator can answer: {phase}") if alone else stand, late=not alone
+                )
             return stand
         over = isinstance(step, WaitStep) and step.seconds is not None and done >= step.seconds
         return replace(stand, done=done, over=over, phase="waiting")

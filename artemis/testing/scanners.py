@@ -49,7 +49,7 @@ class ScannerContract(PluginContract):
             raise AssertionError(f"run() ended after {loop.time() - begun:.1f} s: it measures until it is cancelled")
         running.cancel()
         _, left = await asyncio.wait([running], timeout=1.0)
-        assert not left, "run() goes on after it was cancelled"
+        assert not left, "run() continues after it was cancelled"
         scanner.close()
         scanner.close()
         return given

@@ -67,7 +67,7 @@ def test_interrupted_campaign_keeps_its_runs_and_goes_on(tmp_path: Path) -> None
     again = artemis_campaign(path)
 
     assert again.returncode == 0, again.stdout
-    assert f"goes on after {len(finished)} finished runs" in again.stdout
+    assert f"continues after {len(finished)} finished runs" in again.stdout
     assert sorted(seeds_in(results)) == list(range(FIRST, FIRST + 8))
     assert seeds_in(results)[: len(finished)] == finished
 

@@ -56,7 +56,7 @@ def mission(folder: Path, to: object = "gate", *, localizer: object = TRACKER, *
         ("gat", {}, "no such place on floor.yaml: gat; did you mean gate?"),
         ("crane", {}, "crane: the robot cannot stand there"),
         ({"x_m": 9.0, "y_m": 1.0, "heading_deg": 0.0}, {}, "lies outside of the map"),
-        ("gate", {"localizer": None}, "needs a localizer"),
+        ("gate", {"localizer": None}, "has to come from a localizer"),
         ("gate", {"map": "flor.yaml"}, "did you mean floor.yaml?"),
         ("gate", {"follower": {"plugin": "frenet", "speed_m_s": 0.3}}, "is a key of the step itself"),
         ("gate", {"follower": {"plugin": "frenett"}}, "frenett"),
@@ -73,7 +73,7 @@ def test_the_localizer_of_a_simulation_counts_where_the_run_is_simulated(tmp_pat
     path = mission(tmp_path)
     words = json.loads(path.read_text()) | {"bus": {"interface": "virtual", "channel": "goto"}}
     path.write_text(json.dumps(words))
-    with pytest.raises(ConfigError, match="needs a localizer"):
+    with pytest.raises(ConfigError, match="has to come from a localizer"):
         load_mission(path)
     loaded = load_mission(path, simulate=True)
     assert [plan_for(loaded, simulated, None).localized for simulated in (True, False)] == [True, False]

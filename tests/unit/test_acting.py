@@ -80,7 +80,7 @@ def test_a_class_is_checked_with_all_that_it_declares() -> None:
     assert breaches(Odd, Behaviour) == [
         "has no method step()",
         "declares the outcome 'Bad': small letters, digits and hyphens are meant, a letter first",
-        "has a default of until in its Config: a mission writes this condition, or nobody",
+        "has a default of until in its Config: only a mission may write this condition",
     ]
 
 

@@ -212,7 +212,7 @@ def test_a_switch_that_does_not_go_on_again_is_told() -> None:
         return HOME_INPUT if len(seen) == 60 else 0
 
     car = Machine(robot=described("small_car_switch"), angles={"steering": 7.0}, shows=once)
-    assert "its home switch does not go on where it did before" in car.refused()[2]
+    assert "its home switch closes at another place than before" in car.refused()[2]
 
 
 # ----------------------------------------------------------------------------------------------------------- encoders

@@ -185,7 +185,7 @@ def test_its_signals_can_be_asked_for_in_the_whole_mission() -> None:
     assert problems({"watch-gas": {}}, asking) == []
     assert "unknown signal 'gas_ppm'" in problems(asking)[0]
     assert problems({"watch-gas": {}}, {"nose": {}}) == [
-        "steps: nose and watch-gas both tell the signal gas_ppm: use one of them"
+        "steps: nose and watch-gas both publish the signal gas_ppm: use one of them"
     ]
 
 

@@ -119,7 +119,7 @@ def test_one_that_is_killed_is_back_and_says_so(make: Make, tmp_path: Path) -> N
         ended, back = (words for id, name, words in run.problems if (id, name) == ("NET-13", "far"))
         assert ended == "killed by SIGKILL; it is started again"
         assert back.startswith("it is back after ")
-        assert back.endswith(" ticks were not told")
+        assert back.endswith(" ticks were not shown")
     run.until(lambda: kept(tmp_path, 2))
 
 
@@ -188,11 +188,11 @@ def test_an_end_and_the_return_are_said_once() -> None:
     restarts.begin()
     assert restarts.take() == []
     now[0] = 0.5
-    restarts.works("; 9 ticks were not told")
+    restarts.works("; 9 ticks were not shown")
     restarts.works()
     assert restarts.take() == []
     now[0] = 1.3
-    assert (restarts.take(), restarts.take()) == (["it is back after 0.5 s; 9 ticks were not told"], [])
+    assert (restarts.take(), restarts.take()) == (["it is back after 0.5 s; 9 ticks were not shown"], [])
 
 
 def test_one_that_hangs_is_killed_and_is_back(make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -232,7 +232,7 @@ def test_a_status_has_the_id_of_what_it_is_about_and_the_level_that_is_wanted() 
     desk.say(op="set_level", level="warning")
     assert desk.errors(op="subscribe", topic="/nothing", fragment_size=9) == [
         "/nothing: fragment_size: messages are sent whole",
-        "/nothing: nobody publishes it here",
+        "/nothing: it has no publisher here",
     ]
     desk.say(op="set_level", level="none")
     assert desk.errors(op="fly") == []

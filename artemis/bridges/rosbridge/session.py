@@ -175,7 +175,7 @@ class ClientSession:
             self.say("warning", f"{topic}: fragment_size: messages are sent whole", message.get("id"))
         period, queue = self._number(message, "throttle_rate"), self._number(message, "queue_length")
         if (known := self._offer.told.get(topic)) is None:
-            self.say("warning", f"{topic}: nobody publishes it here", message.get("id"))
+            self.say("warning", f"{topic}: it has no publisher here", message.get("id"))
         elif type and full_name(type) != known.type:
             raise Refused(f"{topic} is {known.type}, and {type} was asked for")
         self._fits(len(self._subscribed))

@@ -70,7 +70,7 @@ DRIVES: dict[str, Row] = {
         "corrupt parameters",
         BOOT,
         "stored parameters were corrupt, its defaults are loaded",
-        "gains and motor data are the factory's: restore them with the maker's tool before you go on",
+        "gains and motor data are the factory's: restore them with the maker's tool before you continue",
     ),
     "DRV-10": _row("hardware defect", X, "hardware defect, or it did not start up", "switch it off and on; replace it"),
     "DRV-11": _row(

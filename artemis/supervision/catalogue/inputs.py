@@ -199,7 +199,7 @@ INPUTS: dict[str, Row] = {
         Found.EDGE,
         S1,
         K,
-        "Stop was pressed on a page that was not told of the robot",
+        "Stop was pressed on a page that received nothing from the robot",
         "look at the robot; the network, the page's process; an old tab",
         within=0.1,
     ),
@@ -219,7 +219,7 @@ INPUTS: dict[str, Row] = {
         WARN,
         ITSELF,
         "has a process of its own, which had to be started again",
-        "see the reason; what other programs were not told meanwhile is lost to them, not to the recording",
+        "see the reason; other programs missed what happened meanwhile, the recording has it",
         within=2.0,
     ),
     "NET-14": Row(
