@@ -1,4 +1,4 @@
-"""What the way from each cell of a floor to one of them costs: the heuristic of the search."""
+"""What the path from each cell of a floor to one of them costs: the heuristic of the search."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _cost_to_go_plain(clear: Field, cost: Field, row: int, column: int, resoluti
 
 
 def cost_to_go(clear: Field, cost: Field, row: int, column: int, resolution: float, least: float) -> Field:
-    """What the way of a round robot from each cell to one of them costs [m]; `UNREACHABLE` or more: there is none.
+    """What the path of a round robot from each cell to one of them costs [m]; `UNREACHABLE` or more: there is none.
 
     Args:
         clear: distance from each cell's middle to the nearest obstacle [m].

@@ -225,7 +225,7 @@ class _Planning:
             self._reasons.append("the robot is outside of the map")
             return None
         if to_go[row, column] > UNREACHABLE:
-            self._reasons.append("no way leads there, however the robot turns")
+            self._reasons.append("no path leads there, however the robot turns")
             return None
         begun, first_box = (self._clear, self._box) if back else (self._begun, self._first_box)
         over_known, from_start = not back and self._request.over_known, None

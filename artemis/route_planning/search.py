@@ -1,4 +1,4 @@
-"""Hybrid A* on a grid: poses of a car, expanded by short arcs, with the way of a point robot as heuristic.
+"""Hybrid A* on a grid: poses of a car, expanded by short arcs, with the path of a point robot as heuristic.
 
 After D. Dolgov, S. Thrun, M. Montemerlo and J. Diebel, Practical search techniques in path planning for autonomous
 driving, AAAI workshop 2008. All lengths in metres, in the frame of the grid: cell (row, column) reaches from
@@ -195,10 +195,10 @@ def search(
 
 @compiled
 def _went(step: float, backed: float, behind: float) -> tuple[float, float]:
-    """How far the robot has come backwards in one piece, and what of its way forwards is behind it, after a step [m].
+    """Distance reversed without a break, and length of the path behind that was driven forwards, after a step [m].
 
-    Where the latter is negative, or the former long, it has to know the ground that it drives over. Where it begins it
-    has seen nothing of what is beside it: it begins with its length below 0.
+    Where the latter is negative, or the former above `MOST_BACK`, the robot may reverse over known ground only. At its
+    start a robot has not seen what is beside it, so the latter starts at minus its length.
     """
     if step >= 0.0:
         return 0.0, min(behind + step, BEHIND)

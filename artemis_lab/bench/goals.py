@@ -46,7 +46,7 @@ SCANNER = Mounting.model_validate(
 )
 """Above its front axle."""
 CHAIN = 5
-"""Goals of one run, one after the other; then one to which no way leads."""
+"""Goals of one run, one after the other; then one to which no path leads."""
 SPEED = 0.5
 """[m/s]."""
 LOOK = 2
@@ -68,7 +68,7 @@ class GoalDrive:
     number: int
     """In its run, from 1."""
     closed: bool
-    """No way leads there."""
+    """No path leads there."""
     ended: str = "not driven to"
     """done, or the outcome with the reason of the planner or of the obstacle stop, or what went wrong."""
     plans: list[str] = field(default_factory=list)
@@ -251,7 +251,7 @@ def run_chain(kind: str, seed: int, blind: bool) -> list[GoalDrive]:
 def run_all(
     goals: int, seed: int, workers: int, finished: Callable[[Sequence[GoalDrive]], None], *, blind: bool
 ) -> None:
-    """At least so many goals, spread over the maps; what came of those of a run is told to `finished`.
+    """At least so many goals, spread over the maps; what came of those of a run is passed to `finished`.
 
     An interruption ends it after the runs under way, also in the background.
     """

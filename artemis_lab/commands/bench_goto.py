@@ -41,11 +41,11 @@ def measure(goals: int, seed: int, workers: int, *, blind: bool) -> bool:
 
 
 def problem(leg: GoalDrive) -> str:
-    """Why a goal does not count as reached, or an unreachable one not as told at once; empty: it does."""
+    """Why a goal does not count as reached, or an unreachable one not as reported at once; empty: it does."""
     if min(leg.nearest, leg.room) <= 0.0:
         return "contact"
     if leg.closed:
-        return "" if leg.ended != "done" and not any(leg.expanded) else "not told at once"
+        return "" if leg.ended != "done" and not any(leg.expanded) else "not reported at once"
     if leg.ended != "done":
         return leg.ended
     if leg.room < MARGIN:
@@ -104,6 +104,6 @@ _FIGURES: list[tuple[str, str, Callable[[Sequence[GoalDrive]], str]]] = [
      lambda legs: _most(legs, lambda leg: math.degrees(leg.turned))),
     ("plan, half of them [ms CPU]", f"<= {MEDIAN_MS}", lambda legs: f"{np.median(_milliseconds(_open(legs))):.0f}"),
     ("plan, the slowest [ms CPU]", f"<= {MOST_MS}", lambda legs: f"{max(_milliseconds(_open(legs))):.0f}"),
-    ("unreachable, told at once", "all", _at_once),
+    ("unreachable, reported at once", "all", _at_once),
 ]  # fmt: skip
 """Name, bar, and what it is of some legs."""

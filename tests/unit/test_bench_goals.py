@@ -59,7 +59,7 @@ def test_a_goal_counts_only_if_all_of_it_was_right() -> None:
     assert problem(leg(off=0.04)) == "4.0 cm and 0.6 degrees off"
     assert problem(leg(turned=0.06)) == "1.0 cm and 3.4 degrees off"
     assert problem(leg(closed=True, ended="no way", expanded=[0])) == ""
-    assert problem(leg(closed=True, ended="no way", expanded=[7])) == "not told at once"
+    assert problem(leg(closed=True, ended="no way", expanded=[7])) == "not reported at once"
     assert words(leg(nearest=0.0)) == "rooms 1, goal 1: contact; plans: 5 m"
 
 
@@ -71,7 +71,7 @@ def test_the_table_has_a_column_for_each_map_and_bars() -> None:
     assert rows["reached"] == ["0", "2", "0", "2", "all"]
     assert rows["plan, the slowest [ms CPU]"] == ["nan", "300", "nan", "300", "<= 200"]
     assert rows["off the goal, most [deg]"][1] == "2.9"
-    assert rows["unreachable, told at once"] == ["0 of 0", "1 of 1", "0 of 0", "1 of 1", "all"]
+    assert rows["unreachable, reported at once"] == ["0 of 0", "1 of 1", "0 of 0", "1 of 1", "all"]
 
 
 @pytest.mark.parametrize("kind", MAPS)

@@ -83,7 +83,7 @@ def test_a_route_is_free_drivable_and_ends_at_the_goal(
 def test_a_goal_behind_a_wall_is_told_without_a_search() -> None:
     found = planned(floor((2.5, 0.0, 2.7, 3.0)))
     assert (found.values, found.expanded) == ((), 0)
-    assert found.detail == "no way leads there, however the robot turns"
+    assert found.detail == "no path leads there, however the robot turns"
 
 
 def test_a_goal_that_is_hard_to_get_into_is_sought_from_there() -> None:
