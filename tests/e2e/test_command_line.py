@@ -239,9 +239,11 @@ def test_shipped_missions_pass_the_check() -> None:
     accepted = [f"{mission}: ok" for mission in missions if str(mission) not in refused]
     assert [line for line in lines if not line.startswith("  ")] == accepted
     remarks = [line for line in lines if line.startswith("  ")]
-    of_paths = Counter(remark.split(":")[0].strip() for remark in remarks)
+    about = Counter(remark.split(":")[0].strip() for remark in remarks)
     squares = {"paths/square_left.csv": 5, "paths/square_right.csv": 5}
-    assert of_paths == {
+    assert about == {
+        "obstacles": 1,
+        "steps[1].teleop.obstacles": 1,
         "paths/corner.csv": 2,
         "paths/slalom.csv": 1,
         **squares,
