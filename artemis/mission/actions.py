@@ -169,7 +169,7 @@ class Recorded(Config):
     recorded: Name
     """Its name, as the step that recorded it has it in `record`."""
     close_within_m: Annotated[float, Field(ge=0, le=2)] = 0.0
-    """If it ends so near its beginning, in about the same direction, it goes on there: for several laps."""
+    """If it ends so near its beginning, in about the same direction, it continues there: for several laps."""
 
 
 def _kind_of_path(path: object) -> str:
