@@ -38,7 +38,7 @@ def common_covariance(resolution: float) -> tuple[float, float]:
 
 
 class ScanMap:
-    """A likelihood grid of a whole map.
+    """A likelihood grid of a whole map, finished: one thread may follow a robot on it while another one searches.
 
     Attributes:
         grid: to match scans on.
@@ -64,6 +64,8 @@ class ScanMap:
         wide = replace(settings, cell=_ROUGH * settings.cell, width=_ROUGH * settings.width)
         self.rough = LikelihoodGrid(wide, 1 << int(np.ceil(np.log2(wanted / _ROUGH))))
         self.rough.add(points, np.zeros(3))
+        for grid in (self.grid, self.rough):
+            grid.finish()
 
     @classmethod
     def of_scans(cls, scans: Sequence[Array], poses: Array, settings: MapSettings) -> ScanMap:

@@ -7,6 +7,7 @@ import re
 import shutil
 from contextlib import suppress
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
@@ -106,6 +107,26 @@ def test_whoever_watches_is_shown_the_map_as_it_grows_and_it_stays_the_same(
     driven_with(alone, ticks)
     for folder in (watched, beside_it):
         assert (folder / "map.graph").read_bytes() == (tmp_path / "map.graph").read_bytes()
+
+
+def test_where_loops_take_long_only_one_picture_of_the_map_waits_for_them(
+    tmp_path: Path, ticks: list[Tick], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_map, "SHOWN_EVERY", 1.0)
+    making, gate = live(tmp_path, [], threaded=True), Event()
+    making.shown()
+
+    def held() -> None:
+        assert gate.wait(60.0)
+
+    making._closing.order(held)
+    for each in ticks:
+        making.see(each, [], 0.0)
+    drawn = [action for action, _ in making._closing._orders if action == making._show]
+    gate.set()
+    making.close()
+    assert len(drawn) == 1
+    assert making.shown() is not None
 
 
 def test_the_map_that_a_mission_is_localised_on_is_known() -> None:
