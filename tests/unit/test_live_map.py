@@ -11,7 +11,7 @@ from threading import Event
 
 import numpy as np
 import pytest
-from test_map_readings import mounted, scan_of, tick
+from test_map_readings import robot_with, scan_of, tick
 
 from artemis.errors import ConfigError
 from artemis.localisation.scan_localizer import LocalizerSettings, PlaceSearch, ScanLocalizer
@@ -50,7 +50,7 @@ def ticks() -> list[Tick]:
 
 
 def live(folder: Path, said: list[str], *, threaded: bool, resolution: float = 0.05) -> LiveMap:
-    readings = ScanReadings(SETTINGS, "front", mounted())
+    readings = ScanReadings(SETTINGS, robot_with("front"), "front")
     return LiveMap(readings, {folder / "map.yaml": resolution}, said.append, threaded=threaded)
 
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from core_builders import snapshot
+from core_builders import ROBOT, drives, snapshot
 
 from artemis.mapping.laser import Reading
 from artemis.mapping.readings import ScanReadings
+from artemis.mapping.recent_odometry import KEPT
 from artemis.mapping.se2 import Array, compose
 from artemis.mounting import Mounting
 from artemis.scan import Scan
 from artemis.values import Mode, Odometry, Pose, SetPoints, Tick, Wish
+from artemis.vehicle import RobotFile
 from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, SETTINGS, seen
 
 PERIOD = 0.02
@@ -20,6 +22,11 @@ PERIOD = 0.02
 def mounted(x: float = 0.0, y: float = 0.0, degrees: float = 0.0, **keys: object) -> Mounting:
     words = {"plugin": "lms1xx", "x_m": x, "y_m": y, "heading_deg": degrees, "height_m": 0.3, "least_range_m": 0.05}
     return Mounting.model_validate(words | keys)
+
+
+def robot_with(scanner: str) -> RobotFile:
+    """A robot with one scanner above its rear axle."""
+    return ROBOT.model_copy(update={"scanners": {scanner: mounted()}})
 
 
 def scan_of(ranges: Array, time: float, beam_time: float = 0.0, source: str = "front") -> Scan:
@@ -33,9 +40,11 @@ def scan_of(ranges: Array, time: float, beam_time: float = 0.0, source: str = "f
     )
 
 
-def tick(time: float, pose: Array, *scans: Scan, reset: bool = False) -> Tick:
+def tick(time: float, pose: Array, *scans: Scan, reset: bool = False, age: float = 0.0) -> Tick:
+    """A tick at which the wheels' positions are so old [s]."""
     x, y, heading = pose.tolist()
-    seen = snapshot(time, odometry=Odometry(pose=Pose(x=x, y=y, heading=heading)), scans=scans)
+    odometry = Odometry(pose=Pose(x=x, y=y, heading=heading))
+    seen = snapshot(time, odometry=odometry, scans=scans, drives=drives(age=age))
     return Tick(snapshot=seen, mode=Mode.TELEOP, wish=Wish(reset_pose=reset), set_points=SetPoints())
 
 
@@ -61,7 +70,7 @@ def test_a_scan_is_turned_back_by_what_the_robot_turned_while_it_lasted() -> Non
     )
     scan = scan_of(ranges, 1.0, lasting / (len(ANGLES) - 1))
     before = [tick(PERIOD * k, np.array([0.0, 0.0, rate * (PERIOD * k - 1.02)])) for k in range(60)]
-    reading = one(ScanReadings(SETTINGS, "front", mounted()), *before, tick(1.2, np.array([0, 0, 0.18]), scan))
+    reading = one(ScanReadings(SETTINGS, ROBOT, "front", mounted()), *before, tick(1.2, np.array([0, 0, 0.18]), scan))
     assert reading.odometry == pytest.approx([0, 0, 0], abs=1e-9)
     assert reading.time == pytest.approx(1.02)
     at_once = seen(OFFICE, np.zeros(3), np.arctan2(points(reading)[:, 1], points(reading)[:, 0]))
@@ -74,7 +83,7 @@ def test_a_scanner_may_be_mounted_anywhere_also_upside_down() -> None:
     for upside_down in (False, True):
         mounting = mounted(0.4, -0.1, 30.0, upside_down=upside_down)
         ranges = seen(OFFICE, compose(robot, [0.4, -0.1, np.radians(30.0)]))
-        reading = one(ScanReadings(SETTINGS, "front", mounting), tick(0.0, robot, scan_of(ranges, 0.0)))
+        reading = one(ScanReadings(SETTINGS, ROBOT, "front", mounting), tick(0.0, robot, scan_of(ranges, 0.0)))
         ahead = points(reading)[np.abs(np.arctan2(points(reading)[:, 1], points(reading)[:, 0])).argmin()]
         assert np.hypot(*ahead[:2]) == pytest.approx(
             seen(OFFICE, robot, np.arctan2(ahead[1:2], ahead[:1]))[0], abs=0.01
@@ -84,15 +93,15 @@ def test_a_scanner_may_be_mounted_anywhere_also_upside_down() -> None:
 def test_what_a_scanner_sees_of_its_robot_is_no_wall() -> None:
     ranges = np.full(len(ANGLES), 3.0)
     ranges[:10], ranges[60:70] = 0.3, 0.04
-    everything = one(ScanReadings(SETTINGS, "front", mounted()), tick(0.0, np.zeros(3), scan_of(ranges, 0.0)))
+    everything = one(ScanReadings(SETTINGS, ROBOT, "front", mounted()), tick(0.0, np.zeros(3), scan_of(ranges, 0.0)))
     hidden = mounted(mask=[[-135, -120]], least_range_m=0.1)
-    masked = one(ScanReadings(SETTINGS, "front", hidden), tick(0.0, np.zeros(3), scan_of(ranges, 0.0)))
+    masked = one(ScanReadings(SETTINGS, ROBOT, "front", hidden), tick(0.0, np.zeros(3), scan_of(ranges, 0.0)))
     assert np.hypot(*points(everything)[:, :2].T).min() < 0.5
     assert np.hypot(*points(masked)[:, :2].T).min() > 2.9
 
 
 def test_another_origin_of_the_odometry_is_no_motion() -> None:
-    readings = ScanReadings(SETTINGS, "front", mounted())
+    readings = ScanReadings(SETTINGS, ROBOT, "front", mounted())
     ranges = seen(OFFICE, np.zeros(3))
     moved, origin = np.array([1.0, 2.0, 0.5]), np.zeros(3)
     first = one(readings, tick(0.0, moved, scan_of(ranges, 0.0)), tick(PERIOD, moved, reset=True))
@@ -104,16 +113,41 @@ def test_another_origin_of_the_odometry_is_no_motion() -> None:
 
 
 def test_scans_of_another_scanner_are_passed_over() -> None:
-    readings, ranges = ScanReadings(SETTINGS, "rear", mounted()), np.ones(len(ANGLES))
+    readings, ranges = ScanReadings(SETTINGS, ROBOT, "rear", mounted()), np.ones(len(ANGLES))
     assert list(readings.see(tick(0.0, np.zeros(3), scan_of(ranges, 0.0)))) == []
     assert len(list(readings.see(tick(0.1, np.zeros(3), scan_of(ranges, 0.1, source="rear"))))) == 1
 
 
-def test_of_a_time_nobody_counted_the_nearest_tick_counts() -> None:
+def test_before_the_first_tick_the_odometry_is_that_of_the_first() -> None:
     ranges = np.ones(len(ANGLES))
-    for time, expected in ((-1.0, 1.0), (0.5, 1.5), (9.0, 2.0)):
-        readings = ScanReadings(SETTINGS, "front", mounted())
+    for time, expected in ((-1.0, 1.0), (0.5, 1.5), (1.0, 2.0)):
+        readings = ScanReadings(SETTINGS, ROBOT, "front", mounted())
         first, second = tick(0.0, np.array([1.0, 0, 0])), tick(1.0, np.array([2.0, 0, 0]), scan_of(ranges, time))
         odometry = one(readings, first, second).odometry
         assert odometry is not None
         assert odometry[0] == pytest.approx(expected)
+
+
+def test_the_odometry_counts_at_the_time_at_which_the_drives_measured_it() -> None:
+    """At 1 m/s, 20 ms before the tick: 2 cm. A scan whose end it does not reach waits for the next tick."""
+    readings, speed = ScanReadings(SETTINGS, ROBOT, "front", mounted()), 1.0
+    scan = scan_of(np.ones(len(ANGLES)), 10 * PERIOD)
+    found = []
+    for number in range(13):
+        age = PERIOD if number else 0.0
+        true = np.array([speed * (PERIOD * number - age), 0.0, 0.0])
+        seen = readings.see(tick(PERIOD * number, true, *[scan] * (number == 10), age=age))
+        found += [(number, each.odometry) for each in seen]
+    ((number, odometry),) = found
+    assert number == 11
+    assert odometry is not None
+    assert odometry[0] == pytest.approx(speed * 10 * PERIOD)
+
+
+def test_a_scan_of_the_future_holds_up_no_others_for_ever() -> None:
+    readings, ranges = ScanReadings(SETTINGS, ROBOT, "front", mounted()), np.ones(len(ANGLES))
+    times = [PERIOD * number for number in range(2 * KEPT)]
+    scans = [scan_of(ranges, 1e9 if number == 3 else time) for number, time in enumerate(times)]
+    found = [r for time, scan in zip(times, scans, strict=True) for r in readings.see(tick(time, np.zeros(3), scan))]
+    assert found[-1].time == pytest.approx(times[-1])
+    assert len(found) == len(times) - 1

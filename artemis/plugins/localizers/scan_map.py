@@ -77,12 +77,12 @@ class ScanMapLocalizer:
         Raises:
             ConfigError: everything that is wrong in it, or the robot has no such scanner.
         """
-        from artemis.localisation.sightings import Way
+        from artemis.mapping.recent_odometry import RecentOdometry
 
         self._config, self._context, self._name = config, context, context.name
         self._scanner = _scanner(config.scanner, context)
         self._known = _map(config.map, context)
-        self._way = Way(context.robot)
+        self._odometry = RecentOdometry(context.robot)
         self._waiting: Scan | None = None
         self._next = -inf
         self._made: ScanLocalizer | None = None
@@ -125,11 +125,11 @@ class ScanMapLocalizer:
         """Hand over a scan with the odometry around it, as soon as that is known."""
         if self._error is not None:
             raise self._error
-        self._way.see(tick)
+        self._odometry.see(tick)
         for scan in tick.snapshot.sensed.scans:
             if scan.source == self._scanner and self._waiting is None and scan.time >= self._next:
                 self._waiting = scan
-        if self._waiting is None or (seen := self._way.sighting(self._waiting)) is None:
+        if self._waiting is None or (seen := self._odometry.sighting(self._waiting)) is None:
             return ""
         period = 1 / self._config.rate_hz
         self._next = max(self._next + period, self._waiting.time + period / 2)
