@@ -73,7 +73,7 @@ def build_map(sources: Sources, output: Path, resolution: float, *, force: bool)
         raise ConfigError(f"{sources.runs[0]}: no scan has a point")
     mapper.finish()
     try:
-        content = occupancy(mapper.keys.points, mapper.keys.poses, resolution)
+        content = occupancy(mapper.keys, resolution)
     except ValueError as error:
         raise ConfigError(f"{output}: {error}") from None
     counts = mapper.counts

@@ -24,6 +24,7 @@ class ScanReadings:
     def __init__(self, settings: MapSettings, robot: RobotFile, name: str, mounting: Mounting | None = None) -> None:
         """Take the scanner's name, and how it is mounted, if not as the robot file says."""
         self._settings, self._name, self._mounting = settings, name, mounting or robot.scanners[name]
+        self._place = np.array([self._mounting.x_m, self._mounting.y_m])
         self._odometry = RecentOdometry(robot)
         self._waiting: deque[Scan] = deque(maxlen=KEPT)
         """For the odometry at their ends, which comes with the next ticks."""
@@ -43,4 +44,4 @@ class ScanReadings:
             middle = np.array([pose.x, pose.y, pose.heading])
             if wanted(middle):
                 points = points_of(seen, self._mounting, self._settings)
-                yield Reading(time=seen.time, odometry=middle, points=points)
+                yield Reading(time=seen.time, odometry=middle, points=points, place=self._place)

@@ -42,6 +42,8 @@ class NewKey(NamedTuple):
 
     points: Array
     """Seen from the robot, shape (n, 4)."""
+    place: Array
+    """Of the scanner on the robot, x, y [m], shape (2,)."""
     before: int
     """Number of the key scan that it was reached from; none before the first."""
     motion: Array
@@ -179,4 +181,4 @@ class Tracker:
         self.stations.stop(reading, self._newest, _ORIGIN)
         self._recent.append((points, pose))
         self._grid.build(*zip(*self._recent, strict=True))
-        return NewKey(points, before, motion, told, untold, share)
+        return NewKey(points, reading.place, before, motion, told, untold, share)

@@ -98,7 +98,7 @@ class LiveMap:
         graph = mapper.result()
         for file, resolution in self._outputs.items():
             try:
-                content = occupancy(mapper.keys.points, mapper.keys.poses, resolution)
+                content = occupancy(mapper.keys, resolution)
                 write_bytes(saved_files(file, content, graph))
             except (ValueError, ConfigError) as error:
                 problems.append(f"{file}: {error}")
@@ -117,11 +117,9 @@ class LiveMap:
 
     def _show(self, station: int, odometry: Array) -> None:
         """Where the loops are found, behind the key scan of the station: the poses stay as they are meanwhile."""
-        keys = self._mapper.keys
-        count = len(keys)
         self._show_waits = False
         try:
-            content = occupancy(keys.points[:count], keys.poses[:count].copy(), max(self._outputs.values()))
+            content = occupancy(self._mapper.keys, max(self._outputs.values()))
         except ValueError:  # `close` says what is wrong
             return
         x, y, heading = compose(self._mapper.pose_of(station), between(odometry, [0.0, 0.0, 0.0])).tolist()

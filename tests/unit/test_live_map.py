@@ -207,14 +207,16 @@ def test_nothing_is_compiled_while_the_robot_is_followed_and_looked_for(monkeypa
     monkeypatch.setattr(kernels, "LOOPS", then)
     points = scan(OFFICE, ROUND[0])
     grown = np.concatenate([points] * 4)
-    known = ScanMap.of_cells(occupancy([points], ROUND[:1], 0.05), SETTINGS)
+    keys = KeyScans()
+    keys.append(points, ROUND[0], np.zeros(2))
+    known = ScanMap.of_cells(occupancy(keys), SETTINGS)
     localizer = ScanLocalizer(known, LocalizerSettings(gather_scans=1), ROUND[0], (0.3, 0.2))
     localizer.update(points, ROUND[0])
     localizer.update(points, compose(ROUND[0], [0.1, 0.0, 0.0]))
     localizer.look(PlaceSearch(points=grown, at=ROUND[0], since=0))
     keys = KeyScans()
     for pose in ROUND[:40]:
-        keys.append(points, pose)
+        keys.append(points, pose, np.zeros(2))
     sure = Drifts(np.tile(np.eye(2), (25, 1, 1)), np.ones(25), np.ones(25))
     WideLoops(SETTINGS, keys, LikelihoodGrid(SETTINGS)).find(2.0, 0.1, sure)
     assert {"search", "refine", "raise_levels"} <= {each[0] for each in then.called}

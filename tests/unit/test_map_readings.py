@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
 import numpy as np
 import pytest
 from core_builders import ROBOT, drives, snapshot
 
+from artemis.errors import ConfigError
+from artemis.mapping.graph_file import MapGraph, read_graph
+from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.laser import Reading
+from artemis.mapping.mapper import Mapper
+from artemis.mapping.occupancy import FREE, OccupancyMap, occupancy
+from artemis.mapping.pose_graph import PoseGraph
 from artemis.mapping.readings import ScanReadings
 from artemis.mapping.recent_odometry import KEPT
 from artemis.mapping.se2 import Array, compose
@@ -14,7 +24,7 @@ from artemis.mounting import Mounting
 from artemis.scan import Scan
 from artemis.values import Mode, Odometry, Pose, SetPoints, Tick, Wish
 from artemis.vehicle import RobotFile
-from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, SETTINGS, seen
+from artemis_lab.bench.laser_worlds import ANGLES, OFFICE, SETTINGS, driven, seen
 
 PERIOD = 0.02
 
@@ -24,9 +34,9 @@ def mounted(x: float = 0.0, y: float = 0.0, degrees: float = 0.0, **keys: object
     return Mounting.model_validate(words | keys)
 
 
-def robot_with(scanner: str) -> RobotFile:
-    """A robot with one scanner above its rear axle."""
-    return ROBOT.model_copy(update={"scanners": {scanner: mounted()}})
+def robot_with(scanner: str, **keys: float) -> RobotFile:
+    """A robot with one scanner, above its rear axle if nothing else is said."""
+    return ROBOT.model_copy(update={"scanners": {scanner: mounted(**keys)}})
 
 
 def scan_of(ranges: Array, time: float, beam_time: float = 0.0, source: str = "front") -> Scan:
@@ -151,3 +161,47 @@ def test_a_scan_of_the_future_holds_up_no_others_for_ever() -> None:
     found = [r for time, scan in zip(times, scans, strict=True) for r in readings.see(tick(time, np.zeros(3), scan))]
     assert found[-1].time == pytest.approx(times[-1])
     assert len(found) == len(times) - 1
+
+
+def free_inside(
+    content: OccupancyMap, world_pose: Array, corner: tuple[float, float], size: tuple[float, float]
+) -> int:
+    """Cells, 5 cm or more inside of a box of the world, that are free on a map which begins at a pose in the world."""
+    row, column = np.indices(content.cells.shape)
+    x, y, _ = content.origin
+    local = np.stack([x + (column + 0.5) * content.resolution, y + (row + 0.5) * content.resolution, 0.0 * row], -1)
+    px, py = (compose(world_pose, local)[..., k] - corner[k] for k in (0, 1))
+    inside = (px > 0.05) & (px < size[0] - 0.05) & (py > 0.05) & (py < size[1] - 0.05)
+    return int((inside & (content.cells == FREE)).sum())
+
+
+def test_no_cell_inside_of_a_solid_thing_is_free(tmp_path: Path) -> None:
+    """The scanner sees past a corner that is between its robot's rear axle and what it sees. Also out of the file."""
+    corner, size, place = (-3.5, -2.5), (1.2, 0.8), np.array([0.56, 0.0, 0.0])
+    way = driven([(-4.0, -3.0), (-1.8, -3.0), (-1.8, -1.3), (-4.1, -1.2), (-4.1, -3.0)], step=0.1)
+    robot = robot_with("front", x=place[0])
+    readings, mapper = ScanReadings(SETTINGS, robot, "front"), Mapper(replace(SETTINGS, cells=1024))
+    for number, pose in enumerate(way):
+        scan = scan_of(seen(OFFICE, compose(pose, place)), 0.1 * number)
+        for reading in readings.see(tick(0.1 * number, pose, scan)):
+            mapper.add(reading)
+    mapper.finish()
+    file = tmp_path / "office.graph"
+    file.write_bytes(mapper.result().packed())
+    for keys in (mapper.keys, read_graph(file).keys):
+        assert free_inside(occupancy(keys), way[0], corner, size) == 0
+    keys.places[:] = 0.0
+    assert free_inside(occupancy(keys), way[0], corner, size) > 50, "from the axle, beams would cross the box"
+
+
+def test_a_graph_from_before_the_scanner_had_a_place_is_read(tmp_path: Path) -> None:
+    keys = KeyScans()
+    keys.append(np.ones((3, 4)), np.zeros(3), np.array([0.5, 0.1]))
+    content = msgspec.msgpack.decode(MapGraph(keys, PoseGraph(), np.zeros((1, 4))).packed())
+    assert content.pop("places")
+    (tmp_path / "old.graph").write_bytes(msgspec.msgpack.encode(content))
+    assert read_graph(tmp_path / "old.graph").keys.places.tolist() == [[0.0, 0.0]]
+    content["places"] = bytes(8)
+    (tmp_path / "cut.graph").write_bytes(msgspec.msgpack.encode(content))
+    with pytest.raises(ConfigError, match=r"cut\.graph: is no pose graph"):
+        read_graph(tmp_path / "cut.graph")

@@ -9,6 +9,7 @@ import pytest
 
 from artemis.localisation.scan_localizer import LocalizerSettings, PlaceSearch, ScanLocalizer, ScanPose
 from artemis.localisation.scan_map import ScanMap, surface_of_cells
+from artemis.mapping.key_scans import KeyScans
 from artemis.mapping.occupancy import OCCUPIED, OccupancyMap, occupancy
 from artemis.mapping.se2 import Array, between, compose
 from artemis_lab.bench.laser_worlds import OFFICE, SETTINGS, box, driven, odometry, scan
@@ -100,7 +101,10 @@ def test_a_robot_that_sees_nothing_grows_doubtful(known: ScanMap) -> None:
 
 
 def test_cells_of_an_image_are_lines_again() -> None:
-    grid = occupancy([scan(OFFICE, pose) for pose in STANDS], STANDS, 0.05)
+    keys = KeyScans()
+    for pose in STANDS:
+        keys.append(scan(OFFICE, pose), pose, np.zeros(2))
+    grid = occupancy(keys, 0.05)
     surface = surface_of_cells(grid)
     normals = surface[(surface[:, 2:] != 0).any(1)]
     assert len(normals) > 0.6 * len(surface)
