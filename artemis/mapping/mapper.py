@@ -27,7 +27,7 @@ def at_once(work: Callable[[NewKey], None], key: NewKey) -> None:
 
 
 class Mapper:
-    """The same readings give the same map. Memory grows with the distance, and by a few numbers per reading.
+    """The same readings give the same map. Memory grows with the distance, and by ten numbers for each reading.
 
     Attributes:
         keys: the scans that make up the map, with the poses that are believed at present.

@@ -54,6 +54,9 @@ class MapSettings:
     odometry_share: float = 0.1
     odometry_beam: float = 0.1
     """Standard deviation of a beam where it is weighed against odometry: the errors of beams are not independent."""
+    kept_distance: float = 0.04
+    kept_turn: float = 0.04
+    """Scans between two key scans that are kept, to be matched once more at the end, are so far apart."""
     still: float = 0.002
     still_turn: float = 0.001
     """Odometry that moved less since the last scan that was kept: this one tells nothing new."""

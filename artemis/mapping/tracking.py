@@ -72,6 +72,10 @@ class Tracker:
         self._before = self._newest = -1
         self._pose = _ORIGIN
         self._moved_unseen, self._last_step = False, _ORIGIN
+        self._odometry: Array | None = None
+        """Of the last scan that told something new."""
+        self._since_key = _ORIGIN
+        """Motion from the last key scan to the last scan that was kept."""
         self._untold: Array = np.zeros(2)
         self._counted = _ORIGIN
         self._off, self._driven = _GUESS**2 * _GUESSED, _GUESSED
@@ -107,7 +111,9 @@ class Tracker:
         self.counts.scans += 1
         if self._newest < 0:
             return self._key(reading, reading.points, _ORIGIN, np.zeros((3, 3)), _ORIGIN)
-        step = None if self._moved_unseen else self.stations.step_to(reading.odometry)
+        step = None
+        if not (self._moved_unseen or self._odometry is None or reading.odometry is None):
+            step = between(self._odometry, reading.odometry)
         self._moved_unseen = False
         predicted = compose(self._pose, self._last_step if step is None else step)
         found = match(self._grid, self._settings, reading.points, predicted, step)
@@ -121,8 +127,10 @@ class Tracker:
         motion = between(self._recent[-1][1], found.pose)
         if self._is_key(motion, found.score):
             return self._key(reading, reading.points, motion, found.information, found.pose)
-        self._pose = found.pose
-        self.stations.stop(reading, self._before, motion)
+        self._pose, self._odometry = found.pose, reading.odometry
+        keep = not within(between(self._since_key, motion), self._settings.kept_distance, self._settings.kept_turn)
+        self._since_key = motion if keep else self._since_key
+        self.stations.stop(reading, self._before, motion, keep=keep)
         return None
 
     def _note(self, step: Array | None, found: Match, beams: int) -> None:
@@ -176,7 +184,7 @@ class Tracker:
         seen, share = np.append(untold * self._share, 0.0), self._share
         told = np.asarray(np.linalg.inv(np.linalg.inv(told) + np.outer(seen, seen)), float)
         self._untold, self._counted = np.zeros(2), _ORIGIN
-        before, self._pose = self._before, pose
+        before, self._pose, self._odometry, self._since_key = self._before, pose, reading.odometry, _ORIGIN
         self._before = self._newest = self._newest + 1
         self.stations.stop(reading, self._newest, _ORIGIN)
         self._recent.append((points, pose))
