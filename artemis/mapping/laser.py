@@ -19,7 +19,7 @@ class Reading:
     time: float
     """[s], by any clock."""
     odometry: Array | None = None
-    """Pose of the robot by its wheels, in any frame, shape (3,); None: nobody counted."""
+    """Pose of the robot by its wheels, in any frame, shape (3,); None: there is no odometry."""
     points: Array | None = None
     """Of the scan, as `surface_points` gives them, shape (n, 4); None: there was none."""
     place: Array = field(default_factory=lambda: np.zeros(2))

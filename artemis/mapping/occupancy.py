@@ -98,11 +98,11 @@ class OccupancyMap:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ShownMap:
-    """The map of a run, for those who watch it."""
+    """The map of a run as viewers show it."""
 
     content: OccupancyMap
     odometry: Pose | None = None
-    """Where the odometry's frame lies on it; None: a localizer tells where the robot is."""
+    """Where the odometry's frame lies on it; None: a localizer gives the robot's pose on it."""
 
 
 def occupancy(keys: KeyScans, resolution: float = 0.05) -> OccupancyMap:

@@ -21,7 +21,7 @@ class RecentOdometry:
     """Poses by the odometry, in a frame that never jumps.
 
     Attributes:
-        counted: nobody lost count of the wheels until the last tick.
+        counted: the wheels were counted without a gap until the last tick.
     """
 
     def __init__(self, robot: RobotFile) -> None:

@@ -16,7 +16,7 @@ MOST_POINTS = 200
 
 
 class Stations:
-    """Readings in their order. Those with a matched scan are stations; between them the odometry tells the way.
+    """Readings in their order. Those with a matched scan are stations; between them the poses follow the odometry.
 
     Of a scan at most `MOST_POINTS` are kept, and only if the caller wants it: so memory depends neither on the number
     of beams nor, for each metre, on that of the scans. Beside it there are a few numbers of each reading.
@@ -47,7 +47,7 @@ class Stations:
         self.pass_by(reading.time, reading.odometry)
 
     def pass_by(self, time: float, odometry: Array | None) -> None:
-        """Add a reading without a scan, or with one that tells nothing new."""
+        """Add a reading without a scan, or with one that adds nothing."""
         self._times.append(time)
         self._odometry.extend((np.nan,) * 3 if odometry is None else odometry)
 
@@ -95,5 +95,5 @@ class Stations:
 
 
 def _counted(odometry: Array) -> Array:
-    """Where nobody counted, nothing moved."""
+    """Where there is no odometry, the robot counts as standing."""
     return np.nan_to_num(odometry, nan=0.0)

@@ -22,10 +22,10 @@ from artemis.mapping.stations import Stations
 
 _ORIGIN = np.zeros(3)
 _GUESS, _GUESSED = 0.05, 10.0
-"""Odometry is taken to be wrong by this share, until so many metres were driven where scans tell all."""
+"""Odometry is taken to be wrong by this share, until so many metres were driven that scans measured."""
 
 _BASE, _TOLD = 4.0, 0.2
-"""Distance over which the odometry is compared with the scans [m], and the share of it that may be untold."""
+"""Distance over which the odometry is compared with the scans [m], and the share of it that scans may leave open."""
 
 
 @dataclass(slots=True)
@@ -51,7 +51,7 @@ class NewKey(NamedTuple):
     information: Array
     """Of the motion, shape (3, 3)."""
     untold: Array
-    """Part of it that no scan tells of, only the odometry: x, y [m] seen from there, shape (2,)."""
+    """Part of it that only the odometry measured: x, y [m] seen from there, shape (2,)."""
     share: float
     """By which the odometry is wrong, as far as is known: standard deviation as a share of the distance."""
 
@@ -73,7 +73,7 @@ class Tracker:
         self._pose = _ORIGIN
         self._moved_unseen, self._last_step = False, _ORIGIN
         self._odometry: Array | None = None
-        """Of the last scan that told something new."""
+        """Of the last scan that was kept."""
         self._since_key = _ORIGIN
         """Motion from the last key scan to the last scan that was kept."""
         self._untold: Array = np.zeros(2)
@@ -81,8 +81,8 @@ class Tracker:
         self._off, self._driven = _GUESS**2 * _GUESSED, _GUESSED
         self._odds = self._length = 0.0
 
-    def go_on(self, keys: list[tuple[Array, Array]], nearest: int, newest: int, pose: Array) -> None:
-        """Go on with a map.
+    def resume(self, keys: list[tuple[Array, Array]], nearest: int, newest: int, pose: Array) -> None:
+        """Continue a map.
 
         Args:
             keys: points and poses of its key scans around, the nearest at the end.
@@ -146,7 +146,7 @@ class Tracker:
             self._untold = self._untold + trust / (trust + told) * float(moved @ direction) * direction
 
     def _learn(self, motion: Array) -> None:
-        """Compare the odometry with the scans, where these tell all of the way from the last key scan to here."""
+        """Compare the odometry with the scans, where these measured all the way from the last key scan to here."""
         length = float(np.hypot(motion[0], motion[1]))
         if np.hypot(*self._untold) > _TOLD * length:
             return
@@ -162,7 +162,7 @@ class Tracker:
         return float(np.sqrt(self._off / self._driven))
 
     def _stands(self, step: Array, predicted: Array, found: Match) -> bool:
-        """Whether a scan tells nothing new."""
+        """Whether the robot stands, so that a scan adds nothing."""
         settings = self._settings
         if not within(step, settings.still, settings.still_turn):
             return False

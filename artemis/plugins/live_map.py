@@ -51,7 +51,7 @@ class LiveMap:
         Args:
             readings: make readings of the ticks.
             outputs: the YAML files to write, each with the side of its cells [m].
-            say: is told what was made.
+            say: is called with what was made.
             threaded: look for loops in a thread of its own.
         """
         self._readings, self._outputs, self._say = readings, outputs, say

@@ -123,7 +123,7 @@ def localised(log: Path, relations: Path, split: float, *, cells: bool) -> Local
     _driven(known, [readings[n] for n in first[:50]], poses[first[0]])  # compiles
     found, seconds, _ = _driven(known, [readings[n] for n in first], poses[first[0]])
     at = np.array([each.pose for each in found])
-    way = Stations()  # between the scans the odometry tells the way
+    way = Stations()  # between the scans the poses follow the odometry
     for reading in readings[: first[-1] + 1]:
         if reading.points is None:
             way.pass_by(reading.time, reading.odometry)

@@ -1,7 +1,7 @@
 """Where the robot is on a map, by the scans of its laser scanner.
 
 In real time each scan is matched in a thread, and the whole map is searched in another one: no tick waits for them. On
-virtual time, where nothing passes while artemis computes, both are done at once, and what they found is told as late as
+virtual time, where nothing passes while artemis computes, both are done at once, and results are reported as late as
 if they had taken their time: so the same run is the same again.
 """
 
@@ -87,11 +87,11 @@ class ScanMapLocalizer:
         self._next = -inf
         self._made: ScanLocalizer | None = None
         self._found: deque[tuple[float, PoseFix]] = deque()
-        """With the time from which on it may be told [s]."""
+        """With the time from which on it may be reported [s]."""
         self._looked: deque[tuple[float, PlaceSearch, Match | None]] = deque()
         self._given: deque[LocatedPose] = deque(maxlen=1)
         self._refused: deque[float] = deque()
-        """What was told of where the robot is; and how well the scans fitted there, where they did not."""
+        """The pose that was given; and how well the scans fitted there, where they did not fit."""
         self._error: BaseException | None = None
         self._dropped = 0
         threaded = context.real_time
@@ -190,7 +190,7 @@ class ScanMapLocalizer:
         )
 
     def _match(self, handed: tuple[float, Sighting]) -> None:
-        """Match one scan, and tell what it says."""
+        """Match one scan, and report the pose."""
         import numpy as np
 
         from artemis.mapping.sighting import points_of
